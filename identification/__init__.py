@@ -1,0 +1,84 @@
+"""Identification of a haptic axis: mass and damping from a logged trajectory.
+
+The public names load on first use, so that reading a device file does not import an estimator.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from identification.device import (
+        Box as Box,
+        Covariance as Covariance,
+        Device as Device,
+        ForceLimit as ForceLimit,
+        Hardware as Hardware,
+        LogRecord as LogRecord,
+        Quantity as Quantity,
+        load_device as load_device,
+        named_devices as named_devices,
+        quantity as quantity,
+    )
+    from identification.documents import (
+        Document as Document,
+        as_stored as as_stored,
+        load_document as load_document,
+        load_mapping as load_mapping,
+        parse_document as parse_document,
+        rounded as rounded,
+        to_mapping as to_mapping,
+        to_yaml as to_yaml,
+        write_text as write_text,
+    )
+    from identification.errors import (
+        Finding as Finding,
+        IdentificationError as IdentificationError,
+        InvalidInputError as InvalidInputError,
+        LogRefusedError as LogRefusedError,
+        NotWrittenError as NotWrittenError,
+    )
+    from identification.identify import (
+        Identification as Identification,
+        identify as identify,
+    )
+    from identification.logs import (
+        LogColumns as LogColumns,
+        load_trajectory as load_trajectory,
+    )
+    from identification.plant import (
+        Plant as Plant,
+    )
+    from identification.trajectory import Trajectory as Trajectory
+
+_HOMES = {
+    "device": (
+        "Box Covariance Device ForceLimit Hardware LogRecord Quantity load_device named_devices "
+        "quantity"
+    ),
+    "documents": (
+        "Document as_stored load_document load_mapping parse_document rounded to_mapping to_yaml "
+        "write_text"
+    ),
+    "errors": (
+        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError"
+    ),
+    "identify": "Identification identify",
+    "logs": "LogColumns load_trajectory",
+    "plant": "Plant",
+    "trajectory": "Trajectory",
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+
+__all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME_OF:
+        return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,260 @@
+"""Hardware (known before a log is taken) and Device (hardware plus what was identified)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
+
+from identification.documents import Document, load_document
+from identification.errors import InvalidInputError
+from identification.trajectory import Motion
+
+#: Probability that the simultaneous box holds every identified quantity (theory: 99.9 %).
+BOX_CONFIDENCE = 0.999
+#: Half-width of a 95 % interval of a normal variable, in standard deviations.
+_Z95 = 1.959963984540054
+
+Source = Literal["hardware", "log", "assumed"]
+
+
+class Quantity(Document):
+    """A number with its 95 % interval; in a file a bare number or {value, low, high, source}."""
+
+    value: float
+    low: float
+    high: float
+    source: Source | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Quantity:
+        if not self.low <= self.value <= self.high:
+            raise ValueError(
+                f"needs low <= value <= high, not {self.low:g}, {self.value:g}, {self.high:g}"
+            )
+        return self
+
+    @property
+    def exact(self) -> bool:
+        """True when no interval was given."""
+        return self.low == self.high
+
+
+def _to_quantity(raw: object) -> object:
+    if isinstance(raw, bool) or not isinstance(raw, int | float | Mapping):
+        return raw
+    if not isinstance(raw, Mapping):
+        return {"value": raw, "low": raw, "high": raw}
+    value = raw.get("value")  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
+    return {"low": value, "high": value, **raw}
+
+
+def _from_quantity(quantity: Quantity) -> float | dict[str, Any]:
+    content: dict[str, Any] = {"value": quantity.value}
+    if not quantity.exact:
+        content |= {"low": quantity.low, "high": quantity.high}
+    if quantity.source is not None:
+        content["source"] = quantity.source
+    return content if len(content) > 1 else quantity.value
+
+
+AnyQuantity = Annotated[
+    Quantity, BeforeValidator(_to_quantity), PlainSerializer(_from_quantity, when_used="always")
+]
+
+
+def quantity(
+    value: float, low: float | None = None, high: float | None = None, source: Source | None = None
+) -> Quantity:
+    """A Quantity from a value and, if it is uncertain, its 95 % interval."""
+    return Quantity(
+        value=value,
+        low=value if low is None else low,
+        high=value if high is None else high,
+        source=source,
+    )
+
+
+class ForceLimit(Document):
+    """What the actuator can give at the handle, N (N·m if rotary)."""
+
+    continuous: float = Field(ge=0)
+    peak: float = Field(ge=0)
+    source: Source | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ForceLimit:
+        if self.continuous > self.peak:
+            raise ValueError(f"continuous {self.continuous:g} exceeds peak {self.peak:g}")
+        return self
+
+
+class Hardware(Document):
+    """What is known before a log is taken (hardware.yaml); every key optional."""
+
+    schema_: Literal["haptune/hardware/1"] = Field(default="haptune/hardware/1", alias="schema")
+    name: str = "device"
+    axis: str = "x"
+    motion: Motion = "linear"
+    sample_time: AnyQuantity | None = None
+    delay: AnyQuantity | None = None
+    encoder_resolution: float | None = Field(default=None, gt=0)
+    force_limit: ForceLimit | None = None
+
+    @model_validator(mode="after")
+    def _sane(self) -> Hardware:
+        if self.sample_time is not None and self.sample_time.low <= 0:
+            raise ValueError(f"sample_time must be positive, not {self.sample_time.low:g} s")
+        if self.delay is not None and self.delay.low < 0:
+            raise ValueError(f"delay must not be negative, not {self.delay.low:g} s")
+        return self
+
+
+class Covariance(Document):
+    """Joint covariance of everything identified together, in the units of the device."""
+
+    parameters: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    degrees_of_freedom: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _square(self) -> Covariance:
+        size = len(self.parameters)
+        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
+            raise ValueError(f"matrix must be {size} x {size}, one row for each parameter")
+        if any(self.matrix[i][i] < 0 for i in range(size)):
+            raise ValueError("matrix has a negative variance")
+        return self
+
+
+class LogRecord(Document):
+    """One log the device was identified from, and what was let through."""
+
+    source: str
+    digest: str
+    samples: int
+    method: str
+    findings: tuple[str, ...] = ()
+    allowed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """Simultaneous region of what is not known exactly; each entry (low, high), SI units."""
+
+    mass: tuple[float, float]
+    damping: tuple[float, float]
+    sample_time: tuple[float, float]
+    delay: tuple[float, float]
+
+
+class Device(Document):
+    """One axis of a haptic device: hardware plus what was identified (device.yaml).
+
+    Units for linear motion: kg, N·s/m, N, m, s. A rotary axis reads kg·m², N·m·s/rad, N·m, rad.
+    """
+
+    schema_: Literal["haptune/device/1"] = Field(default="haptune/device/1", alias="schema")
+    name: str = "device"
+    axis: str = "x"
+    motion: Motion = "linear"
+    sample_time: AnyQuantity
+    mass: AnyQuantity
+    damping: AnyQuantity
+    coulomb_friction: AnyQuantity = quantity(0.0)
+    force_offset: AnyQuantity = quantity(0.0)
+    delay: AnyQuantity
+    encoder_resolution: AnyQuantity | None = None
+    force_limit: ForceLimit | None = None
+    covariance: Covariance | None = None
+    logs: tuple[LogRecord, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_delay(cls, raw: Any) -> Any:
+        if isinstance(raw, Mapping) and "delay" not in raw and "sample_time" in raw:
+            step = _to_quantity(raw["sample_time"])  # pyright: ignore[reportUnknownArgumentType]
+            value = step["value"] if isinstance(step, dict) else getattr(step, "value", None)  # pyright: ignore[reportUnknownVariableType]
+            return {**raw, "delay": {"value": value, "source": "assumed"}}
+        return raw  # pyright: ignore[reportUnknownVariableType]
+
+    @model_validator(mode="after")
+    def _sane(self) -> Device:
+        for name in ("sample_time", "mass"):
+            low = getattr(self, name).low
+            if low <= 0:
+                raise ValueError(f"{name} must be positive over its interval, not {low:g}")
+        if self.delay.low < 0 or self.coulomb_friction.value < 0:
+            raise ValueError("delay and coulomb_friction must not be negative")
+        if self.encoder_resolution is not None and self.encoder_resolution.low <= 0:
+            raise ValueError("encoder_resolution must be positive")
+        return self
+
+    def simultaneous_box(self, confidence: float = BOX_CONFIDENCE) -> Box:
+        """Box that holds all identified quantities at once with the given probability.
+
+        The 95 % intervals are widened to the bounding box of the joint confidence ellipsoid
+        (Hotelling's T² with the covariance's degrees of freedom; χ² when none are stored). Mass is
+        widened on a logarithmic scale, because it cannot be negative; damping is left free to be
+        negative, because a compensated axis may be. Sample time and delay are taken as stated.
+        """
+        from scipy.special import chdtri, fdtri
+
+        uncertain = [self.mass, self.damping, self.coulomb_friction, self.force_offset]
+        count = max(2, sum(not item.exact for item in uncertain))
+        freedom = np.inf
+        if self.covariance is not None:
+            count = max(count, len(self.covariance.parameters))
+            freedom = self.covariance.degrees_of_freedom
+        if np.isinf(freedom) or freedom > 1e6:
+            radius = np.sqrt(chdtri(count, 1 - confidence))
+        elif freedom > count:
+            spread = freedom - count + 1
+            radius = np.sqrt(count * freedom / spread * fdtri(count, spread, confidence))
+        else:
+            raise InvalidInputError(
+                "covariance",
+                f"degrees_of_freedom is {freedom:g} for {count} parameters",
+                "Identify from a longer log",
+            )
+        widen = float(radius) / _Z95
+        mass = (
+            self.mass.value * (self.mass.low / self.mass.value) ** widen,
+            self.mass.value * (self.mass.high / self.mass.value) ** widen,
+        )
+        damping = (
+            self.damping.value - widen * (self.damping.value - self.damping.low),
+            self.damping.value + widen * (self.damping.high - self.damping.value),
+        )
+        return Box(
+            mass=mass,
+            damping=damping,
+            sample_time=(self.sample_time.low, self.sample_time.high),
+            delay=(self.delay.low, self.delay.high),
+        )
+
+
+NAMED = Path(__file__).parent / "named"
+
+
+def named_devices() -> tuple[str, ...]:
+    """Names of the devices that come with haptune."""
+    return tuple(sorted(path.stem for path in NAMED.glob("*.yaml")))
+
+
+def load_device(reference: str | Path) -> Device:
+    """A device from a file, or a named one. Raises InvalidInputError."""
+    path = Path(reference)
+    if not path.exists() and str(reference) in named_devices():
+        path = NAMED / f"{reference}.yaml"
+    elif not path.exists() and path.suffix == "":
+        raise InvalidInputError(
+            reference,
+            "is neither a file nor a named device",
+            f"Named devices: {', '.join(named_devices())}",
+        )
+    return load_document(Device, path)

@@ -1,0 +1,74 @@
+"""What identification can refuse, each refusal carrying its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing that is wrong, or doubtful, with a log.
+
+    ``code`` is from the fixed list in the README; ``seen`` and ``needed`` state the value found
+    and the value required, with units; ``remedy`` says what to do.
+    """
+
+    code: str
+    severity: Literal["warning", "refusal"]
+    seen: str
+    needed: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.code}: {self.seen}; needed: {self.needed}. {self.remedy}"
+
+
+class IdentificationError(Exception):
+    """Base of every error this package raises on purpose."""
+
+
+class InvalidInputError(IdentificationError):
+    """A file or value that cannot be read or does not make sense.
+
+    Attributes:
+        subject: the file or quantity that was rejected.
+        problem: what is wrong, with the value seen.
+        remedy: what to do about it.
+    """
+
+    def __init__(self, subject: str | Path, problem: str, remedy: str) -> None:
+        self.subject = str(subject)
+        self.problem = problem
+        self.remedy = remedy
+        super().__init__(f"{self.subject}: {problem}. {remedy}")
+
+
+class LogRefusedError(IdentificationError):
+    """A readable log from which mass and damping cannot honestly be told.
+
+    Attributes:
+        findings: every finding, refusals first.
+    """
+
+    def __init__(self, findings: tuple[Finding, ...]) -> None:
+        self.findings = tuple(sorted(findings, key=lambda finding: finding.severity != "refusal"))
+        super().__init__("\n".join(str(finding) for finding in self.findings))
+
+
+class NotWrittenError(IdentificationError):
+    """A result that could not be stored; the file that stood there before is untouched.
+
+    Attributes:
+        path: the file that was to be written.
+        reason: the operating system's words.
+    """
+
+    def __init__(self, path: Path, reason: str) -> None:
+        self.path = path
+        self.reason = reason
+        super().__init__(
+            f"{path}: not written: {reason}. Choose another place with -o; "
+            "what stood there before is untouched."
+        )

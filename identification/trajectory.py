@@ -1,0 +1,131 @@
+"""Trajectory: one logged motion of one axis, checked when it is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import Finding, LogRefusedError
+
+Motion = Literal["linear", "rotary"]
+FloatArray = NDArray[np.float64]
+
+#: Fewer samples than this cannot carry two parameters, friction and an interval.
+SHORTEST = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trajectory:
+    """Time, force and position of one axis, SI units, arrays of one length n, read-only.
+
+    Args:
+        time: s, shape (n,), strictly increasing.
+        force: N (N·m if rotary), shape (n,): what the actuator applies to the device, positive
+            along +position; ``force[k]`` is held from ``time[k]`` to ``time[k+1]``.
+        position: m (rad if rotary), shape (n,).
+        reference: logged set-point in the unit of position, shape (n,), or None.
+        axis: name of the axis the log belongs to.
+        motion: "linear" or "rotary".
+        source: where the samples come from, for messages and for the device file.
+        digest: "sha256:…" of the file the samples come from, or "".
+
+    Raises:
+        LogRefusedError: too-short, non-finite, clock-backward or constant-column.
+        ValueError: arrays that are not one-dimensional or not of one length.
+    """
+
+    time: FloatArray
+    force: FloatArray
+    position: FloatArray
+    reference: FloatArray | None = None
+    axis: str = "x"
+    motion: Motion = "linear"
+    source: str = "trajectory"
+    digest: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("time", "force", "position", "reference"):
+            column = getattr(self, name)
+            if column is not None:
+                array = np.array(column, dtype=np.float64)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
+        if any(column.shape != (self.time.size,) for _, column in self.columns()):
+            shapes = {name: column.shape for name, column in self.columns()}
+            raise ValueError(f"columns must be one-dimensional and of one length, not {shapes}")
+        findings = _defects(self)
+        if findings:
+            raise LogRefusedError(findings)
+
+    def columns(self) -> tuple[tuple[str, FloatArray], ...]:
+        """The columns present, by name."""
+        named = (("time", self.time), ("force", self.force), ("position", self.position))
+        return named if self.reference is None else (*named, ("reference", self.reference))
+
+    @property
+    def sample_time(self) -> float:
+        """Median step between samples, s."""
+        return float(np.median(np.diff(self.time)))
+
+    def __len__(self) -> int:
+        return self.time.size
+
+
+def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:
+    """Everything that makes the numbers unusable whatever the estimator."""
+    count = len(trajectory)
+    if count < SHORTEST:
+        return (
+            Finding(
+                code="too-short",
+                severity="refusal",
+                seen=f"{trajectory.source} has {count} samples",
+                needed=f"at least {SHORTEST}",
+                remedy="Log for longer.",
+            ),
+        )
+    findings: list[Finding] = []
+    for name, column in trajectory.columns():
+        bad = np.flatnonzero(~np.isfinite(column))
+        if bad.size:
+            findings.append(
+                Finding(
+                    code="non-finite",
+                    severity="refusal",
+                    seen=f"{bad.size} of {count} values of {name} in {trajectory.source} are "
+                    f"missing or infinite, the first in sample {bad[0]}",
+                    needed="a finite number in every row",
+                    remedy="Export the log again, or cut it to the part that is whole.",
+                )
+            )
+    if findings:
+        return tuple(findings)
+    backward = np.flatnonzero(np.diff(trajectory.time) <= 0)
+    if backward.size:
+        first = int(backward[0])
+        findings.append(
+            Finding(
+                code="clock-backward",
+                severity="refusal",
+                seen=f"time does not increase at {backward.size} of {count - 1} steps of "
+                f"{trajectory.source}, first from {trajectory.time[first]:g} s to "
+                f"{trajectory.time[first + 1]:g} s",
+                needed="strictly increasing time in seconds",
+                remedy="Log a monotonic clock, or export with more digits of time.",
+            )
+        )
+    findings.extend(
+        Finding(
+            code="constant-column",
+            severity="refusal",
+            seen=f"{name} in {trajectory.source} is {column[0]:g} in every row",
+            needed="a column that varies",
+            remedy=f"Name the right column with --{name}, or drive the device while logging.",
+        )
+        for name, column in trajectory.columns()
+        if name in {"force", "position"} and np.ptp(column) == 0
+    )
+    return tuple(findings)

@@ -1,0 +1,34 @@
+"""Devices as simulation truth: the values of a Device, without their intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from datasets_synthetic.rig import Rig
+from identification import Device, load_device
+
+
+def rig_of(device: Device) -> Rig:
+    """One rig whose truth is the value of every quantity the device states.
+
+    A device without encoder resolution is read exactly; one without force limit has no limit.
+    """
+    resolution, limit = device.encoder_resolution, device.force_limit
+    return Rig(
+        mass=device.mass.value,
+        damping=device.damping.value,
+        sample_time=device.sample_time.value,
+        coulomb_friction=device.coulomb_friction.value,
+        force_offset=device.force_offset.value,
+        delay=device.delay.value,
+        encoder_resolution=0.0 if resolution is None else resolution.value,
+        force_limit=np.inf if limit is None else limit.peak,
+        name=device.name,
+        axis=device.axis,
+        motion=device.motion,
+    )
+
+
+def named_rig(name: str) -> Rig:
+    """The rig of a named device or device file. Raises InvalidInputError."""
+    return rig_of(load_device(name))

@@ -1,0 +1,88 @@
+"""What stands between a device in continuous time and its controller: delay, encoder and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datasets_synthetic.motion import steps_needed
+
+FloatArray = NDArray[np.float64]
+
+#: A delay within this fraction of a sample of a whole number of samples counts as that number:
+#: 0.003/0.001 is not 3 in binary.
+_WHOLE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A part of every sample interval over which the acting force is constant.
+
+    Attributes:
+        lag: samples between the command that acts and now, shape (batch,).
+        steps: number of integration steps.
+        step: length of one, s, shape (batch,).
+    """
+
+    lag: NDArray[np.int64]
+    steps: int
+    step: FloatArray
+
+
+def pieces(
+    delay: FloatArray, sample_time: FloatArray, rate: FloatArray, largest_step: float
+) -> Iterator[Piece]:
+    """The older command up to the instant the newer one arrives, then the newer one.
+
+    Args:
+        delay: s, shape (batch,); the part beyond whole samples sets the instant of arrival.
+        sample_time: T, s, shape (batch,).
+        rate: b/m, 1/s, shape (batch,).
+        largest_step: largest |step·rate| of one integration step.
+    """
+    whole = np.floor(delay / sample_time + _WHOLE).astype(np.int64)
+    arrival = delay - whole * sample_time
+    arrival = np.where(arrival <= _WHOLE * sample_time, 0.0, arrival)
+    for lag, duration in ((whole + 1, arrival), (whole, sample_time - arrival)):
+        if np.any(duration > 0):
+            steps = steps_needed(duration, rate, largest_step)
+            yield Piece(lag=lag, steps=steps, step=duration / steps)
+
+
+def read_encoder(position: FloatArray, resolution: FloatArray) -> FloatArray:
+    """The position rounded to whole counts, half to even, m; exact where resolution is zero."""
+    exact = resolution == 0
+    count = np.where(exact, 1.0, resolution)
+    return np.where(exact, position, np.rint(position / count) * count)
+
+
+def generators(
+    seeds: Sequence[int], batch: int
+) -> list[tuple[np.random.Generator, np.random.Generator]]:
+    """Two independent generators a member, for position and for force.
+
+    One seed is spread over the members by numpy's SeedSequence, its first member the same as that
+    of a batch of one; otherwise each member has the seed of its place.
+    """
+    if len(seeds) == 1:
+        sequences = np.random.SeedSequence(seeds[0]).spawn(batch)
+    else:
+        sequences = [np.random.SeedSequence(each).spawn(1)[0] for each in seeds]
+    pairs = [sequence.spawn(2) for sequence in sequences]
+    return [(np.random.default_rng(one), np.random.default_rng(two)) for one, two in pairs]
+
+
+def white_noise(
+    sources: Sequence[np.random.Generator], rms: FloatArray, samples: int
+) -> FloatArray | None:
+    """Normal noise of the given rms (batch,), shape (samples, batch); None if every rms is zero."""
+    if not np.any(rms):
+        return None
+    noise = np.zeros((samples, rms.size))
+    for member, source in enumerate(sources):
+        if rms[member] > 0:
+            noise[:, member] = rms[member] * source.standard_normal(samples)
+    return noise

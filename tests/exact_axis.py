@@ -1,0 +1,128 @@
+"""A small exact axis for tests: mass, viscous and Coulomb friction under a held force.
+
+Closed forms between events, so there is no step size. It shares nothing with the code it judges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """True values, SI; scalars, or arrays of shape (runs,)."""
+
+    mass: float | Array = 3.0
+    damping: float | Array = 10.0
+    coulomb: float | Array = 0.0
+    offset: float | Array = 0.0
+    sample_time: float = 1e-3
+    delay: float = 0.0
+
+
+def _free(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, Array]:
+    """Travel and speed after ``span`` seconds of m·dv/dt + b·v = pull."""
+    rate = np.asarray(axis.damping) / np.asarray(axis.mass) + np.zeros_like(speed)
+    lossless = rate == 0
+    rate = np.where(lossless, 1.0, rate)
+    drive = pull / axis.mass
+    loss = -np.expm1(-rate * span)
+    end = speed * (1 - loss) + drive * loss / rate
+    travel = speed * loss / rate + drive * (span - loss / rate) / rate
+    end = np.where(lossless, speed + drive * span, end)
+    travel = np.where(lossless, speed * span + drive * span**2 / 2, travel)
+    return travel, end
+
+
+def _advance(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, Array]:
+    """Travel and speed over ``span`` under a constant force less offset, with stick and slip."""
+    moving = np.sign(speed)
+    held = np.abs(pull) <= axis.coulomb
+    direction = np.where(moving != 0, moving, np.where(held, 0.0, np.sign(pull)))
+    net = np.where(direction == 0, 0.0, pull - axis.coulomb * direction)
+    travel, end = _free(axis, speed, net, span)
+    crossed = (direction * end < 0) & (moving != 0)
+    if crossed.any():
+        rate = np.asarray(axis.damping) / np.asarray(axis.mass) + np.zeros_like(speed)
+        drive = net / np.asarray(axis.mass)
+        safe = np.where(crossed, -drive, 1.0)
+        ratio = np.where(crossed, speed / safe, 0.0)
+        slow = np.abs(rate) < 1e-12
+        stop = np.where(slow, ratio, np.log1p(rate * ratio) / np.where(slow, 1.0, rate))
+        stop = np.clip(stop, 0.0, span)
+        first, _ = _free(axis, speed, net, stop)
+        again = np.where(held, 0.0, np.sign(pull))
+        rest = np.where(again == 0, 0.0, pull - axis.coulomb * again)
+        second, late = _free(axis, np.zeros_like(speed), rest, span - stop)
+        travel = np.where(crossed, first + second, travel)
+        end = np.where(crossed, late, end)
+    return travel, end
+
+
+def positions(
+    axis: Axis, force: Array, *, disturbance: Array | None = None, speed: float | Array = 0.0
+) -> Array:
+    """Position at the start of each row, shape (samples, runs), starting at zero.
+
+    ``force`` of shape (samples, runs) is held from row to row and arrives ``axis.delay`` later;
+    before the first row the first force acted. ``disturbance`` is held without delay.
+    """
+    samples, runs = force.shape
+    step = axis.sample_time
+    whole = int(np.floor(axis.delay / step + 1e-9))
+    part = axis.delay / step - whole
+    part = 0.0 if part < 1e-9 else part
+    place = np.zeros(runs)
+    rate = np.zeros(runs) + speed
+    out = np.empty((samples, runs))
+    for k in range(samples):
+        out[k] = place
+        extra = -np.asarray(axis.offset) + (0.0 if disturbance is None else disturbance[k])
+        if part:
+            span = np.full(runs, part * step)
+            travel, rate = _advance(axis, rate, force[max(k - whole - 1, 0)] + extra, span)
+            place = place + travel
+        span = np.full(runs, (1 - part) * step)
+        travel, rate = _advance(axis, rate, force[max(k - whole, 0)] + extra, span)
+        place = place + travel
+    return out
+
+
+def multisine(
+    generator: np.random.Generator,
+    *,
+    samples: int,
+    runs: int,
+    axis: Axis,
+    travel: float = 0.05,
+    peak: float = 14.0,
+    lines: tuple[float, ...] = (0.2, 0.35, 0.55, 0.9, 1.4, 2.3, 3.7, 5.9, 9.5),
+) -> Array:
+    """Forces (samples, runs) that move a frictionless axis within ±travel and ±peak, per run.
+
+    Every line asks for the same speed, bounded by the travel at the slow end.
+    """
+    time = np.arange(samples)[:, None] * axis.sample_time
+    motion = np.zeros((samples, runs))
+    force = np.zeros((samples, runs))
+    for line in lines:
+        angular = 2 * np.pi * line
+        phase = generator.uniform(0, 2 * np.pi, runs)
+        size = 1 / angular
+        motion += size * np.sin(angular * time + phase)
+        force += size * angular * (
+            np.asarray(axis.damping) * np.cos(angular * time + phase)
+            - np.asarray(axis.mass) * angular * np.sin(angular * time + phase)
+        )
+    scale = np.minimum(travel / np.abs(motion).max(axis=0), peak / np.abs(force).max(axis=0))
+    return force * scale
+
+
+def counted(position: Array, count: float) -> Array:
+    """What an encoder of this resolution reads."""
+    return np.round(position / count) * count

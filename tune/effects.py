@@ -1,0 +1,42 @@
+"""Effects: the virtual stiffness, damping and mass of one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effects:
+    """Virtual stiffness K, damping B and mass M; arrays broadcast against each other.
+
+    ``None`` says that the effect is not there at all, which is not the same as zero: without any
+    stiffness the position is free by design and the pole at z = 1 is not held against the loop,
+    while a stiffness of zero leaves the loop marginal and is not stable.
+
+    Attributes:
+        stiffness: K, N/m (N·m/rad if rotary).
+        damping: B, N·s/m (N·m·s/rad); negative values compensate friction.
+        mass: M, kg (kg·m²); negative values make the device lighter.
+    """
+
+    stiffness: ArrayLike | None = None
+    damping: ArrayLike | None = None
+    mass: ArrayLike | None = None
+
+    @property
+    def position_free(self) -> bool:
+        """True when no spring is part of the structure."""
+        return self.stiffness is None
+
+    def arrays(self) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None]:
+        """(K, B, M) as float64 arrays, ``None`` kept."""
+        return (_array(self.stiffness), _array(self.damping), _array(self.mass))
+
+
+def _array(values: ArrayLike | None) -> FloatArray | None:
+    return None if values is None else np.asarray(values, dtype=np.float64)

@@ -1,0 +1,37 @@
+"""What tuning can refuse, each refusal carrying its numbers."""
+
+from __future__ import annotations
+
+
+class TuneError(Exception):
+    """Base of every error this package raises on purpose."""
+
+
+class LoopError(TuneError):
+    """A loop that cannot be built from the numbers given."""
+
+
+class SceneError(TuneError):
+    """A scene that contradicts itself or the device. Attributes: element, problem, remedy."""
+
+    def __init__(self, element: str, problem: str, remedy: str) -> None:
+        self.element = element
+        self.problem = problem
+        self.remedy = remedy
+        super().__init__(f"{element}: {problem}. {remedy}")
+
+
+class NoFeasibleEffectError(TuneError):
+    """Nothing the scene asks for can be rendered safely. Attributes: reasons, one per effect."""
+
+    def __init__(self, reasons: tuple[str, ...]) -> None:
+        self.reasons = reasons
+        super().__init__("no feasible effect: " + "; ".join(reasons))
+
+
+class CheckFailedError(TuneError):
+    """A profile the independent check does not pass. Attributes: failures."""
+
+    def __init__(self, failures: tuple[str, ...]) -> None:
+        self.failures = failures
+        super().__init__("check failed: " + "; ".join(failures))

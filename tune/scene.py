@@ -1,0 +1,212 @@
+"""The scene file: what is to be felt, how the hand moves there, and how much margin is kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from identification import Document, load_document
+from pydantic import BeforeValidator, Field, model_validator
+
+from tune.errors import SceneError
+from tune.perception import PerceptionTable, default_table
+from tune.stability import EFFECT_NAMES, EffectName
+
+MarginName = Literal["conservative", "balanced", "firm"]
+
+#: Elements felt together are certified in every subset, 2^n - 1 sums.
+LARGEST_GROUP = 5
+#: Default ripple limit, N rms: below the 0.06 N that one count of 6 µm commands through a damper
+#: of 10 N·s/m at 1 kHz without a filter, felt by few.
+RIPPLE_LIMIT = 0.05
+
+
+class Margin(Document):
+    """How far from instability: stable for every gain in (0, gain] with the delay added."""
+
+    gain: float = Field(ge=1)
+    extra_delay_samples: int = Field(ge=1)
+
+
+MARGINS: dict[MarginName, Margin] = {
+    "conservative": Margin(gain=3.0, extra_delay_samples=2),
+    "balanced": Margin(gain=2.0, extra_delay_samples=1),
+    "firm": Margin(gain=1.5, extra_delay_samples=1),
+}
+
+
+class Wish(Document):
+    """What is wanted of one effect.
+
+    ``max`` and ``min`` reach as far as is safe, upwards and downwards (as light, as frictionless);
+    a number is met exactly or by the nearest safe value; a range keeps to its bounds.
+    """
+
+    kind: Literal["max", "min", "value", "range"]
+    low: float | None = None
+    high: float | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Wish:
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"min {self.low:g} exceeds max {self.high:g}")
+        if self.kind == "range" and (self.low is None or self.high is None):
+            raise ValueError("a range needs both min and max")
+        if self.kind == "range" and self.low is not None and self.low < 0:
+            raise ValueError(f"a range starts at zero or above, not at {self.low:g}")
+        if self.kind == "value" and self.high == 0:
+            raise ValueError("0 asks for nothing; leave the effect out")
+        return self
+
+    @property
+    def sign(self) -> int:
+        """-1 where the effect takes something away from the device."""
+        negative = self.kind == "min" or (self.kind == "value" and (self.high or 0) < 0)
+        return -1 if negative else 1
+
+
+def _to_wish(raw: object) -> object:
+    if isinstance(raw, str) and raw in {"max", "min"}:
+        return {"kind": raw}
+    if isinstance(raw, bool):
+        return raw
+    if isinstance(raw, int | float):
+        return {"kind": "value", "low": raw, "high": raw}
+    if isinstance(raw, dict) and set(raw) <= {"min", "max"}:  # pyright: ignore[reportUnknownArgumentType]
+        return {"kind": "range", "low": raw.get("min"), "high": raw.get("max")}  # pyright: ignore[reportUnknownMemberType]
+    if isinstance(raw, Wish):
+        return raw
+    raise ValueError("give a number, max, min, or {min: …, max: …}")
+
+
+AnyWish = Annotated[Wish, BeforeValidator(_to_wish)]
+
+
+class Element(Document):
+    """One thing in the scene: the effects wanted of it and how the hand moves in it.
+
+    An effect that is not named is zero and costs nothing. Motions bound the forces: K·penetration,
+    |B|·speed and |M|·acceleration. Where one is not given the scene's default for linear or rotary
+    axes holds (0.01 m, 0.2 m/s, 2 m/s²; 0.1 rad, 2 rad/s, 20 rad/s²).
+    """
+
+    stiffness: AnyWish | None = None
+    damping: AnyWish | None = None
+    mass: AnyWish | None = None
+    penetration: float | None = Field(default=None, gt=0)
+    speed: float | None = Field(default=None, gt=0)
+    acceleration: float | None = Field(default=None, gt=0)
+    priority: int = Field(default=1, ge=1)
+
+    @model_validator(mode="after")
+    def _something(self) -> Element:
+        if not self.wishes():
+            raise ValueError("names no effect; give stiffness, damping or mass")
+        if self.stiffness is not None and self.stiffness.sign < 0:
+            raise ValueError("a negative stiffness is never stable; leave it out")
+        return self
+
+    def wishes(self) -> dict[EffectName, Wish]:
+        """The effects asked for."""
+        found = {name: getattr(self, name) for name in EFFECT_NAMES}
+        return {name: wish for name, wish in found.items() if wish is not None}
+
+
+class Motion(Document):
+    """Penetration (m or rad), speed and acceleration, per s and s², that a hand reaches."""
+
+    penetration: float
+    speed: float
+    acceleration: float
+
+
+DEFAULT_MOTION = {
+    "linear": Motion(penetration=0.01, speed=0.2, acceleration=2.0),
+    "rotary": Motion(penetration=0.1, speed=2.0, acceleration=20.0),
+}
+
+Cutoff = float | Literal["free", "none"]
+
+
+class LoopFreedom(Document):
+    """Filter cut-offs shared by all elements: a frequency in Hz, ``none``, or ``free``."""
+
+    velocity_filter_hz: Cutoff = "free"
+    acceleration_filter_hz: Cutoff = "free"
+
+    @model_validator(mode="after")
+    def _positive(self) -> LoopFreedom:
+        for name in ("velocity_filter_hz", "acceleration_filter_hz"):
+            value = getattr(self, name)
+            if isinstance(value, float) and value <= 0:
+                raise ValueError(f"{name} must be positive, not {value:g} Hz")
+        return self
+
+
+class Scene(Document):
+    """A scene (scene.yaml): elements, which of them act together, hand, margin, filters."""
+
+    schema_: Literal["haptune/scene/1"] = Field(default="haptune/scene/1", alias="schema")
+    name: str = "scene"
+    hand: Any = "none"
+    margin: MarginName = "balanced"
+    loop: LoopFreedom = LoopFreedom()
+    ripple_limit: float = Field(default=RIPPLE_LIMIT, gt=0)
+    perception: str = "default"
+    elements: dict[str, Element] = Field(min_length=1)
+    together: tuple[tuple[str, ...], ...] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scene:
+        if self.hand != "none":
+            raise ValueError(
+                f"hand: {self.hand!r} is not modelled yet; write hand: none and the profile says "
+                "that it holds for the device alone"
+            )
+        for group in self.together:
+            unknown = [name for name in group if name not in self.elements]
+            if unknown:
+                raise ValueError(f"together names {', '.join(unknown)}, which is no element")
+            if len(set(group)) != len(group) or len(group) < 2:
+                raise ValueError(f"together needs two or more different elements, not {group}")
+            if len(group) > LARGEST_GROUP:
+                raise ValueError(f"together holds {len(group)} elements, more than {LARGEST_GROUP}")
+        return self
+
+    def subsets(self) -> tuple[tuple[str, ...], ...]:
+        """Every set of elements that can be felt at one moment, singles first."""
+        found: dict[tuple[str, ...], None] = {(name,): None for name in self.elements}
+        order = list(self.elements)
+        for group in self.together:
+            members = sorted(group, key=order.index)
+            for mask in range(1, 1 << len(members)):
+                chosen = tuple(n for bit, n in enumerate(members) if mask >> bit & 1)
+                found[chosen] = None
+        return tuple(sorted(found, key=len))
+
+    def motion(self, element: str, kind: Literal["linear", "rotary"]) -> Motion:
+        """The motion of one element, defaults filled in."""
+        default = DEFAULT_MOTION[kind]
+        given = self.elements[element]
+        return Motion(
+            penetration=given.penetration or default.penetration,
+            speed=given.speed or default.speed,
+            acceleration=given.acceleration or default.acceleration,
+        )
+
+
+def load_scene(path: Path) -> Scene:
+    """Read and validate a scene file. Raises InvalidInputError."""
+    return load_document(Scene, path)
+
+
+def perception_of(scene: Scene, folder: Path) -> PerceptionTable:
+    """The scene's perception table: the default, or a file named relative to ``folder``."""
+    if scene.perception == "default":
+        return default_table()
+    path = folder / scene.perception
+    if not path.is_file():
+        raise SceneError(
+            "perception", f"{path} is no file", "Write perception: default, or name a table"
+        )
+    return load_document(PerceptionTable, path)

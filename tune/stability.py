@@ -1,0 +1,200 @@
+"""Is a loop stable, over which gains, and how large may one effect become? In closed form.
+
+One criterion and one way of finding boundaries serve every combination of effects: the published
+limits (6), (13), (19), (25), (28), (36) and (43) are what `largest` and `is_stable` answer when
+the other effects are absent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.criterion import QuarticTerms, VerdictArray, quartic, routh
+from tune.crossings import stable_intervals
+from tune.effects import Effects
+from tune.loop import Loop
+
+FloatArray = NDArray[np.float64]
+EffectName = Literal["stiffness", "damping", "mass"]
+EFFECT_NAMES: tuple[EffectName, ...] = ("stiffness", "damping", "mass")
+
+#: Points worked on at a time: the arrays of one block stay in the cache.
+_BLOCK = 16384
+
+
+def verdict(loop: Loop, effects: Effects) -> VerdictArray:
+    """+1 stable, -1 unstable, 0 nearer to the boundary than float64 can tell.
+
+    Args:
+        loop: of shape (*shape); () for one device.
+        effects: broadcast against the loop; ``None`` marks an effect that is not there, and
+            without stiffness the pole of free motion is left out of the judgement.
+
+    Returns:
+        int8 array of the broadcast shape.
+    """
+    values = loop.dimensionless_effects(effects)
+    shape = np.broadcast_shapes(
+        loop.terms.free.shape[1:], *(value.shape for value in values if value is not None)
+    )
+    if loop.terms.free.ndim > 1 or loop.degree > 4:
+        return _general(loop, effects, shape)
+    zero = np.zeros(())
+    flat = [
+        np.broadcast_to(zero if value is None else value, shape).reshape(-1) for value in values
+    ]
+    family = QuarticTerms(terms=_table(loop.terms, values), sizes=_table(loop.sizes, values))
+    result = np.empty(flat[0].size, dtype=np.int8)
+    for start in range(0, result.size, _BLOCK):
+        stop = start + _BLOCK
+        block = (flat[0][start:stop], flat[1][start:stop], flat[2][start:stop])
+        answer = quartic(family, block, position_free=effects.position_free)
+        open_ = np.flatnonzero(answer == 0)
+        if open_.size:
+            chosen = [
+                None if v is None else part[open_] for v, part in zip(values, block, strict=True)
+            ]
+            answer[open_] = _routh_of(_unscaled(loop), *chosen)
+        result[start:stop] = answer
+    return result.reshape(shape)
+
+
+def is_stable(loop: Loop, effects: Effects) -> NDArray[np.bool_]:
+    """True where the loop is certainly stable; undecided counts as unstable. See `verdict`."""
+    return verdict(loop, effects) > 0
+
+
+def gain_interval(loop: Loop, effects: Effects) -> tuple[FloatArray, FloatArray]:
+    """Stable gains around s = 1 when K, B and M are all multiplied by s.
+
+    Returns:
+        (low, high) of the broadcast shape: the loop is stable for every s strictly between.
+        Both nan where the effects as given are not certainly stable.
+    """
+    intervals = stable_gains(loop, effects)
+    inside = (intervals[0] < 1) & (intervals[1] > 1)
+    return _pick(intervals, inside)
+
+
+def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
+    """Largest g such that every gain in (0, g) is stable; 0 where small gains are unstable.
+
+    This, not the end of the interval around 1, is the gain margin of a profile: ramps, fades and
+    saturation all lower the gain (theory.md section 4).
+    """
+    intervals = stable_gains(loop, effects)
+    return np.nan_to_num(_pick(intervals, intervals[0] == 0)[1], nan=0.0, posinf=np.inf)
+
+
+def stable_gains(loop: Loop, effects: Effects) -> tuple[FloatArray, FloatArray]:
+    """All intervals of gains s > 0 at which s·(K, B, M) is stable.
+
+    Returns:
+        (low, high), each (intervals, *shape), ascending; unused entries are nan.
+    """
+    total, sizes = loop.polynomial(effects)
+    free = _like(loop.terms.free, total)
+    free_size = _like(loop.sizes.free, total)
+    start = 1 if effects.position_free else 0
+    return stable_intervals(
+        free[start:], (total - free)[start:], free_size[start:], (sizes - free_size)[start:]
+    )
+
+
+def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> FloatArray:
+    """Largest stable value of one effect with the others as given.
+
+    The end of the interval that is connected to zero: from zero upwards every smaller positive
+    value is stable too.
+
+    Args:
+        loop: of any shape.
+        name: "stiffness", "damping" or "mass".
+        effects: the other effects; what they say of ``name`` itself is not read.
+
+    Returns:
+        K in N/m, B in N·s/m or M in kg, of the broadcast shape; 0 where not even an arbitrarily
+        small positive value is stable, inf where there is no limit.
+    """
+    low, high = stable_values(loop, name, effects)
+    return np.nan_to_num(_pick((low, high), low == 0)[1], nan=0.0, posinf=np.inf)
+
+
+def stable_values(
+    loop: Loop, name: EffectName, effects: Effects | None = None, *, sign: int = 1
+) -> tuple[FloatArray, FloatArray]:
+    """All stable intervals of the size of one effect, the others as given.
+
+    Args:
+        loop: of any shape.
+        name: the effect that varies.
+        effects: the others.
+        sign: +1 for positive values, -1 for the sizes of negative ones.
+
+    Returns:
+        (low, high) of sizes, each (intervals, *shape), ascending, nan where unused.
+    """
+    others = effects or Effects()
+    given = {key: getattr(others, key) for key in EFFECT_NAMES if key != name}
+    base, base_size = loop.polynomial(Effects(**given))
+    index = EFFECT_NAMES.index(name)
+    term = (loop.terms.alpha, loop.terms.beta, loop.terms.gamma)[index]
+    size = (loop.sizes.alpha, loop.sizes.beta, loop.sizes.gamma)[index]
+    scale = loop.scales[index]
+    start = 1 if others.stiffness is None and name != "stiffness" else 0
+    return stable_intervals(
+        base[start:],
+        sign * _like(term * scale, base)[start:],
+        base_size[start:],
+        _like(size * scale, base)[start:],
+    )
+
+
+def _general(loop: Loop, effects: Effects, shape: tuple[int, ...]) -> VerdictArray:
+    coefficients, sizes = loop.polynomial(effects)
+    start = 1 if effects.position_free else 0
+    return np.broadcast_to(routh(coefficients[start:], sizes[start:]), shape)
+
+
+def _unscaled(loop: Loop) -> Loop:
+    one = np.ones(())
+    return replace(loop, scales=(one, one, one))
+
+
+def _routh_of(
+    loop: Loop, alpha: FloatArray | None, beta: FloatArray | None, gamma: FloatArray | None
+) -> VerdictArray:
+    effects = Effects(stiffness=alpha, damping=beta, mass=gamma)
+    shape = next((v.shape for v in (alpha, beta, gamma) if v is not None), ())
+    return _general(loop, effects, shape)
+
+
+def _table(terms: object, values: tuple[FloatArray | None, ...]) -> FloatArray:
+    """(5, 4) table of scalar coefficients; the columns of absent effects are zero."""
+    rows = [getattr(terms, name) for name in ("free", "alpha", "beta", "gamma")]
+    present = [True, *(value is not None for value in values)]
+    table = np.stack([row * there for row, there in zip(rows, present, strict=True)], axis=1)
+    return np.concatenate([table, np.zeros((5 - len(table), 4))])
+
+
+def _like(coefficients: FloatArray, total: FloatArray) -> FloatArray:
+    missing = total.ndim - coefficients.ndim
+    shaped = coefficients.reshape(coefficients.shape[0], *(1,) * missing, *coefficients.shape[1:])
+    return np.broadcast_to(shaped, total.shape)
+
+
+def _pick(
+    intervals: tuple[FloatArray, FloatArray], wanted: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """The first wanted interval of each loop; nan where there is none."""
+    low, high = intervals
+    index = np.argmax(wanted, axis=0)[None]
+    found = np.any(wanted, axis=0)
+    return (
+        np.where(found, np.take_along_axis(low, index, axis=0)[0], np.nan),
+        np.where(found, np.take_along_axis(high, index, axis=0)[0], np.nan),
+    )

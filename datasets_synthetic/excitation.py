@@ -59,7 +59,7 @@ def multisine(rig: Rig, samples: int, *, fade: float = 1.0) -> FloatArray:
         step = float(rig.sample_time[member])
         duration = samples * step
         base = 2 * np.pi / duration
-        lowest = max(_FEWEST_PERIODS, _BELOW * corner / base)
+        lowest = min(max(_FEWEST_PERIODS, _BELOW * corner / base), samples / 16)
         highest = min(max(_ABOVE * corner / base, _FASTEST * duration), samples / 8)
         lines = np.unique(np.rint(np.geomspace(lowest, highest, _LINES)).astype(np.int64))
         amplitude = lines**0.5 * np.hypot(lines * base, corner)
@@ -92,7 +92,8 @@ def fit_to_limits(
         force: largest |force| allowed, N (N·m), a number or shape (batch,).
 
     Raises:
-        ValueError: the force limit does not exceed the device's own offset and friction.
+        ValueError: the force limit does not exceed the device's own offset and friction, or no
+            scale that moves the device keeps it within its travel.
     """
     exact = replace(rig, encoder_resolution=0.0)
     travel = np.broadcast_to(np.asarray(travel, dtype=np.float64), rig.mass.shape)
@@ -122,6 +123,8 @@ def fit_to_limits(
             break
         part = np.maximum(_AIM * travel - reached, 0.0) / (overshot - reached)
         scale = low + part * (high - low)
+    if not np.all(reached > 0):
+        raise ValueError(f"{rig.name} leaves its travel of {np.min(travel):g} at every force tried")
     return Excitation(force=_command(shape, low, rig), start=-centre, reach=reached)
 
 

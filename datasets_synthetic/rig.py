@@ -25,6 +25,9 @@ from identification import Trajectory
 FloatArray = NDArray[np.float64]
 Motion = Literal["linear", "rotary"]
 
+_POSITIVE = frozenset({"mass", "sample_time", "force_limit"})
+_NOT_NEGATIVE = frozenset({"coulomb_friction", "delay", "encoder_resolution"})
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, init=False)
 class Rig:
@@ -90,13 +93,11 @@ class Rig:
         for key, array in zip(given, np.broadcast_arrays(*arrays), strict=True):
             if array.ndim != 1:
                 raise ValueError(f"{key} must be a number or of shape (batch,), not {array.shape}")
-            low = 0.0 if key not in {"damping", "force_offset"} else -np.inf
-            positive = key in {"mass", "sample_time", "force_limit"}
-            finite = np.isfinite(array) | (np.isposinf(array) & (key == "force_limit"))
-            if not np.all(finite & (array > low if positive else array >= low)):
-                worst = array[~(finite & (array > low if positive else array >= low))][0]
-                wanted = "positive" if positive else "finite and not negative"
-                raise ValueError(f"{key} must be {wanted if low == 0 else 'finite'}, not {worst:g}")
+            wrong = _out_of_range(key, array)
+            if np.any(wrong):
+                permitted = "positive" if key in _POSITIVE else "finite"
+                permitted += " and not negative" if key in _NOT_NEGATIVE else ""
+                raise ValueError(f"{key} must be {permitted}, not {array[wrong][0]:g}")
             object.__setattr__(self, key, _frozen(array))
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "axis", axis)
@@ -109,7 +110,8 @@ class Rig:
 
     def members(self, which: Sequence[int] | NDArray[np.intp]) -> Rig:
         """The devices at these indices, as a batch of their own."""
-        columns = {name: getattr(self, name)[which] for name in _COLUMNS}
+        chosen = np.asarray(which)
+        columns = {name: getattr(self, name)[chosen] for name in _COLUMNS}
         return replace(self, **columns)
 
 
@@ -200,7 +202,7 @@ def simulate(
         which ``Recording.trajectory`` refuses.
     """
     faults = faults or Faults()
-    seeds = (seed,) if isinstance(seed, int) else tuple(seed)
+    seeds = tuple(int(each) for each in np.atleast_1d(seed))
     command = np.atleast_2d(np.asarray(force, dtype=np.float64))
     sizes = [rig.batch, command.shape[0], np.size(position), np.size(velocity), len(seeds)]
     sizes += [np.size(faults.position_noise), np.size(faults.force_noise)]
@@ -251,6 +253,14 @@ def simulate(
         motion=rig.motion,
         source=f"simulated {rig.name}",
     )
+
+
+def _out_of_range(key: str, array: FloatArray) -> NDArray[np.bool_]:
+    """Where a column of Rig holds what no device has."""
+    impossible = np.isnan(array) if key == "force_limit" else ~np.isfinite(array)
+    if key in _POSITIVE:
+        return impossible | (array <= 0)
+    return impossible | (array < 0) if key in _NOT_NEGATIVE else impossible
 
 
 def _frozen(array: FloatArray) -> FloatArray:

@@ -148,7 +148,7 @@ _ALL = (
     ),
     Scenario(
         name="homerehab-wall",
-        description="Closed loop: HomeRehab runs at 0.3 m/s into a soft spring and damper.",
+        description="Closed loop: HomeRehab starts at 0.3 m/s in a soft spring and damper.",
         device="homerehab",
         duration=2.0,
         travel=0.05,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -129,7 +129,7 @@ def to_yaml(content: Mapping[str, Any], comment: str = "") -> str:
     from ruamel.yaml import YAML
 
     yaml = YAML(typ="safe", pure=True)
-    yaml.default_flow_style = None
+    yaml.default_flow_style = False
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 100
 
@@ -139,11 +139,45 @@ def to_yaml(content: Mapping[str, Any], comment: str = "") -> str:
             text = text.replace("e", ".0e")
         return representer.represent_scalar("tag:yaml.org,2002:float", text)
 
+    def represent_list(representer: Any, items: list[Any]) -> Any:
+        return representer.represent_sequence(
+            "tag:yaml.org,2002:seq", items, flow_style=_short(items)
+        )
+
+    def represent_dict(representer: Any, items: dict[str, Any]) -> Any:
+        return representer.represent_mapping(
+            "tag:yaml.org,2002:map", items, flow_style=_short(items.values())
+        )
+
+    def represent_root(representer: Any, items: _Root) -> Any:
+        return representer.represent_mapping("tag:yaml.org,2002:map", items, flow_style=False)
+
     yaml.representer.add_representer(float, represent_float)
+    yaml.representer.add_representer(list, represent_list)
+    yaml.representer.add_representer(dict, represent_dict)
+    yaml.representer.add_representer(_Root, represent_root)
     stream = StringIO()
-    yaml.dump(dict(content), stream)
+    yaml.dump(_Root(content), stream)
     heading = "".join(f"# {line}\n" for line in comment.splitlines())
     return heading + stream.getvalue()
+
+
+class _Root(dict[str, Any]):
+    """The outermost mapping: always one key a line."""
+
+
+#: Characters of a collection that still goes on one line, keys and punctuation aside.
+_ONE_LINE = 60
+
+
+def _short(items: Iterable[Any]) -> bool:
+    """True for a few scalars that fit on one line."""
+    listed = list(items)
+    return (
+        bool(listed)
+        and not any(isinstance(item, list | dict) for item in listed)
+        and sum(len(str(item)) for item in listed) <= _ONE_LINE
+    )
 
 
 def write_text(path: Path, text: str) -> str:

@@ -1,0 +1,82 @@
+"""Where to put the low-pass of a regression, from the log itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators.low_pass import REACH, width_of
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Noise may make up this share of the power of the filtered acceleration; it attenuates the mass
+#: by the same share.
+NOISE_SHARE = 1e-4
+#: The cut-off need not exceed this multiple of the frequency that holds 99 % of the acceleration:
+#: above it there is nothing to learn, only vibration modes that the model does not have.
+HEADROOM = 5.0
+#: Highest cut-off, part of the sampling rate: central differences stay accurate below.
+HIGHEST = 0.1
+#: The kernel may take this part of a log, or too few independent rows are left.
+LONGEST_KERNEL = 0.1
+#: Cut-offs looked at, evenly spaced on a logarithmic scale.
+_CANDIDATES = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutOff:
+    """A cut-off and why.
+
+    Attributes:
+        frequency: Hz.
+        noise_share: share of noise in the power of the filtered acceleration.
+        reason: sentence.
+    """
+
+    frequency: float
+    noise_share: float
+    reason: str
+
+
+def choose_cut_off(trajectory: Trajectory, noise: float) -> CutOff:
+    """The highest cut-off at which noise of the position reading still does no harm.
+
+    The lower the cut-off, the less noise in the acceleration; the higher, the more of the motion
+    is used. Both powers are read from the log: noise is white in position, so its acceleration
+    grows with ω⁴.
+
+    Args:
+        trajectory: the log.
+        noise: standard deviation of one position reading, m.
+    """
+    step = trajectory.sample_time
+    position = trajectory.position
+    second = position[2:] - 2 * position[1:-1] + position[:-2]
+    window = np.hanning(second.size)
+    power = np.abs(np.fft.rfft(second * window)) ** 2
+    frequency = np.fft.rfftfreq(second.size, step)
+    floor = noise**2 * np.sum(window**2) * (2 * np.sin(np.pi * frequency * step)) ** 4
+    highest = HIGHEST / step
+    # Both reaches of the kernel together, REACH standard deviations each.
+    lowest = min(highest, 2 * REACH * width_of(1.0) / (LONGEST_KERNEL * step * position.size))
+    candidates = np.geomspace(lowest, highest, _CANDIDATES)
+    passed = np.exp(-np.log(2) * (frequency / candidates[:, None]) ** 2)
+    tiny = np.finfo(float).tiny
+    share = passed @ floor / np.maximum(passed @ power, tiny)
+    quiet = np.flatnonzero(share <= NOISE_SHARE)
+    index = int(quiet[-1]) if quiet.size else int(np.argmin(share))
+    chosen, why = float(candidates[index]), "position noise"
+    if index == _CANDIDATES - 1:
+        why = "the sampling rate"
+    signal = np.cumsum(np.maximum((power - floor) * passed[index], 0.0))
+    enough = HEADROOM * float(frequency[np.searchsorted(signal, 0.99 * signal[-1])])
+    if enough < chosen:
+        chosen, why = max(enough, lowest), "where the motion has its power"
+    return CutOff(
+        frequency=chosen,
+        noise_share=float(np.interp(chosen, candidates, share)),
+        reason=f"low-pass at {chosen:.3g} Hz, set by {why}",
+    )

@@ -1,0 +1,59 @@
+"""How finely a log reads position: the count of its encoder, and the noise of one reading."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+#: Steps this many counts or fewer decide whether there is a grid; larger ones only add rounding.
+_SMALL_STEPS = 50.0
+#: A step may miss a whole number of counts by this part of a count (printed digits).
+_OFF_GRID = 0.05
+#: The noise is read in the band from this part of the sampling rate to its half, ...
+_BAND = 0.3
+#: ... of second differences, cut to this many samples at most: more add time, not truth.
+_LONGEST = 1 << 17
+
+
+def encoder_count(position: FloatArray) -> float | None:
+    """The step all changes of position are multiples of, m; None if there is no such step."""
+    steps = np.abs(np.diff(position))
+    # Below rounding of the values themselves a difference says nothing.
+    floor = 16 * np.spacing(np.max(np.abs(position)))
+    steps = steps[steps > floor]
+    if steps.size == 0:
+        return None
+    smallest = float(steps.min())
+    small = steps[steps <= _SMALL_STEPS * smallest]
+    whole = np.rint(small / smallest)
+    if np.unique(whole).size < 2:
+        return None
+    count = float(np.sum(small * whole) / np.sum(whole * whole))
+    return count if np.max(np.abs(small / count - np.rint(small / count))) < _OFF_GRID else None
+
+
+def position_noise(position: FloatArray, force: FloatArray) -> float:
+    """Standard deviation of one position reading, m, taken as white, rounding included.
+
+    Read from the highest frequencies of the second difference, where a held force moves a device
+    least; what follows the force even there is taken out first. Never below Δ/√12 of the
+    encoder's count Δ (Widrow: rounding noise of a signal that crosses counts).
+    """
+    count = encoder_count(position)
+    least = 0.0 if count is None else count / np.sqrt(12.0)
+    middle = max(0, (position.size - _LONGEST) // 2)
+    part = slice(middle, middle + _LONGEST)
+    place, push = position[part], force[part]
+    window = np.hanning(place.size - 2)
+    second = np.fft.rfft((place[2:] - 2 * place[1:-1] + place[:-2]) * window)
+    drive = np.fft.rfft((push[1:-1] + push[:-2]) / 2 * window)
+    frequency = np.fft.rfftfreq(window.size)
+    band = frequency >= _BAND
+    second, drive, frequency = second[band], drive[band], frequency[band]
+    power = float(np.sum(np.abs(drive) ** 2))
+    if power > 0:
+        second = second - drive * (np.sum(second * drive.conj()).real / power)
+    gain = (2 * np.sin(np.pi * frequency)) ** 4 * np.sum(window**2)
+    return max(least, float(np.sqrt(np.mean(np.abs(second) ** 2 / gain))))

@@ -1,0 +1,100 @@
+"""Covariance that survives coloured residuals, 95 % intervals, and the envelope over several logs.
+
+Residuals of a friction fit are never white: on a real axis the ordinary formula s²(XᵀX)⁻¹ is
+several times too small. Here the log is cut into consecutive blocks and each left out in turn
+(the jackknife over blocks: Künsch, Annals of Statistics 17, 1989, p. 1217; for regressions it is
+the CR3 covariance of MacKinnon and White, Journal of Econometrics 29, 1985, p. 305). Whatever the
+correlation inside a block, and however unevenly the blocks excite the device, it is in there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+#: At most this many blocks: with 60, the t quantile is within 2 % of the normal one, and each
+#: block of a usual log still outlasts the filter and the correlation of its residual many times.
+MOST_BLOCKS = 60
+#: At least this many blocks: fewer leave no degrees of freedom for a simultaneous region.
+FEWEST_BLOCKS = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """Covariance of a linear (or linearised) fit and what it rests on.
+
+    Attributes:
+        covariance: shape (p, p), in the units of the parameters.
+        degrees_of_freedom: blocks less one.
+        condition: condition number of the unit-norm columns.
+        inflation: shape (p,), variance inflation factors of the parameters.
+    """
+
+    covariance: FloatArray
+    degrees_of_freedom: float
+    condition: float
+    inflation: FloatArray
+
+
+def correlation_length(scores: FloatArray) -> float:
+    """Samples over which a series is correlated: the sum of its autocorrelation to the first zero.
+
+    Args:
+        scores: shape (n,), mean near zero.
+    """
+    count = scores.size
+    spectrum = np.fft.rfft(scores, 1 << int(np.ceil(np.log2(2 * count))))
+    covariance = np.fft.irfft(np.abs(spectrum) ** 2)[: count // 2]
+    if covariance[0] <= 0:
+        return 1.0
+    correlation = covariance / covariance[0]
+    negative = np.flatnonzero(correlation <= 0)
+    end = int(negative[0]) if negative.size else correlation.size
+    return float(1 + 2 * np.sum(correlation[1:end]))
+
+
+def block_count(columns: FloatArray, residual: FloatArray) -> int:
+    """Blocks to cut a log into: each at least as long as the scores are correlated."""
+    longest = max(correlation_length(column * residual) for column in columns.T)
+    return int(np.clip(residual.size // max(longest, 1.0), FEWEST_BLOCKS, MOST_BLOCKS))
+
+
+def spread(columns: FloatArray, residual: FloatArray, keep: int) -> Spread:
+    """Block-jackknife covariance of the first ``keep`` parameters of a least-squares fit.
+
+    Args:
+        columns: shape (n, p): regressors, or the Jacobian of a nonlinear fit.
+        residual: shape (n,).
+        keep: how many leading parameters are wanted; the others are nuisance.
+    """
+    norms = np.linalg.norm(columns, axis=0)
+    norms = np.where(norms > 0, norms, 1.0)
+    unit = columns / norms
+    singular = np.linalg.svd(unit.T @ unit, compute_uv=False, hermitian=True)
+    condition = float(np.sqrt(singular[0] / max(singular[-1], np.finfo(float).tiny)))
+    edges = np.linspace(0, residual.size, block_count(unit, residual) + 1).astype(int)
+    blocks = list(zip(edges[:-1], edges[1:], strict=True))
+    normal = np.stack([unit[i:j].T @ unit[i:j] for i, j in blocks])
+    right = np.stack([unit[i:j].T @ residual[i:j] for i, j in blocks])
+    whole = normal.sum(axis=0)
+    # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
+    shifts = -np.stack(
+        [
+            np.linalg.pinv(whole - part, hermitian=True) @ score
+            for part, score in zip(normal, right, strict=True)
+        ]
+    )
+    count = len(blocks)
+    covariance = (count - 1) / count * (shifts.T @ shifts) / np.outer(norms, norms)
+    inflation = np.diag(np.linalg.pinv(whole, hermitian=True))
+    return Spread(
+        covariance=covariance[:keep, :keep],
+        degrees_of_freedom=float(count - 1),
+        condition=condition,
+        inflation=inflation[:keep],
+    )

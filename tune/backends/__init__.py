@@ -1,0 +1,38 @@
+"""Solvers that propose. What they propose is never trusted: `tune.limits` checks it exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.backends.program import Program
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """One step of the lexicographic climb.
+
+    Attributes:
+        active: 1 for unknowns whose steps must reach the common height t, shape (unknowns,).
+        floors: steps that must be kept, shape (unknowns,).
+        weights: of (steps..., t) in what is maximised, shape (unknowns + 1,).
+    """
+
+    active: FloatArray
+    floors: FloatArray
+    weights: FloatArray
+
+
+class Backend(Protocol):
+    """One solver."""
+
+    name: str
+
+    def propose(self, program: Program, stage: Stage, start: FloatArray) -> FloatArray | None:
+        """Log-sizes, shape (unknowns,), from a start of that shape; None where it gave up."""
+        ...

@@ -1,0 +1,34 @@
+"""IPOPT through CasADi, with exact derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.backends import Stage
+from tune.backends.program import Program
+
+FloatArray = NDArray[np.float64]
+
+
+class Ipopt:
+    """Interior-point proposals; they end a little beyond or before the boundary."""
+
+    name = "ipopt"
+
+    def propose(self, program: Program, stage: Stage, start: FloatArray) -> FloatArray | None:
+        """See `tune.backends.Backend`. Bounded to 150 iterations and 2 s."""
+        count = start.size
+        parameters = np.concatenate(
+            [program.parameters, stage.active, stage.floors, stage.weights]
+        )
+        answer = program.functions.ipopt(
+            x0=np.append(start, 0.0),
+            p=parameters,
+            lbx=np.append(program.lower, -1.0),
+            ubx=np.append(program.upper, 1e3),
+            lbg=-np.inf,
+            ubg=0.0,
+        )
+        proposal = np.asarray(answer["x"], dtype=np.float64).ravel()[:count]
+        return proposal if np.all(np.isfinite(proposal)) else None

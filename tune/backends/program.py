@@ -1,0 +1,228 @@
+"""The design problem as a smooth program: built symbolically once for each structure, then reused.
+
+Unknowns are the logarithms y of the sizes and a common height t. Every constraint reads g <= 0:
+Routh ratios below one and coefficients positive at each corner, delay and moment at the full gain,
+forces, ripple, and steps_i >= floor_i + active_i·t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.loop import Loop, Terms
+from tune.problem import Problem
+from tune.ripple import ripple_energy
+from tune.routh_table import routh_ratios
+
+FloatArray = NDArray[np.float64]
+
+#: The program keeps this much more than asked, relative, so that solvers, which end on or a little
+#: beyond the boundary, end inside; it costs as much in optimality.
+INSIDE = 2e-8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Structure:
+    """What decides the shape of the graph; equal structures share one compiled program.
+
+    Attributes:
+        signs: of the unknowns.
+        moments: members by effect of each moment.
+        degrees: of the loop polynomial, one for each delay.
+        corners: number of corners.
+        laws: degree of the control law, for the ripple; 0 without an encoder.
+        forces: (sustained limited, peak limited).
+    """
+
+    signs: tuple[int, ...]
+    moments: tuple[tuple[tuple[int, ...], ...], ...]
+    degrees: tuple[int, ...]
+    corners: int
+    laws: int
+    forces: tuple[bool, bool]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Functions:
+    """Compiled functions of (z, p), z = (y, t)."""
+
+    objective: Any
+    constraints: Any
+    ipopt: Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """A problem with numbers in.
+
+    Attributes:
+        functions: shared by all problems of the structure.
+        parameters: of this problem, without the stage.
+        lower: of log-sizes, shape (unknowns,).
+        upper: of log-sizes, shape (unknowns,).
+    """
+
+    functions: Functions
+    parameters: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+def program_of(problem: Problem) -> Program:
+    """The program of a problem; compiles it if no problem of its structure came before."""
+    limits = problem.limits
+    delays = problem.delays(problem.margin.extra_delay_samples)
+    ripple = limits.encoder_resolution is not None
+    structure = Structure(
+        signs=tuple(unknown.sign for unknown in problem.unknowns),
+        moments=tuple(moment.members for moment in problem.moments),
+        degrees=tuple(problem.loops[delay].degree for delay in delays),
+        corners=problem.region.mass.size,
+        laws=problem.nominal.degree if ripple else 0,
+        forces=(limits.continuous_force is not None, limits.peak_force is not None),
+    )
+    numbers: list[FloatArray] = [
+        np.array([u.reference for u in problem.unknowns]),
+        np.array([1 / np.log1p(u.weber) for u in problem.unknowns]),
+    ]
+    gain = problem.margin.gain * (1 + INSIDE)
+    numbers += [_table(problem.loops[delay], gain) for delay in delays]
+    if ripple and limits.encoder_resolution is not None:
+        nominal = problem.nominal
+        unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple
+        numbers += [_table(nominal, 1.0), _law(nominal, float(unit))]
+    for moment in problem.moments:
+        numbers += [
+            np.array(part) * (1 + INSIDE)
+            for part in (
+                [r / (limits.continuous_force or 1.0) for r in moment.reach[0]],
+                [r / (limits.peak_force or 1.0) for reach in moment.reach for r in reach],
+            )
+        ]
+    return Program(
+        functions=_compiled(structure),
+        parameters=np.concatenate([part.ravel() for part in numbers]),
+        lower=np.log([unknown.low for unknown in problem.unknowns]),
+        upper=np.log([unknown.high for unknown in problem.unknowns]),
+    )
+
+
+def _parts(terms: Terms) -> FloatArray:
+    return np.stack([terms.free, terms.alpha, terms.beta, terms.gamma])
+
+
+def _table(loop: Loop, gain: float) -> FloatArray:
+    """(4, degree+1, corners) in (K, B, M), each coefficient over its constant part's scale."""
+    scales = np.stack([np.ones_like(loop.scales[0]), *(gain * np.asarray(s) for s in loop.scales)])
+    table = _parts(loop.terms) * scales[:, None]
+    return table.reshape(4, loop.degree + 1, -1)
+
+
+def _law(loop: Loop, unit: float) -> FloatArray:
+    """Control law of the nominal loop times ``unit``, and the plant's denominator; (4, degree+1)."""
+    scales = np.array([1.0, *(unit * float(s) for s in loop.scales)])
+    law = _parts(loop.controller) * scales[:, None]
+    return np.pad(law, ((0, 0), (0, loop.degree + 1 - law.shape[1])))
+
+
+@lru_cache(maxsize=64)
+def _compiled(structure: Structure) -> Functions:
+    import casadi as ca
+
+    count = len(structure.signs)
+    y, t = ca.SX.sym("y", count), ca.SX.sym("t")
+    taken: list[Any] = []
+
+    def take(*shape: int) -> Any:
+        symbols = ca.SX.sym("p", int(np.prod(shape)))
+        taken.append(symbols)
+        return np.array([symbols[i] for i in range(symbols.shape[0])], dtype=object).reshape(shape)
+
+    stage = [ca.SX.sym(name, size) for name, size in (("a", count), ("f", count), ("w", count + 1))]
+    sizes = [ca.exp(y[i]) for i in range(count)]
+    reference, per_step = take(count), take(count)
+    steps = [
+        sign * ca.log1p(sign * size / ref) * unit
+        for sign, size, ref, unit in zip(structure.signs, sizes, reference, per_step, strict=True)
+    ]
+    totals = [
+        [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
+        for members in structure.moments
+    ]
+    constraints: list[Any] = []
+    for degree in structure.degrees:
+        table = take(4, degree + 1, structure.corners)
+        for total in totals:
+            for corner in range(structure.corners):
+                coefficients = _polynomial(table[:, :, corner], total)
+                constraints += [-c for c in coefficients]
+                constraints += [ratio - 1 for ratio in routh_ratios(coefficients)]
+    if structure.laws:
+        table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
+        for total in totals:
+            numerator = _times(list(law[0]), _polynomial(law, total, free=False))
+            free = total[0] is None
+            energy = ripple_energy(
+                numerator, _polynomial(table, total, drop=False), position_free=free
+            )
+            constraints.append(energy - 1)
+    for members in structure.moments:
+        sustained, peak = take(len(members[0])), take(sum(len(m) for m in members))
+        if structure.forces[0] and members[0]:
+            constraints.append(sum(sizes[i] * r for i, r in zip(members[0], sustained, strict=True)) - 1)
+        if structure.forces[1]:
+            chosen = [i for m in members for i in m]
+            constraints.append(sum(sizes[i] * r for i, r in zip(chosen, peak, strict=True)) - 1)
+    for i, height in enumerate(steps):
+        constraints.append(stage[1][i] + stage[0][i] * t - height)
+    z, p = ca.vertcat(y, t), ca.vertcat(*taken, *stage)
+    f = -ca.dot(stage[2], ca.vertcat(*steps, t))
+    g = ca.vertcat(*constraints)
+    options = {
+        "print_time": False,
+        "error_on_fail": False,
+        "ipopt": {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": 1e-10,
+            "max_iter": 150,
+            "max_wall_time": 2.0,
+            "bound_relax_factor": 0.0,
+            "mu_init": 1e-3,
+        },
+    }
+    return Functions(
+        objective=ca.Function("f", [z, p], [f, ca.gradient(f, z)]),
+        constraints=ca.Function("g", [z, p], [g, ca.densify(ca.jacobian(g, z))]),
+        ipopt=ca.nlpsol("climb", "ipopt", {"x": z, "p": p, "f": f, "g": g}, options),
+    )
+
+
+def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool = True) -> list[Any]:
+    """Coefficients of one moment; without a spring the factor w is dropped if asked to."""
+    start = 1 if drop and total[0] is None else 0
+    rows = range(start, table.shape[1])
+    return [
+        sum(
+            (
+                table[effect + 1, k] * value
+                for effect, value in enumerate(total)
+                if value is not None
+            ),
+            table[0, k] if free else 0.0,
+        )
+        for k in rows
+    ]
+
+
+def _times(p: list[Any], q: list[Any]) -> list[Any]:
+    total: list[Any] = [0.0] * (len(p) + len(q) - 1)
+    for i, left in enumerate(p):
+        for j, right in enumerate(q):
+            total[i + j] = total[i + j] + left * right
+    return total

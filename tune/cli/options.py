@@ -1,0 +1,72 @@
+"""Options that several commands share, each documented once."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+
+class Method(StrEnum):
+    """Estimators by name."""
+
+    auto = "auto"
+    least_squares = "least-squares"
+    weak = "weak"
+    instruments = "instruments"
+    output_error = "output-error"
+    innovations = "innovations"
+
+
+class MarginChoice(StrEnum):
+    """Margins by name."""
+
+    conservative = "conservative"
+    balanced = "balanced"
+    firm = "firm"
+
+
+Logs = Annotated[list[Path], typer.Argument(help="Logs of one axis: CSV or MAT.")]
+Time = Annotated[str, typer.Option("--time", metavar="COL", help="Column of time, s.")]
+Force = Annotated[
+    str, typer.Option("--force", metavar="COL", help="Column of the actuator's force.")
+]
+Position = Annotated[str, typer.Option("--position", metavar="COL", help="Column of position.")]
+Reference = Annotated[
+    Optional[str],  # noqa: UP045 - typer reads it at run time
+    typer.Option("--reference", metavar="COL", help="Column of the set-point, if logged."),
+]
+ForceGain = Annotated[
+    float,
+    typer.Option("--force-gain", metavar="X", help="N (N·m) per unit of the force column."),
+]
+PositionGain = Annotated[
+    float,
+    typer.Option("--position-gain", metavar="X", help="m (rad) per unit of the position column."),
+]
+Axis = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--axis", metavar="NAME", help="Name of the axis; default from the hardware."),
+]
+HardwareFile = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option("--hardware", metavar="FILE", help="hardware.yaml: what is known beforehand."),
+]
+Allow = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option(
+        "--allow", metavar="CODE", help="Accept this finding about the log; it is recorded."
+    ),
+]
+MethodOption = Annotated[Method, typer.Option("--method", help="Estimator.")]
+MarginOption = Annotated[
+    Optional[MarginChoice],  # noqa: UP045
+    typer.Option("--margin", help="Margin instead of the scene's."),
+]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Only errors.")]
+DeviceOut = Annotated[Path, typer.Option("-o", "--output", help="Where to write the device.")]
+ProfileOut = Annotated[Path, typer.Option("-o", "--output", help="Where to write the profile.")]

@@ -1,0 +1,203 @@
+"""Lexicographic max-min: raise the smallest number of perceived steps, then the next, by rank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.backends import Backend, Stage
+from tune.limits import allowed, bounds_of
+from tune.problem import Problem
+
+FloatArray = NDArray[np.float64]
+
+#: Two heights closer than this, relative, are one; also the disagreement of two solvers that is
+#: worth recording.
+SAME = 1e-6
+#: A floor is kept this much lower than reached, relative, so that it stays attainable.
+_EASE = 1e-7
+#: Halvings when a proposal is pulled back to what is allowed.
+_HALVINGS = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Climb:
+    """Where a climb ended.
+
+    Attributes:
+        sizes: of the unknowns, shape (unknowns,), allowed exactly; None where nothing is.
+        methods: names of what proposed each accepted stage.
+        disagreements: largest relative difference in height between solvers, 0 if none.
+    """
+
+    sizes: FloatArray | None
+    methods: tuple[str, ...]
+    disagreements: float
+
+
+def closed_form(problem: Problem) -> Climb:
+    """The answer for one unknown: the least of its bounds, no solver."""
+    nothing = np.zeros(1)
+    unknown = problem.unknowns[0]
+    sizes = np.array([min(*bounds_of(problem, nothing, 0).values(), unknown.high)])
+    for _ in range(8):
+        if sizes[0] < unknown.low:
+            break
+        if allowed(problem, sizes):
+            return Climb(sizes=sizes, methods=("closed form",), disagreements=0.0)
+        sizes = sizes * (1 - SAME / 100)
+    return Climb(sizes=None, methods=("closed form",), disagreements=0.0)
+
+
+def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
+    """The lexicographic optimum of several unknowns.
+
+    Args:
+        problem: at least two unknowns.
+        backends: solvers; each proposes for every stage and the best allowed proposal is taken.
+    """
+    from tune.backends.program import program_of
+
+    program = program_of(problem)
+    inner = interior(problem)
+    state = _State(problem=problem, inner=inner)
+    count = len(problem.unknowns)
+    floors = np.full(count, -1.0)
+    for level in sorted({unknown.level for unknown in problem.unknowns}):
+        active = [i for i, unknown in enumerate(problem.unknowns) if unknown.level == level]
+        while active:
+            together = np.array([float(i in active) for i in range(count)])
+            alone = len(active) == 1
+            state.improve(
+                program,
+                backends,
+                Stage(
+                    active=together * (not alone),
+                    floors=floors * (1 - together) if not alone else floors,
+                    weights=np.append(together * alone, float(not alone)),
+                ),
+            )
+            if state.sizes is None:
+                return state.result()
+            heights = state.heights()
+            reached = min(heights[i] for i in active)
+            floors[active] = reached * (1 - _EASE)
+            if alone:
+                break
+            stuck = [i for i in active if not _rises(state, program, backends, floors, i, reached)]
+            active = [i for i in active if i not in (stuck or [min(active, key=heights.__getitem__)])]
+    return state.result()
+
+
+def interior(problem: Problem) -> FloatArray | None:
+    """A setting well inside what is allowed, as large as one path from nothing reaches; or None."""
+    low = np.array([unknown.low for unknown in problem.unknowns])
+    if not allowed(problem, low):
+        return None
+    top = np.array(
+        [
+            max(min(*bounds_of(problem, low, i).values(), unknown.high), low[i])
+            for i, unknown in enumerate(problem.unknowns)
+        ]
+    )
+    reach, step = 0.0, 0.5
+    for _ in range(8):
+        if allowed(problem, low ** (1 - reach - step) * top ** (reach + step)):
+            reach += step
+        step /= 2
+    return low ** (1 - 0.95 * reach) * top ** (0.95 * reach)
+
+
+def _rises(
+    state: _State,
+    program: object,
+    backends: Sequence[Backend],
+    floors: FloatArray,
+    index: int,
+    reached: float,
+) -> bool:
+    weights = np.zeros(floors.size + 1)
+    weights[index] = 1.0
+    stage = Stage(active=np.zeros(floors.size), floors=floors, weights=weights)
+    higher = state.best_of(program, backends, stage)
+    return higher is not None and state.heights(higher)[index] > reached * (1 + 10 * SAME)
+
+
+class _State:
+    """The best allowed setting so far."""
+
+    def __init__(self, *, problem: Problem, inner: FloatArray | None) -> None:
+        self.problem = problem
+        self.inner = inner
+        self.sizes = inner
+        self.methods: list[str] = []
+        self.disagreement = 0.0
+
+    def heights(self, sizes: FloatArray | None = None) -> list[float]:
+        chosen = self.sizes if sizes is None else sizes
+        assert chosen is not None
+        return [u.steps(float(s)) for u, s in zip(self.problem.unknowns, chosen, strict=True)]
+
+    def value(self, sizes: FloatArray, stage: Stage) -> float:
+        """What the stage maximises; minus infinity where a floor is broken."""
+        heights = np.array(self.heights(sizes))
+        if np.any(heights < stage.floors * (1 - _EASE) - 1e-12):
+            return -np.inf
+        active = stage.active > 0
+        lowest = float(np.min(heights[active])) if active.any() else 0.0
+        return float(stage.weights[:-1] @ heights + stage.weights[-1] * lowest)
+
+    def best_of(
+        self, program: object, backends: Sequence[Backend], stage: Stage
+    ) -> FloatArray | None:
+        """The best allowed proposal of all solvers, or the setting at hand if none is better."""
+        first = self.sizes
+        if first is None:
+            first = np.array([max(u.low, u.size_at(0.5)) for u in self.problem.unknowns])
+        best, best_value, best_name = self.sizes, -np.inf, ""
+        if self.sizes is not None:
+            best_value = self.value(self.sizes, stage)
+        values: list[float] = []
+        for backend in backends:
+            proposal = backend.propose(program, stage, np.log(first))  # type: ignore[arg-type]
+            sizes = None if proposal is None else self._pulled_back(np.exp(proposal))
+            if sizes is None:
+                continue
+            value = self.value(sizes, stage)
+            values.append(value)
+            if value > best_value:
+                best, best_value, best_name = sizes, value, backend.name
+        if len(values) > 1 and max(values) > 0:
+            self.disagreement = max(self.disagreement, 1 - max(min(values), 0.0) / max(values))
+        if best_name:
+            self.methods.append(best_name)
+        return best
+
+    def improve(self, program: object, backends: Sequence[Backend], stage: Stage) -> None:
+        self.sizes = self.best_of(program, backends, stage)
+
+    def _pulled_back(self, proposal: FloatArray) -> FloatArray | None:
+        if allowed(self.problem, proposal):
+            return proposal
+        if self.inner is None:
+            return None
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            if allowed(self.problem, self.inner ** (1 - middle) * proposal**middle):
+                low = middle
+            else:
+                high = middle
+            if high - low < SAME / 100:
+                break
+        return self.inner ** (1 - low) * proposal**low
+
+    def result(self) -> Climb:
+        return Climb(
+            sizes=self.sizes,
+            methods=tuple(dict.fromkeys(self.methods)),
+            disagreements=self.disagreement,
+        )

@@ -1,0 +1,150 @@
+"""What a chosen setting amounts to: which limit binds, margins, steps, and what was not needed."""
+
+from __future__ import annotations
+
+import numpy as np
+from identification import Device, rounded
+from numpy.typing import NDArray
+
+from tune.limits import bounds_of, extra_delay, forces_allowed, ripple, stable_with_margin, worst_gain
+from tune.loop import Filters
+from tune.passivity import damping_needed
+from tune.problem import Problem
+from tune.profile import ElementProfile, LimitedBy, Margins
+from tune.scene import Scene
+from tune.stability import EFFECT_NAMES
+
+FloatArray = NDArray[np.float64]
+
+#: A limit binds where it leaves less than this, relative; written values are rounded by 1e-5.
+_BINDS = 1e-4
+#: Claimed margins are cut to this many digits, downwards, and capped: more says nothing.
+_MARGIN_CAP = 1000.0
+#: Extra samples of delay looked for; ten spare samples are plenty, and a claim costs its proof.
+_DELAY_CAP = 10
+
+
+def binding(problem: Problem, sizes: FloatArray, index: int) -> LimitedBy:
+    """The constraint that keeps one effect from being larger, the others as they are."""
+    bounds = bounds_of(problem, sizes, index)
+    least = min(bounds.values())
+    close = {word for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
+    order: tuple[LimitedBy, ...] = (
+        "wanted",
+        "range",
+        "force",
+        "ripple",
+        "stability",
+        "gain-margin",
+        "delay-margin",
+    )
+    return next(word for word in order if word in close)
+
+
+def reasons_for_nothing(problem: Problem) -> dict[str, str]:
+    """Why effects cannot be played even at the least size, by label; empty where all can."""
+    low = np.array([unknown.low for unknown in problem.unknowns])
+    reasons: dict[str, str] = {}
+    weakest = float(problem.region.damping.min())
+    gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
+    for index, unknown in enumerate(problem.unknowns):
+        alone = np.zeros_like(low)
+        alone[index] = unknown.low
+        if unknown.high < unknown.low:
+            reasons[unknown.label] = (
+                f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
+                f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
+            )
+        elif not forces_allowed(problem, alone):
+            reasons[unknown.label] = f"even {unknown.low:.4g} exceeds the force limit"
+        elif weakest <= 0 and not _helped(problem, index):
+            reasons[unknown.label] = (
+                f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
+                "its damping would hold this effect. Take a longer log, or add damping"
+            )
+        elif len(problem.unknowns) == 1 and not stable_with_margin(problem, low, gain, extra):
+            reasons[unknown.label] = (
+                f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
+                f"{extra} extra samples of delay"
+            )
+    return reasons
+
+
+def _helped(problem: Problem, index: int) -> bool:
+    """True where a positive damper of the same element is there to hold the effect."""
+    unknown = problem.unknowns[index]
+    return problem.region.damping.min() == 0 and any(
+        other.element == unknown.element and other.effect == "damping" and other.sign > 0
+        for other in problem.unknowns
+    )
+
+
+def element_profile(
+    device: Device,
+    scene: Scene,
+    problem: Problem,
+    sizes: FloatArray,
+    name: str,
+    dropped: dict[str, str],
+) -> ElementProfile:
+    """The profile entry of one element, every number computed from the written sizes."""
+    values = dict.fromkeys(EFFECT_NAMES, 0.0)
+    steps: dict[str, float] = {}
+    limited: dict[str, LimitedBy] = {
+        label.split(".")[1]: "not-perceptible"
+        for label in dropped
+        if label.rsplit(".", 1)[0] == name
+    }
+    for index, unknown in enumerate(problem.unknowns):
+        if unknown.element == name:
+            values[unknown.effect] = unknown.sign * float(sizes[index])
+            steps[unknown.effect] = rounded(unknown.steps(float(sizes[index])), 4)
+            limited[unknown.effect] = binding(problem, sizes, index)
+    moments = [m for m in problem.moments if name in m.elements and any(m.members)]
+    gains = [worst_gain(problem, m, sizes, 0) for m in moments]
+    delays = [extra_delay(problem, m, sizes, _DELAY_CAP) for m in moments]
+    own = [m for m in problem.moments if m.elements == (name,)]
+    noise = ripple(problem, own[0], sizes) if own else None
+    gain = min([*gains, _MARGIN_CAP])
+    return ElementProfile(
+        stiffness=values["stiffness"],
+        damping=values["damping"],
+        mass=values["mass"],
+        perceived_steps=steps,
+        margins=Margins(
+            gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
+            extra_delay_samples=float(min([*delays, _DELAY_CAP])),
+            passive=_passive(problem, values),
+        ),
+        ripple=None if noise is None else rounded(noise, 4),
+        limited_by=limited,
+        motion=scene.motion(name, device.motion),
+    )
+
+
+def _passive(problem: Problem, values: dict[str, float]) -> bool | str:
+    filters = problem.filters
+    if problem.region.delays != (0,) or filters.velocity_hz or filters.acceleration_hz:
+        return "not-applicable"
+    needed = damping_needed(
+        values["stiffness"],
+        values["damping"],
+        values["mass"],
+        float(problem.region.sample_time.max()),
+    )
+    return bool(problem.region.damping.min() > needed)
+
+
+def skipped_parts(device: Device, scene: Scene, filters: Filters) -> tuple[str, ...]:
+    """What the scene did not ask for and nothing was spent on."""
+    wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
+    skipped = [effect for effect in EFFECT_NAMES if effect not in wishes]
+    if filters.velocity_hz is None:
+        skipped.append("velocity filter")
+    if filters.acceleration_hz is None:
+        skipped.append("acceleration filter")
+    if device.encoder_resolution is None:
+        skipped.append("ripple: the encoder resolution is not known")
+    if device.force_limit is None:
+        skipped.append("force: the force limit is not known")
+    return (*skipped, "hand", "modes")

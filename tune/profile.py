@@ -1,0 +1,173 @@
+"""SafeProfile: what was chosen, why, and the certificate it passed, as YAML with a digest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
+from pydantic import Field
+
+from tune.errors import CheckFailedError
+from tune.scene import Margin, MarginName, Motion
+
+LimitedBy = Literal[
+    "stability",
+    "gain-margin",
+    "delay-margin",
+    "force",
+    "ripple",
+    "wanted",
+    "range",
+    "not-perceptible",
+]
+
+_SCHEMA = "haptune/profile/1"
+
+
+class LoopProfile(Document):
+    """The loop the controller must run: period, delay beyond an immediate loop, the very filters.
+
+    Cut-offs are those of first-order low-passes with a = exp(-2π·f·T), evaluated at the sample
+    rate and reset when an element is entered; absent means plain backward differences.
+    """
+
+    sample_time: float
+    extra_delay_samples: float
+    velocity_filter_hz: float | None = None
+    acceleration_filter_hz: float | None = None
+
+
+class Margins(Document):
+    """Margins of one element over every corner of the box and every moment it is part of.
+
+    Attributes:
+        gain: stable for every gain in (0, gain].
+        extra_delay_samples: further whole samples of delay at which every gain in (0, 1] is stable.
+        passive: passivity by its own condition, "not-applicable" with a delay or a filter.
+    """
+
+    gain: float
+    extra_delay_samples: float
+    passive: bool | Literal["not-applicable"]
+
+
+class ElementProfile(Document):
+    """What one element plays; effects that do not act are zero."""
+
+    stiffness: float
+    damping: float
+    mass: float
+    perceived_steps: dict[str, float]
+    margins: Margins
+    ripple: float | None = None
+    limited_by: dict[str, LimitedBy]
+    motion: Motion
+
+
+class MarginProfile(Margin):
+    """The margin that was kept, by name and number."""
+
+    name: MarginName
+
+
+class Design(Document):
+    """A profile before it is certified."""
+
+    schema_: Literal["haptune/profile/1"] = Field(default=_SCHEMA, alias="schema")
+    device: Device
+    scene: str
+    loop: LoopProfile
+    margin: MarginProfile
+    elements: dict[str, ElementProfile]
+    together: tuple[tuple[str, ...], ...] = ()
+    ripple_limit: float
+    skipped: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    method: dict[str, str] = {}
+
+    def moments(self) -> tuple[tuple[str, ...], ...]:
+        """Every set of elements that can be felt at once, singles first."""
+        found: dict[tuple[str, ...], None] = {(name,): None for name in self.elements}
+        for group in self.together:
+            for mask in range(1, 1 << len(group)):
+                found[tuple(name for bit, name in enumerate(group) if mask >> bit & 1)] = None
+        return tuple(sorted(found, key=len))
+
+
+class WorstPoint(Document):
+    """The point at which the slowest pole was found, at the full gain of the margin."""
+
+    elements: tuple[str, ...]
+    mass: float
+    damping: float
+    sample_time: float
+    delay_samples: int
+    gain: float
+    pole_radius: float
+
+
+class Certificate(Document):
+    """What was re-checked, by which arithmetic, over which region, and what it takes for granted."""
+
+    method: str
+    confidence: float
+    mass: tuple[float, float]
+    damping: tuple[float, float]
+    sample_time: tuple[float, float]
+    delay_samples: tuple[int, int]
+    gain: float
+    extra_delay_samples: int
+    points: int
+    worst: WorstPoint
+    assumes: tuple[str, ...]
+    not_assessed: tuple[str, ...]
+    versions: dict[str, str]
+
+
+class SafeProfile(Design):
+    """A certified profile (profile.yaml). Only `tune.optimise` makes one."""
+
+    certificate: Certificate
+    digest: str = ""
+
+    def to_yaml(self) -> str:
+        """The file's text, its digest computed from its content."""
+        content = to_mapping(self)
+        content["digest"] = digest_of(content)
+        return to_yaml(content, "Safe profile written by haptune; 'haptune check' re-computes it.")
+
+    def signed(self) -> SafeProfile:
+        """The same profile with its digest filled in."""
+        return self.model_copy(update={"digest": digest_of(to_mapping(self))})
+
+
+def digest_of(content: Mapping[str, Any]) -> str:
+    """sha256 over the canonical JSON of everything but the digest itself."""
+    body = {key: value for key, value in content.items() if key != "digest"}
+    text = json.dumps(body, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
+
+
+def load_profile(path: Path) -> SafeProfile:
+    """Read a profile and compare its digest before believing anything else in it.
+
+    Raises:
+        InvalidInputError: no YAML mapping, or no profile.
+        CheckFailedError: the digest does not belong to the content.
+    """
+    content = load_mapping(path)
+    if str(content.get("schema", "")).startswith("haptune/profile/"):
+        expected = digest_of(content)
+        if content.get("digest") != expected:
+            raise CheckFailedError(
+                (
+                    f"{path}: the content has digest {expected}, the file says "
+                    f"{content.get('digest')}; it was changed after it was certified. "
+                    "Tune again instead of editing a profile",
+                )
+            )
+    return parse_document(SafeProfile, content, path)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.backends import Backend, Stage
-from tune.limits import allowed, bounds_of
+from tune.backends.program import Program, program_of
+from tune.limits import allowed, largest_allowed
 from tune.problem import Problem
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +43,7 @@ def closed_form(problem: Problem) -> Climb:
     """The answer for one unknown: the least of its bounds, no solver."""
     nothing = np.zeros(1)
     unknown = problem.unknowns[0]
-    sizes = np.array([min(*bounds_of(problem, nothing, 0).values(), unknown.high)])
+    sizes = np.array([largest_allowed(problem, nothing, 0)])
     for _ in range(8):
         if sizes[0] < unknown.low:
             break
@@ -59,17 +60,17 @@ def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
         problem: at least two unknowns.
         backends: solvers; each proposes for every stage and the best allowed proposal is taken.
     """
-    from tune.backends.program import program_of
-
     program = program_of(problem)
     inner = interior(problem)
     state = _State(problem=problem, inner=inner)
     count = len(problem.unknowns)
-    floors = np.full(count, -1.0)
+    floors: FloatArray = np.full(count, -1.0)
     for level in sorted({unknown.level for unknown in problem.unknowns}):
-        active = [i for i, unknown in enumerate(problem.unknowns) if unknown.level == level]
+        active: list[int] = [
+            index for index, unknown in enumerate(problem.unknowns) if unknown.level == level
+        ]
         while active:
-            together = np.array([float(i in active) for i in range(count)])
+            together = np.array([float(index in active) for index in range(count)])
             alone = len(active) == 1
             state.improve(
                 program,
@@ -88,7 +89,8 @@ def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
             if alone:
                 break
             stuck = [i for i in active if not _rises(state, program, backends, floors, i, reached)]
-            active = [i for i in active if i not in (stuck or [min(active, key=heights.__getitem__)])]
+            lowest = min(active, key=heights.__getitem__)
+            active = [i for i in active if i not in (stuck or [lowest])]
     return state.result()
 
 
@@ -98,10 +100,7 @@ def interior(problem: Problem) -> FloatArray | None:
     if not allowed(problem, low):
         return None
     top = np.array(
-        [
-            max(min(*bounds_of(problem, low, i).values(), unknown.high), low[i])
-            for i, unknown in enumerate(problem.unknowns)
-        ]
+        [max(largest_allowed(problem, low, index), low[index]) for index in range(low.size)]
     )
     reach, step = 0.0, 0.5
     for _ in range(8):
@@ -113,7 +112,7 @@ def interior(problem: Problem) -> FloatArray | None:
 
 def _rises(
     state: _State,
-    program: object,
+    program: Program,
     backends: Sequence[Backend],
     floors: FloatArray,
     index: int,
@@ -151,7 +150,7 @@ class _State:
         return float(stage.weights[:-1] @ heights + stage.weights[-1] * lowest)
 
     def best_of(
-        self, program: object, backends: Sequence[Backend], stage: Stage
+        self, program: Program, backends: Sequence[Backend], stage: Stage
     ) -> FloatArray | None:
         """The best allowed proposal of all solvers, or the setting at hand if none is better."""
         first = self.sizes
@@ -162,7 +161,7 @@ class _State:
             best_value = self.value(self.sizes, stage)
         values: list[float] = []
         for backend in backends:
-            proposal = backend.propose(program, stage, np.log(first))  # type: ignore[arg-type]
+            proposal = backend.propose(program, stage, np.log(first))
             sizes = None if proposal is None else self._pulled_back(np.exp(proposal))
             if sizes is None:
                 continue
@@ -176,7 +175,7 @@ class _State:
             self.methods.append(best_name)
         return best
 
-    def improve(self, program: object, backends: Sequence[Backend], stage: Stage) -> None:
+    def improve(self, program: Program, backends: Sequence[Backend], stage: Stage) -> None:
         self.sizes = self.best_of(program, backends, stage)
 
     def _pulled_back(self, proposal: FloatArray) -> FloatArray | None:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
-from identification import Device, rounded
 from numpy.typing import NDArray
 
-from tune.limits import bounds_of, extra_delay, forces_allowed, ripple, stable_with_margin, worst_gain
+from identification import Device, rounded
+from tune.effects import EFFECT_NAMES, EffectName
+from tune.limits import (
+    bounds_of,
+    extra_delay,
+    forces_allowed,
+    ripple,
+    stable_with_margin,
+    worst_gain,
+)
 from tune.loop import Filters
 from tune.passivity import damping_needed
 from tune.problem import Problem
 from tune.profile import ElementProfile, LimitedBy, Margins
 from tune.scene import Scene
-from tune.stability import EFFECT_NAMES
 
 FloatArray = NDArray[np.float64]
 
@@ -122,7 +131,7 @@ def element_profile(
     )
 
 
-def _passive(problem: Problem, values: dict[str, float]) -> bool | str:
+def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:
     filters = problem.filters
     if problem.region.delays != (0,) or filters.velocity_hz or filters.acceleration_hz:
         return "not-applicable"

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
+EffectName = Literal["stiffness", "damping", "mass"]
+EFFECT_NAMES: tuple[EffectName, ...] = ("stiffness", "damping", "mass")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

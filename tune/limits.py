@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.effects import Effects
+from tune.effects import EFFECT_NAMES, Effects
 from tune.problem import Moment, Problem
 from tune.ripple import force_ripple
-from tune.stability import EFFECT_NAMES, safe_gain, stable_values
+from tune.stability import safe_gain, stable_values
 
 FloatArray = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
 
 
 def forces(moment: Moment, sizes: FloatArray) -> tuple[float, float]:
-    """(sustained, peak) force of one moment, N: K·penetration; plus |B|·speed + |M|·acceleration."""
+    """(sustained, peak) force, N: K·penetration; the same plus |B|·speed + |M|·acceleration."""
     parts = [
         float(sum(sizes[i] * reach for i, reach in zip(indices, reaches, strict=True)))
         for indices, reaches in zip(moment.members, moment.reach, strict=True)
@@ -82,7 +82,9 @@ def forces_allowed(problem: Problem, sizes: FloatArray) -> bool:
     limits = problem.limits
     for moment in problem.moments:
         sustained, peak = forces(moment, sizes)
-        if limits.continuous_force is not None and sustained > limits.continuous_force * (1 + CLOSE):
+        if limits.continuous_force is not None and sustained > limits.continuous_force * (
+            1 + CLOSE
+        ):
             return False
         if limits.peak_force is not None and peak > limits.peak_force * (1 + CLOSE):
             return False
@@ -101,8 +103,18 @@ def ripple_allowed(problem: Problem, sizes: FloatArray) -> bool:
 def stable_with_margin(problem: Problem, sizes: FloatArray, gain: float, extra: int) -> bool:
     """True where every moment is stable for every gain in (0, gain] with up to ``extra`` delay."""
     return all(
-        worst_gain(problem, moment, sizes, extra) > gain * (1 + CLOSE)
-        for moment in problem.moments
+        worst_gain(problem, moment, sizes, extra) > gain * (1 + CLOSE) for moment in problem.moments
+    )
+
+
+def largest_allowed(problem: Problem, sizes: FloatArray, index: int) -> float:
+    """The largest size of one unknown that every limit allows, the others as given."""
+    high = problem.unknowns[index].high
+    force = _largest(problem, sizes, index, lambda x: forces_allowed(problem, x))
+    stable = largest_stable(problem, sizes, index, problem.margin.gain, _extra(problem))
+    least = min(force, stable, high)
+    return min(
+        least, _largest(problem, sizes, index, lambda x: ripple_allowed(problem, x), top=least)
     )
 
 
@@ -114,7 +126,6 @@ def bounds_of(problem: Problem, sizes: FloatArray, index: int) -> dict[str, floa
         range, force, ripple, and the three of stability, each at most the one before.
     """
     unknown = problem.unknowns[index]
-    word = {"value": "wanted", "range": "range"}.get(unknown.wish.kind)
     gain = problem.margin.gain
     bounds = {
         "force": _largest(problem, sizes, index, lambda x: forces_allowed(problem, x)),
@@ -126,6 +137,7 @@ def bounds_of(problem: Problem, sizes: FloatArray, index: int) -> dict[str, floa
     bounds["ripple"] = _largest(
         problem, sizes, index, lambda x: ripple_allowed(problem, x), top=least
     )
+    word = {"value": "wanted", "range": "range"}.get(unknown.wish.kind)
     if word is not None:
         bounds[word] = unknown.high
     elif unknown.sign < 0:
@@ -158,7 +170,9 @@ def largest_stable(
         )
         base = 0.0 if len(moment.members[place]) == 1 else _value(effects, place)
         for delay in problem.delays(extra):
-            low, high = stable_values(problem.loops[delay], unknown.effect, others, sign=unknown.sign)
+            low, high = stable_values(
+                problem.loops[delay], unknown.effect, others, sign=unknown.sign
+            )
             # Intervals in the total of this effect, of which ``base`` belongs to other elements.
             start = unknown.sign * gain * base
             inside = (low <= max(start, 0.0)) & (high > start)

@@ -233,9 +233,7 @@ def _assemble(
     without_velocity = [acceleration] if shared else [acceleration, acceleration]
     without_acceleration = [] if shared else [velocity]
     denominator = _product(acceleration, acceleration, *without_acceleration)
-    plant_denominator = _product(
-        w, line(plant.loss, 1 + plant.epsilon), *[line(one, one)] * delay
-    )
+    plant_denominator = _product(w, line(plant.loss, 1 + plant.epsilon), *[line(one, one)] * delay)
     laws = (
         denominator,
         _product(*without_velocity, w) * (1 - av),

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from identification import Device, as_stored, rounded
 from numpy.typing import NDArray
 
+from identification import Device, as_stored, rounded
+from tune.backends import Backend
 from tune.climb import SAME, climb, closed_form
 from tune.describe import binding, element_profile, reasons_for_nothing, skipped_parts
 from tune.errors import NoFeasibleEffectError
@@ -86,7 +87,7 @@ def optimise(
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     say("certifying")
     design = as_stored(_design(device, scene, filters, solutions, dropped))
-    profile = SafeProfile(**dict(design), certificate=certify(design))
+    profile = SafeProfile.model_validate({**dict(design), "certificate": certify(design)})
     return as_stored(profile).signed()
 
 
@@ -162,7 +163,7 @@ def solve(
         )
 
 
-def _backends(*, second_opinion: bool) -> list[object]:
+def _backends(*, second_opinion: bool) -> list[Backend]:
     from tune.backends.casadi_ import Ipopt
     from tune.backends.nlopt_ import Slsqp
 
@@ -262,9 +263,7 @@ def _score(
 ) -> float:
     """Sum over effects of one plus the logarithm of their steps: a lost effect outweighs gains."""
     try:
-        solved = solve(
-            device, scene, table, region, elements, filters, second_opinion=False
-        )
+        solved = solve(device, scene, table, region, elements, filters, second_opinion=False)
     except NoFeasibleEffectError:
         return 0.0
     return sum(
@@ -318,4 +317,3 @@ def _design(
 
 def _silent(sentence: str) -> None:
     del sentence
-

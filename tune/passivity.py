@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def damping_needed(
-    stiffness: float, damping: float, mass: float, sample_time: float
-) -> float:
+def damping_needed(stiffness: float, damping: float, mass: float, sample_time: float) -> float:
     """Device damping b above which K, B and M by backward differences are passive, N·s/m.
 
     b > KT/2 + max over c in [-1, 1] of [-Bc + (M/T)(2c² - c - 1)], c = cos ωT; no filter, no delay

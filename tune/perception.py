@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from identification import Device, Document
 from pydantic import Field, model_validator
+
+from identification import Device, Document
 
 
 class WeberFraction(Document):
@@ -99,9 +100,7 @@ def default_table() -> PerceptionTable:
     return PerceptionTable(**fractions, force_threshold=threshold)
 
 
-def references(
-    device: Device, table: PerceptionTable, penetration: float
-) -> dict[str, float]:
+def references(device: Device, table: PerceptionTable, penetration: float) -> dict[str, float]:
     """What each effect is compared with: K_ref (N/m), b (N·s/m) and m (kg).
 
     K_ref = max(Coulomb friction, force threshold)/penetration is the stiffness whose force at full

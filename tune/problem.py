@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from identification import Box, Device
 from numpy.typing import NDArray
 
-from tune.effects import Effects
+from identification import Box, Device
+from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.loop import Filters, Loop
 from tune.perception import PerceptionTable, perceived_steps, references, value_at_steps
 from tune.scene import MARGINS, Margin, Scene, Wish
-from tune.stability import EFFECT_NAMES, EffectName
 
 FloatArray = NDArray[np.float64]
 
@@ -54,7 +53,7 @@ class Unknown:
 
     @property
     def label(self) -> str:
-        """"element.effect", for messages and keys."""
+        """Name for messages and keys, element.effect."""
         return f"{self.element}.{self.effect}"
 
     def steps(self, size: float) -> float:
@@ -110,9 +109,7 @@ class Region:
     @classmethod
     def of(cls, box: Box) -> Region:
         """Corners of the box, each once; a delay between two samples stands for both."""
-        corners = np.array(
-            list(dict.fromkeys(product(box.mass, box.damping, box.sample_time)))
-        )
+        corners = np.array(list(dict.fromkeys(product(box.mass, box.damping, box.sample_time))))
         first = int(np.floor(box.delay[0] / box.sample_time[1] + 1e-6))
         last = int(np.ceil(box.delay[1] / box.sample_time[0] - 1e-6))
         return cls(

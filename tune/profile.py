@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
 from pydantic import Field
 
+from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
 from tune.errors import CheckFailedError
 from tune.scene import Margin, MarginName, Motion
 
@@ -87,7 +87,7 @@ class Design(Document):
     ripple_limit: float
     skipped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    method: dict[str, str] = {}
+    method: dict[str, str] = Field(default_factory=dict[str, str])
 
     def moments(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at once, singles first."""
@@ -111,7 +111,7 @@ class WorstPoint(Document):
 
 
 class Certificate(Document):
-    """What was re-checked, by which arithmetic, over which region, and what it takes for granted."""
+    """What was re-checked, how, over which region, and what it takes for granted."""
 
     method: str
     confidence: float

@@ -8,6 +8,7 @@ is that of a transfer function times √2/(1+w) on the imaginary axis.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ def ripple_energy(
     if position_free:
         top, bottom = top[1:], bottom[1:]
     root2 = float(np.sqrt(2.0))
-    widened = [bottom[0], *(a + b for a, b in zip(bottom, bottom[1:], strict=False)), bottom[-1]]
+    widened = [bottom[0], *(a + b for a, b in pairwise(bottom)), bottom[-1]]
     return h2_squared([root2 * item for item in top], widened)
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
-from identification import Document, load_document
 from pydantic import BeforeValidator, Field, model_validator
 
+from identification import Document, load_document
+from tune.effects import EffectName
 from tune.errors import SceneError
 from tune.perception import PerceptionTable, default_table
-from tune.stability import EFFECT_NAMES, EffectName
 
 MarginName = Literal["conservative", "balanced", "firm"]
 
@@ -72,8 +72,10 @@ def _to_wish(raw: object) -> object:
         return raw
     if isinstance(raw, int | float):
         return {"kind": "value", "low": raw, "high": raw}
-    if isinstance(raw, dict) and set(raw) <= {"min", "max"}:  # pyright: ignore[reportUnknownArgumentType]
-        return {"kind": "range", "low": raw.get("min"), "high": raw.get("max")}  # pyright: ignore[reportUnknownMemberType]
+    if isinstance(raw, dict):
+        bounds = cast("dict[object, object]", raw)
+        if set(bounds) <= {"min", "max"}:
+            return {"kind": "range", "low": bounds.get("min"), "high": bounds.get("max")}
     if isinstance(raw, Wish):
         return raw
     raise ValueError("give a number, max, min, or {min: …, max: …}")
@@ -108,7 +110,11 @@ class Element(Document):
 
     def wishes(self) -> dict[EffectName, Wish]:
         """The effects asked for."""
-        found = {name: getattr(self, name) for name in EFFECT_NAMES}
+        found: dict[EffectName, Wish | None] = {
+            "stiffness": self.stiffness,
+            "damping": self.damping,
+            "mass": self.mass,
+        }
         return {name: wish for name, wish in found.items() if wish is not None}
 
 

@@ -8,20 +8,16 @@ the other effects are absent.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.criterion import QuarticTerms, VerdictArray, quartic, routh
 from tune.crossings import stable_intervals
-from tune.effects import Effects
+from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.loop import Loop
 
 FloatArray = NDArray[np.float64]
-EffectName = Literal["stiffness", "damping", "mass"]
-EFFECT_NAMES: tuple[EffectName, ...] = ("stiffness", "damping", "mass")
-
 #: Points worked on at a time: the arrays of one block stay in the cache.
 _BLOCK = 16384
 

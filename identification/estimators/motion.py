@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.held import Held
-from identification.estimators.low_pass import gaussian
+from identification.estimators.low_pass import REACH, gaussian
 
 FloatArray = NDArray[np.float64]
 
@@ -27,6 +27,8 @@ WIDEST = 40.0
 NOISE_BAND = 3.0
 #: A position that stays within its noise this many times longer than at a typical reversal stands.
 LONG_DWELL = 4
+#: The velocity after a rest is counted from the rest for at least this many samples.
+SHORTEST_START = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,12 +109,14 @@ def refined(
     velocity = model + np.concatenate(
         (correction[:1], (correction[1:] + correction[:-1]) / 2, correction[-1:])
     )
-    start, end = velocity[:-1], velocity[1:]
+    mobility = step / mechanics.mass
+    rest = _rest(velocity[:-1], pull, friction, mobility)
+    reach = max(SHORTEST_START, kernel.size // (2 * int(REACH)))
+    start, end = _released(velocity, rest, pull, friction, mobility, reach)
     tiny = np.finfo(float).tiny
-    before = np.abs(pull - friction * np.sign(start)) * step / mechanics.mass + tiny
-    after = np.abs(pull - friction * np.sign(end)) * step / mechanics.mass + tiny
+    before = np.abs(pull - friction * np.sign(start)) * mobility + tiny
+    after = np.abs(pull - friction * np.sign(end)) * mobility + tiny
     direction = _turning(start, end, np.abs(start) / before, np.abs(end) / after)
-    rest = _rest(start, pull, friction, step / mechanics.mass)
     # Standing still, friction equals the pull; inside the interval in which it comes to rest, that
     # is the second part of the direction.
     stops = (rest > 0) & (rest < 1)
@@ -128,6 +132,8 @@ def refined(
 def _rest(velocity: FloatArray, pull: FloatArray, friction: float, mobility: float) -> FloatArray:
     """Part of each interval, at its end, in which static friction holds the device; shape (n - 1,).
 
+    Rest begins when the speed is used up, and lasts until the pull exceeds friction.
+
     Args:
         velocity: at the start of each interval, m/s.
         pull: force less offset, N.
@@ -136,18 +142,45 @@ def _rest(velocity: FloatArray, pull: FloatArray, friction: float, mobility: flo
     """
     held = np.abs(pull) < friction
     first = held & ~np.concatenate(([False], held[:-1]))
-    rest = np.zeros_like(velocity)
     if not first.any():
-        return rest
-    index = np.arange(velocity.size)
-    begin = np.maximum.accumulate(np.where(first, index, 0))
+        return np.zeros_like(velocity)
+    begin = np.maximum.accumulate(np.where(first, np.arange(velocity.size), 0))
     sense = np.sign(velocity[begin])
-    # Speed left at the start of each interval if friction alone stops the device.
-    loss = np.where(held, (friction - sense * pull) * mobility, 0.0)
-    spent = _integral(loss)
-    left = np.abs(velocity[begin]) - (spent[:-1] - spent[begin])
-    part = np.clip(1 - left / np.where(loss > 0, loss, 1.0), 0.0, 1.0)
-    return np.where(held, part, 0.0)
+    speed = np.maximum(sense * velocity, 0.0)
+    # What friction takes from the speed in one interval.
+    loss = np.maximum((friction - sense * pull) * mobility, np.finfo(float).tiny)
+    used_up = held & (speed <= loss)
+    count = np.concatenate(([0], np.cumsum(used_up)))
+    earlier = count[:-1] > count[begin]
+    return np.where(held & earlier, 1.0, np.where(used_up, 1 - speed / loss, 0.0))
+
+
+def _released(
+    velocity: FloatArray,
+    rest: FloatArray,
+    pull: FloatArray,
+    friction: float,
+    mobility: float,
+    reach: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Velocity at start and end of each interval, counted from zero just after a rest.
+
+    A device starts from rest in the sense of the pull and slowly; noise would guess the sense.
+    """
+    resting = rest > 0
+    index = np.arange(rest.size)
+    last = np.maximum.accumulate(np.where(resting, index, -1))
+    release = np.minimum(last + 1, rest.size - 1)
+    sense = np.sign(pull[release])
+    gained = _integral(pull * mobility)
+    begun = (last >= 0) & ~resting & (index - last <= reach)
+    speeds: list[FloatArray] = []
+    for shift in (0, 1):
+        lost = sense * friction * mobility * (index + shift - release)
+        since = gained[index + shift] - gained[release] - lost
+        usable = begun & (sense * since >= 0)
+        speeds.append(np.where(usable, since, velocity[index + shift]))
+    return speeds[0], speeds[1]
 
 
 def _integral(change: FloatArray) -> FloatArray:

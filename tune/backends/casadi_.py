@@ -19,9 +19,7 @@ class Ipopt:
     def propose(self, program: Program, stage: Stage, start: FloatArray) -> FloatArray | None:
         """See `tune.backends.Backend`. Bounded to 150 iterations and 2 s."""
         count = start.size
-        parameters = np.concatenate(
-            [program.parameters, stage.active, stage.floors, stage.weights]
-        )
+        parameters = np.concatenate([program.parameters, stage.active, stage.floors, stage.weights])
         answer = program.functions.ipopt(
             x0=np.append(start, 0.0),
             p=parameters,

@@ -27,9 +27,7 @@ class Slsqp:
         import nlopt
 
         count = start.size
-        parameters = np.concatenate(
-            [program.parameters, stage.active, stage.floors, stage.weights]
-        )
+        parameters = np.concatenate([program.parameters, stage.active, stage.floors, stage.weights])
         functions = program.functions
         best: tuple[float, FloatArray] | None = None
 

@@ -124,7 +124,7 @@ def _table(loop: Loop, gain: float) -> FloatArray:
 
 
 def _law(loop: Loop, unit: float) -> FloatArray:
-    """Control law of the nominal loop times ``unit``, and the plant's denominator; (4, degree+1)."""
+    """(4, degree+1): plant denominator, and the control law times ``unit``."""
     scales = np.array([1.0, *(unit * float(s) for s in loop.scales)])
     law = _parts(loop.controller) * scales[:, None]
     return np.pad(law, ((0, 0), (0, loop.degree + 1 - law.shape[1])))
@@ -174,7 +174,9 @@ def _compiled(structure: Structure) -> Functions:
     for members in structure.moments:
         sustained, peak = take(len(members[0])), take(sum(len(m) for m in members))
         if structure.forces[0] and members[0]:
-            constraints.append(sum(sizes[i] * r for i, r in zip(members[0], sustained, strict=True)) - 1)
+            constraints.append(
+                sum(sizes[i] * r for i, r in zip(members[0], sustained, strict=True)) - 1
+            )
         if structure.forces[1]:
             chosen = [i for m in members for i in m]
             constraints.append(sum(sizes[i] * r for i, r in zip(chosen, peak, strict=True)) - 1)

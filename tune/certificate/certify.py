@@ -60,9 +60,9 @@ def certify(design: Design) -> Certificate:
                 points += 1
                 if verdict.answer != "stable":
                     failures.append(
-                        f"{' + '.join(moment)}: {what}: {verdict.answer} at mass {mass:.6g}, damping "
-                        f"{damping:.6g}, sample time {step:.6g} s, delay {delay} samples, gain "
-                        f"{gain:.6g}: {verdict.reason}"
+                        f"{' + '.join(moment)}: {what}: {verdict.answer} at mass {mass:.6g}, "
+                        f"damping {damping:.6g}, sample time {step:.6g} s, delay {delay} "
+                        f"samples, gain {gain:.6g}: {verdict.reason}"
                     )
                 elif what == "margin" and (worst is None or verdict.radius > worst.pole_radius):
                     worst = WorstPoint(

@@ -36,7 +36,9 @@ def check(path: Path) -> CheckReport:
     for name in ("mass", "damping", "sample_time", "delay_samples"):
         for seen, said in zip(getattr(fresh, name), getattr(stated, name), strict=True):
             if abs(seen - said) > _AGREE * max(abs(seen), abs(said)):
-                failures.append(f"certificate.{name} says {said:.12g}, the device gives {seen:.12g}")
+                failures.append(
+                    f"certificate.{name} says {said:.12g}, the device gives {seen:.12g}"
+                )
     if (stated.gain, stated.extra_delay_samples) != (fresh.gain, fresh.extra_delay_samples):
         failures.append(
             f"the certificate is for a gain of {stated.gain:g} and {stated.extra_delay_samples} "

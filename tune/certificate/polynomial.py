@@ -80,9 +80,7 @@ def closed_loop(point: Point, setting: Setting) -> ClosedLoop:
             law = spring + damper * step + inertia * step * step
             return ClosedLoop(open=denominator * step, feedback=plant * law, integrates=True)
         law = damper + inertia * step
-        return ClosedLoop(
-            open=denominator, feedback=plant * law, integrates=point.damping == 0
-        )
+        return ClosedLoop(open=denominator, feedback=plant * law, integrates=point.damping == 0)
 
 
 def _pole(cutoff: float | None, sample_time: arb) -> arb:

@@ -23,18 +23,17 @@ def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> 
     with precision():
         loop = closed_loop(point, setting)
         full = _floats(loop.open + loop.feedback)
-        # C/(1+GC) = (N/plant)·... is evaluated as D·C/(D + N), both over the same denominators.
+        # C/(1+GC) is D·C/(D + N) where N = D·G·C.
         open_ = _floats(loop.open)
-    previous = np.nan
-    count = _FEWEST
+    value, count = np.nan, _FEWEST
     while count <= _MOST:
         angle = (np.arange(count) + 0.5) * (np.pi / count)
         z = np.exp(1j * angle)
         response = _law(point, setting, z) * np.polyval(open_, z) / np.polyval(full, z)
+        previous, count = value, count * 4
         value = float(np.sqrt(np.mean(np.abs(response) ** 2) / 12) * resolution)
         if abs(value - previous) <= _AGREE * value:
-            return value
-        previous, count = value, count * 4
+            break
     return value
 
 

@@ -16,6 +16,9 @@ from tune.certificate.polynomial import ClosedLoop, Point, Setting, closed_loop,
 
 #: Radius to which roots are isolated, as a power of ten: fifty digits and a few more.
 _DIGITS = 55
+#: The isolation starts from fixed points and may stall on roots of very different size; seen from
+#: another origin it does not. Each is tried until one succeeds; the result is certified either way.
+_SHIFTS = (0, 1, -1, 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +48,9 @@ def judge(point: Point, setting: Setting, gain: float) -> Verdict:
         radius = max((float(modulus.upper()) for modulus in moduli), default=0.0)
         if any(modulus > 1 for modulus in moduli):
             return Verdict(
-                answer="unstable", reason=f"pole of modulus {radius:.9g} at full gain", radius=radius
+                answer="unstable",
+                reason=f"pole of modulus {radius:.9g} at full gain",
+                radius=radius,
             )
         if not all(modulus < 1 for modulus in moduli):
             return _undecided("a pole touches the unit circle at full gain", radius)
@@ -73,10 +78,14 @@ def _roots(polynomial: arb_poly) -> list[acb] | None:
         coefficients = coefficients[1:]
     if len(coefficients) < 2:
         return []
-    try:
-        return acb_poly([acb(c) for c in coefficients]).roots(tol=arb(10) ** -_DIGITS)
-    except (ValueError, ArithmeticError):
-        return None
+    for shift in _SHIFTS:
+        moved = arb_poly(coefficients)(arb_poly([arb(shift), 1]))
+        try:
+            roots = acb_poly([acb(c) for c in moved.coeffs()]).roots(tol=arb(10) ** -_DIGITS)
+        except (ValueError, ArithmeticError):
+            continue
+        return [root + arb(shift) for root in roots]
+    return None
 
 
 def _crossing_gains(loop: ClosedLoop) -> list[arb] | None:

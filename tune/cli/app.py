@@ -8,7 +8,10 @@ from typing import Annotated
 import typer
 
 from tune.cli import calibrate, check, demo, identify, new, simulate, tune
-from tune.cli.session import EXIT_USAGE, report_usage
+from tune.cli.session import EXIT_INTERRUPTED, EXIT_USAGE, report_usage
+
+#: What every complaint about options and arguments derives from; typer does not export it.
+_USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 
 app = typer.Typer(
     name="haptune",
@@ -51,15 +54,11 @@ def haptune(
 
 def run() -> None:
     """Run the command line and exit with the code of the contract."""
-    import click
-
     try:
-        code = app(standalone_mode=False)
-    except click.exceptions.UsageError as error:
+        code: object = app(standalone_mode=False)
+    except _USAGE_ERROR as error:
         report_usage(error)
         sys.exit(EXIT_USAGE)
-    except click.exceptions.Abort:
-        sys.exit(130)
-    except (KeyboardInterrupt, EOFError):
-        sys.exit(130)
+    except (typer.Abort, KeyboardInterrupt, EOFError):
+        sys.exit(EXIT_INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)

@@ -9,6 +9,7 @@ from tune.cli.options import (
     Allow,
     Axis,
     DeviceOut,
+    DryRun,
     Force,
     ForceGain,
     HardwareFile,
@@ -25,7 +26,10 @@ from tune.cli.options import (
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
-    from identification import Identification
+    from identification import Identification, LogColumns
+
+
+DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
 
 
 def identify(
@@ -41,10 +45,11 @@ def identify(
     hardware: HardwareFile = None,
     allow: Allow = None,
     method: MethodOption = Method.auto,
+    dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Mass, damping and friction with 95 % intervals; several logs of one axis give the envelope."""
+    """Mass, damping and friction with 95 % intervals; several logs give their envelope."""
 
     def action(session: Session) -> None:
         from identification import LogColumns, to_mapping, to_yaml
@@ -59,6 +64,34 @@ def identify(
             axis=axis,
         )
         result = identified(session, logs, columns, hardware, method, allow or [])
-        session.write(output, device_yaml(to_yaml, to_mapping(result.device)))
+        session.write(output, to_yaml(to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run)
 
     run_command("identify", action, as_json=json, quiet=quiet)
+
+
+def identified(
+    session: Session,
+    logs: list[Path],
+    columns: LogColumns,
+    hardware: Path | None,
+    method: Method,
+    allow: list[str],
+) -> Identification:
+    """Read logs, identify and show the result; shared with calibrate and demo."""
+    from identification import Hardware, load_document, load_trajectory
+    from identification import identify as estimate
+    from tune.cli.tables import device_table
+
+    known = None if hardware is None else load_document(Hardware, hardware)
+    with session.progress() as say:
+        say("reading logs")
+        trajectories = [
+            load_trajectory(path, columns, motion="linear" if known is None else known.motion)
+            for path in logs
+        ]
+        say("identifying")
+        result = estimate(trajectories, hardware=known, method=method.value, allow=allow)
+    session.found(result.findings)
+    session.say(device_table(result.device))
+    session.say(f"method: {result.method}; {result.reason}")
+    return result

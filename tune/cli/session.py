@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import click
     from identification import Finding
 
 EXIT_INTERNAL = 1
@@ -87,7 +86,7 @@ class Session:
             self.say(f"{path} written")
 
     @contextmanager
-    def progress(self) -> Iterator[Callable[[str], None]]:
+    def progress(self) -> Generator[Callable[[str], None]]:
         """A function that shows a sentence while work goes on, on a terminal only."""
         if self.as_json or self.quiet or not sys.stderr.isatty():
             yield _nothing
@@ -142,7 +141,6 @@ def run_command(
 
 def _ended(session: Session, error: Exception) -> int:
     from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
-
     from tune.errors import CheckFailedError, LoopError, NoFeasibleEffectError, SceneError
 
     if isinstance(error, LogRefusedError):
@@ -177,12 +175,14 @@ def _plain(finding: Finding) -> dict[str, str]:
     }
 
 
-def report_usage(error: click.exceptions.UsageError) -> None:
+def report_usage(error: Exception) -> None:
     """A usage error in one line, as JSON too where that was asked for."""
-    command = error.ctx.info_name if error.ctx and error.ctx.info_name else "haptune"
-    hint = f"see '{error.ctx.command_path} --help'" if error.ctx else "see 'haptune --help'"
+    context: Any = getattr(error, "ctx", None)
+    command = getattr(context, "info_name", None) or "haptune"
+    path = getattr(context, "command_path", "haptune")
+    text = error.format_message() if hasattr(error, "format_message") else str(error)  # type: ignore[attr-defined]
     Session(command=command, as_json="--json" in sys.argv, quiet=False).finish(
-        EXIT_USAGE, f"{error.format_message()} ({hint})"
+        EXIT_USAGE, f"{text} (see '{path} --help')"
     )
 
 

@@ -8,7 +8,6 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from identification import Device, Quantity
-
     from tune.profile import Certificate, SafeProfile
 
 _UNITS = {
@@ -34,7 +33,16 @@ def elements_table(profile: SafeProfile) -> Table:
         f"filters: {filters or 'none'}",
         title_justify="left",
     )
-    for heading in ("element", "effect", "value", "steps", "gain", "samples", "ripple", "limited by"):
+    for heading in (
+        "element",
+        "effect",
+        "value",
+        "steps",
+        "gain",
+        "samples",
+        "ripple",
+        "limited by",
+    ):
         numeric = heading in {"value", "steps", "gain", "samples", "ripple"}
         table.add_column(heading, justify="right" if numeric else "left")
     for name, element in profile.elements.items():

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tune.cli.options import DryRun, Json, MarginChoice, MarginOption, ProfileOut, Quiet
 from tune.cli.session import Session, run_command
-from tune.profile import SafeProfile
+
+if TYPE_CHECKING:
+    from identification import Device
+    from tune.profile import SafeProfile
 
 
 def tune(
@@ -33,16 +36,13 @@ def tune(
 
 
 def tuned(
-    session: Session, device: object, scene_file: Path, margin: MarginChoice | None
+    session: Session, device: Device, scene_file: Path, margin: MarginChoice | None
 ) -> SafeProfile:
     """Tune, show the result and return it; shared with calibrate and demo."""
-    from identification import Device
-
     from tune.cli.tables import certificate_lines, elements_table
     from tune.optimise import optimise
     from tune.scene import load_scene, perception_of
 
-    assert isinstance(device, Device)
     scene = load_scene(scene_file)
     if margin is not None:
         scene = scene.model_copy(update={"margin": margin.value})

@@ -1,0 +1,71 @@
+"""``haptune calibrate``: logs + scene → profile, the main job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tune.cli.identify import identified
+from tune.cli.options import (
+    Allow,
+    Axis,
+    DryRun,
+    Force,
+    ForceGain,
+    HardwareFile,
+    Json,
+    Logs,
+    MarginOption,
+    Method,
+    MethodOption,
+    Position,
+    PositionGain,
+    ProfileOut,
+    Quiet,
+    Reference,
+    Time,
+)
+from tune.cli.session import Session, run_command
+from tune.cli.tune import tuned
+
+
+def calibrate(
+    logs: Logs,
+    scene: Annotated[Path, typer.Option("--scene", metavar="SCENE", help="scene.yaml")],
+    output: ProfileOut = Path("profile.yaml"),
+    time: Time = "time",
+    force: Force = "force",
+    position: Position = "position",
+    reference: Reference = None,
+    force_gain: ForceGain = 1.0,
+    position_gain: PositionGain = 1.0,
+    axis: Axis = None,
+    hardware: HardwareFile = None,
+    allow: Allow = None,
+    method: MethodOption = Method.auto,
+    margin: MarginOption = None,
+    dry_run: DryRun = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify the device and tune the scene in one go; the device is kept inside the profile."""
+
+    def action(session: Session) -> None:
+        from identification import LogColumns
+
+        columns = LogColumns(
+            time=time,
+            force=force,
+            position=position,
+            reference=reference,
+            force_gain=force_gain,
+            position_gain=position_gain,
+            axis=axis,
+        )
+        found = identified(session, logs, columns, hardware, method, allow or [])
+        profile = tuned(session, found.device, scene, margin)
+        session.write(output, profile.to_yaml(), dry_run=dry_run)
+
+    run_command("calibrate", action, as_json=json, quiet=quiet)

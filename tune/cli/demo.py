@@ -1,0 +1,52 @@
+"""``haptune demo``: the whole path on a bundled log, with pictures, in the current folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tune.cli.identify import DEVICE_COMMENT, identified
+from tune.cli.new import template
+from tune.cli.options import Json, Method, Quiet
+from tune.cli.session import Session, run_command
+from tune.cli.tune import tuned
+
+
+def demo(json: Json = False, quiet: Quiet = False) -> None:
+    """Bundled log → device.yaml → scene.yaml → profile.yaml, with tables and two pictures."""
+
+    def action(session: Session) -> None:
+        from datasets_synthetic import bundled
+        from identification import (
+            Hardware,
+            LogColumns,
+            load_document,
+            load_trajectory,
+            to_mapping,
+            to_yaml,
+        )
+
+        log = bundled("homerehab.csv")
+        hardware = bundled("homerehab.hardware.yaml")
+        session.say(f"log: {log}")
+        found = identified(session, [log], LogColumns(), hardware, Method.auto, [])
+        session.write(Path("device.yaml"), to_yaml(to_mapping(found.device), DEVICE_COMMENT))
+        scene = Path("scene.yaml")
+        session.write(scene, template("scene"))
+        profile = tuned(session, found.device, scene, None)
+        session.write(Path("profile.yaml"), profile.to_yaml())
+        with session.progress() as say:
+            say("drawing")
+            from identification.pictures import fit_picture
+            from tune.pictures import profile_picture
+
+            known = load_document(Hardware, hardware)
+            trajectory = load_trajectory(log, LogColumns(), motion=known.motion)
+            for name, picture in (
+                ("identification.png", fit_picture(trajectory, found.device)),
+                ("profile.png", profile_picture(profile)),
+            ):
+                picture.savefig(name, dpi=120)
+                session.outputs.append(name)
+                session.say(f"{name} written")
+
+    run_command("demo", action, as_json=json, quiet=quiet)

@@ -21,7 +21,11 @@ FloatArray = NDArray[np.float64]
 #: block of a usual log still outlasts the filter and the correlation of its residual many times.
 MOST_BLOCKS = 60
 #: At least this many blocks: fewer leave no degrees of freedom for a simultaneous region.
-FEWEST_BLOCKS = 20
+FEWEST_BLOCKS = 8
+#: No log knows its forces better than this part of them: a quartz clock is off by 3e-5, and the
+#: zero-order hold, the count and the amplifier are no straighter. Without it the interval of a
+#: noise-free log would shrink to the rounding of the solver.
+UNKNOWN_FORCE = 3e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,13 +68,14 @@ def block_count(columns: FloatArray, residual: FloatArray) -> int:
     return int(np.clip(residual.size // max(longest, 1.0), FEWEST_BLOCKS, MOST_BLOCKS))
 
 
-def spread(columns: FloatArray, residual: FloatArray, keep: int) -> Spread:
+def spread(columns: FloatArray, residual: FloatArray, keep: int, *, signal: FloatArray) -> Spread:
     """Block-jackknife covariance of the first ``keep`` parameters of a least-squares fit.
 
     Args:
         columns: shape (n, p): regressors, or the Jacobian of a nonlinear fit.
         residual: shape (n,).
         keep: how many leading parameters are wanted; the others are nuisance.
+        signal: shape (n,): what the logged force contributes; UNKNOWN_FORCE of it is in doubt.
     """
     norms = np.linalg.norm(columns, axis=0)
     norms = np.where(norms > 0, norms, 1.0)
@@ -90,8 +95,14 @@ def spread(columns: FloatArray, residual: FloatArray, keep: int) -> Spread:
         ]
     )
     count = len(blocks)
-    covariance = (count - 1) / count * (shifts.T @ shifts) / np.outer(norms, norms)
-    inflation = np.diag(np.linalg.pinv(whole, hermitian=True))
+    inverse = np.linalg.pinv(whole, hermitian=True)
+    inflation = np.diag(inverse)
+    # Nuisance columns take up their part of the signal, so only the rest can mislead.
+    nuisance = unit[:, keep:]
+    if nuisance.shape[1]:
+        signal = signal - nuisance @ np.linalg.lstsq(nuisance, signal, rcond=None)[0]
+    floor = UNKNOWN_FORCE**2 * float(signal @ signal) * inverse
+    covariance = ((count - 1) / count * (shifts.T @ shifts) + floor) / np.outer(norms, norms)
     return Spread(
         covariance=covariance[:keep, :keep],
         degrees_of_freedom=float(count - 1),

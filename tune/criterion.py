@@ -7,8 +7,6 @@ true coefficient lies within ``ULPS·u·s`` of c. +1 is certainly stable, -1 cer
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,51 +61,59 @@ def routh(coefficients: FloatArray, sizes: FloatArray) -> VerdictArray:
     return np.where((verdict > 0) & doubtful, np.int8(0), verdict)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class QuarticTerms:
-    """Scalar coefficients of 1, α, β, γ for degree at most 4, and their sizes; (5, 4) each."""
-
-    terms: FloatArray
-    sizes: FloatArray
-
-
-def quartic(
-    family: QuarticTerms, values: tuple[FloatArray, ...], *, position_free: bool
-) -> VerdictArray:
-    """Verdicts for many (α, β, γ) on one loop: c_i > 0 and c1·c2·c3 - c0·c3² - c4·c1² > 0.
+class Quartic:
+    """Verdicts for many settings of one loop: c_i > 0 and c1·c2·c3 - c0·c3² - c4·c1² > 0.
 
     This is the criterion of equations (38) to (43) with the signs they leave out. It decides
-    whatever a bound common to all the points can decide, and leaves the rest at 0 for `routh`.
+    whatever a bound common to all the points of a block can decide, and leaves the rest at 0 for
+    `routh`. Its arrays are made once and reused, so that a block stays in the cache.
 
     Args:
-        family: the loop; where ``position_free`` its factor w is left in and c0 is not asked for.
-        values: flat arrays (α, β, γ), all of one length.
-        position_free: no spring in the structure.
+        terms: (5, 1 + effects): constant part and coefficient of each effect, ascending in w.
+        sizes: the same with every factor taken absolutely.
+        block: largest number of points judged at once.
+        position_free: no spring in the structure; the factor w is left in, c0 is not asked for.
     """
-    stacked = np.empty((4, values[0].size))
-    stacked[0] = 1.0
-    for row, value in zip(stacked[1:], values, strict=True):
-        row[:] = value
-    lower, upper = stacked.min(axis=1, initial=0.0), stacked.max(axis=1, initial=0.0)
-    size = family.sizes @ np.maximum(upper, -lower)
-    slack = ULPS * UNIT * size
-    c0, c1, c2, c3, c4 = family.terms @ stacked
-    lowest = np.minimum(c1, c2)
-    np.minimum(lowest, c3, out=lowest)
-    np.minimum(lowest, c4, out=lowest)
-    if not position_free:
-        np.minimum(lowest, c0, out=lowest)
-    # h = c3·(c1·c2 - c0·c3) - c4·c1², overwriting c2, c0 and c1 once they are used.
-    c2 *= c1
-    c0 *= c3
-    c2 -= c0
-    c2 *= c3
-    c1 *= c1
-    c1 *= c4
-    c2 -= c1
-    s0, s1, s2, s3, s4 = size
-    h_slack = 4 * ULPS * UNIT * (s1 * s2 * s3 + s0 * s3 * s3 + s4 * s1 * s1)
-    slack_all = float(np.max(slack))
-    verdict = ((lowest > slack_all) & (c2 > h_slack)).view(np.int8)
-    verdict -= ((lowest < -slack_all) | (c2 < -h_slack)).view(np.int8)
-    return verdict
+
+    def __init__(
+        self, terms: FloatArray, sizes: FloatArray, block: int, *, position_free: bool
+    ) -> None:
+        self._terms = terms
+        self._sizes = sizes
+        self._position_free = position_free
+        self._points = np.ones((terms.shape[1], block))
+        self._coefficients = np.empty((5, block))
+        self._lowest = np.empty(block)
+        self._flags = np.empty((2, block), dtype=np.bool_)
+
+    def judge(self, values: tuple[FloatArray, ...], verdict: VerdictArray) -> None:
+        """Write the verdict of each point; values are flat arrays of one length, one an effect."""
+        count = verdict.size
+        points = self._points[:, :count]
+        for row, value in zip(points[1:], values, strict=True):
+            row[:] = value
+        reach = np.maximum(points.max(axis=1), -points.min(axis=1))
+        s0, s1, s2, s3, s4 = size = self._sizes @ reach
+        slack = ULPS * UNIT * float(size.max())
+        h_slack = 4 * ULPS * UNIT * float(s1 * s2 * s3 + s0 * s3 * s3 + s4 * s1 * s1)
+        c0, c1, c2, c3, c4 = np.matmul(self._terms, points, out=self._coefficients[:, :count])
+        lowest = np.minimum(c1, c2, out=self._lowest[:count])
+        for coefficient in (c3, c4) if self._position_free else (c3, c4, c0):
+            np.minimum(lowest, coefficient, out=lowest)
+        # h = c3·(c1·c2 - c0·c3) - c4·c1², overwriting what is no longer used.
+        c2 *= c1
+        c0 *= c3
+        c2 -= c0
+        c2 *= c3
+        c1 *= c1
+        c1 *= c4
+        c2 -= c1
+        one, two = self._flags[:, :count]
+        np.greater(lowest, slack, out=one)
+        np.greater(c2, h_slack, out=two)
+        np.logical_and(one, two, out=one)
+        verdict[:] = one
+        np.less(lowest, -slack, out=one)
+        np.less(c2, -h_slack, out=two)
+        np.logical_or(one, two, out=one)
+        verdict -= one.view(np.int8)

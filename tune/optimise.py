@@ -97,7 +97,7 @@ def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
     for together in scene.together:
         joined = [group for group in found if group & set(together)]
         found = [group for group in found if not group & set(together)]
-        found.append(set().union(*joined))
+        found.append({name for group in joined for name in group})
     order = list(scene.elements)
     ordered = [tuple(sorted(group, key=order.index)) for group in found]
     return tuple(sorted(ordered, key=lambda group: order.index(group[0])))

@@ -7,15 +7,15 @@ the other effects are absent.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.criterion import QuarticTerms, VerdictArray, quartic, routh
+from tune.criterion import Quartic, VerdictArray, routh
 from tune.crossings import stable_intervals
 from tune.effects import EFFECT_NAMES, EffectName, Effects
-from tune.loop import Loop
+from tune.loop import Loop, Terms
 
 FloatArray = NDArray[np.float64]
 #: Points worked on at a time: the arrays of one block stay in the cache.
@@ -33,29 +33,31 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
     Returns:
         int8 array of the broadcast shape.
     """
-    values = loop.dimensionless_effects(effects)
+    given = effects.arrays()
     shape = np.broadcast_shapes(
-        loop.terms.free.shape[1:], *(value.shape for value in values if value is not None)
+        loop.terms.free.shape[1:], *(value.shape for value in given if value is not None)
     )
-    if loop.terms.free.ndim > 1 or loop.degree > 4:
+    if loop.terms.free.ndim > 1 or loop.degree != 4:
         return _general(loop, effects, shape)
-    zero = np.zeros(())
-    flat = [
-        np.broadcast_to(zero if value is None else value, shape).reshape(-1) for value in values
-    ]
-    family = QuarticTerms(terms=_table(loop.terms, values), sizes=_table(loop.sizes, values))
-    result = np.empty(flat[0].size, dtype=np.int8)
+    present: dict[EffectName, FloatArray] = {
+        name: np.broadcast_to(value, shape).reshape(-1)
+        for name, value in zip(EFFECT_NAMES, given, strict=True)
+        if value is not None
+    }
+    result = np.empty(int(np.prod(shape)), dtype=np.int8)
+    judge = Quartic(
+        _table(loop, loop.terms, present),
+        _table(loop, loop.sizes, present),
+        min(_BLOCK, max(result.size, 1)),
+        position_free=effects.position_free,
+    ).judge
     for start in range(0, result.size, _BLOCK):
-        stop = start + _BLOCK
-        block = (flat[0][start:stop], flat[1][start:stop], flat[2][start:stop])
-        answer = quartic(family, block, position_free=effects.position_free)
-        open_ = np.flatnonzero(answer == 0)
-        if open_.size:
-            chosen = [
-                None if v is None else part[open_] for v, part in zip(values, block, strict=True)
-            ]
-            answer[open_] = _routh_of(_unscaled(loop), *chosen)
-        result[start:stop] = answer
+        block = slice(start, start + _BLOCK)
+        judge(tuple(value[block] for value in present.values()), result[block])
+    open_ = np.flatnonzero(result == 0)
+    if open_.size:
+        rest = Effects(**{name: value[open_] for name, value in present.items()})
+        result[open_] = _general(loop, rest, open_.shape)
     return result.reshape(shape)
 
 
@@ -156,25 +158,16 @@ def _general(loop: Loop, effects: Effects, shape: tuple[int, ...]) -> VerdictArr
     return np.broadcast_to(routh(coefficients[start:], sizes[start:]), shape)
 
 
-def _unscaled(loop: Loop) -> Loop:
-    one = np.ones(())
-    return replace(loop, scales=(one, one, one))
-
-
-def _routh_of(
-    loop: Loop, alpha: FloatArray | None, beta: FloatArray | None, gamma: FloatArray | None
-) -> VerdictArray:
-    effects = Effects(stiffness=alpha, damping=beta, mass=gamma)
-    shape = next((v.shape for v in (alpha, beta, gamma) if v is not None), ())
-    return _general(loop, effects, shape)
-
-
-def _table(terms: object, values: tuple[FloatArray | None, ...]) -> FloatArray:
-    """(5, 4) table of scalar coefficients; the columns of absent effects are zero."""
-    rows = [getattr(terms, name) for name in ("free", "alpha", "beta", "gamma")]
-    present = [True, *(value is not None for value in values)]
-    table = np.stack([row * there for row, there in zip(rows, present, strict=True)], axis=1)
-    return np.concatenate([table, np.zeros((5 - len(table), 4))])
+def _table(loop: Loop, terms: Terms, present: Mapping[EffectName, object]) -> FloatArray:
+    """(degree+1, 1 + effects): what is fixed and what each effect present adds for each unit."""
+    parts = dict(
+        zip(
+            EFFECT_NAMES,
+            zip((terms.alpha, terms.beta, terms.gamma), loop.scales, strict=True),
+            strict=True,
+        )
+    )
+    return np.stack([terms.free, *(parts[name][0] * parts[name][1] for name in present)], axis=1)
 
 
 def _like(coefficients: FloatArray, total: FloatArray) -> FloatArray:

@@ -32,13 +32,13 @@ class CutOff:
 
     Attributes:
         frequency: Hz.
-        noise_share: share of noise in the power of the filtered acceleration.
-        reason: sentence.
+        noise_share: share of noise in the power of the filtered acceleration, if looked at.
+        reason: what set it, if it was chosen from a log.
     """
 
     frequency: float
-    noise_share: float
-    reason: str
+    noise_share: float = 0.0
+    reason: str = "low-pass as given"
 
 
 def choose_cut_off(trajectory: Trajectory, noise: float) -> CutOff:

@@ -49,6 +49,11 @@ class Held:
         """The column times a factor for each interval, shape (n - 1,)."""
         return Held(early=self.early * factor, late=self.late * factor, fraction=self.fraction)
 
+    def since(self, first: int) -> Held:
+        """The column from one interval on."""
+        fraction = self.fraction if isinstance(self.fraction, float) else self.fraction[first:]
+        return Held(early=self.early[first:], late=self.late[first:], fraction=fraction)
+
 
 def delayed(force: FloatArray, samples: float) -> Held:
     """A logged force where it acts.

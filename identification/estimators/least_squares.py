@@ -16,7 +16,13 @@ from identification.estimators.cut_off import CutOff, choose_cut_off
 from identification.estimators.held import Held, delayed, unknown_intervals
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
-from identification.estimators.motion import Mechanics, Motion, first_look, refined
+from identification.estimators.motion import (
+    Mechanics,
+    Motion,
+    always_moving,
+    first_look,
+    refined,
+)
 from identification.estimators.noise import position_noise
 from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
@@ -38,7 +44,9 @@ class Regression:
         kinematics: filtered acceleration and velocity, shape (rows, 2).
         friction: filtered columns of the friction terms, shape (rows, p - 2).
         motion: direction and standstill the friction columns were made from.
+        cut_off: of the filter, and why there.
         low_pass: the filter.
+        noise: standard deviation of one position reading, m.
         attenuation: mean square of noise in each column, shape (p,).
         first: sample of the first row.
     """
@@ -48,7 +56,9 @@ class Regression:
     kinematics: FloatArray
     friction: FloatArray
     motion: Motion
+    cut_off: CutOff
     low_pass: LowPass
+    noise: float
     attenuation: FloatArray
     first: int
 
@@ -58,7 +68,7 @@ class Regression:
         trajectory: Trajectory,
         model: Model,
         *,
-        cut_off: float,
+        cut_off: CutOff,
         noise: float,
         delay: float,
         motion: Motion | None = None,
@@ -68,13 +78,13 @@ class Regression:
         Args:
             trajectory: the log.
             model: which columns.
-            cut_off: Hz.
+            cut_off: of the filter.
             noise: standard deviation of one position reading, m.
             delay: s; the force can be had with any delay up to this one.
             motion: direction and standstill; None takes a first look at the position.
         """
         step = trajectory.sample_time
-        low_pass = LowPass.at(cut_off, step)
+        low_pass = LowPass.at(cut_off.frequency, step)
         second = np.array([1.0, -2.0, 1.0]) / step**2
         central = np.array([0.5, 0.0, -0.5]) / step
         # The central difference averages velocity over a box of two samples, the force over a
@@ -87,19 +97,36 @@ class Regression:
         known = unknown_intervals(delay / step)
         if motion is None:
             bend = float(np.sqrt(np.mean(acceleration**2))) * step**2
-            motion = first_look(trajectory.position, noise=noise, bend=bend)
+            motion = (
+                first_look(trajectory.position, noise=noise, bend=bend)
+                if model.coulomb
+                else always_moving(len(trajectory) - 1)
+            )
         table = cls(
             trajectory=trajectory,
             model=model,
             kinematics=np.stack((acceleration, velocity), axis=1)[known:],
             friction=np.empty((0, 0)),
             motion=motion,
+            cut_off=cut_off,
             low_pass=low_pass,
+            noise=noise,
             attenuation=noise**2
             * np.array([np.sum(gain**2) for gain in gains] + [0.0] * (len(model.parameters) - 2)),
             first=2 + known + low_pass.half,
         )
         return table.with_motion(motion)
+
+    def at_cut_off(self, frequency: float, delay: float) -> Regression:
+        """The same log and direction of motion with another cut-off, Hz."""
+        return Regression.of(
+            self.trajectory,
+            self.model,
+            cut_off=CutOff(frequency=frequency),
+            noise=self.noise,
+            delay=delay,
+            motion=self.motion,
+        )
 
     @property
     def columns(self) -> FloatArray:
@@ -171,6 +198,15 @@ class Regression:
         return table
 
 
+def prepare(
+    trajectory: Trajectory, model: Model, delay: float, *, cut_off: float | None = None
+) -> Regression:
+    """The regression of one log, its direction of motion settled. Arguments as for estimate."""
+    noise = position_noise(trajectory.position, trajectory.force)
+    chosen = choose_cut_off(trajectory, noise) if cut_off is None else CutOff(frequency=cut_off)
+    return Regression.of(trajectory, model, cut_off=chosen, noise=noise, delay=delay).refined(delay)
+
+
 def estimate(
     trajectory: Trajectory, model: Model, delay: float, *, cut_off: float | None = None
 ) -> Estimate:
@@ -186,33 +222,22 @@ def estimate(
         Estimate with the residual in force, filtered; its notes state the cut-off and what mass
         and damping become at half and at twice of it.
     """
-    noise = position_noise(trajectory.position, trajectory.force)
-    chosen = (
-        choose_cut_off(trajectory, noise)
-        if cut_off is None
-        else CutOff(frequency=cut_off, noise_share=0.0, reason=f"low-pass at {cut_off:.3g} Hz")
-    )
-    frequency = chosen.frequency
-    table = Regression.of(trajectory, model, cut_off=frequency, noise=noise, delay=delay)
-    table = table.refined(delay)
+    return fit(prepare(trajectory, model, delay, cut_off=cut_off), delay)
+
+
+def fit(table: Regression, delay: float) -> Estimate:
+    """The same from a prepared regression."""
     force, columns = table.force(delay), table.columns
     values = table.solve(delay)
     residual = force - columns @ values
-    around = spread(columns, residual, len(values))
-    notes = [chosen.reason]
+    around = spread(columns, residual, len(values), signal=force)
+    notes = [table.cut_off.reason]
     for factor, word in ((0.5, "half"), (2.0, "twice")):
-        mass, damping = Regression.of(
-            trajectory,
-            model,
-            cut_off=factor * frequency,
-            noise=noise,
-            delay=delay,
-            motion=table.motion,
-        ).solve(delay)[:2]
+        mass, damping = table.at_cut_off(factor * table.cut_off.frequency, delay).solve(delay)[:2]
         notes.append(f"at {word} the cut-off mass is {mass:.5g} and damping {damping:.5g}")
     return Estimate(
         method="least-squares",
-        model=model,
+        model=table.model,
         delay=delay,
         values=values,
         covariance=around.covariance,

@@ -55,6 +55,12 @@ class Mechanics:
     force_offset: float
 
 
+def always_moving(intervals: int) -> Motion:
+    """A device without friction never stands still; its direction does not matter."""
+    ones = np.ones(intervals)
+    return Motion(direction=Held(early=ones, late=ones, fraction=0.0), moving=ones)
+
+
 def first_look(position: FloatArray, *, noise: float, bend: float) -> Motion:
     """Direction and standstill from the position alone.
 

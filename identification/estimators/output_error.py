@@ -3,7 +3,7 @@
 q = q0 + v0·(1 - e^(-pt))/p + (G_p[F] - f0·G_p[1] - Fc·G_p[sign q̇])/m, G_p = 1/(s(s+p)), p = b/m.
 Only p is nonlinear; everything else is a linear solve inside (Golub and Pereyra, SIAM Journal on
 Numerical Analysis 10, 1973, p. 413). Best where position noise is all there is; a force that the
-log does not know integrates twice and ruins it, which its residual then shows.
+log does not know integrates twice and spoils it, which its residual then shows.
 """
 
 from __future__ import annotations
@@ -13,86 +13,196 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import InvalidInputError
 from identification.estimators import least_squares
 from identification.estimators.held import Held, unknown_intervals
+from identification.estimators.held_response import coasting, response
 from identification.estimators.model import Estimate, Model
 from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
-AnyArray = NDArray[np.float64] | NDArray[np.complex128]
 
-#: Below this |δ| the φ-functions are summed as series, above it taken from expm1.
-_SERIES_BELOW = 0.5
-#: Terms of the series; 0.5^18/18! is far below the last bit.
-_TERMS = 18
-#: Imaginary step for the derivative by p·T: exact, since nothing is subtracted.
+#: Imaginary step for derivatives by p, as part of 1/T: nothing is subtracted, so it is exact.
 _COMPLEX_STEP = 1e-30
-#: Steps of Gauss-Newton; it converges in four or five from least squares.
+#: Steps of Gauss-Newton; from least squares it converges in three to five.
 _MOST_STEPS = 30
-#: Times a step that makes the fit worse is halved before the search ends.
+#: Times a step that makes the fit worse is halved before it is given up.
 _MOST_HALVINGS = 20
-#: The search ends when p moves by less than this part of its own standard deviation.
-_CONVERGED = 1e-4
-#: A rate |p| beyond this many per sample means that the motion dies within one sample: b/m is then
-#: not to be told from a position log.
+#: The search ends when p moves by less than this part of its own standard deviation, ...
+_CONVERGED = 1e-3
+#: ... or of the finest change of p a log of this duration could show in double precision.
+_FINEST = 1e-12
+#: Fastest |p| searched, per sample: there the motion dies within a sample.
 _FASTEST = 2.0
+#: Fastest growth searched, per log: e^50 exceeds any travel.
+_GROWTH = 50.0
 
 
-def phi(delta: complex, order: int) -> complex:
-    """φ_1 = (1 - e^(-δ))/δ or φ_2 = (1 - φ_1)/δ, finite at δ = 0; complex for derivatives."""
-    if abs(delta) < _SERIES_BELOW:
-        term, total = 1.0 + 0j, 0j
-        for k in range(1, _TERMS + order):
-            term /= k
-            if k >= order:
-                total += term
-                term *= -delta
-        return total
-    first = complex(-np.expm1(-delta) / delta)
-    return first if order == 1 else (1 - first) / delta
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Projection:
+    """The best linear fit at one p.
+
+    Attributes:
+        rate: p, 1/s.
+        columns: responses of position, shape (n, q), and ...
+        slopes: ... their derivatives by p.
+        weights: shape (q,): 1/m, then what the columns of the model carry, q0, v0.
+        residual: m, shape (n,).
+    """
+
+    rate: float
+    columns: FloatArray
+    slopes: FloatArray
+    weights: FloatArray
+    residual: FloatArray
+
+    @property
+    def cost(self) -> float:
+        return float(self.residual @ self.residual)
 
 
-def response(column: Held, rate: complex, step: float) -> AnyArray:
-    """G_p of a held column at the samples, shape (n,), zero and at rest at the first.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Problem:
+    """Held inputs and measured position of one log, from the first sample with known force."""
+
+    inputs: tuple[Held, ...]
+    position: FloatArray
+    step: float
+
+    def at(self, rate: float) -> _Projection:
+        """The fit with p given."""
+        nudge = _COMPLEX_STEP / self.step
+        complex_rate = complex(rate, nudge)
+        dynamic = [response(held, complex_rate, self.step) for held in self.inputs]
+        dynamic.append(coasting(self.position.size, complex_rate, self.step))
+        stack = np.stack([*dynamic, np.ones(self.position.size, dtype=np.complex128)], axis=1)
+        columns, slopes = np.ascontiguousarray(stack.real), stack.imag / nudge
+        weights = _solve(columns, self.position)
+        return _Projection(
+            rate=rate,
+            columns=columns,
+            slopes=slopes,
+            weights=weights,
+            residual=self.position - columns @ weights,
+        )
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Rates searched, 1/s."""
+        return -_GROWTH / (self.step * self.position.size), _FASTEST / self.step
+
+
+def estimate(trajectory: Trajectory, model: Model, delay: float) -> Estimate:
+    """Mass, damping and friction by output error.
 
     Args:
-        column: n - 1 intervals.
-        rate: p = b/m, 1/s; complex for derivatives.
-        step: T, s.
+        trajectory: the log, n samples at a constant step.
+        model: which friction terms to estimate.
+        delay: s, command to force; a fraction of a sample is honoured.
+
+    Returns:
+        Estimate with the residual in position.
     """
-    late = step * (1 - np.asarray(column.fraction))
-    early = step - late
-    gain = _push(rate, late)
-    through = _decay(rate, late)
-    velocity = column.late * gain[0] + column.early * _push(rate, early)[0] * through
-    position = column.late * gain[1] + column.early * (
-        _push(rate, early)[1] + _push(rate, early)[0] * gain[0]
+    return fit(least_squares.prepare(trajectory, model, delay), delay)
+
+
+def fit(table: least_squares.Regression, delay: float) -> Estimate:
+    """The same from a prepared regression, which gives the start and the direction of motion."""
+    trajectory, model = table.trajectory, table.model
+    step = trajectory.sample_time
+    known = unknown_intervals(delay / step)
+    moving = table.motion.moving
+    inputs = [table.held_force(delay).times(moving)]
+    if model.coulomb:
+        inputs.append(table.motion.direction)
+    if model.offset:
+        inputs.append(Held(early=moving, late=moving, fraction=0.0))
+    position = trajectory.position[known:]
+    problem = _Problem(
+        inputs=tuple(held.since(known) for held in inputs),
+        position=position - np.mean(position),
+        step=step,
     )
-    return _cascade(velocity, position, rate, step, 0.0)
+    mass, damping = table.solve(delay)[:2]
+    best, notes = _search(problem, damping / mass if mass > 0 else 0.0)
+    values, jacobian = _physical(best, len(model.parameters))
+    around = spread(jacobian, best.residual, len(values), signal=values[0] * jacobian[:, 0])
+    return Estimate(
+        method="output-error",
+        model=model,
+        delay=delay,
+        values=values,
+        covariance=around.covariance,
+        degrees_of_freedom=around.degrees_of_freedom,
+        residual=best.residual,
+        residual_unit="position",
+        explained=float(1 - best.cost / (problem.position @ problem.position)),
+        whiteness=whiteness(best.residual),
+        condition=around.condition,
+        inflation=around.inflation,
+        notes=notes,
+    )
 
 
-def coasting(count: int, rate: complex, step: float) -> AnyArray:
-    """(1 - e^(-pt))/p at ``count`` samples: position after a unit velocity at the first."""
-    nothing = np.zeros(count - 1)
-    return _cascade(nothing, nothing, rate, step, 1.0)
+def _search(problem: _Problem, start: float) -> tuple[_Projection, tuple[str, ...]]:
+    """The p of the best fit, by Gauss-Newton with halved steps, or by bracketing if that fails."""
+    low, high = problem.bounds
+    best = problem.at(float(np.clip(start, low, high)))
+    for _ in range(_MOST_STEPS):
+        # Kaufman's form: the step of p is its coefficient beside all linear columns.
+        slope = best.slopes @ best.weights
+        across = slope - best.columns @ _solve(best.columns, slope)
+        square = float(across @ across)
+        if square == 0:
+            break
+        move = float(across @ best.residual) / square
+        deviation = np.sqrt(best.cost / best.residual.size / square)
+        if abs(move) <= max(_CONVERGED * deviation, _FINEST / problem.step):
+            return best, ()
+        for halving in range(_MOST_HALVINGS):
+            trial = problem.at(float(np.clip(best.rate + move / 2**halving, low, high)))
+            if trial.cost < best.cost:
+                best = trial
+                break
+        else:
+            break
+    return _bracketed(problem, best)
 
 
-def _push(rate: complex, span: FloatArray) -> tuple[AnyArray, AnyArray]:
-    """Velocity and position after a unit force per mass for ``span`` s, from rest."""
-    if span.ndim == 0:
-        delta = rate * float(span)
-        return np.asarray(span * phi(delta, 1)), np.asarray(span**2 * phi(delta, 2))
-    values, where = np.unique(span, return_inverse=True)
-    if values.size > 1:
-        # Inside an interval p·T is small or the log useless: six terms reach the last bit.
-        delta = rate * span
-        return (
-            span * _short_series(delta, (1, 2, 6, 24, 120, 720, 5040, 40320)),
-            span**2 * _short_series(delta, (2, 6, 24, 120, 720, 5040, 40320, 362880)),
-        )
-    del where
-    one = _push(rate, values[0])
-    return np.broadcast_to(one[0], span.shape), np.broadcast_to(one[1], span.shape)
+def _bracketed(problem: _Problem, best: _Projection) -> tuple[_Projection, tuple[str, ...]]:
+    """Search without derivatives about the best p so far."""
+    from scipy.optimize import minimize_scalar
+
+    low, high = problem.bounds
+    width = abs(best.rate) + 10.0 / (problem.step * problem.position.size)
+    bounds = (max(low, best.rate - width), min(high, best.rate + width))
+    found = minimize_scalar(lambda rate: problem.at(float(rate)).cost, bounds=bounds)
+    trial = problem.at(float(found.x))
+    chosen = trial if trial.cost < best.cost else best
+    return chosen, (f"b/m was bracketed, not converged, at {chosen.rate:.6g} 1/s",)
+
+
+def _physical(best: _Projection, count: int) -> tuple[FloatArray, FloatArray]:
+    """Parameters (m, b, friction terms) and the Jacobian of position by them, q0 and v0.
+
+    The chain rule from (p, 1/m, Fc/m, f0/m) is taken in the columns, so the covariance of the fit
+    is already that of the physical parameters.
+    """
+    mass = 1 / best.weights[0]
+    friction = best.weights[1 : count - 1] * -mass
+    values = np.concatenate(([mass, best.rate * mass], friction))
+    slope = best.slopes @ best.weights
+    driven = best.columns[:, : count - 1] @ best.weights[: count - 1]
+    columns = [-(driven + best.rate * slope) / mass, slope / mass]
+    columns += [-best.columns[:, index] / mass for index in range(1, count - 1)]
+    nuisance = best.columns[:, count - 1 :]
+    return values, np.concatenate((np.stack(columns, axis=1), nuisance), axis=1)
+
+
+def _solve(columns: FloatArray, right: FloatArray) -> FloatArray:
+    """Least-squares solution by QR of unit-norm columns, shape (q,)."""
+    norms = np.linalg.norm(columns, axis=0)
+    norms = np.where(norms > 0, norms, 1.0)
+    q, r = np.linalg.qr(columns / norms)
+    return np.linalg.lstsq(r, q.T @ right, rcond=None)[0] / norms

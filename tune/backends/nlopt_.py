@@ -49,7 +49,7 @@ class Slsqp:
             if np.all(result <= 0):
                 height = objective(z, np.empty(0))
                 if best is None or height < best[0]:
-                    best = (height, z.copy())
+                    best = (height, np.array(z))
 
         size = functions.constraints.numel_out(0)
         solver = nlopt.opt(nlopt.LD_SLSQP, count + 1)

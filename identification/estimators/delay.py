@@ -1,0 +1,86 @@
+"""The delay from command to force, if nobody states it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators import least_squares
+from identification.estimators.model import Model
+from identification.intervals import spread
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Largest delay looked for, sample times; a longer one is to be stated.
+MOST_SAMPLES = 4
+#: Steps of the scan per sample time; a parabola through the best three does the rest.
+_STEPS_PER_SAMPLE = 20
+#: Standard deviation of a delay nothing is known about but that it lies within the scan.
+_IGNORANCE = MOST_SAMPLES / np.sqrt(12)
+#: Scans: the direction of motion is refined at the delay of the scan before.
+_ROUNDS = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delay:
+    """A delay read from a log.
+
+    Attributes:
+        value: s.
+        deviation: standard deviation, s.
+        residuals: root mean square of the filtered residual at 0, 1, ... whole samples, N.
+    """
+
+    value: float
+    deviation: float
+    residuals: tuple[float, ...]
+
+
+def find_delay(trajectory: Trajectory, model: Model) -> Delay:
+    """The delay, 0 to MOST_SAMPLES samples, at which least squares leaves the smallest residual.
+
+    Delaying a force and adding damping look alike in a log of a single frequency; then the
+    deviation is large, and so becomes the interval of the damping (``Estimate.with_delay``).
+
+    Args:
+        trajectory: the log.
+        model: friction terms.
+    """
+    step = trajectory.sample_time
+    grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE
+    table = least_squares.prepare(trajectory, model, MOST_SAMPLES * step)
+    costs, best = np.empty(0), 0.0
+    for _ in range(_ROUNDS):
+        basis, _ = np.linalg.qr(table.columns / np.linalg.norm(table.columns, axis=0))
+        forces = (table.force(samples * step) for samples in grid)
+        costs = np.array([float(f @ f - np.sum((basis.T @ f) ** 2)) for f in forces])
+        best = _lowest(grid, costs)
+        table = table.refined(best * step)
+    columns = table.columns
+    force = table.force(best * step)
+    residual = force - columns @ table.solve(best * step)
+    # F(t - d) changes with d by its slope; beside the other columns that tells how well d is known.
+    low, high = max(best - 0.5, 0.0), min(best + 0.5, float(MOST_SAMPLES))
+    slope = (table.force(high * step) - table.force(low * step)) / ((high - low) * step)
+    around = spread(np.column_stack((-slope, columns)), residual, 1, signal=force)
+    deviation = min(float(np.sqrt(around.covariance[0, 0])), float(_IGNORANCE) * step)
+    whole = costs[::_STEPS_PER_SAMPLE]
+    return Delay(
+        value=best * step,
+        deviation=deviation,
+        residuals=tuple(float(np.sqrt(max(cost, 0.0) / force.size)) for cost in whole),
+    )
+
+
+def _lowest(grid: FloatArray, costs: FloatArray) -> float:
+    """The minimum of a parabola through the lowest cost and its neighbours."""
+    index = int(np.argmin(costs))
+    if index in {0, grid.size - 1}:
+        return float(grid[index])
+    left, middle, right = costs[index - 1 : index + 2]
+    bend = left - 2 * middle + right
+    shift = (left - right) / (2 * bend) if bend > 0 else 0.0
+    return float(grid[index] + np.clip(shift, -1, 1) * (grid[1] - grid[0]))

@@ -1,0 +1,248 @@
+"""Tuning against closed forms, brute force, relaxed limits and true devices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from identification import Device, ForceLimit, load_device, quantity
+
+from tune.certificate.certify import setting_of
+from tune.certificate.polynomial import Point
+from tune.certificate.roots import judge
+from tune.climb import climb
+from tune.effects import Effects
+from tune.errors import NoFeasibleEffectError
+from tune.limits import allowed
+from tune.loop import Filters, Loop
+from tune.optimise import groups, optimise
+from tune.perception import default_table
+from tune.problem import Region, pose
+from tune.profile import SafeProfile
+from tune.scene import Scene
+from tune.stability import largest
+
+
+def _scene(elements: dict[str, Any], **more: Any) -> Scene:
+    return Scene.model_validate({"elements": elements, **more})
+
+
+def _device(**changes: Any) -> Device:
+    """HomeRehab without what would hide the limit under test."""
+    return load_device("homerehab").model_copy(update=changes)
+
+
+UNLIMITED = {"force_limit": None, "encoder_resolution": None}
+
+
+def test_a_lone_spring_is_the_closed_form_at_the_worst_corner() -> None:
+    device = _device(**UNLIMITED)
+    profile = optimise(device, _scene({"wall": {"stiffness": "max"}}))
+    box = device.simultaneous_box()
+    worst = min(
+        float(
+            largest(
+                Loop.from_numbers(mass=m, damping=b, sample_time=1e-3, delay_samples=2),
+                "stiffness",
+            )
+        )
+        for m in box.mass
+        for b in box.damping
+    )
+    wall = profile.elements["wall"]
+    assert wall.stiffness == pytest.approx(worst / 2, rel=2e-5)
+    assert wall.stiffness <= worst / 2
+    assert wall.limited_by == {"stiffness": "delay-margin"}
+    assert profile.method == {"wall": "closed form"}
+    assert {"damping", "mass", "hand", "modes"} <= set(profile.skipped)
+
+
+@pytest.mark.parametrize("margin", ["conservative", "balanced", "firm"])
+def test_margins_order_the_stiffness(margin: str) -> None:
+    numbers = {"conservative": (3.0, 2), "balanced": (2.0, 1), "firm": (1.5, 1)}
+    gain, extra = numbers[margin]
+    profile = optimise(_device(**UNLIMITED), _scene({"wall": {"stiffness": "max"}}, margin=margin))
+    claimed = profile.elements["wall"].margins
+    assert claimed.gain >= gain
+    assert claimed.extra_delay_samples >= extra
+
+
+def _limit(profile: SafeProfile, element: str, effect: str) -> tuple[float, str]:
+    entry = profile.elements[element]
+    return getattr(entry, effect), entry.limited_by[effect]
+
+
+@pytest.mark.parametrize(
+    ("effect", "word", "tight", "loose"),
+    [
+        ("stiffness", "force", {}, {"device": UNLIMITED}),
+        (
+            "mass",
+            "ripple",
+            {"loop": {"acceleration_filter_hz": 30.0}},
+            {"loop": {"acceleration_filter_hz": 30.0}, "ripple_limit": 0.1},
+        ),
+        (
+            "stiffness",
+            "delay-margin",
+            {"device": UNLIMITED, "margin": "conservative"},
+            {"device": UNLIMITED, "margin": "balanced"},
+        ),
+        ("damping", "wanted", {"wish": 10.0}, {"wish": "max"}),
+        ("stiffness", "range", {"wish": {"min": 100.0, "max": 300.0}}, {"wish": "max"}),
+        ("mass", "gain-margin", {"wish": "min"}, {"wish": "min", "margin": "firm"}),
+    ],
+)
+def test_each_limit_binds_and_relaxing_it_lets_the_value_grow(
+    effect: str, word: str, tight: dict[str, Any], loose: dict[str, Any]
+) -> None:
+    values: list[tuple[float, str]] = []
+    for setting in (tight, loose):
+        rest = dict(setting)
+        device = _device(**rest.pop("device", {}))
+        wish = rest.pop("wish", "max")
+        profile = optimise(device, _scene({"thing": {effect: wish}}, **rest))
+        values.append(_limit(profile, "thing", effect))
+    assert values[0][1] == word
+    assert abs(values[1][0]) > abs(values[0][0]) * 1.05
+
+
+def test_joint_optimum_against_a_fine_grid() -> None:
+    """Max-min over K and B of a wall: no allowed grid point stands higher."""
+    device = _device()
+    scene = _scene({"wall": {"stiffness": "max", "damping": "max"}}, ripple_limit=0.02)
+    region = Region.of(device.simultaneous_box())
+    problem = pose(
+        device,
+        scene,
+        default_table(),
+        region,
+        elements=["wall"],
+        filters=Filters(velocity_hz=50.0),
+    )
+    from tune.backends.casadi_ import Ipopt
+    from tune.backends.nlopt_ import Slsqp
+
+    best = climb(problem, [Ipopt(), Slsqp()])
+    assert best.sizes is not None
+    assert best.disagreements < 1e-6
+    heights = [u.steps(float(s)) for u, s in zip(problem.unknowns, best.sizes, strict=True)]
+    low = min(heights)
+    grid = 0.0
+    for h0 in np.linspace(0.8 * low, 1.2 * low, 17):
+        for h1 in np.linspace(0.8 * low, 1.2 * low, 17):
+            sizes = np.array([u.size_at(h) for u, h in zip(problem.unknowns, (h0, h1), strict=True)])
+            if min(h0, h1) > grid and allowed(problem, sizes):
+                grid = min(h0, h1)
+    assert grid <= low * (1 + 1e-6)
+    assert grid >= 0.95 * low
+
+
+def test_three_effects_of_one_element_are_found_and_certified() -> None:
+    profile = optimise(
+        _device(),
+        _scene(
+            {"block": {"stiffness": "max", "damping": "max", "mass": "max"}},
+            loop={"velocity_filter_hz": 50.0, "acceleration_filter_hz": 20.0},
+        ),
+    )
+    block = profile.elements["block"]
+    assert min(block.perceived_steps.values()) >= 1
+    assert block.stiffness > 0
+    assert block.damping > 0
+    assert block.mass > 0
+
+
+def test_elements_together_are_certified_as_a_sum() -> None:
+    alone = optimise(_device(), _scene({"wall": {"stiffness": "max"}}))
+    apart = {"wall": {"stiffness": "max"}, "rail": {"stiffness": 500.0}}
+    both = optimise(_device(), _scene(apart, together=[["wall", "rail"]]))
+    assert both.elements["rail"].stiffness == 500.0
+    assert both.elements["wall"].stiffness == pytest.approx(
+        alone.elements["wall"].stiffness - 500.0, rel=1e-3
+    )
+
+
+def test_groups_follow_together() -> None:
+    scene = _scene(
+        {name: {"stiffness": 1.0} for name in "abcde"}, together=[["a", "c"], ["c", "e"]]
+    )
+    assert groups(scene) == (("a", "c", "e"), ("b",), ("d",))
+    assert ("a", "e") not in scene.subsets()
+    assert ("a", "c") in scene.subsets()
+
+
+def test_an_effect_no_hand_can_tell_is_dropped_and_said_so() -> None:
+    profile = optimise(_device(), _scene({"wall": {"stiffness": "max"}, "dust": {"damping": 0.1}}))
+    dust = profile.elements["dust"]
+    assert dust.damping == 0.0
+    assert dust.limited_by == {"damping": "not-perceptible"}
+    assert any("dust.damping dropped" in note for note in profile.notes)
+
+
+def test_no_positive_lowest_damping_refuses_a_pure_spring_for_that_reason() -> None:
+    device = _device(damping=quantity(1.0, -1.0, 3.0))
+    with pytest.raises(NoFeasibleEffectError, match="not positive"):
+        optimise(device, _scene({"wall": {"stiffness": "max"}}))
+
+
+def test_a_range_that_cannot_be_met_is_refused() -> None:
+    with pytest.raises(NoFeasibleEffectError, match=r"range starts at 20000"):
+        optimise(_device(), _scene({"wall": {"stiffness": {"min": 2e4, "max": 3e4}}}))
+
+
+def test_a_zero_force_limit_leaves_nothing() -> None:
+    device = _device(force_limit=ForceLimit(continuous=0.0, peak=0.0))
+    with pytest.raises(NoFeasibleEffectError, match="force"):
+        optimise(device, _scene({"wall": {"stiffness": "max"}}))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_devices_inside_the_box_are_stable_with_the_claimed_margins(seed: int) -> None:
+    """Random devices, scenes and filters; 40 true devices inside each box."""
+    rng = np.random.default_rng(seed)
+    mass = 10 ** rng.uniform(-1.3, 1.3)
+    damping = mass / 10 ** rng.uniform(-1, 0.5)
+    step = float(rng.choice([5e-4, 1e-3, 2e-3]))
+    spread = rng.uniform(0.01, 0.1)
+    device = Device(
+        sample_time=quantity(step),
+        mass=quantity(mass, mass * (1 - spread), mass * (1 + spread)),
+        damping=quantity(damping, damping * (1 - 2 * spread), damping * (1 + 2 * spread)),
+        delay=quantity(int(rng.integers(0, 3)) * step),
+        encoder_resolution=quantity(1e-6),
+    )
+    scene = _scene(
+        {
+            "wall": {"stiffness": "max", "damping": "max"},
+            "water": {"damping": float(damping)},
+            "cup": {"mass": "max"},
+            "light": {"mass": "min"},
+        },
+        together=[["wall", "water"]],
+        ripple_limit=1.0,
+        loop={"velocity_filter_hz": 0.05 / step, "acceleration_filter_hz": 0.03 / step},
+    )
+    profile = optimise(device, scene)
+    box = device.simultaneous_box()
+    last = profile.certificate.delay_samples[1]
+    for moment in profile.moments():
+        setting = setting_of(profile, moment)
+        if setting is None:
+            continue
+        for _ in range(40):
+            point = Point(
+                mass=rng.uniform(*box.mass),
+                damping=rng.uniform(*box.damping),
+                sample_time=step,
+                delay_samples=int(rng.integers(last, last + 2)),
+            )
+            assert judge(point, setting, 2.0).answer == "stable"
+
+
+def test_the_paper_allows_a_virtual_mass_of_about_the_device_with_gain_margin_two() -> None:
+    """Section 2.8: in the ideal loop M = m was the most that was free of oscillation."""
+    loop = Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-3)
+    assert float(largest(loop, "mass")) / 2 == pytest.approx(3.0, rel=0.01)
+    assert float(largest(loop, "mass", Effects(damping=10.0))) / 2 == pytest.approx(3.0, rel=0.02)

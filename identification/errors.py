@@ -45,6 +45,22 @@ class InvalidInputError(IdentificationError):
         super().__init__(f"{self.subject}: {problem}. {remedy}")
 
 
+class UsageError(IdentificationError):
+    """A request that contradicts itself, such as logs of two axes for one device.
+
+    Attributes:
+        subject: the argument at fault.
+        problem: what is wrong, with the value seen.
+        remedy: what to do about it.
+    """
+
+    def __init__(self, subject: str, problem: str, remedy: str) -> None:
+        self.subject = subject
+        self.problem = problem
+        self.remedy = remedy
+        super().__init__(f"{subject}: {problem}. {remedy}")
+
+
 class LogRefusedError(IdentificationError):
     """A readable log from which mass and damping cannot honestly be told.
 

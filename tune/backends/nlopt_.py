@@ -29,7 +29,7 @@ class Slsqp:
         count = start.size
         parameters = np.concatenate([program.parameters, stage.active, stage.floors, stage.weights])
         functions = program.functions
-        best: tuple[float, FloatArray] | None = None
+        best: list[tuple[float, FloatArray]] = []
 
         def objective(z: FloatArray, gradient: FloatArray) -> float:
             value, slope = functions.objective(z, parameters)
@@ -39,7 +39,6 @@ class Slsqp:
             return number if np.isfinite(number) else _UNREACHABLE
 
         def constraints(result: FloatArray, z: FloatArray, gradient: FloatArray) -> None:
-            nonlocal best
             value, slope = functions.constraints(z, parameters)
             result[:] = np.nan_to_num(
                 np.asarray(value).ravel(), nan=_UNREACHABLE, posinf=_UNREACHABLE
@@ -48,10 +47,10 @@ class Slsqp:
                 gradient[:] = np.nan_to_num(np.asarray(slope))
             if np.all(result <= 0):
                 height = objective(z, np.empty(0))
-                if best is None or height < best[0]:
-                    best = (height, np.array(z))
+                if not best or height < best[0][0]:
+                    best[:] = [(height, np.array(z))]
 
-        size = functions.constraints.numel_out(0)
+        size = int(functions.constraints.numel_out(0))
         solver = nlopt.opt(nlopt.LD_SLSQP, count + 1)
         solver.set_lower_bounds(np.append(program.lower, -1.0))
         solver.set_upper_bounds(np.append(program.upper, 1e3))
@@ -65,6 +64,6 @@ class Slsqp:
             z = np.asarray(solver.optimize(np.append(start, 0.0)), dtype=np.float64)
         except (RuntimeError, ValueError, nlopt.RoundoffLimited, nlopt.ForcedStop):
             z = None
-        if best is not None and (z is None or best[0] < objective(z, np.empty(0))):
-            z = best[1]
+        if best and (z is None or best[0][0] < objective(z, np.empty(0))):
+            z = best[0][1]
         return z[:count] if z is not None and np.all(np.isfinite(z)) else None

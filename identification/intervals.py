@@ -9,14 +9,19 @@ correlation inside a block, and however unevenly the blocks excite the device, i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.model import Estimate
+
 FloatArray = NDArray[np.float64]
 
+#: Half-width of the 95 % interval of a normal variable, in standard deviations.
+NORMAL_95 = 1.959963984540054
+#: Upper end of a two-sided 95 % interval.
+CONFIDENCE_ABOVE = 0.975
 #: At most this many blocks: with 60, the t quantile is within 2 % of the normal one, and each
 #: block of a usual log still outlasts the filter and the correlation of its residual many times.
 MOST_BLOCKS = 60
@@ -109,3 +114,10 @@ def spread(columns: FloatArray, residual: FloatArray, keep: int, *, signal: Floa
         condition=condition,
         inflation=inflation[:keep],
     )
+
+
+def half_width(estimate: Estimate, name: str) -> float:
+    """Half of the 95 % interval of one parameter: Student's t with the covariance's freedom."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(estimate.degrees_of_freedom, CONFIDENCE_ABOVE)) * estimate.deviation(name)

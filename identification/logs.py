@@ -177,6 +177,8 @@ def _read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, Floa
         table = pl.read_csv(
             BytesIO(content), separator=separator, infer_schema=False, encoding="utf8-lossy"
         )
+        # A header line that begins with # comes from loggers that mark it as a comment.
+        table = table.rename({name: name.strip("# ") for name in table.columns})
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError) as error:
         reason = " ".join(str(error).split("\n")[0].split())[:200]
         raise InvalidInputError(
@@ -184,10 +186,15 @@ def _read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, Floa
             f"is not a table of equally long rows ({reason})",
             "Export it again as CSV with one header line",
         ) from None
-    table = table.rename({name: name.strip() for name in table.columns})
     wanted = _wanted(columns, table.columns, path)
     if columns.reference is None and _DEFAULT_REFERENCE in table.columns:
         wanted["reference"] = _DEFAULT_REFERENCE
+    for name in wanted.values():
+        # The reader's own name for a second column of one name.
+        if f"{name}_duplicated_0" in table.columns:
+            raise InvalidInputError(
+                path, f"has two columns named '{_quoted(name)}'", "Rename one of them"
+            )
     return {role: _numbers(path, table[name]) for role, name in wanted.items()}
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tune.optimise import optimise
     from tune.passivity import damping_needed
     from tune.perception import PerceptionTable, Study, default_table, perceived_steps
+    from tune.pictures import profile_picture
     from tune.profile import SafeProfile, load_profile
     from tune.ripple import force_ripple
     from tune.scene import Element, Scene, load_scene
@@ -53,6 +54,7 @@ __all__ = [
     "load_scene",
     "optimise",
     "perceived_steps",
+    "profile_picture",
     "safe_gain",
     "stable_gains",
     "verdict",
@@ -65,6 +67,7 @@ _HOMES = {
     "loop": "Filters Loop",
     "optimise": "optimise",
     "passivity": "damping_needed",
+    "pictures": "profile_picture",
     "perception": "PerceptionTable Study default_table perceived_steps",
     "profile": "SafeProfile load_profile",
     "ripple": "force_ripple",

@@ -8,6 +8,8 @@ each interval between neighbours once. No iteration over s, no grid.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,9 +26,21 @@ _POLISHES = 4
 _SAME = 64 * UNIT
 
 
+class Intervals(NamedTuple):
+    """Open intervals of a gain or a size, stable strictly inside.
+
+    Attributes:
+        low: lower ends; 0 where the interval is connected to zero.
+        high: upper ends, of the same shape; inf where there is no end. Unused entries are nan.
+    """
+
+    low: FloatArray
+    high: FloatArray
+
+
 def stable_intervals(
     fixed: FloatArray, varied: FloatArray, fixed_size: FloatArray, varied_size: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> Intervals:
     """All intervals of s in (0, ∞) on which fixed + s·varied has every root in Re w < 0.
 
     Args:
@@ -36,8 +50,7 @@ def stable_intervals(
         varied_size: the same for B.
 
     Returns:
-        (low, high), each (intervals, *shape), ascending in s, nan where unused. An interval that
-        starts at zero has low = 0; one without an end has high = inf.
+        Ends of shape (intervals, *shape), ascending in s.
     """
     shape = fixed.shape[1:]
     parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
@@ -55,9 +68,8 @@ def stable_intervals(
     middle[empty] = 1.0
     stable = _verdicts(parts, sizes, middle) > 0
     stable[empty] = False
-    return tuple(  # type: ignore[return-value]
-        side.reshape(-1, *shape) for side in _merged(edges, after, stable, empty)
-    )
+    low, high = _merged(edges, after, stable, empty)
+    return Intervals(low.reshape(-1, *shape), high.reshape(-1, *shape))
 
 
 def _verdicts(parts: list[FloatArray], sizes: list[FloatArray], s: FloatArray) -> VerdictArray:

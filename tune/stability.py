@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.criterion import Quartic, VerdictArray, routh
-from tune.crossings import stable_intervals
+from tune.crossings import Intervals, stable_intervals
 from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.loop import Loop, Terms
 
@@ -66,15 +66,15 @@ def is_stable(loop: Loop, effects: Effects) -> NDArray[np.bool_]:
     return verdict(loop, effects) > 0
 
 
-def gain_interval(loop: Loop, effects: Effects) -> tuple[FloatArray, FloatArray]:
+def gain_interval(loop: Loop, effects: Effects) -> Intervals:
     """Stable gains around s = 1 when K, B and M are all multiplied by s.
 
     Returns:
-        (low, high) of the broadcast shape: the loop is stable for every s strictly between.
-        Both nan where the effects as given are not certainly stable.
+        Ends of the broadcast shape: the loop is stable for every s strictly between. Both nan
+        where the effects as given are not certainly stable.
     """
     intervals = stable_gains(loop, effects)
-    inside = (intervals[0] < 1) & (intervals[1] > 1)
+    inside = (intervals.low < 1) & (intervals.high > 1)
     return _pick(intervals, inside)
 
 
@@ -85,14 +85,14 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
     saturation all lower the gain (theory.md section 4).
     """
     intervals = stable_gains(loop, effects)
-    return np.nan_to_num(_pick(intervals, intervals[0] == 0)[1], nan=0.0, posinf=np.inf)
+    return np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf)
 
 
-def stable_gains(loop: Loop, effects: Effects) -> tuple[FloatArray, FloatArray]:
+def stable_gains(loop: Loop, effects: Effects) -> Intervals:
     """All intervals of gains s > 0 at which s·(K, B, M) is stable.
 
     Returns:
-        (low, high), each (intervals, *shape), ascending; unused entries are nan.
+        Ends of shape (intervals, *shape), ascending; unused entries are nan.
     """
     total, sizes = loop.polynomial(effects)
     free = _like(loop.terms.free, total)
@@ -118,13 +118,13 @@ def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> Flo
         K in N/m, B in N·s/m or M in kg, of the broadcast shape; 0 where not even an arbitrarily
         small positive value is stable, inf where there is no limit.
     """
-    low, high = stable_values(loop, name, effects)
-    return np.nan_to_num(_pick((low, high), low == 0)[1], nan=0.0, posinf=np.inf)
+    intervals = stable_values(loop, name, effects)
+    return np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf)
 
 
 def stable_values(
     loop: Loop, name: EffectName, effects: Effects | None = None, *, sign: int = 1
-) -> tuple[FloatArray, FloatArray]:
+) -> Intervals:
     """All stable intervals of the size of one effect, the others as given.
 
     Args:
@@ -134,7 +134,7 @@ def stable_values(
         sign: +1 for positive values, -1 for the sizes of negative ones.
 
     Returns:
-        (low, high) of sizes, each (intervals, *shape), ascending, nan where unused.
+        Ends in sizes, of shape (intervals, *shape), ascending, nan where unused.
     """
     others = effects or Effects()
     given = {key: getattr(others, key) for key in EFFECT_NAMES if key != name}
@@ -176,14 +176,12 @@ def _like(coefficients: FloatArray, total: FloatArray) -> FloatArray:
     return np.broadcast_to(shaped, total.shape)
 
 
-def _pick(
-    intervals: tuple[FloatArray, FloatArray], wanted: NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray]:
+def _pick(intervals: Intervals, wanted: NDArray[np.bool_]) -> Intervals:
     """The first wanted interval of each loop; nan where there is none."""
     low, high = intervals
     index = np.argmax(wanted, axis=0)[None]
     found = np.any(wanted, axis=0)
-    return (
+    return Intervals(
         np.where(found, np.take_along_axis(low, index, axis=0)[0], np.nan),
         np.where(found, np.take_along_axis(high, index, axis=0)[0], np.nan),
     )

@@ -21,7 +21,7 @@ _STEPS_PER_SAMPLE = 20
 #: Standard deviation of a delay nothing is known about but that it lies within the scan.
 _IGNORANCE = MOST_SAMPLES / np.sqrt(12)
 #: Scans: the direction of motion is refined at the delay of the scan before.
-_ROUNDS = 2
+_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     """
     step = trajectory.sample_time
     grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE
-    table = least_squares.prepare(trajectory, model, MOST_SAMPLES * step)
+    table = least_squares.prepare(trajectory, model, MOST_SAMPLES * step, refine=False)
     costs, best = np.empty(0), 0.0
     for _ in range(_ROUNDS):
         basis, _ = np.linalg.qr(table.columns / np.linalg.norm(table.columns, axis=0))

@@ -117,6 +117,14 @@ class Regression:
         )
         return table.with_motion(motion)
 
+    def with_model(self, model: Model) -> Regression:
+        """The same log, filter and direction of motion with other friction terms."""
+        return replace(
+            self,
+            model=model,
+            attenuation=np.append(self.attenuation[:2], np.zeros(len(model.parameters) - 2)),
+        ).with_motion(self.motion)
+
     def at_cut_off(self, frequency: float, delay: float) -> Regression:
         """The same log and direction of motion with another cut-off, Hz."""
         return Regression.of(
@@ -199,12 +207,26 @@ class Regression:
 
 
 def prepare(
-    trajectory: Trajectory, model: Model, delay: float, *, cut_off: float | None = None
+    trajectory: Trajectory,
+    model: Model,
+    delay: float,
+    *,
+    cut_off: float | None = None,
+    refine: bool = True,
 ) -> Regression:
-    """The regression of one log, its direction of motion settled. Arguments as for estimate."""
+    """The regression of one log.
+
+    Args:
+        trajectory: as for estimate.
+        model: as for estimate.
+        delay: s; the force can later be had with any delay up to this one.
+        cut_off: as for estimate.
+        refine: settle the direction of motion at this delay.
+    """
     noise = position_noise(trajectory.position, trajectory.force)
     chosen = choose_cut_off(trajectory, noise) if cut_off is None else CutOff(frequency=cut_off)
-    return Regression.of(trajectory, model, cut_off=chosen, noise=noise, delay=delay).refined(delay)
+    table = Regression.of(trajectory, model, cut_off=chosen, noise=noise, delay=delay)
+    return table.refined(delay) if refine else table
 
 
 def estimate(

@@ -15,6 +15,8 @@ _OFF_GRID = 0.05
 _BAND = 0.3
 #: ... of second differences, cut to this many samples at most: more add time, not truth.
 _LONGEST = 1 << 17
+#: Noise this many times the rounding of a count hides the count.
+_HIDDEN = 1.5
 
 
 def encoder_count(position: FloatArray) -> float | None:
@@ -57,3 +59,16 @@ def position_noise(position: FloatArray, force: FloatArray) -> float:
         second = second - drive * (np.sum(second * drive.conj()).real / power)
     gain = (2 * np.sin(np.pi * frequency)) ** 4 * np.sum(window**2)
     return max(least, float(np.sqrt(np.mean(np.abs(second) ** 2 / gain))))
+
+
+def finest_reading(position: FloatArray, force: FloatArray) -> float:
+    """Resolution of a log that does not state one: the encoder's count, m.
+
+    If noise exceeds the rounding of that count, or there is no count, the count whose rounding
+    would be as large as the noise.
+    """
+    count = encoder_count(position)
+    equivalent = float(np.sqrt(12.0)) * position_noise(position, force)
+    if count is not None and equivalent < _HIDDEN * count:
+        return count
+    return equivalent

@@ -1,0 +1,32 @@
+"""Does the motion span enough counts of the encoder?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.device import Hardware
+from identification.errors import Finding
+from identification.estimators.noise import finest_reading
+from identification.trajectory import Trajectory
+
+#: Travel in counts below which rounding is no longer noise but part of the motion.
+FEWEST_COUNTS = 100
+
+
+def resolution(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
+    """``few-counts``."""
+    stated = None if hardware is None else hardware.encoder_resolution
+    count = stated or finest_reading(trajectory.position, trajectory.force)
+    travel = float(np.ptp(trajectory.position))
+    if travel >= FEWEST_COUNTS * count:
+        return ()
+    return (
+        Finding(
+            code="few-counts",
+            severity="refusal",
+            seen=f"{trajectory.source} travels {travel:.3g}, {travel / count:.0f} counts of "
+            f"{count:.3g}",
+            needed=f"at least {FEWEST_COUNTS} counts",
+            remedy="Move the device further while logging, or check --position-gain.",
+        ),
+    )

@@ -1,0 +1,59 @@
+"""Did the actuator give the force that was logged?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.device import Hardware
+from identification.errors import Finding
+from identification.trajectory import Trajectory
+
+#: Force counts as at its limit within this part of it (printed digits, one count of a converter).
+AT_LIMIT = 1e-4
+#: Consecutive samples at the limit that a smooth signal does not reach by chance.
+RUN = 5
+#: Part of the log in such runs that is tolerated.
+TOLERATED = 0.01
+#: A force with at most this many distinct sizes is a switching signal, whose plateaus are meant.
+SWITCHING_LEVELS = 16
+
+
+def saturation(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
+    """``force-saturated``: long runs at the exact maximum, or more than the hardware can give."""
+    size = np.abs(trajectory.force)
+    peak = float(size.max())
+    findings: list[Finding] = []
+    limit = None if hardware is None or hardware.force_limit is None else hardware.force_limit.peak
+    if limit is not None and peak > limit * (1 + AT_LIMIT):
+        share = float(np.mean(size > limit * (1 + AT_LIMIT)))
+        findings.append(
+            Finding(
+                code="force-saturated",
+                severity="refusal",
+                seen=f"{trajectory.source} asks for up to {peak:.4g}, more than the peak force "
+                f"{limit:.4g} of the hardware in {share:.2%} of its samples",
+                needed="force that the actuator can give",
+                remedy="Excite more gently, check --force-gain, or correct force_limit.",
+            )
+        )
+    share = _share_in_runs(size >= peak * (1 - AT_LIMIT))
+    levels = np.unique(np.round(size / peak / AT_LIMIT)).size
+    if share > TOLERATED and levels > SWITCHING_LEVELS:
+        findings.append(
+            Finding(
+                code="force-saturated",
+                severity="refusal",
+                seen=f"{share:.1%} of {trajectory.source} stays at the largest force {peak:.4g} "
+                f"for {RUN} samples or more",
+                needed=f"at most {TOLERATED:.0%}",
+                remedy="Excite more gently, so that the actuator gives what the log says.",
+            )
+        )
+    return tuple(findings)
+
+
+def _share_in_runs(at_limit: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
+    """Part of all samples that lie in runs of at least RUN."""
+    edges = np.diff(np.concatenate(([0], at_limit.astype(np.int8), [0])))
+    lengths = np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)
+    return float(np.sum(lengths[lengths >= RUN]) / at_limit.size)

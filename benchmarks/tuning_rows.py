@@ -14,7 +14,7 @@ from tune.backends.nlopt_ import Slsqp
 from tune.certificate.certify import certify
 from tune.climb import climb, closed_form
 from tune.loop import Filters
-from tune.optimise import optimise
+from tune.optimisation import optimise
 from tune.perception import default_table
 from tune.problem import Problem, Region, pose
 from tune.scene import Scene

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
         rounded as rounded,
         to_mapping as to_mapping,
         to_yaml as to_yaml,
-        write_text as write_text,
     )
     from identification.errors import (
         Finding as Finding,
@@ -38,19 +37,26 @@ if TYPE_CHECKING:
         InvalidInputError as InvalidInputError,
         LogRefusedError as LogRefusedError,
         NotWrittenError as NotWrittenError,
-    )
-    from identification.identify import (
-        Identification as Identification,
-        identify as identify,
+        UsageError as UsageError,
     )
     from identification.logs import (
         LogColumns as LogColumns,
         load_trajectory as load_trajectory,
     )
+    from identification.one_axis import (
+        Identification as Identification,
+        identify as identify,
+    )
+    from identification.one_log import LogFit as LogFit
+    from identification.pictures import fit_picture as fit_picture
     from identification.plant import (
         Plant as Plant,
     )
     from identification.trajectory import Trajectory as Trajectory
+    from identification.writing import (
+        write_bytes as write_bytes,
+        write_text as write_text,
+    )
 
 _HOMES = {
     "device": (
@@ -58,16 +64,19 @@ _HOMES = {
         "quantity"
     ),
     "documents": (
-        "Document as_stored load_document load_mapping parse_document rounded to_mapping to_yaml "
-        "write_text"
+        "Document as_stored load_document load_mapping parse_document rounded to_mapping to_yaml"
     ),
     "errors": (
-        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError"
+        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError UsageError"
     ),
-    "identify": "Identification identify",
     "logs": "LogColumns load_trajectory",
+    # Not identify.py: a submodule of that name would take the place of the function.
+    "one_axis": "Identification identify",
+    "one_log": "LogFit",
+    "pictures": "fit_picture",
     "plant": "Plant",
     "trajectory": "Trajectory",
+    "writing": "write_bytes write_text",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

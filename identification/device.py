@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    WithJsonSchema,
+    model_validator,
+)
 
 from identification.documents import Document, load_document
 from identification.errors import InvalidInputError
@@ -45,12 +52,14 @@ class Quantity(Document):
 
 
 def _to_quantity(raw: object) -> object:
-    if isinstance(raw, bool) or not isinstance(raw, int | float | Mapping):
-        return raw
-    if not isinstance(raw, Mapping):
+    if isinstance(raw, str | bool | None):
+        raise ValueError("give a number or {value: …, low: …, high: …}")
+    if isinstance(raw, int | float):
         return {"value": raw, "low": raw, "high": raw}
-    value = raw.get("value")  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
-    return {"low": value, "high": value, **raw}
+    if isinstance(raw, Mapping):
+        stated = cast("Mapping[str, object]", raw)
+        return {"low": stated.get("value"), "high": stated.get("value"), **stated}
+    return raw
 
 
 def _from_quantity(quantity: Quantity) -> float | dict[str, Any]:
@@ -62,8 +71,31 @@ def _from_quantity(quantity: Quantity) -> float | dict[str, Any]:
     return content if len(content) > 1 else quantity.value
 
 
+#: What a quantity looks like in a file, for the JSON Schemas.
+_IN_FILE: dict[str, Any] = {
+    "title": "Quantity",
+    "description": "a number, or a value with its 95 % interval",
+    "anyOf": [
+        {"type": "number"},
+        {
+            "type": "object",
+            "properties": {
+                "value": {"type": "number"},
+                "low": {"type": "number"},
+                "high": {"type": "number"},
+                "source": {"anyOf": [{"enum": ["hardware", "log", "assumed"]}, {"type": "null"}]},
+            },
+            "required": ["value"],
+            "additionalProperties": False,
+        },
+    ],
+}
+
 AnyQuantity = Annotated[
-    Quantity, BeforeValidator(_to_quantity), PlainSerializer(_from_quantity, when_used="always")
+    Quantity,
+    BeforeValidator(_to_quantity),
+    PlainSerializer(_from_quantity, when_used="always"),
+    WithJsonSchema(_IN_FILE),
 ]
 
 
@@ -152,11 +184,18 @@ class Box:
     delay: tuple[float, float]
 
 
+def _delay_may_be_left_out(schema: dict[str, Any]) -> None:
+    schema["required"].remove("delay")
+    schema["properties"]["delay"]["description"] = "s; left out: one sample time"
+
+
 class Device(Document):
     """One axis of a haptic device: hardware plus what was identified (device.yaml).
 
     Units for linear motion: kg, N·s/m, N, m, s. A rotary axis reads kg·m², N·m·s/rad, N·m, rad.
     """
+
+    model_config = ConfigDict(json_schema_extra=_delay_may_be_left_out)
 
     schema_: Literal["haptune/device/1"] = Field(default="haptune/device/1", alias="schema")
     name: str = "device"
@@ -176,11 +215,13 @@ class Device(Document):
     @model_validator(mode="before")
     @classmethod
     def _default_delay(cls, raw: Any) -> Any:
-        if isinstance(raw, Mapping) and "delay" not in raw and "sample_time" in raw:
-            step = _to_quantity(raw["sample_time"])  # pyright: ignore[reportUnknownArgumentType]
-            value = step["value"] if isinstance(step, dict) else getattr(step, "value", None)  # pyright: ignore[reportUnknownVariableType]
-            return {**raw, "delay": {"value": value, "source": "assumed"}}
-        return raw  # pyright: ignore[reportUnknownVariableType]
+        if not isinstance(raw, Mapping) or "delay" in raw or "sample_time" not in raw:
+            return cast("object", raw)
+        stated = cast("Mapping[str, object]", raw)
+        step = stated["sample_time"]
+        if isinstance(step, Mapping):
+            step = cast("Mapping[str, object]", step).get("value")
+        return {**stated, "delay": {"value": getattr(step, "value", step), "source": "assumed"}}
 
     @model_validator(mode="after")
     def _sane(self) -> Device:
@@ -249,9 +290,9 @@ def named_devices() -> tuple[str, ...]:
 def load_device(reference: str | Path) -> Device:
     """A device from a file, or a named one. Raises InvalidInputError."""
     path = Path(reference)
-    if not path.exists() and str(reference) in named_devices():
+    if not path.is_file() and str(reference) in named_devices():
         path = NAMED / f"{reference}.yaml"
-    elif not path.exists() and path.suffix == "":
+    elif path.suffix == "" and not path.exists():
         raise InvalidInputError(
             reference,
             "is neither a file nor a named device",

@@ -1,21 +1,23 @@
-"""YAML files in and out: hostile input refused in a sentence, output whole or not at all."""
+"""YAML in and out: hostile input refused in a sentence, numbers written for every reader."""
 
 from __future__ import annotations
 
 import difflib
-import os
-import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from io import StringIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
-from identification.errors import InvalidInputError, NotWrittenError
+from identification.errors import InvalidInputError
 
-#: No device, scene or profile comes near this; a larger file is a mistake or an attack.
-LARGEST_FILE = 4_000_000
+#: Bytes. No device, scene or profile comes near this; a larger file is a mistake or an attack.
+LARGEST_FILE = 1_000_000
+#: Levels of lists and mappings; a profile has five.
+DEEPEST = 32
+#: Complaints listed about one file; the rest is counted.
+MOST_PROBLEMS = 8
 
 #: Significant digits of every number in a file. Fifteen decimal digits tell any two apart, so a
 #: changed digit always changes the number; nothing measured here is known to more than twelve.
@@ -31,44 +33,106 @@ class Document(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True
     )
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_flag_for_a_number(cls, raw: Any, info: ValidationInfo) -> Any:
+        """True is 1 to Python; to whoever wrote the file it is a mistake."""
+        allowed = cls.model_fields[info.field_name or ""].annotation
+        if _holds_flag(raw) and allowed is not bool and bool not in get_args(allowed):
+            raise ValueError("true and false are no numbers")
+        return raw
+
+
+def _holds_flag(raw: object) -> bool:
+    if isinstance(raw, list | tuple):
+        return any(_holds_flag(item) for item in cast("list[object]", raw))
+    return isinstance(raw, bool)
+
 
 def load_mapping(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file, read without executing, aliasing or duplicating anything.
 
     Raises:
-        InvalidInputError: unreadable, too large, not UTF-8, not YAML, or not a mapping.
+        InvalidInputError: unreadable, too large, not UTF-8, not YAML, too deep, not a mapping, or
+            with anything in it but text, numbers, true, false, lists and mappings of names.
     """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
+    text = _read(path)
+    scanner: Any = YAML(typ="safe", pure=True)
+    loader: Any = YAML(typ="safe", pure=True)
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise InvalidInputError(
-                path, f"{path.stat().st_size} bytes, more than {LARGEST_FILE}", "Give a smaller file"
-            )
-        text = path.read_text(encoding="utf-8")
+        unsafe = next(_unsafe_parts(scanner.parse(text)), None)
+        if unsafe is not None:
+            raise InvalidInputError(path, unsafe, "Write the values out, one mapping of names")
+        content: object = loader.load(text)
+    except YAMLError as error:
+        raise InvalidInputError(path, _yaml_sentence(error), "Correct it there") from None
+    except (RecursionError, ValueError) as error:
+        problem = f"is not valid YAML: {' '.join(str(error).split())[:200]}"
+        raise InvalidInputError(path, problem, "Correct the file") from None
+    if not isinstance(content, dict):
+        problem = "does not hold a mapping of names to values"
+        raise InvalidInputError(path, problem, "See 'haptune new' for templates")
+    strange = next(_strange_values(content, ""), None)  # pyright: ignore[reportUnknownArgumentType]
+    if strange is not None:
+        raise InvalidInputError(path, strange, "Write a number, a name, or text in quotes")
+    return cast("dict[str, Any]", content)
+
+
+def _yaml_sentence(error: Any) -> str:
+    """The parser's complaint without its excerpt and its advice to programmers."""
+    mark = getattr(error, "problem_mark", None)
+    where = "" if mark is None else f" in line {mark.line + 1}"
+    what = f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or error}"
+    return f"is not valid YAML{where}: {' '.join(what.split())[:200]}"
+
+
+def _read(path: Path) -> str:
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(LARGEST_FILE + 1)
     except OSError as error:
         problem = f"cannot be read ({error.strerror or error})"
         raise InvalidInputError(path, problem, "Check the name and the permissions") from None
+    if len(data) > LARGEST_FILE:
+        raise InvalidInputError(path, f"has more than {LARGEST_FILE} bytes", "Give a smaller file")
+    try:
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = f"byte {error.start} is not UTF-8 text"
-        raise InvalidInputError(path, problem, "Give a YAML text file") from None
-    try:
-        yaml = YAML(typ="safe", pure=True)
-        if any(getattr(event, "anchor", None) is not None for event in yaml.parse(text)):
-            problem = "contains YAML anchors or aliases (& or *)"
-            raise InvalidInputError(path, problem, "Write the values out")
-        content: object = YAML(typ="safe", pure=True).load(text)
-    except YAMLError as error:
-        problem = "is not valid YAML: " + " ".join(str(error).split())[:300]
-        raise InvalidInputError(path, problem, "Correct it at the line named") from None
-    except (RecursionError, ValueError) as error:
-        problem = f"is not valid YAML ({type(error).__name__}: {str(error)[:100]})"
-        raise InvalidInputError(path, problem, "Simplify or correct the file") from None
-    if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
-        problem = "does not hold a mapping of names to values"
-        raise InvalidInputError(path, problem, "See 'haptune new' for templates")
-    return content
+        raise InvalidInputError(path, problem, "Save it as UTF-8") from None
+
+
+def _unsafe_parts(events: Iterable[Any]) -> Iterator[str]:
+    """What makes a YAML file grow beyond its text, found before anything is built from it."""
+    depth = 0
+    for event in events:
+        kind = type(event).__name__
+        depth += kind.endswith(("SequenceStartEvent", "MappingStartEvent"))
+        depth -= kind.endswith(("SequenceEndEvent", "MappingEndEvent"))
+        if depth > DEEPEST:
+            yield f"is nested more than {DEEPEST} levels deep"
+        if getattr(event, "anchor", None) is not None:
+            yield "contains YAML anchors or aliases (& or *)"
+
+
+def _strange_values(value: object, where: str) -> Iterator[str]:
+    """What a YAML reader makes of things no file of ours holds: dates, bytes, sets, other keys."""
+    if isinstance(value, dict):
+        for key, item in cast("dict[object, object]", value).items():
+            if isinstance(key, str):
+                yield from _strange_values(item, f"{where}.{key}" if where else key)
+            else:
+                yield f"{where or 'the file'} has the key {key!r}, which is no text"
+    elif isinstance(value, list):
+        for item in cast("list[object]", value):
+            yield from _strange_values(item, where)
+    elif isinstance(value, int) and value.bit_length() > 64:
+        yield f"{where}: an integer of {value.bit_length()} bits"
+    elif not isinstance(value, str | int | float | None):
+        yield f"{where}: {str(value)[:40]!r} reads as a {type(value).__name__}"
 
 
 def parse_document(model: type[Model], content: Mapping[str, Any], source: str | Path) -> Model:
@@ -77,20 +141,43 @@ def parse_document(model: type[Model], content: Mapping[str, Any], source: str |
     Raises:
         InvalidInputError: naming each key, the value seen and what is allowed.
     """
+    schema = model.model_fields.get("schema_")
+    stated = content.get("schema")
+    if schema is not None and stated not in {None, schema.default}:
+        problem = f"schema is {str(stated)[:80]!r}, needed is {schema.default!r}"
+        raise InvalidInputError(source, problem, "Give the right kind of file")
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        problems = "; ".join(_sentence(dict(item)) for item in error.errors(include_url=False))
+        names = _names(model)
+        found = [_sentence(dict(item), names) for item in error.errors(include_url=False)]
+        problems = "; ".join(dict.fromkeys(found[:MOST_PROBLEMS]))
+        if len(found) > MOST_PROBLEMS:
+            problems += f"; and {len(found) - MOST_PROBLEMS} more"
         raise InvalidInputError(
-            source, problems, "Correct the keys named; 'haptune new' prints commented templates"
+            source, problems, "Correct the keys named; 'haptune new' writes commented templates"
         ) from None
 
 
-def _sentence(item: dict[str, Any]) -> str:
-    where = ".".join(str(part) for part in item["loc"] if not str(part).startswith("function-"))
+def _names(model: type[BaseModel]) -> tuple[str, ...]:
+    """Every key that a document of this kind can hold at any level."""
+    schema = model.model_json_schema(by_alias=True)
+    parts = [schema, *schema.get("$defs", {}).values()]
+    return tuple(dict.fromkeys(name for part in parts for name in part.get("properties", {})))
+
+
+def _sentence(item: dict[str, Any], names: tuple[str, ...]) -> str:
+    location = [str(part) for part in item["loc"]]
+    where = ".".join(part for part in location if not part.startswith(("function-", "literal[")))
     seen = repr(item["input"])
-    message = str(item["msg"]).removeprefix("Value error, ")
-    return f"{where or 'file'}: {message} (seen: {seen[:80]})"
+    kind = item["type"]
+    if kind == "missing":
+        return f"{where}: is missing"
+    if kind == "extra_forbidden":
+        near = difflib.get_close_matches(location[-1], names, n=1)
+        return f"{where}: is no key known here" + (f"; did you mean {near[0]}?" if near else "")
+    message = "give a mapping of keys" if kind == "model_type" else str(item["msg"])
+    return f"{where or 'file'}: {message.removeprefix('Value error, ')} (seen: {seen[:80]})"
 
 
 def load_document(model: type[Model], path: Path) -> Model:
@@ -128,9 +215,9 @@ def to_yaml(content: Mapping[str, Any], comment: str = "") -> str:
     """YAML text whose floats YAML 1.1 and ROS 2 readers also see as floats (no bare 1e-3)."""
     from ruamel.yaml import YAML
 
-    yaml = YAML(typ="safe", pure=True)
+    yaml: Any = YAML(typ="safe", pure=True)
     yaml.default_flow_style = False
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.sort_base_mapping_type_on_output = False
     yaml.width = 100
 
     def represent_float(representer: Any, value: float) -> Any:
@@ -167,7 +254,7 @@ class _Root(dict[str, Any]):
 
 
 #: Characters of a collection that still goes on one line, keys and punctuation aside.
-_ONE_LINE = 60
+_ONE_LINE = 76
 
 
 def _short(items: Iterable[Any]) -> bool:
@@ -178,46 +265,3 @@ def _short(items: Iterable[Any]) -> bool:
         and not any(isinstance(item, list | dict) for item in listed)
         and sum(len(str(item)) for item in listed) <= _ONE_LINE
     )
-
-
-def write_text(path: Path, text: str) -> str:
-    """Write a whole file or nothing; a file that stood there is kept as ``NAME.bak``.
-
-    Returns:
-        A unified diff against what stood there, "" if nothing did or nothing changed.
-
-    Raises:
-        NotWrittenError: with the system's reason; the old file is untouched.
-    """
-    temporary = ""
-    try:
-        old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else None
-        if old == text:
-            return ""
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        Path(temporary).chmod(0o666 & ~_umask())
-        if old is not None:
-            backup = path.with_name(path.name + ".bak")
-            backup.unlink(missing_ok=True)
-            os.link(path, backup)
-        Path(temporary).replace(path)
-    except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
-        raise NotWrittenError(path, error.strerror or str(error)) from None
-    if old is None:
-        return ""
-    lines = difflib.unified_diff(
-        old.splitlines(), text.splitlines(), f"{path.name} (before)", path.name, lineterm="", n=1
-    )
-    return "\n".join(lines)
-
-
-def _umask() -> int:
-    current = os.umask(0)
-    os.umask(current)
-    return current

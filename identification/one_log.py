@@ -9,7 +9,7 @@ import numpy as np
 from identification.device import Hardware
 from identification.errors import Finding
 from identification.estimators import least_squares, output_error
-from identification.estimators.delay import MOST_SAMPLES, Delay, find_delay
+from identification.estimators.delay import Delay, find_delay
 from identification.estimators.model import Estimate, Model
 from identification.estimators.noise import finest_reading
 from identification.findings import judge
@@ -183,6 +183,3 @@ def _only_what_is_asked_for(
         whiteness=smaller.whiteness,
         notes=estimate.notes + notes,
     )
-
-
-__all__ = ["MOST_SAMPLES", "LogFit", "fit_log"]

@@ -18,7 +18,7 @@ from identification import (
 
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune.errors import NoFeasibleEffectError
-from tune.optimise import optimise
+from tune.optimisation import optimise
 from tune.profile import SafeProfile
 from tune.scene import Scene
 

@@ -16,7 +16,7 @@ from tune.effects import Effects
 from tune.errors import NoFeasibleEffectError
 from tune.limits import allowed
 from tune.loop import Filters, Loop
-from tune.optimise import groups, optimise
+from tune.optimisation import groups, optimise
 from tune.perception import default_table
 from tune.problem import Region, pose
 from tune.profile import SafeProfile
@@ -81,7 +81,7 @@ def _limit(profile: SafeProfile, element: str, effect: str) -> tuple[float, str]
             "mass",
             "ripple",
             {"loop": {"acceleration_filter_hz": 30.0}},
-            {"loop": {"acceleration_filter_hz": 30.0}, "ripple_limit": 0.1},
+            {"loop": {"acceleration_filter_hz": 30.0}, "ripple_limit": 0.2},
         ),
         (
             "stiffness",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         TuneError,
     )
     from tune.loop import Filters, Loop
-    from tune.optimise import optimise
+    from tune.optimisation import optimise
     from tune.passivity import damping_needed
     from tune.perception import PerceptionTable, Study, default_table, perceived_steps
     from tune.pictures import profile_picture
@@ -65,7 +65,8 @@ _HOMES = {
     "effects": "Effects",
     "errors": "CheckFailedError LoopError NoFeasibleEffectError SceneError TuneError",
     "loop": "Filters Loop",
-    "optimise": "optimise",
+    # Not optimise.py: a submodule of that name would take the place of the function.
+    "optimisation": "optimise",
     "passivity": "damping_needed",
     "pictures": "profile_picture",
     "perception": "PerceptionTable Study default_table perceived_steps",

@@ -100,9 +100,9 @@ def element_profile(
     values = dict.fromkeys(EFFECT_NAMES, 0.0)
     steps: dict[str, float] = {}
     limited: dict[str, LimitedBy] = {
-        label.split(".")[1]: "not-perceptible"
+        label.rpartition(".")[2]: "not-perceptible"
         for label in dropped
-        if label.rsplit(".", 1)[0] == name
+        if label.rpartition(".")[0] == name
     }
     for index, unknown in enumerate(problem.unknowns):
         if unknown.element == name:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -31,6 +32,11 @@ class PerceptionTable(Document):
     damping: WeberFraction
     mass: WeberFraction
     force_threshold: ForceThreshold
+    torque_threshold: ForceThreshold
+
+    def threshold(self, motion: Literal["linear", "rotary"]) -> float:
+        """Smallest force (N) or torque (N·m) that is noticed; also the default ripple limit."""
+        return (self.force_threshold if motion == "linear" else self.torque_threshold).value
 
 
 class Study(Document):
@@ -94,10 +100,12 @@ def default_table() -> PerceptionTable:
         )
         for name, study in PAPER_STUDY.items()
     }
-    threshold = ForceThreshold(
-        value=0.1, source="illustrative order of magnitude for a hand on a handle; replace it"
+    source = "illustrative order of magnitude for a hand on a handle; replace it"
+    return PerceptionTable(
+        **fractions,
+        force_threshold=ForceThreshold(value=0.1, source=source),
+        torque_threshold=ForceThreshold(value=0.005, source=f"0.1 N at 50 mm: {source}"),
     )
-    return PerceptionTable(**fractions, force_threshold=threshold)
 
 
 def references(device: Device, table: PerceptionTable, penetration: float) -> dict[str, float]:
@@ -107,7 +115,7 @@ def references(device: Device, table: PerceptionTable, penetration: float) -> di
     penetration (m) just exceeds what the device masks. A device without damping of its own is
     given a hundredth of m over one second, so that the logarithm has a foot to stand on.
     """
-    masked = max(device.coulomb_friction.value, table.force_threshold.value)
+    masked = max(device.coulomb_friction.value, table.threshold(device.motion))
     return {
         "stiffness": masked / penetration,
         "damping": max(device.damping.value, 0.01 * device.mass.value),

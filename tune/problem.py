@@ -217,7 +217,7 @@ def pose(
             encoder_resolution=(
                 None if device.encoder_resolution is None else device.encoder_resolution.value
             ),
-            ripple=scene.ripple_limit,
+            ripple=scene.ripple_limit or table.threshold(device.motion),
         ),
     )
 

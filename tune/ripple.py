@@ -26,8 +26,8 @@ def force_ripple(loop: Loop, effects: Effects, encoder_resolution: float) -> Flo
 
     Args:
         loop: of any shape; scaled by mass and sample time (`Loop.from_numbers`).
-        effects: a stable setting, broadcast against the loop; the norm of an unstable one means
-            nothing.
+        effects: broadcast against the loop; for an unstable setting the answer, possibly nan,
+            means nothing.
         encoder_resolution: Δ, m (rad): one count.
 
     Returns:
@@ -45,7 +45,8 @@ def force_ripple(loop: Loop, effects: Effects, encoder_resolution: float) -> Flo
     numerator = _convolved(list(loop.controller.free), list(law))
     denominator, _ = loop.polynomial(effects)
     energy = ripple_energy(numerator, list(denominator), position_free=effects.position_free)
-    return np.asarray(np.sqrt(energy / 12) * encoder_resolution / loop.scales[0])
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(energy / 12) * encoder_resolution / loop.scales[0])
 
 
 def ripple_energy(

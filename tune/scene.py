@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from identification import Document, load_document
-from tune.effects import EffectName
+from tune.effects import EFFECT_NAMES, EffectName
 from tune.errors import SceneError
 from tune.perception import PerceptionTable, default_table
 
@@ -16,9 +16,6 @@ MarginName = Literal["conservative", "balanced", "firm"]
 
 #: Elements felt together are certified in every subset, 2^n - 1 sums.
 LARGEST_GROUP = 5
-#: Default ripple limit, N rms: below the 0.06 N that one count of 6 µm commands through a damper
-#: of 10 N·s/m at 1 kHz without a filter, felt by few.
-RIPPLE_LIMIT = 0.05
 
 
 class Margin(Document):
@@ -68,8 +65,6 @@ class Wish(Document):
 def _to_wish(raw: object) -> object:
     if isinstance(raw, str) and raw in {"max", "min"}:
         return {"kind": raw}
-    if isinstance(raw, bool):
-        return raw
     if isinstance(raw, int | float):
         return {"kind": "value", "low": raw, "high": raw}
     if isinstance(raw, dict):
@@ -81,7 +76,25 @@ def _to_wish(raw: object) -> object:
     raise ValueError("give a number, max, min, or {min: …, max: …}")
 
 
-AnyWish = Annotated[Wish, BeforeValidator(_to_wish)]
+def _wish_in_file(words: list[str], number: dict[str, Any]) -> WithJsonSchema:
+    """What a wish looks like in a file, for the JSON Schemas."""
+    bounds = {"min": {"type": "number", "minimum": 0}, "max": {"type": "number", "minimum": 0}}
+    ranged = {
+        "type": "object",
+        "properties": bounds,
+        "required": ["min", "max"],
+        "additionalProperties": False,
+    }
+    return WithJsonSchema({"anyOf": [{"enum": words}, {"type": "number", **number}, ranged]})
+
+
+AnyWish = Annotated[
+    Wish, BeforeValidator(_to_wish), _wish_in_file(["max", "min"], {"not": {"const": 0}})
+]
+#: A negative stiffness is never stable.
+StiffnessWish = Annotated[
+    Wish, BeforeValidator(_to_wish), _wish_in_file(["max"], {"exclusiveMinimum": 0})
+]
 
 
 class Element(Document):
@@ -92,7 +105,11 @@ class Element(Document):
     axes holds (0.01 m, 0.2 m/s, 2 m/s²; 0.1 rad, 2 rad/s, 20 rad/s²).
     """
 
-    stiffness: AnyWish | None = None
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": [name]} for name in EFFECT_NAMES]}
+    )
+
+    stiffness: StiffnessWish | None = None
     damping: AnyWish | None = None
     mass: AnyWish | None = None
     penetration: float | None = Field(default=None, gt=0)
@@ -131,7 +148,12 @@ DEFAULT_MOTION = {
     "rotary": Motion(penetration=0.1, speed=2.0, acceleration=20.0),
 }
 
-Cutoff = float | Literal["free", "none"]
+Cutoff = Annotated[
+    float | Literal["free", "none"],
+    WithJsonSchema(
+        {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"enum": ["free", "none"]}]}
+    ),
+]
 
 
 class LoopFreedom(Document):
@@ -154,10 +176,10 @@ class Scene(Document):
 
     schema_: Literal["haptune/scene/1"] = Field(default="haptune/scene/1", alias="schema")
     name: str = "scene"
-    hand: Any = "none"
+    hand: Annotated[Any, WithJsonSchema({"const": "none"})] = "none"
     margin: MarginName = "balanced"
     loop: LoopFreedom = LoopFreedom()
-    ripple_limit: float = Field(default=RIPPLE_LIMIT, gt=0)
+    ripple_limit: float | None = Field(default=None, gt=0)
     perception: str = "default"
     elements: dict[str, Element] = Field(min_length=1)
     together: tuple[tuple[str, ...], ...] = ()

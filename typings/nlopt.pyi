@@ -6,9 +6,6 @@ from numpy.typing import NDArray
 
 LD_SLSQP: int
 
-class RoundoffLimited(Exception): ...
-class ForcedStop(Exception): ...
-
 _Array = NDArray[np.float64]
 
 class opt:

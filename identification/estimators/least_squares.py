@@ -118,12 +118,12 @@ class Regression:
         return table.with_motion(motion)
 
     def with_model(self, model: Model) -> Regression:
-        """The same log, filter and direction of motion with other friction terms."""
+        """The same log and filter with other friction terms."""
         return replace(
             self,
             model=model,
             attenuation=np.append(self.attenuation[:2], np.zeros(len(model.parameters) - 2)),
-        ).with_motion(self.motion)
+        ).with_motion(self.motion if model.coulomb else always_moving(len(self.trajectory) - 1))
 
     def at_cut_off(self, frequency: float, delay: float) -> Regression:
         """The same log and direction of motion with another cut-off, Hz."""

@@ -16,7 +16,7 @@ _BAND = 0.3
 #: ... of second differences, cut to this many samples at most: more add time, not truth.
 _LONGEST = 1 << 17
 #: Noise this many times the rounding of a count hides the count.
-_HIDDEN = 1.5
+_HIDDEN = 2.0
 
 
 def encoder_count(position: FloatArray) -> float | None:

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from tune.certificate.passivity import passive
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.ripple import ripple_by_integration
 from tune.certificate.roots import judge
@@ -75,6 +76,7 @@ def certify(design: Design) -> Certificate:
                         pole_radius=verdict.radius,
                     )
         failures += _ripple_failures(design, moment, setting, last)
+        failures += _passivity_failures(design, moment, setting, last)
     if failures:
         raise CheckFailedError(tuple(failures))
     if worst is None:
@@ -168,6 +170,19 @@ def _ripple_failures(
     if len(moment) == 1 and claimed < seen * (1 - _AGREE):
         failures.append(f"{where}: claims a ripple of {claimed:.4g}, has {seen:.4g}")
     return failures
+
+
+def _passivity_failures(
+    design: Design, moment: tuple[str, ...], setting: Setting, delay: int
+) -> list[str]:
+    if len(moment) > 1 or design.elements[moment[0]].margins.passive is not True:
+        return []
+    if delay or setting.velocity_filter_hz or setting.acceleration_filter_hz:
+        return [f"{moment[0]}: claims passivity with a delay or a filter, where it is not known"]
+    box = design.device.simultaneous_box()
+    if passive(setting, box.damping[0], box.sample_time[1]):
+        return []
+    return [f"{moment[0]}: claims passivity, a damping of {box.damping[0]:.6g} is too little"]
 
 
 def _ripple_of(element: ElementProfile) -> float:

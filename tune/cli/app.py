@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tune.cli import calibrate, check, demo, identify, new, simulate, tune
-from tune.cli.session import EXIT_INTERRUPTED, EXIT_USAGE, report_usage
+from tune.cli.session import EXIT_INTERRUPTED, EXIT_USAGE, prepare_streams, report_usage
 
 #: What every complaint about options and arguments derives from; typer does not export it.
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
@@ -25,13 +25,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.command("demo")(demo.demo)
-app.command("new")(new.new)
-app.command("identify")(identify.identify)
-app.command("tune")(tune.tune)
-app.command("calibrate")(calibrate.calibrate)
-app.command("check")(check.check)
-app.command("simulate")(simulate.simulate)
+for _name, _command, _summary in (
+    ("demo", demo.demo, "Try it: bundled log to profile, with pictures."),
+    ("new", new.new, "Write a template of hardware.yaml or scene.yaml."),
+    ("identify", identify.identify, "Logs to device.yaml."),
+    ("tune", tune.tune, "Device and scene to profile.yaml."),
+    ("calibrate", calibrate.calibrate, "Logs and scene to profile.yaml: the main job."),
+    ("check", check.check, "Re-compute a profile by another path."),
+    ("simulate", simulate.simulate, "Rehearse: a simulated log of a known device."),
+):
+    app.command(_name, short_help=_summary)(_command)
 
 
 def _version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it with the flag
@@ -54,6 +57,7 @@ def haptune(
 
 def run() -> None:
     """Run the command line and exit with the code of the contract."""
+    prepare_streams()
     try:
         code: object = app(standalone_mode=False)
     except _USAGE_ERROR as error:

@@ -55,6 +55,7 @@ def calibrate(
     def action(session: Session) -> None:
         from identification import LogColumns
 
+        session.target(output, *logs, scene, hardware)
         columns = LogColumns(
             time=time,
             force=force,

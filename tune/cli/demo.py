@@ -10,6 +10,8 @@ from tune.cli.options import Json, Method, Quiet
 from tune.cli.session import Session, run_command
 from tune.cli.tune import tuned
 
+_FILES = ("device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png")
+
 
 def demo(json: Json = False, quiet: Quiet = False) -> None:
     """Bundled log → device.yaml → scene.yaml → profile.yaml, with tables and two pictures."""
@@ -25,6 +27,8 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
             to_yaml,
         )
 
+        for name in _FILES:
+            session.target(Path(name))
         log = bundled("homerehab.csv")
         hardware = bundled("homerehab.hardware.yaml")
         session.say(f"log: {log}")
@@ -36,17 +40,12 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
         session.write(Path("profile.yaml"), profile.to_yaml())
         with session.progress() as say:
             say("drawing")
-            from identification.pictures import fit_picture
+            from identification import fit_picture
             from tune.pictures import profile_picture
 
             known = load_document(Hardware, hardware)
             trajectory = load_trajectory(log, LogColumns(), motion=known.motion)
-            for name, picture in (
-                ("identification.png", fit_picture(trajectory, found.device)),
-                ("profile.png", profile_picture(profile)),
-            ):
-                picture.savefig(name, dpi=120)
-                session.outputs.append(name)
-                session.say(f"{name} written")
+            session.draw(Path("identification.png"), fit_picture(trajectory, found.device))
+            session.draw(Path("profile.png"), profile_picture(profile))
 
     run_command("demo", action, as_json=json, quiet=quiet)

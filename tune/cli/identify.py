@@ -54,6 +54,7 @@ def identify(
     def action(session: Session) -> None:
         from identification import LogColumns, to_mapping, to_yaml
 
+        session.target(output, *logs, hardware)
         columns = LogColumns(
             time=time,
             force=force,
@@ -86,7 +87,12 @@ def identified(
     with session.progress() as say:
         say("reading logs")
         trajectories = [
-            load_trajectory(path, columns, motion="linear" if known is None else known.motion)
+            load_trajectory(
+                path,
+                columns,
+                motion="linear" if known is None else known.motion,
+                axis=columns.axis or (None if known is None else known.axis),
+            )
             for path in logs
         ]
         say("identifying")

@@ -40,7 +40,8 @@ def new(
 
         path = output or Path(f"{kind.value}.yaml")
         if device is not None and kind is not Kind.hardware:
-            raise UsageError("--device fills in a hardware template only")
+            raise UsageError("--device", f"fills in hardware, not a {kind.value}", "Leave it out")
+        session.target(path)
         text = template(kind.value) if device is None else hardware_of(device)
         session.write(path, text, dry_run=dry_run)
         if kind is Kind.hardware and device is None:

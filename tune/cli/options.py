@@ -14,10 +14,7 @@ class Method(StrEnum):
 
     auto = "auto"
     least_squares = "least-squares"
-    weak = "weak"
-    instruments = "instruments"
     output_error = "output-error"
-    innovations = "innovations"
 
 
 class MarginChoice(StrEnum):

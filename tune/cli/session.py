@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from identification import Finding
 
 EXIT_INTERNAL = 1
@@ -21,6 +24,12 @@ EXIT_NOTHING = 5
 EXIT_CHECK = 6
 EXIT_NOT_WRITTEN = 7
 EXIT_INTERRUPTED = 130
+
+#: Columns of tables that go to a file or a pipe.
+_WIDTH = 100
+
+#: Columns where no terminal says how wide it is: tables are as wide as they need to be.
+_WIDE = 200
 
 _STATUS = {
     0: "done",
@@ -40,7 +49,7 @@ class Session:
     """What a command collects while it runs.
 
     Attributes:
-        command: its name.
+        command: its name, "haptune" alone where no command was found.
         as_json: one JSON object on standard output, nothing else.
         quiet: only errors.
         findings: about logs, in the order found.
@@ -55,12 +64,17 @@ class Session:
 
     def say(self, text: Any) -> None:
         """Print a text or a rich renderable for people."""
-        if not (self.as_json or self.quiet):
-            from rich.console import Console
+        if self.as_json or self.quiet:
+            return
+        from rich.console import Console
 
-            Console(highlight=False, soft_wrap=isinstance(text, str)).print(
-                text, markup=not isinstance(text, str)
-            )
+        fixed = sys.stdout.isatty() or "COLUMNS" in os.environ
+        console = Console(
+            highlight=False, markup=False, emoji=False, width=None if fixed else _WIDE
+        )
+        with console.capture() as captured:
+            console.print(text, soft_wrap=isinstance(text, str))
+        _out(captured.get())
 
     def found(self, findings: tuple[Finding, ...]) -> None:
         """Keep findings for the JSON result and warn on standard error."""
@@ -68,6 +82,25 @@ class Session:
             self.findings.append(_plain(finding))
             if not self.as_json and not self.quiet:
                 print(f"{finding.severity}: {finding}", file=sys.stderr)  # noqa: T201
+
+    def target(self, output: Path, *inputs: Path | None) -> None:
+        """Refuse, before any work is done, an output that cannot be written or is an input.
+
+        Raises:
+            UsageError: the output is one of the inputs.
+            NotWrittenError: its folder does not exist, or it is no file itself.
+        """
+        from identification import NotWrittenError, UsageError
+
+        for given in inputs:
+            if given is not None and os.path.realpath(given) == os.path.realpath(output):
+                raise UsageError(
+                    "--output", f"{output} is one of the inputs", "Choose another name with -o"
+                )
+        if not output.parent.is_dir():
+            raise NotWrittenError(output, f"there is no folder {output.parent}")
+        if output.exists() and not output.is_file():
+            raise NotWrittenError(output, "it is a folder or a device, not a file")
 
     def write(self, path: Path, text: str, *, dry_run: bool = False) -> None:
         """Write a file atomically, keep a backup, show what changed. Raises NotWrittenError."""
@@ -77,13 +110,27 @@ class Session:
             self.say(f"dry run: {path} would be written")
             self.say(text)
             return
+        before = path.exists()
         difference = write_text(path, text)
         self.outputs.append(str(path))
         if difference:
             self.say(difference)
             self.say(f"{path} written; the file before is {path}.bak")
         else:
-            self.say(f"{path} written")
+            self.say(f"{path} {'unchanged' if before else 'written'}")
+
+    def draw(self, path: Path, figure: Figure) -> None:
+        """Write a picture atomically. Raises NotWrittenError."""
+        from io import BytesIO
+
+        from identification import write_bytes
+
+        stream = BytesIO()
+        picture: Any = figure
+        picture.savefig(stream, format="png", dpi=120)
+        write_bytes(path, stream.getvalue())
+        self.outputs.append(str(path))
+        self.say(f"{path} written")
 
     @contextmanager
     def progress(self) -> Generator[Callable[[str], None]]:
@@ -109,9 +156,10 @@ class Session:
             }
             if message:
                 result["message"] = message
-            print(json.dumps(result))  # noqa: T201
+            _out(json.dumps(result) + "\n")
         if message:
-            print(f"haptune {self.command}: {message}", file=sys.stderr)  # noqa: T201
+            name = "haptune" if self.command == "haptune" else f"haptune {self.command}"
+            print(f"{name}: {message}", file=sys.stderr)  # noqa: T201
         return code
 
 
@@ -180,10 +228,30 @@ def report_usage(error: Exception) -> None:
     context: Any = getattr(error, "ctx", None)
     command = getattr(context, "info_name", None) or "haptune"
     path = getattr(context, "command_path", "haptune")
-    text = error.format_message() if hasattr(error, "format_message") else str(error)  # type: ignore[attr-defined]
+    text: str = getattr(error, "format_message", error.__str__)()
+    if text.startswith("Usage:"):  # no command was given: the text is the help
+        print(text, file=sys.stderr)  # noqa: T201
+        return
+    sentence = text.replace("Value error, ", "").rstrip(".")
     Session(command=command, as_json="--json" in sys.argv, quiet=False).finish(
-        EXIT_USAGE, f"{text} (see '{path} --help')"
+        EXIT_USAGE, f"{sentence}. See '{path} --help'"
     )
+
+
+def prepare_streams() -> None:
+    """Letters that a terminal cannot show become question marks instead of an error."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # type: ignore[attr-defined]
+
+
+def _out(text: str) -> None:
+    """Write to standard output; a reader that has gone away stops nothing."""
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _nothing(sentence: str) -> None:

@@ -30,6 +30,7 @@ def simulate(
     def action(session: Session) -> None:
         from datasets_synthetic import log_text, run, scenario_named
 
+        session.target(output)
         scenario = scenario_named(spec)
         with session.progress() as say:
             say(f"simulating {spec}")

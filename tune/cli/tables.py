@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 if TYPE_CHECKING:
@@ -17,7 +19,7 @@ _UNITS = {
 
 
 def elements_table(profile: SafeProfile) -> Table:
-    """One row for each effect: value, perceived steps, margins of its element, what binds."""
+    """One row an effect: value, perceived steps, gain and delay margin, ripple, what binds."""
     units = _UNITS[profile.device.motion]
     loop = profile.loop
     filters = ", ".join(
@@ -32,29 +34,20 @@ def elements_table(profile: SafeProfile) -> Table:
         title=f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}; "
         f"filters: {filters or 'none'}",
         title_justify="left",
+        box=SIMPLE_HEAD,
     )
-    for heading in (
-        "element",
-        "effect",
-        "value",
-        "steps",
-        "gain",
-        "samples",
-        "ripple",
-        "limited by",
-    ):
-        numeric = heading in {"value", "steps", "gain", "samples", "ripple"}
-        table.add_column(heading, justify="right" if numeric else "left")
+    for heading in ("effect", "value", "steps", "gain", "delay", "ripple", "limited by"):
+        numeric = heading not in {"effect", "limited by"}
+        table.add_column(heading, justify="right" if numeric else "left", no_wrap=True)
     for name, element in profile.elements.items():
         for effect, reason in element.limited_by.items():
             value: float = getattr(element, effect)
             table.add_row(
-                name,
-                effect,
+                f"{name} {effect}",
                 f"{value:.6g} {units[effect]}" if value else "-",
                 f"{element.perceived_steps.get(effect, 0.0):.3g}",
                 f"{element.margins.gain:.4g}",
-                f"{element.margins.extra_delay_samples:g}",
+                f"+{element.margins.extra_delay_samples:g} T",
                 "-" if element.ripple is None else f"{element.ripple:.2g} {units['force']}",
                 reason,
             )
@@ -64,9 +57,11 @@ def elements_table(profile: SafeProfile) -> Table:
 def device_table(device: Device) -> Table:
     """Identified quantities with their 95 % intervals."""
     units = _UNITS[device.motion]
-    table = Table(title=f"{device.name}, axis {device.axis}", title_justify="left")
+    title = f"{device.name}, axis {device.axis}"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
     for heading in ("quantity", "value", "95 % interval", "unit", "half-width"):
-        table.add_column(heading, justify="left" if heading in {"quantity", "unit"} else "right")
+        side = "left" if heading in {"quantity", "unit"} else "right"
+        table.add_column(heading, justify=side, no_wrap=True)
     for label, quantity, unit in (
         ("mass m", device.mass, units["mass"]),
         ("damping b", device.damping, units["damping"]),
@@ -75,12 +70,21 @@ def device_table(device: Device) -> Table:
     ):
         table.add_row(
             label,
-            f"{quantity.value:.6g}",
-            "-" if quantity.exact else f"{quantity.low:.6g} .. {quantity.high:.6g}",
+            *_with_interval(quantity),
             unit,
             _relative(quantity),
         )
     return table
+
+
+def _with_interval(quantity: Quantity) -> tuple[str, str]:
+    """Value and interval to two digits of the half-width."""
+    half = (quantity.high - quantity.low) / 2
+    if half == 0:
+        return f"{quantity.value:.6g}", "-"
+    digits = max(0, 1 - math.floor(math.log10(half)))
+    low, high = f"{quantity.low:.{digits}f}", f"{quantity.high:.{digits}f}"
+    return f"{quantity.value:.{digits}f}", f"{low} .. {high}"
 
 
 def _relative(quantity: Quantity) -> str:

@@ -29,6 +29,7 @@ def tune(
     def action(session: Session) -> None:
         from identification import load_device
 
+        session.target(output, scene, Path(device))
         profile = tuned(session, load_device(device), scene, margin)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
 
@@ -40,7 +41,7 @@ def tuned(
 ) -> SafeProfile:
     """Tune, show the result and return it; shared with calibrate and demo."""
     from tune.cli.tables import certificate_lines, elements_table
-    from tune.optimise import optimise
+    from tune.optimisation import optimise
     from tune.scene import load_scene, perception_of
 
     scene = load_scene(scene_file)

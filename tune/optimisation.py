@@ -86,7 +86,7 @@ def optimise(
     if all(not solved.problem.unknowns for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     say("certifying")
-    design = as_stored(_design(device, scene, filters, solutions, dropped))
+    design = as_stored(_design(device, scene, table, filters, solutions, dropped))
     profile = SafeProfile.model_validate({**dict(design), "certificate": certify(design)})
     return as_stored(profile).signed()
 
@@ -275,6 +275,7 @@ def _score(
 def _design(
     device: Device,
     scene: Scene,
+    table: PerceptionTable,
     filters: Filters,
     solutions: Sequence[Solved],
     dropped: dict[str, str],
@@ -284,7 +285,7 @@ def _design(
         for solved in solutions
         for name in scene.elements
         if any(u.element == name for u in solved.problem.unknowns)
-        or any(label.split(".")[0] == name for label in solved.dropped)
+        or any(label.rpartition(".")[0] == name for label in solved.dropped)
     }
     methods = {
         ", ".join(solved.problem.moments[-1].elements): solved.method
@@ -308,7 +309,7 @@ def _design(
         margin=MarginProfile(name=scene.margin, **dict(MARGINS[scene.margin])),
         elements={name: elements[name] for name in scene.elements if name in elements},
         together=tuple(tuple(group) for group in scene.together),
-        ripple_limit=scene.ripple_limit,
+        ripple_limit=scene.ripple_limit or table.threshold(device.motion),
         skipped=skipped_parts(device, scene, filters),
         notes=tuple(f"{label} dropped: {why}" for label, why in dropped.items()),
         method=methods,

@@ -1,0 +1,162 @@
+"""The one verb: mass, damping, friction and delay of an axis from its logs, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.device import Device, Hardware, LogRecord
+from identification.documents import as_stored
+from identification.errors import Finding, LogRefusedError, UsageError
+from identification.estimators.model import Estimate
+from identification.findings import CODES, inspect
+from identification.findings.sampling import mean_step
+from identification.one_log import LogFit, fit_log
+from identification.trajectory import Trajectory
+
+#: Methods that can be asked for.
+METHODS = ("auto", "least-squares", "output-error")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identification:
+    """What identify found.
+
+    Attributes:
+        device: hardware plus what was identified, numbers rounded as they will be stored.
+        logs: one fit for each log, in the order given.
+        findings: warnings about the logs, those allowed among them.
+    """
+
+    device: Device
+    logs: tuple[LogFit, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The estimate believed of each log."""
+        return tuple(fit.estimate for fit in self.logs)
+
+    @property
+    def method(self) -> str:
+        """Method of the estimates believed; several are joined by "+"."""
+        return "+".join(dict.fromkeys(fit.method for fit in self.logs))
+
+    @property
+    def reason(self) -> str:
+        """Why this method, a sentence for each log."""
+        return "; ".join(f"{fit.trajectory.source}: {fit.reason}" for fit in self.logs)
+
+
+def identify(
+    trajectory: Trajectory | Sequence[Trajectory],
+    *,
+    hardware: Hardware | None = None,
+    method: str = "auto",
+    allow: Collection[str] = (),
+) -> Identification:
+    """Identify one axis from one log or several.
+
+    Args:
+        trajectory: a log, or several of one axis; several give the envelope.
+        hardware: what is known of the device. A delay it states is honoured, 0 included; what it
+            does not state is taken from the logs, with a warning.
+        method: "auto" takes output error if its residual is white, else filtered least squares;
+            or "least-squares" or "output-error".
+        allow: codes of findings that are not to refuse a log; recorded with the device.
+
+    Raises:
+        UsageError: no log, logs of different axes, an unknown method or code.
+        InvalidInputError: hardware and log contradict each other.
+        LogRefusedError: mass and damping cannot honestly be told; carries every finding.
+    """
+    trajectories = (trajectory,) if isinstance(trajectory, Trajectory) else tuple(trajectory)
+    _check_request(trajectories, hardware, method, allow)
+    noticed = [inspect(log, hardware) for log in trajectories]
+    _refuse([finding for found in noticed for finding in found], allow)
+    fits = [fit_log(_evenly(log, hardware), hardware, method) for log in trajectories]
+    noticed = [found + fit.findings for found, fit in zip(noticed, fits, strict=True)]
+    _refuse([finding for found in noticed for finding in found], allow)
+    _refuse_negative_mass(fits, noticed)
+
+    from identification.combined import device_from, unstated
+
+    missing = unstated(fits, hardware)
+    findings = (*(_lenient(finding) for found in noticed for finding in found), *missing)
+    records = [
+        LogRecord(
+            source=fit.trajectory.source,
+            digest=fit.trajectory.digest,
+            samples=len(fit.trajectory),
+            method=fit.method,
+            findings=tuple(dict.fromkeys(finding.code for finding in (*found, *missing))),
+            allowed=tuple(dict.fromkeys(f.code for f in found if f.severity == "refusal")),
+        )
+        for fit, found in zip(fits, noticed, strict=True)
+    ]
+    return Identification(
+        device=as_stored(device_from(fits, hardware, records)),
+        logs=tuple(
+            replace(fit, findings=tuple(_lenient(finding) for finding in found))
+            for fit, found in zip(fits, noticed, strict=True)
+        ),
+        findings=findings,
+    )
+
+
+def _check_request(
+    trajectories: Sequence[Trajectory],
+    hardware: Hardware | None,
+    method: str,
+    allow: Collection[str],
+) -> None:
+    if not trajectories:
+        raise UsageError("logs", "none given", "Give at least one log")
+    if method not in METHODS:
+        raise UsageError(
+            "--method", f"'{method}' is not available", "Choose from " + ", ".join(METHODS)
+        )
+    unknown = sorted(set(allow) - set(CODES))
+    if unknown:
+        raise UsageError(
+            "--allow", f"{', '.join(unknown)} is no finding", "Choose from " + ", ".join(CODES)
+        )
+    for name in ("axis", "motion"):
+        seen = list(dict.fromkeys(getattr(log, name) for log in trajectories))
+        if len(seen) > 1:
+            raise UsageError(
+                f"--{name}",
+                f"the logs are of {' and '.join(seen)}",
+                f"Give logs of one {name} at a time; each has its own device",
+            )
+        if hardware is not None and getattr(hardware, name) != seen[0]:
+            raise UsageError(
+                f"--{name}",
+                f"the logs are of {seen[0]}, the hardware of {getattr(hardware, name)}",
+                f"Give the logs and the hardware of one {name}",
+            )
+
+
+def _refuse(findings: Sequence[Finding], allow: Collection[str]) -> None:
+    if any(each.severity == "refusal" and each.code not in allow for each in findings):
+        raise LogRefusedError(tuple(findings))
+
+
+def _refuse_negative_mass(fits: Sequence[LogFit], noticed: Sequence[Sequence[Finding]]) -> None:
+    """No permission makes a device out of a mass that is not positive."""
+    if any(fit.estimate.value("mass") <= 0 for fit in fits):
+        raise LogRefusedError(tuple(finding for found in noticed for finding in found))
+
+
+def _lenient(finding: Finding) -> Finding:
+    """A finding that was let through."""
+    return replace(finding, severity="warning")
+
+
+def _evenly(trajectory: Trajectory, hardware: Hardware | None) -> Trajectory:
+    """The log on an even grid: the sample time stated, or the mean step of the log."""
+    stated = None if hardware is None else hardware.sample_time
+    step = mean_step(trajectory) if stated is None else stated.value
+    return replace(trajectory, time=np.arange(len(trajectory)) * step)

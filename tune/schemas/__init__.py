@@ -1,0 +1,37 @@
+"""JSON Schemas of the four files, generated from the models that read them.
+
+``python -m tune.schemas`` writes them anew. A schema says all that can be said of one key at a
+time; what keys say together (low <= value <= high, known names in ``together``) only the reader
+checks.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from identification import Device, Document, Hardware
+from tune.profile import SafeProfile
+from tune.scene import Scene
+
+FOLDER = Path(__file__).parent
+
+_MODELS: dict[str, type[Document]] = {
+    "hardware": Hardware,
+    "device": Device,
+    "scene": Scene,
+    "profile": SafeProfile,
+}
+
+
+def generate() -> dict[str, str]:
+    """Text of every schema by file name."""
+    texts: dict[str, str] = {}
+    for name, model in _MODELS.items():
+        schema = {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            **model.model_json_schema(by_alias=True),
+            "title": f"haptune {name}.yaml",
+        }
+        texts[f"{name}.json"] = json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+    return texts

@@ -11,40 +11,86 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from identification.device import (
         Box as Box,
+    )
+    from identification.device import (
         Covariance as Covariance,
+    )
+    from identification.device import (
         Device as Device,
+    )
+    from identification.device import (
         ForceLimit as ForceLimit,
+    )
+    from identification.device import (
         Hardware as Hardware,
+    )
+    from identification.device import (
         LogRecord as LogRecord,
+    )
+    from identification.device import (
         Quantity as Quantity,
+    )
+    from identification.device import (
         load_device as load_device,
+    )
+    from identification.device import (
         named_devices as named_devices,
+    )
+    from identification.device import (
         quantity as quantity,
     )
     from identification.documents import (
         Document as Document,
+    )
+    from identification.documents import (
         as_stored as as_stored,
+    )
+    from identification.documents import (
         load_document as load_document,
+    )
+    from identification.documents import (
         load_mapping as load_mapping,
+    )
+    from identification.documents import (
         parse_document as parse_document,
+    )
+    from identification.documents import (
         rounded as rounded,
+    )
+    from identification.documents import (
         to_mapping as to_mapping,
+    )
+    from identification.documents import (
         to_yaml as to_yaml,
     )
     from identification.errors import (
         Finding as Finding,
+    )
+    from identification.errors import (
         IdentificationError as IdentificationError,
+    )
+    from identification.errors import (
         InvalidInputError as InvalidInputError,
+    )
+    from identification.errors import (
         LogRefusedError as LogRefusedError,
+    )
+    from identification.errors import (
         NotWrittenError as NotWrittenError,
+    )
+    from identification.errors import (
         UsageError as UsageError,
     )
     from identification.logs import (
         LogColumns as LogColumns,
+    )
+    from identification.logs import (
         load_trajectory as load_trajectory,
     )
     from identification.one_axis import (
         Identification as Identification,
+    )
+    from identification.one_axis import (
         identify as identify,
     )
     from identification.one_log import LogFit as LogFit
@@ -55,6 +101,8 @@ if TYPE_CHECKING:
     from identification.trajectory import Trajectory as Trajectory
     from identification.writing import (
         write_bytes as write_bytes,
+    )
+    from identification.writing import (
         write_text as write_text,
     )
 

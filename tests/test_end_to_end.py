@@ -6,8 +6,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from datasets_synthetic import Faults, Fleet, random_devices
 from flint import arb
+
+from datasets_synthetic import Faults, Fleet, random_devices
 from identification import (
     ForceLimit,
     Hardware,
@@ -15,7 +16,6 @@ from identification import (
     identify,
     quantity,
 )
-
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune.errors import NoFeasibleEffectError
 from tune.optimisation import optimise

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from identification import Device, ForceLimit, load_device, quantity
 
+from identification import Device, ForceLimit, load_device, quantity
 from tune.certificate.certify import setting_of
 from tune.certificate.polynomial import Point
 from tune.certificate.roots import judge
@@ -132,7 +132,8 @@ def test_joint_optimum_against_a_fine_grid() -> None:
     grid = 0.0
     for h0 in np.linspace(0.8 * low, 1.2 * low, 17):
         for h1 in np.linspace(0.8 * low, 1.2 * low, 17):
-            sizes = np.array([u.size_at(h) for u, h in zip(problem.unknowns, (h0, h1), strict=True)])
+            pairs = zip(problem.unknowns, (h0, h1), strict=True)
+            sizes = np.array([unknown.size_at(height) for unknown, height in pairs])
             if min(h0, h1) > grid and allowed(problem, sizes):
                 grid = min(h0, h1)
     assert grid <= low * (1 + 1e-6)

@@ -8,8 +8,8 @@ from statistics import NormalDist
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from identification import load_device
 
+from identification import load_device
 from tune.perception import (
     PAPER_STUDY,
     default_table,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tune.certificate.polynomial import Point, Setting
@@ -41,6 +42,10 @@ def test_known_ripple_of_one_kilogram(delay: int, cutoff: float | None, printed:
     assert f"{ripple:.2g}" == printed
 
 
+def _effects(values: NDArray[np.float64]) -> Effects:
+    return Effects(stiffness=values[0] or None, damping=values[1], mass=values[2])
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_closed_form_against_integration_around_the_circle(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -52,10 +57,12 @@ def test_closed_form_against_integration_around_the_circle(seed: int) -> None:
     loop = Loop.from_numbers(
         mass=mass, damping=damping, sample_time=step, delay_samples=delay, filters=filters
     )
-    values = [0.2 * damping / step, 2 * damping, 0.3 * mass] * (rng.random(3) < 0.7)
-    while not is_stable(loop, Effects(stiffness=values[0] or None, damping=values[1], mass=values[2])):
+    wanted = np.array([0.2 * damping / step, 2 * damping, 0.3 * mass])
+    values = np.where(rng.random(3) < 0.7, wanted, 0.0)
+    effects = _effects(values)
+    while not is_stable(loop, effects):
         values = values / 2
-    effects = Effects(stiffness=values[0] or None, damping=values[1], mass=values[2])
+        effects = _effects(values)
     closed = float(force_ripple(loop, effects, 1e-5))
     point = Point(mass=mass, damping=damping, sample_time=step, delay_samples=delay)
     setting = Setting(

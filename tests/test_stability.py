@@ -62,7 +62,7 @@ def _compare_with_roots(count: int, seed: int) -> Counter[str]:
             for sign in (1, -1)
         ]
         for gain, at_boundary in gains:
-            point = (delta, *(float(gain * part) for part in ray))
+            point = (delta, float(gain * ray[0]), float(gain * ray[1]), float(gain * ray[2]))
             points.append(point)
             near.append(at_boundary)
             # At the boundary the roots of the exact ray decide; rounding the product is 1e-16.
@@ -346,7 +346,7 @@ def test_limits_do_not_depend_on_units(
     other = Loop.from_numbers(
         mass=mass * unit, damping=damping, sample_time=step * unit, delay_samples=1
     )
-    for name, power in (("stiffness", -1), ("damping", 0), ("mass", 1)):
+    for name, power in zip(EFFECT_NAMES, (-1, 0, 1), strict=True):
         assert float(largest(other, name)) == pytest.approx(
             float(largest(plain, name)) * unit**power, rel=1e-9
         )

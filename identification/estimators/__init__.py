@@ -1,12 +1,13 @@
 """Estimators: each takes a log, a model and a delay, and gives an Estimate.
 
-    estimate(trajectory, model, delay) -> Estimate
+estimate(trajectory, model, delay) -> Estimate
 """
 
 from __future__ import annotations
 
 from identification.estimators import least_squares, output_error
-from identification.estimators.model import Estimate as Estimate, Model as Model
+from identification.estimators.model import Estimate as Estimate
+from identification.estimators.model import Model as Model
 
 #: Estimators by the name they have on the command line.
 METHODS = {

@@ -175,14 +175,15 @@ def _ripple_failures(
 def _passivity_failures(
     design: Design, moment: tuple[str, ...], setting: Setting, delay: int
 ) -> list[str]:
-    if len(moment) > 1 or design.elements[moment[0]].margins.passive is not True:
+    claimed = [name for name in moment if design.elements[name].margins.passive is True]
+    if len(moment) != 1 or not claimed:
         return []
     if delay or setting.velocity_filter_hz or setting.acceleration_filter_hz:
-        return [f"{moment[0]}: claims passivity with a delay or a filter, where it is not known"]
+        return [f"{claimed[0]}: claims passivity with a delay or a filter, where it is not known"]
     box = design.device.simultaneous_box()
     if passive(setting, box.damping[0], box.sample_time[1]):
         return []
-    return [f"{moment[0]}: claims passivity, a damping of {box.damping[0]:.6g} is too little"]
+    return [f"{claimed[0]}: claims passivity, a damping of {box.damping[0]:.6g} is too little"]
 
 
 def _ripple_of(element: ElementProfile) -> float:

@@ -25,9 +25,6 @@ EXIT_CHECK = 6
 EXIT_NOT_WRITTEN = 7
 EXIT_INTERRUPTED = 130
 
-#: Columns of tables that go to a file or a pipe.
-_WIDTH = 100
-
 #: Columns where no terminal says how wide it is: tables are as wide as they need to be.
 _WIDE = 200
 

@@ -39,14 +39,16 @@ def device_from(
     """
     hardware = hardware or Hardware()
     first = fits[0].trajectory
-    quantities = {name: _envelope(fits, name) for name in PARAMETERS}
     resolution = hardware.encoder_resolution
     return Device(
         name=hardware.name,
         axis=first.axis,
         motion=first.motion,
         sample_time=_sample_time(fits, hardware),
-        **quantities,
+        mass=_envelope(fits, "mass"),
+        damping=_envelope(fits, "damping"),
+        coulomb_friction=_envelope(fits, "coulomb_friction"),
+        force_offset=_envelope(fits, "force_offset"),
         delay=_delay(fits, hardware),
         encoder_resolution=(
             quantity(_resolution(fits), source="log")
@@ -140,9 +142,7 @@ def _covariance(fits: Sequence[LogFit]) -> Covariance:
 
     The degrees of freedom are those of the poorest log: between logs there are too few to count.
     """
-    shared = [
-        name for name in PARAMETERS if all(name in fit.estimate.parameters for fit in fits)
-    ]
+    shared = [name for name in PARAMETERS if all(name in fit.estimate.parameters for fit in fits)]
     within: list[FloatArray] = []
     for fit in fits:
         order = [fit.estimate.parameters.index(name) for name in shared]

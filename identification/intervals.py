@@ -10,6 +10,7 @@ correlation inside a block, and however unevenly the blocks excite the device, i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,19 +89,14 @@ def spread(columns: FloatArray, residual: FloatArray, keep: int, *, signal: Floa
     singular = np.linalg.svd(unit.T @ unit, compute_uv=False, hermitian=True)
     condition = float(np.sqrt(singular[0] / max(singular[-1], np.finfo(float).tiny)))
     edges = np.linspace(0, residual.size, block_count(unit, residual) + 1).astype(int)
-    blocks = list(zip(edges[:-1], edges[1:], strict=True))
+    blocks = list(pairwise(edges.tolist()))
     normal = np.stack([unit[i:j].T @ unit[i:j] for i, j in blocks])
     right = np.stack([unit[i:j].T @ residual[i:j] for i, j in blocks])
     whole = normal.sum(axis=0)
     # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
-    shifts = -np.stack(
-        [
-            np.linalg.pinv(whole - part, hermitian=True) @ score
-            for part, score in zip(normal, right, strict=True)
-        ]
-    )
+    shifts = np.einsum("ijk,ik->ij", _inverse(whole - normal), right)
     count = len(blocks)
-    inverse = np.linalg.pinv(whole, hermitian=True)
+    inverse = _inverse(whole)
     inflation = np.diag(inverse)
     # Nuisance columns take up their part of the signal, so only the rest can mislead.
     nuisance = unit[:, keep:]
@@ -114,6 +110,11 @@ def spread(columns: FloatArray, residual: FloatArray, keep: int, *, signal: Floa
         condition=condition,
         inflation=inflation[:keep],
     )
+
+
+def _inverse(normal: FloatArray) -> FloatArray:
+    """Pseudo-inverse of symmetric matrices, shape (..., p, p); finite for columns alike, too."""
+    return np.asarray(np.linalg.pinv(normal, hermitian=True), dtype=np.float64)
 
 
 def half_width(estimate: Estimate, name: str) -> float:

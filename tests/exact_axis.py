@@ -115,9 +115,13 @@ def multisine(
         phase = generator.uniform(0, 2 * np.pi, runs)
         size = 1 / angular
         motion += size * np.sin(angular * time + phase)
-        force += size * angular * (
-            np.asarray(axis.damping) * np.cos(angular * time + phase)
-            - np.asarray(axis.mass) * angular * np.sin(angular * time + phase)
+        force += (
+            size
+            * angular
+            * (
+                np.asarray(axis.damping) * np.cos(angular * time + phase)
+                - np.asarray(axis.mass) * angular * np.sin(angular * time + phase)
+            )
         )
     scale = np.minimum(travel / np.abs(motion).max(axis=0), peak / np.abs(force).max(axis=0))
     return force * scale

@@ -42,7 +42,7 @@ def test_known_ripple_of_one_kilogram(delay: int, cutoff: float | None, printed:
     assert f"{ripple:.2g}" == printed
 
 
-def _effects(values: NDArray[np.float64]) -> Effects:
+def _effects(values: NDArray[np.floating]) -> Effects:
     return Effects(stiffness=values[0] or None, damping=values[1], mass=values[2])
 
 

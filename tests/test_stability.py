@@ -182,6 +182,22 @@ def _printed_43(delta: float, alpha: float, beta: float, gamma: float) -> mpmath
         return c1 * c2 * c3 - c4 * c1**2 - c0 * c3**2
 
 
+@pytest.mark.parametrize("delta", [1e-9, 1e-6, 1e-3, 0.1, 1.0, 1.7])
+def test_mass_equation_19(delta: float) -> None:
+    """Up to δ = 1.7022; beyond it a root leaves at z = -1 first, which is tested below."""
+    limit = float(largest(Loop.dimensionless(delta), "mass"))
+
+    def printed(M: mpmath.mpf) -> mpmath.mpf:
+        d = mpmath.mpf(delta)
+        e, x = mpmath.exp(d), mpmath.expm1(d)
+        return (M + d) * (M * d * x - M * x**2 + d**2 * e**2) - M * d * e * x
+
+    with mpmath.workdps(60):
+        M = mpmath.mpf(limit)
+        assert printed(M * (1 - mpmath.mpf("1e-11"))) > 0
+        assert printed(M * (1 + mpmath.mpf("1e-11"))) < 0
+
+
 @pytest.mark.parametrize("delta", [1e-9, 1e-6, 1e-3, 0.1, 1.0, 2.0])
 class TestPublishedLimits:
     """One code path against the printed formulas, evaluated in 60 digits with m = T = 1."""
@@ -201,21 +217,6 @@ class TestPublishedLimits:
         assert float(largest(Loop.dimensionless(delta), "damping")) == pytest.approx(
             float(limit), rel=1e-12
         )
-
-    def test_mass_equation_19(self, delta: float) -> None:
-        if delta > 1.7022:
-            pytest.skip("beyond δ = 1.7022 a root leaves at z = -1 first; tested below")
-        limit = float(largest(Loop.dimensionless(delta), "mass"))
-
-        def printed(M: mpmath.mpf) -> mpmath.mpf:
-            d = mpmath.mpf(delta)
-            e, x = mpmath.exp(d), mpmath.expm1(d)
-            return (M + d) * (M * d * x - M * x**2 + d**2 * e**2) - M * d * e * x
-
-        with mpmath.workdps(60):
-            M = mpmath.mpf(limit)
-            assert printed(M * (1 - mpmath.mpf("1e-11"))) > 0
-            assert printed(M * (1 + mpmath.mpf("1e-11"))) < 0
 
     def test_spring_damper_equation_25(self, delta: float) -> None:
         for B in (0.1 * delta, 0.3, 1.0):

@@ -166,7 +166,8 @@ class _State:
             if sizes is None:
                 continue
             value = self.value(sizes, stage)
-            values.append(value)
+            if np.isfinite(value):
+                values.append(value)
             if value > best_value:
                 best, best_value, best_name = sizes, value, backend.name
         if len(values) > 1 and max(values) > 0:

@@ -51,7 +51,7 @@ class Held:
 
     def since(self, first: int) -> Held:
         """The column from one interval on."""
-        fraction = self.fraction if isinstance(self.fraction, float) else self.fraction[first:]
+        fraction = self.fraction[first:] if isinstance(self.fraction, np.ndarray) else self.fraction
         return Held(early=self.early[first:], late=self.late[first:], fraction=fraction)
 
 

@@ -73,7 +73,7 @@ def _push(rate: complex, span: FloatArray) -> tuple[ComplexArray, ComplexArray]:
 
     The first is also the distance coasted in that time per unit of velocity.
     """
-    first, second = phi(rate * span)
+    first, second = phi(np.asarray(rate * span, dtype=np.complex128))
     return span * first, span**2 * second
 
 

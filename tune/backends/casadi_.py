@@ -10,6 +10,9 @@ from tune.backends.program import Program
 
 FloatArray = NDArray[np.float64]
 
+#: An interior point method wants to start away from the boundary: this much lower, in log-sizes.
+_RETREAT = 1.0
+
 
 class Ipopt:
     """Interior-point proposals; they end a little beyond or before the boundary."""
@@ -20,8 +23,9 @@ class Ipopt:
         """See `tune.backends.Backend`. Bounded to 150 iterations and 2 s."""
         count = start.size
         parameters = np.concatenate([program.parameters, stage.active, stage.floors, stage.weights])
+        inside = np.clip(start - _RETREAT, program.lower, program.upper)
         answer = program.functions.ipopt(
-            x0=np.append(start, 0.0),
+            x0=np.append(inside, 0.0),
             p=parameters,
             lbx=np.append(program.lower, -1.0),
             ubx=np.append(program.upper, 1e3),

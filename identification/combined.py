@@ -26,6 +26,10 @@ FloatArray = NDArray[np.float64]
 #: Parameters every device states, fitted or not.
 PARAMETERS = ("mass", "damping", "coulomb_friction", "force_offset")
 
+#: Largest logarithm of the interval of a mass to its value; only a log that was allowed although it
+#: does not tell the mass comes near this factor of a thousand.
+WIDEST_MASS = 7.0
+
 
 def device_from(
     fits: Sequence[LogFit], hardware: Hardware | None, records: Sequence[LogRecord]
@@ -118,7 +122,7 @@ def _interval(fit: LogFit, name: str) -> tuple[float, float, float]:
     """
     value, half = fit.estimate.value(name), half_width(fit.estimate, name)
     if name == "mass":
-        ratio = float(np.exp(half / value))
+        ratio = float(np.exp(min(half / value, WIDEST_MASS)))
         return value, value / ratio, value * ratio
     low, high = value - half, value + half
     if name == "coulomb_friction":
@@ -133,7 +137,8 @@ def _envelope(fits: Sequence[LogFit], name: str) -> Quantity:
     if len(fits) == 1 or np.any(deviations == 0):
         value = float(np.mean(values))
     else:
-        value = float(np.average(values, weights=deviations**-2))
+        weights = deviations**-2 / np.sum(deviations**-2)
+        value = float(values @ weights)
     return quantity(value, float(lows.min()), float(highs.max()))
 
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 
 FloatArray = NDArray[np.float64]
@@ -83,9 +84,7 @@ def spread(columns: FloatArray, residual: FloatArray, keep: int, *, signal: Floa
         keep: how many leading parameters are wanted; the others are nuisance.
         signal: shape (n,): what the logged force contributes; UNKNOWN_FORCE of it is in doubt.
     """
-    norms = np.linalg.norm(columns, axis=0)
-    norms = np.where(norms > 0, norms, 1.0)
-    unit = columns / norms
+    unit, norms = unit_columns(columns)
     singular = np.linalg.svd(unit.T @ unit, compute_uv=False, hermitian=True)
     condition = float(np.sqrt(singular[0] / max(singular[-1], np.finfo(float).tiny)))
     edges = np.linspace(0, residual.size, block_count(unit, residual) + 1).astype(int)

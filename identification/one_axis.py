@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.device import Device, Hardware, LogRecord
 from identification.documents import as_stored
-from identification.errors import Finding, LogRefusedError, UsageError
+from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators.model import Estimate
 from identification.findings import CODES, inspect
 from identification.findings.sampling import mean_step
@@ -18,6 +18,10 @@ from identification.trajectory import Trajectory
 
 #: Methods that can be asked for.
 METHODS = ("auto", "least-squares", "output-error")
+#: Size of any column, and least change of force and position, in SI units. Micro-manipulators and
+#: presses lie many orders inside.
+LARGEST = 1e12
+SMALLEST = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +78,7 @@ def identify(
     """
     trajectories = (trajectory,) if isinstance(trajectory, Trajectory) else tuple(trajectory)
     _check_request(trajectories, hardware, method, allow)
+    _check_size(trajectories)
     noticed = [inspect(log, hardware) for log in trajectories]
     _refuse([finding for found in noticed for finding in found], allow)
     fits = [fit_log(_evenly(log, hardware), hardware, method) for log in trajectories]
@@ -137,6 +142,20 @@ def _check_request(
                 f"the logs are of {seen[0]}, the hardware of {getattr(hardware, name)}",
                 f"Give the logs and the hardware of one {name}",
             )
+
+
+def _check_size(trajectories: Sequence[Trajectory]) -> None:
+    """Numbers no device has, in any unit: their squares would not be numbers any more."""
+    for log in trajectories:
+        for name, column in log.columns():
+            largest, change = float(np.max(np.abs(column))), float(np.ptp(column))
+            if largest > LARGEST or (name in {"force", "position"} and change < SMALLEST):
+                raise InvalidInputError(
+                    log.source,
+                    f"{name} reaches {largest:.3g} and changes by {change:.3g}, outside of "
+                    f"{SMALLEST:g} to {LARGEST:g}",
+                    f"Name the right column with --{name}, and give gains that make it SI",
+                )
 
 
 def _refuse(findings: Sequence[Finding], allow: Collection[str]) -> None:

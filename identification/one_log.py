@@ -21,7 +21,7 @@ from identification.trajectory import Trajectory
 WHITE = 0.1
 #: A residual of at most this many counts rms is the encoder's own, whatever its colour: rounding
 #: alone is 0.29, and it is not white where the device moves slowly.
-ENCODER_RESIDUAL = 0.5
+ENCODER_RESIDUAL = 0.35
 #: A friction term smaller than its own standard deviation is left out. A higher hurdle would move
 #: mass and damping by more than their intervals where the term is real.
 ASKED_FOR = 1.0

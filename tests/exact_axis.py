@@ -5,6 +5,7 @@ Closed forms between events, so there is no step size. It shares nothing with th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,16 +73,33 @@ def positions(
     ``force`` of shape (samples, runs) is held from row to row and arrives ``axis.delay`` later;
     before the first row the first force acted. ``disturbance`` is held without delay.
     """
-    samples, runs = force.shape
+
+    def law(row: int, place: Array) -> Array:
+        return force[row]
+
+    return closed_loop(axis, law, force.shape, disturbance=disturbance, speed=speed)[0]
+
+
+def closed_loop(
+    axis: Axis,
+    law: Callable[[int, Array], Array],
+    shape: tuple[int, int],
+    *,
+    disturbance: Array | None = None,
+    speed: float | Array = 0.0,
+) -> tuple[Array, Array]:
+    """Position and commanded force, both (samples, runs), of a force computed from position."""
+    samples, runs = shape
     step = axis.sample_time
     whole = int(np.floor(axis.delay / step + 1e-9))
     part = axis.delay / step - whole
     part = 0.0 if part < 1e-9 else part
     place = np.zeros(runs)
     rate = np.zeros(runs) + speed
-    out = np.empty((samples, runs))
+    out, force = np.empty(shape), np.empty(shape)
     for k in range(samples):
         out[k] = place
+        force[k] = law(k, place)
         extra = -np.asarray(axis.offset) + (0.0 if disturbance is None else disturbance[k])
         if part:
             span = np.full(runs, part * step)
@@ -90,7 +108,7 @@ def positions(
         span = np.full(runs, (1 - part) * step)
         travel, rate = _advance(axis, rate, force[max(k - whole, 0)] + extra, span)
         place = place + travel
-    return out
+    return out, force
 
 
 def multisine(

@@ -122,6 +122,7 @@ class Certificate(Document):
     gain: float
     extra_delay_samples: int
     points: int
+    interior: dict[str, Literal["proved", "corners-only"]]
     worst: WorstPoint
     assumes: tuple[str, ...]
     not_assessed: tuple[str, ...]

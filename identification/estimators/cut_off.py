@@ -15,9 +15,11 @@ FloatArray = NDArray[np.float64]
 #: Noise may make up this share of the power of the filtered acceleration; it attenuates the mass
 #: by the same share.
 NOISE_SHARE = 1e-4
-#: The cut-off need not exceed this multiple of the frequency that holds 99 % of the acceleration:
+#: The cut-off need not exceed this multiple of the frequency that holds most of the acceleration:
 #: above it there is nothing to learn, only vibration modes that the model does not have.
 HEADROOM = 5.0
+#: ... most of its power, that is.
+_MOST = 0.99
 #: Highest cut-off, part of the sampling rate: central differences stay accurate below.
 HIGHEST = 0.1
 #: The kernel may take this part of a log, or too few independent rows are left.
@@ -71,8 +73,8 @@ def choose_cut_off(trajectory: Trajectory, noise: float) -> CutOff:
     chosen, why = float(candidates[index]), "position noise"
     if index == _CANDIDATES - 1:
         why = "the sampling rate"
-    signal = np.cumsum(np.maximum((power - floor) * passed[index], 0.0))
-    enough = HEADROOM * float(frequency[np.searchsorted(signal, 0.99 * signal[-1])])
+    signal: FloatArray = np.maximum((power - floor) * passed[index], 0.0).cumsum()
+    enough = HEADROOM * float(frequency[int(signal.searchsorted(_MOST * signal[-1]))])
     if enough < chosen:
         chosen, why = max(enough, lowest), "where the motion has its power"
     return CutOff(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators import least_squares
+from identification.estimators.linear import unit_columns
 from identification.estimators.model import Model
 from identification.intervals import spread
 from identification.trajectory import Trajectory
@@ -16,8 +17,10 @@ FloatArray = NDArray[np.float64]
 
 #: Largest delay looked for, sample times; a longer one is to be stated.
 MOST_SAMPLES = 4
-#: Steps of the scan per sample time; a parabola through the best three does the rest.
-_STEPS_PER_SAMPLE = 20
+#: Steps of the scan per sample time, ...
+_STEPS_PER_SAMPLE = 4
+#: ... and the finer steps about the best, samples, each with a parabola through the best three.
+_FINER = (0.05, 0.01)
 #: Standard deviation of a delay nothing is known about but that it lies within the scan.
 _IGNORANCE = MOST_SAMPLES / np.sqrt(12)
 #: Scans: the direction of motion is refined at the delay of the scan before.
@@ -54,10 +57,11 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     table = least_squares.prepare(trajectory, model, MOST_SAMPLES * step, refine=False)
     costs, best = np.empty(0), 0.0
     for _ in range(_ROUNDS):
-        basis, _ = np.linalg.qr(table.columns / np.linalg.norm(table.columns, axis=0))
-        forces = (table.force(samples * step) for samples in grid)
-        costs = np.array([float(f @ f - np.sum((basis.T @ f) ** 2)) for f in forces])
+        costs = _costs(table, grid)
         best = _lowest(grid, costs)
+        for finer in _FINER:
+            near = np.clip(best + finer * np.array([-1.0, 0.0, 1.0]), 0.0, MOST_SAMPLES)
+            best = _lowest(near, _costs(table, near))
         table = table.refined(best * step)
     columns = table.columns
     force = table.force(best * step)
@@ -75,12 +79,20 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     )
 
 
+def _costs(table: least_squares.Regression, samples: FloatArray) -> FloatArray:
+    """Sum of squared residuals of the best fit at each delay, in samples."""
+    basis, _ = np.linalg.qr(unit_columns(table.columns)[0])
+    step = table.trajectory.sample_time
+    forces = [table.force(each * step) for each in samples]
+    return np.array([float(np.sum((f - basis @ (basis.T @ f)) ** 2)) for f in forces])
+
+
 def _lowest(grid: FloatArray, costs: FloatArray) -> float:
     """The minimum of a parabola through the lowest cost and its neighbours."""
     index = int(np.argmin(costs))
-    if index in {0, grid.size - 1}:
+    if index in {0, grid.size - 1} or grid[index - 1] == grid[index + 1]:
         return float(grid[index])
     left, middle, right = costs[index - 1 : index + 2]
     bend = left - 2 * middle + right
     shift = (left - right) / (2 * bend) if bend > 0 else 0.0
-    return float(grid[index] + np.clip(shift, -1, 1) * (grid[1] - grid[0]))
+    return float(grid[index] + np.clip(shift, -1, 1) * (grid[index + 1] - grid[index]))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.cut_off import CutOff, choose_cut_off
 from identification.estimators.held import Held, delayed, unknown_intervals
+from identification.estimators.linear import explained, unit_columns
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
 from identification.estimators.motion import (
@@ -170,10 +171,7 @@ class Regression:
         Noise in a column would shrink its parameter (Fuller, Measurement Error Models, 1987,
         section 1.2); its mean square is known from the noise of a reading and the filter.
         """
-        columns = self.columns
-        norms = np.linalg.norm(columns, axis=0)
-        norms = np.where(norms > 0, norms, 1.0)
-        unit = columns / norms
+        unit, norms = unit_columns(self.columns)
         normal = unit.T @ unit - np.diag(len(unit) * self.attenuation / norms**2)
         right = unit.T @ self.force(delay)
         return np.linalg.lstsq(normal, right, rcond=None)[0] / norms
@@ -186,7 +184,10 @@ class Regression:
         for _ in range(REFINEMENTS):
             fitted = dict(zip(self.model.parameters, table.solve(delay), strict=True))
             friction = fitted["coulomb_friction"]
-            if fitted["mass"] <= 0 or friction <= 0 or abs(friction - last) < SETTLED * friction:
+            if friction <= 0:
+                # Without friction nothing holds the device still, however slowly it moves.
+                return table.with_motion(table.motion.released())
+            if fitted["mass"] <= 0 or abs(friction - last) < SETTLED * friction:
                 break
             last = friction
             motion = refined(
@@ -266,7 +267,7 @@ def fit(table: Regression, delay: float) -> Estimate:
         degrees_of_freedom=around.degrees_of_freedom,
         residual=residual,
         residual_unit="force",
-        explained=float(1 - np.mean(residual**2) / np.mean(force**2)),
+        explained=explained(force, residual),
         whiteness=whiteness(residual),
         condition=around.condition,
         inflation=around.inflation,

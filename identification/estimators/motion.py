@@ -8,7 +8,7 @@ start; ``refined`` adds the fast part of the velocity from the model itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,10 @@ class Motion:
     direction: Held
     moving: FloatArray
 
+    def released(self) -> Motion:
+        """The same direction, and nothing that holds the device still."""
+        return replace(self, moving=np.ones_like(self.moving))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mechanics:
@@ -76,7 +80,8 @@ def first_look(position: FloatArray, *, noise: float, bend: float) -> Motion:
         width = min((ratio**2 / (4 * np.sqrt(np.pi))) ** (1 / 3), WIDEST)
     velocity = np.diff(_smooth(position, gaussian(width, 1.0)))
     ends = np.concatenate((velocity[:1], (velocity[1:] + velocity[:-1]) / 2, velocity[-1:]))
-    direction = _turning(ends[:-1], ends[1:], np.abs(ends[:-1]), np.abs(ends[1:]))
+    even = np.ones(velocity.size)
+    direction = _turning(ends[:-1], ends[1:], even, even)
     moving = 1.0 - _dwelling(position, noise, bend)
     return Motion(direction=direction.times(moving), moving=moving)
 
@@ -119,16 +124,15 @@ def refined(
     rest = _rest(velocity[:-1], pull, friction, mobility)
     reach = max(SHORTEST_START, kernel.size // (2 * int(REACH)))
     start, end = _released(velocity, rest, pull, friction, mobility, reach)
-    tiny = np.finfo(float).tiny
-    before = np.abs(pull - friction * np.sign(start)) * mobility + tiny
-    after = np.abs(pull - friction * np.sign(end)) * mobility + tiny
-    direction = _turning(start, end, np.abs(start) / before, np.abs(end) / after)
+    before = np.abs(pull - friction * np.sign(start))
+    after = np.abs(pull - friction * np.sign(end))
+    direction = _turning(start, end, before, after)
     # Standing still, friction equals the pull; inside the interval in which it comes to rest, that
     # is the second part of the direction.
     stops = (rest > 0) & (rest < 1)
     direction = Held(
         early=direction.early,
-        late=np.where(stops, pull / (friction + tiny), direction.late),
+        late=np.where(stops, pull / max(friction, np.finfo(float).tiny), direction.late),
         fraction=np.where(stops, 1 - rest, direction.fraction),
     )
     moving = np.where(rest == 1, 0.0, 1.0)
@@ -154,11 +158,12 @@ def _rest(velocity: FloatArray, pull: FloatArray, friction: float, mobility: flo
     sense = np.sign(velocity[begin])
     speed = np.maximum(sense * velocity, 0.0)
     # What friction takes from the speed in one interval.
-    loss = np.maximum((friction - sense * pull) * mobility, np.finfo(float).tiny)
+    loss = (friction - sense * pull) * mobility
     used_up = held & (speed <= loss)
+    part = 1 - speed / np.where(used_up & (loss > 0), loss, np.inf)
     count = np.concatenate(([0], np.cumsum(used_up)))
     earlier = count[:-1] > count[begin]
-    return np.where(held & earlier, 1.0, np.where(used_up, 1 - speed / loss, 0.0))
+    return np.where(held & earlier, 1.0, np.where(used_up, part, 0.0))
 
 
 def _released(
@@ -195,11 +200,15 @@ def _integral(change: FloatArray) -> FloatArray:
 
 
 def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: FloatArray) -> Held:
-    """sign of a velocity from start to end that takes times before : after to reach zero."""
+    """sign of a velocity that falls from start by a force ``before``, and rises to end by ``after``.
+
+    The velocity reaches zero after |start|/before, and end |end|/after later.
+    """
     turns = start * end < 0
     sign = np.where(start == 0, np.sign(end), np.sign(start))
-    total = before + after
-    fraction = np.where(turns & (total > 0), before / np.where(total > 0, total, 1.0), 1.0)
+    falling, rising = np.abs(start) * after, np.abs(end) * before
+    total = np.where(turns, falling + rising, 0.0)
+    fraction = np.where(total > 0, falling / np.where(total > 0, total, 1.0), 1.0)
     return Held(early=sign, late=np.where(turns, np.sign(end), sign), fraction=fraction)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from identification.estimators import least_squares
 from identification.estimators.held import Held, unknown_intervals
 from identification.estimators.held_response import coasting, response
+from identification.estimators.linear import explained, solve
 from identification.estimators.model import Estimate, Model
 from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
@@ -78,7 +79,7 @@ class _Problem:
         dynamic.append(coasting(self.position.size, complex_rate, self.step))
         stack = np.stack([*dynamic, np.ones(self.position.size, dtype=np.complex128)], axis=1)
         columns, slopes = np.ascontiguousarray(stack.real), stack.imag / nudge
-        weights = _solve(columns, self.position)
+        weights = solve(columns, self.position)
         return _Projection(
             rate=rate,
             columns=columns,
@@ -137,7 +138,7 @@ def fit(table: least_squares.Regression, delay: float) -> Estimate:
         degrees_of_freedom=around.degrees_of_freedom,
         residual=best.residual,
         residual_unit="position",
-        explained=float(1 - best.cost / (problem.position @ problem.position)),
+        explained=explained(problem.position, best.residual),
         whiteness=whiteness(best.residual),
         condition=around.condition,
         inflation=around.inflation,
@@ -152,7 +153,7 @@ def _search(problem: _Problem, start: float) -> tuple[_Projection, tuple[str, ..
     for _ in range(_MOST_STEPS):
         # Kaufman's form: the step of p is its coefficient beside all linear columns.
         slope = best.slopes @ best.weights
-        across = slope - best.columns @ _solve(best.columns, slope)
+        across = slope - best.columns @ solve(best.columns, slope)
         square = float(across @ across)
         if square == 0:
             break
@@ -198,11 +199,3 @@ def _physical(best: _Projection, count: int) -> tuple[FloatArray, FloatArray]:
     columns += [-best.columns[:, index] / mass for index in range(1, count - 1)]
     nuisance = best.columns[:, count - 1 :]
     return values, np.concatenate((np.stack(columns, axis=1), nuisance), axis=1)
-
-
-def _solve(columns: FloatArray, right: FloatArray) -> FloatArray:
-    """Least-squares solution by QR of unit-norm columns, shape (q,)."""
-    norms = np.linalg.norm(columns, axis=0)
-    norms = np.where(norms > 0, norms, 1.0)
-    q, r = np.linalg.qr(columns / norms)
-    return np.linalg.lstsq(r, q.T @ right, rcond=None)[0] / norms

@@ -51,6 +51,9 @@ def check(path: Path) -> CheckReport:
 
 def _claims_differ(stated: Certificate, fresh: Certificate) -> Iterator[str]:
     """Numbers of the certificate that the device and the elements of the file do not give."""
+    for moment, said in stated.interior.items():
+        if said == "proved" and fresh.interior.get(moment) != "proved":
+            yield f"certificate.interior says {moment} is proved, computed anew it is not"
     for name, seen, said in (
         *((name, getattr(fresh, name), getattr(stated, name)) for name in _CLAIMED),
         ("worst.pole_radius", fresh.worst.pole_radius, stated.worst.pole_radius),

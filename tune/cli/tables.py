@@ -93,6 +93,13 @@ def _relative(quantity: Quantity) -> str:
     return f"{100 * (quantity.high - quantity.low) / 2 / abs(quantity.value):.2g} %"
 
 
+def _interior(certificate: Certificate) -> str:
+    open_ = [name for name, how in certificate.interior.items() if how != "proved"]
+    if not open_:
+        return "proved for every device between the corners, too"
+    return f"at the corners only, not proved between them: {'; '.join(open_)}"
+
+
 def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
     """What was certified, in words."""
     worst = certificate.worst
@@ -101,6 +108,7 @@ def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
         f"{certificate.mass[1]:.6g}, damping {certificate.damping[0]:.6g} to "
         f"{certificate.damping[1]:.6g} (together {100 * certificate.confidence:g} %), every gain "
         f"in (0, {certificate.gain:g}], up to {certificate.extra_delay_samples} extra samples",
+        _interior(certificate),
         f"slowest there: {' + '.join(worst.elements)}, pole radius {worst.pole_radius:.6f}",
         "not assessed: " + "; ".join(certificate.not_assessed),
     )

@@ -128,7 +128,42 @@ _HOMES = {
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
-__all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = [
+    "Box",
+    "Covariance",
+    "Device",
+    "Document",
+    "Finding",
+    "ForceLimit",
+    "Hardware",
+    "Identification",
+    "IdentificationError",
+    "InvalidInputError",
+    "LogColumns",
+    "LogFit",
+    "LogRecord",
+    "LogRefusedError",
+    "NotWrittenError",
+    "Plant",
+    "Quantity",
+    "Trajectory",
+    "UsageError",
+    "as_stored",
+    "fit_picture",
+    "identify",
+    "load_device",
+    "load_document",
+    "load_mapping",
+    "load_trajectory",
+    "named_devices",
+    "parse_document",
+    "quantity",
+    "rounded",
+    "to_mapping",
+    "to_yaml",
+    "write_bytes",
+    "write_text",
+]
 
 
 def __getattr__(name: str) -> Any:

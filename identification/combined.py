@@ -132,7 +132,8 @@ def _interval(fit: LogFit, name: str) -> tuple[float, float, float]:
 
 def _envelope(fits: Sequence[LogFit], name: str) -> Quantity:
     """Mean weighted by inverse variance, from the lowest low to the highest high of all logs."""
-    values, lows, highs = np.array([_interval(fit, name) for fit in fits]).T
+    table: FloatArray = np.array([_interval(fit, name) for fit in fits])
+    values, lows, highs = table[:, 0], table[:, 1], table[:, 2]
     deviations = np.array([fit.estimate.deviation(name) for fit in fits])
     if len(fits) == 1 or np.any(deviations == 0):
         value = float(np.mean(values))

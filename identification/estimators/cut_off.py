@@ -59,7 +59,7 @@ def choose_cut_off(trajectory: Trajectory, noise: float) -> CutOff:
     second = position[2:] - 2 * position[1:-1] + position[:-2]
     window = np.hanning(second.size)
     power = np.abs(np.fft.rfft(second * window)) ** 2
-    frequency = np.fft.rfftfreq(second.size, step)
+    frequency = np.fft.rfftfreq(second.size, step).astype(np.float64)
     floor = noise**2 * np.sum(window**2) * (2 * np.sin(np.pi * frequency * step)) ** 4
     highest = HIGHEST / step
     # Both reaches of the kernel together, REACH standard deviations each.
@@ -74,11 +74,13 @@ def choose_cut_off(trajectory: Trajectory, noise: float) -> CutOff:
     if index == _CANDIDATES - 1:
         why = "the sampling rate"
     signal: FloatArray = np.maximum((power - floor) * passed[index], 0.0).cumsum()
-    enough = HEADROOM * float(frequency[int(signal.searchsorted(_MOST * signal[-1]))])
+    reached = int(np.argmax(signal >= _MOST * signal[-1]))
+    enough = HEADROOM * float(frequency[reached])
     if enough < chosen:
         chosen, why = max(enough, lowest), "where the motion has its power"
+        index = int(np.argmin(np.abs(candidates - chosen)))
     return CutOff(
         frequency=chosen,
-        noise_share=float(np.interp(chosen, candidates, share)),
+        noise_share=float(share[index]),
         reason=f"low-pass at {chosen:.3g} Hz, set by {why}",
     )

@@ -16,7 +16,7 @@ def unit_columns(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def solve(columns: FloatArray, right: FloatArray) -> FloatArray:
-    """Least-squares solution by QR of unit-norm columns, shape (p,); the least for columns alike."""
+    """Least-squares solution by QR of unit-norm columns, shape (p,)."""
     unit, norms = unit_columns(columns)
     q, r = np.linalg.qr(unit)
     return np.linalg.lstsq(r, q.T @ right, rcond=None)[0] / norms

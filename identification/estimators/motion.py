@@ -200,7 +200,7 @@ def _integral(change: FloatArray) -> FloatArray:
 
 
 def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: FloatArray) -> Held:
-    """sign of a velocity that falls from start by a force ``before``, and rises to end by ``after``.
+    """sign of a velocity that a force ``before`` takes from start to zero, and ``after`` to end.
 
     The velocity reaches zero after |start|/before, and end |end|/after later.
     """

@@ -1,0 +1,105 @@
+"""The real axis: published values recovered, with intervals that deserve the name."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from identification import Hardware, Identification, LogColumns, Trajectory, identify
+from identification import load_trajectory, quantity
+from identification.intervals import half_width
+
+LOG = Path(__file__).parents[2] / "shared/data/emps/DATA_EMPS.mat"
+pytestmark = pytest.mark.skipif(
+    not LOG.exists(), reason="the EMPS log is test data that does not come with the project"
+)
+
+#: Janot, Gautier, Brunot: Data Set and Reference Models of EMPS, 2019; symmetric friction.
+MASS, COULOMB, OFFSET = 95.109, 20.394, -3.165
+#: Their standard deviations by ordinary least squares.
+ORDINARY_MASS, ORDINARY_DAMPING = 0.109, 1.15
+
+
+@cache
+def log() -> Trajectory:
+    return load_trajectory(
+        LOG,
+        LogColumns(time="t", force="vir", position="qm", reference="qg", force_gain=35.1507),
+    )
+
+
+@cache
+def found() -> Identification:
+    return identify(log())
+
+
+def test_values_are_in_the_accepted_bands() -> None:
+    device = found().device
+    assert device.mass.value == pytest.approx(MASS, rel=0.01)
+    assert 199 <= device.damping.value <= 214
+    assert device.coulomb_friction.value == pytest.approx(COULOMB, rel=0.03)
+    assert device.force_offset.value == pytest.approx(OFFSET, rel=0.02)
+
+
+def test_intervals_are_useful_and_not_the_ordinary_ones() -> None:
+    device, estimate = found().device, found().estimates[0]
+    assert (device.mass.high - device.mass.low) / 2 <= 0.015 * device.mass.value
+    assert (device.damping.high - device.damping.low) / 2 <= 0.06 * device.damping.value
+    assert estimate.deviation("mass") >= 1.5 * ORDINARY_MASS
+    assert estimate.deviation("damping") >= 2 * ORDINARY_DAMPING
+    assert device.mass.low <= MASS <= device.mass.high
+
+
+def test_output_error_is_not_believed() -> None:
+    assert found().method == "least-squares"
+    assert "forces act that the log does not know" in found().reason
+    (other,) = found().logs[0].others
+    assert other.method == "output-error"
+    assert other.whiteness > 0.9
+
+
+def test_what_hardware_does_not_say_is_taken_from_the_log() -> None:
+    device = found().device
+    assert {finding.code for finding in found().findings} == {
+        "delay-unknown",
+        "force-saturated",
+        "few-counts",
+    }
+    assert all(finding.severity == "warning" for finding in found().findings)
+    assert device.sample_time.value == pytest.approx(1e-3, rel=1e-9)
+    assert device.delay.value == pytest.approx(1e-3, rel=1e-9)
+    assert device.delay.source == "assumed"
+    assert device.encoder_resolution is not None
+    assert device.encoder_resolution.value == pytest.approx(5e-8, rel=1e-6)
+    assert device.force_limit is not None
+    assert device.force_limit.peak == pytest.approx(152.05, rel=1e-4)
+    assert device.logs[0].digest == log().digest
+
+
+def test_a_stated_delay_of_zero_is_honoured() -> None:
+    device = identify(log(), hardware=Hardware(delay=quantity(0.0))).device
+    assert (device.delay.value, device.delay.source) == (0.0, "hardware")
+    assert device.mass.value == pytest.approx(MASS, rel=0.01)
+
+
+def test_the_wrong_sign_is_noticed() -> None:
+    from identification import LogRefusedError
+
+    turned = Trajectory(time=log().time, force=-log().force, position=log().position)
+    with pytest.raises(LogRefusedError) as caught:
+        identify(turned)
+    assert "sign-flip" in {finding.code for finding in caught.value.findings}
+
+
+def test_half_widths_do_not_depend_on_the_units() -> None:
+    """Gram and millimetre: the same log, the same relative answer."""
+    scaled = Trajectory(time=log().time, force=log().force * 1e6, position=log().position * 1e3)
+    estimate = identify(scaled).estimates[0]
+    reference = found().estimates[0]
+    for name in ("mass", "damping"):
+        assert estimate.value(name) == pytest.approx(1e3 * reference.value(name), rel=1e-6)
+        assert half_width(estimate, name) == pytest.approx(
+            1e3 * half_width(reference, name), rel=1e-3
+        )

@@ -1,0 +1,218 @@
+"""Log files: what is read, and a sentence for everything that is not."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+
+from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
+
+ROWS = 300
+TIME = np.arange(ROWS) * 1e-3
+FORCE = np.sin(40 * TIME)
+POSITION = 0.01 * np.cos(40 * TIME)
+
+
+def table(separator: str = ",", header: str = "time,force,position", **extra: Any) -> str:
+    columns = [TIME, FORCE, POSITION, *extra.values()]
+    lines = [separator.join(header.split(",") + list(extra))]
+    lines += [separator.join(f"{x:.17g}" for x in row) for row in zip(*columns, strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+def written(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def test_reads_csv_exactly_and_digests_the_file(tmp_path: Path) -> None:
+    path = written(tmp_path, table())
+    log = load_trajectory(path)
+    np.testing.assert_array_equal(log.time, TIME)
+    np.testing.assert_array_equal(log.force, FORCE)
+    np.testing.assert_array_equal(log.position, POSITION)
+    assert log.reference is None
+    assert (log.source, log.axis, log.motion) == ("log.csv", "x", "linear")
+    assert log.digest == "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("mark", ["", "# ", "\ufeff"])
+def test_separators_and_header_marks(tmp_path: Path, separator: str, mark: str) -> None:
+    log = load_trajectory(written(tmp_path, mark + table(separator)))
+    np.testing.assert_array_equal(log.position, POSITION)
+
+
+def test_windows_line_ends_and_spaces(tmp_path: Path) -> None:
+    text = table().replace(",", " , ").replace("\n", "\r\n")
+    np.testing.assert_array_equal(load_trajectory(written(tmp_path, text)).force, FORCE)
+
+
+def test_names_gains_axis_and_motion(tmp_path: Path) -> None:
+    text = table(header="t,volt,count", set_point=POSITION + 1)
+    columns = LogColumns(
+        time="t",
+        force="volt",
+        position="count",
+        reference="set_point",
+        force_gain=-35.0,
+        position_gain=2e-3,
+        axis="elbow",
+    )
+    log = load_trajectory(written(tmp_path, text), columns, motion="rotary")
+    np.testing.assert_array_equal(log.force, FORCE * -35.0)
+    np.testing.assert_array_equal(log.position, POSITION * 2e-3)
+    assert log.reference is not None
+    np.testing.assert_array_equal(log.reference, (POSITION + 1) * 2e-3)
+    assert (log.axis, log.motion) == ("elbow", "rotary")
+    assert load_trajectory(written(tmp_path, text), columns, axis="knee").axis == "knee"
+
+
+def test_a_column_named_reference_is_taken_unasked(tmp_path: Path) -> None:
+    log = load_trajectory(written(tmp_path, table(reference=POSITION)))
+    assert log.reference is not None
+    assert load_trajectory(written(tmp_path, table(Reference=POSITION))).reference is None
+
+
+@pytest.mark.parametrize("gain", [0.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("name", ["force_gain", "position_gain"])
+def test_impossible_gains(name: str, gain: float) -> None:
+    with pytest.raises(InvalidInputError, match="--" + name.replace("_", "-")):
+        LogColumns(**{name: gain})
+
+
+def test_missing_columns_are_named_with_what_there_is_and_the_option(tmp_path: Path) -> None:
+    path = written(tmp_path, table(header="t,force,pos"))
+    with pytest.raises(InvalidInputError) as caught:
+        load_trajectory(path)
+    text = str(caught.value)
+    for part in ("'time'", "'position'", "t, force, pos", "--time", "--position"):
+        assert part in text
+    assert "--force" not in text
+
+
+def test_a_hostile_header_is_quoted_short_and_printable(tmp_path: Path) -> None:
+    header = ",".join("\x1b[31m" + "x" * 5000 + str(i) for i in range(500))
+    with pytest.raises(InvalidInputError) as caught:
+        load_trajectory(written(tmp_path, header + "\n" + ",".join("1" for _ in range(500))))
+    assert "\x1b" not in str(caught.value)
+    assert "480 more" in str(caught.value)
+    assert len(str(caught.value)) < 2000
+
+
+@pytest.mark.parametrize("cell", ["abc", "1,5", "0x10", "1 2", "--", "1e"])
+def test_cells_that_are_no_numbers_are_named_by_row(tmp_path: Path, cell: str) -> None:
+    lines = table(";").splitlines()
+    lines[10] = f"0.009;{cell};0.0"
+    with pytest.raises(InvalidInputError, match="'force'.*row 11") as caught:
+        load_trajectory(written(tmp_path, "\n".join(lines)))
+    assert cell in str(caught.value)
+
+
+@pytest.mark.parametrize("row", ["0.299,0.5", "0.299", "0.299,,", "0.299,nan,0", "0.299,inf,0"])
+def test_torn_or_missing_cells_are_refused_as_such(tmp_path: Path, row: str) -> None:
+    with pytest.raises(LogRefusedError) as caught:
+        load_trajectory(written(tmp_path, table() + row))
+    assert {finding.code for finding in caught.value.findings} == {"non-finite"}
+    assert "sample 300" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [
+        (b"", "empty"),
+        (b"\n\n  \n", "empty"),
+        (b"time,force,position\n1,2,3,4,5\n", "equally long rows"),
+        (b'time,force,position\n1,"2,3\n', "equally long rows"),
+        (b"\x00\x01\x02\xff\xfe" * 100, "no column"),
+        (b"time,force,force,position\n" + b"1,2,3,4\n" * 300, "two columns named 'force'"),
+    ],
+)
+def test_files_that_are_no_tables(tmp_path: Path, content: bytes, part: str) -> None:
+    with pytest.raises(InvalidInputError, match=part):
+        load_trajectory(written(tmp_path, content))
+
+
+def test_header_only_is_too_short(tmp_path: Path) -> None:
+    with pytest.raises(LogRefusedError) as caught:
+        load_trajectory(written(tmp_path, "time,force,position\n"))
+    assert caught.value.findings[0].code == "too-short"
+
+
+def test_missing_files_folders_and_other_endings(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="No such file"):
+        load_trajectory(tmp_path / "nothing.csv")
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(InvalidInputError, match="cannot be read"):
+        load_trajectory(tmp_path / "folder.csv")
+    with pytest.raises(InvalidInputError, match=r"\.csv or \.mat"):
+        load_trajectory(written(tmp_path, table(), "log.xlsx"))
+
+
+def mat(folder: Path, **variables: Any) -> Path:
+    path = folder / "log.mat"
+    scipy.io.savemat(path, {"time": TIME, "force": FORCE, "position": POSITION} | variables)
+    return path
+
+
+@pytest.mark.parametrize("shape", [(ROWS, 1), (1, ROWS)])
+def test_reads_matlab(tmp_path: Path, shape: tuple[int, int]) -> None:
+    path = mat(tmp_path, force=FORCE.reshape(shape), reference=POSITION)
+    log = load_trajectory(path, LogColumns(force_gain=2.0))
+    np.testing.assert_array_equal(log.force, 2 * FORCE)
+    assert log.reference is None
+    asked = load_trajectory(path, LogColumns(reference="reference"))
+    assert asked.reference is not None
+
+
+@pytest.mark.parametrize(
+    ("value", "part"),
+    [
+        (1.0, "1 x 1"),
+        (np.ones((ROWS, 2)), "300 x 2"),
+        (np.ones(ROWS) * 1j, "real numbers"),
+        ("text", "real numbers"),
+        ({"a": 1.0}, "real numbers"),
+        (np.ones(ROWS - 1), "different lengths"),
+    ],
+)
+def test_matlab_variables_that_are_no_columns(tmp_path: Path, value: Any, part: str) -> None:
+    with pytest.raises(InvalidInputError, match=part):
+        load_trajectory(mat(tmp_path, force=value))
+
+
+def test_matlab_missing_variable(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="'q'.*time, force, position.*--position"):
+        load_trajectory(mat(tmp_path), LogColumns(position="q"))
+
+
+@pytest.mark.parametrize("end", [10, 130, 500, 2000])
+def test_torn_matlab_files(tmp_path: Path, end: int) -> None:
+    whole = mat(tmp_path).read_bytes()
+    with pytest.raises(InvalidInputError):
+        load_trajectory(written(tmp_path, whole[:end], "torn.mat"))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_damaged_matlab_files_never_show_a_traceback(tmp_path: Path, seed: int) -> None:
+    whole = bytearray(mat(tmp_path).read_bytes())
+    generator = np.random.default_rng(seed)
+    for place in generator.integers(0, 400, 8):
+        whole[place] = int(generator.integers(0, 256))
+    try:
+        load_trajectory(written(tmp_path, bytes(whole), "damaged.mat"))
+    except (InvalidInputError, LogRefusedError):
+        pass
+
+
+@pytest.mark.parametrize("head", [b"", b"MATLAB 7.3 MAT-file".ljust(512)])
+def test_matlab_73_says_so(tmp_path: Path, head: bytes) -> None:
+    content = head + b"\x89HDF\r\n\x1a\n" + bytes(1000)
+    with pytest.raises(InvalidInputError, match=r"7\.3"):
+        load_trajectory(written(tmp_path, content, "log.mat"))

@@ -21,7 +21,7 @@ from identification.documents import Document, load_document
 from identification.errors import InvalidInputError
 from identification.trajectory import Motion
 
-#: Probability that the simultaneous box holds every identified quantity (theory: 99.9 %).
+#: Probability that the simultaneous box holds every identified quantity.
 BOX_CONFIDENCE = 0.999
 #: Half-width of a 95 % interval of a normal variable, in standard deviations.
 _Z95 = 1.959963984540054

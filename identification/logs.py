@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -33,21 +32,6 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _SEPARATORS = ",;\t"
 #: The column a CSV file may have without being asked for it.
 _DEFAULT_REFERENCE = "reference"
-#: What the MATLAB reader is known to raise on torn or foreign files.
-_MAT_ERRORS = (
-    ValueError,
-    TypeError,
-    KeyError,
-    IndexError,
-    AttributeError,
-    EOFError,
-    OverflowError,
-    MemoryError,
-    UnicodeError,
-    NotImplementedError,
-    OSError,
-    zlib.error,
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,16 +214,19 @@ def _read_mat(path: Path, content: bytes, columns: LogColumns) -> dict[str, Floa
     reader: Any = scipy.io
     try:
         present = [str(entry[0]) for entry in reader.whosmat(BytesIO(content))]
-        wanted = _wanted(columns, present, path)
-        stored = reader.loadmat(BytesIO(content), variable_names=list(wanted.values()))
-        return {role: _vector(path, name, stored[name]) for role, name in wanted.items()}
-    except _MAT_ERRORS as error:
+        names = _wanted(columns, present, path)
+        stored = reader.loadmat(BytesIO(content), variable_names=list(names.values()))
+        found = {role: stored[name] for role, name in names.items()}
+    except InvalidInputError:
+        raise
+    except Exception as error:  # noqa: BLE001  # a damaged file trips the parser anywhere
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise InvalidInputError(
             path,
             f"is not a readable MATLAB file ({reason})",
             "Save it again with save(..., '-v7')",
         ) from None
+    return {role: _vector(path, names[role], value) for role, value in found.items()}
 
 
 def _vector(path: Path, name: str, stored: Any) -> FloatArray:

@@ -20,7 +20,7 @@ class Plant:
     """Factors of the sampled plant at δ = bT/m, each of the shape of δ and finite at δ = 0.
 
     In w, with z = (1+w)/(1-w), the position answers the held force by
-    (T²/m)·(ψ + χw)(1-w) / (2w·[(1-ε) + (1+ε)w]); theory.md section 2.
+    (T²/m)·(ψ + χw)(1-w) / (2w·[(1-ε) + (1+ε)w]); docs/theory.md, 1.
 
     Attributes:
         epsilon: ε = exp(-δ), the pole of the velocity.

@@ -216,7 +216,7 @@ def _assemble(
     aa: FloatArray,
     read: Callable[[FloatArray], FloatArray],
 ) -> tuple[Terms, Terms]:
-    """(loop, controller) of theory.md section 5: ideal plant, delay, two filter poles.
+    """(loop, controller) of docs/theory.md, 1: ideal plant, delay, two filter poles.
 
     2w·[(1-ε)+(1+ε)w]·(1+w)^d·D + (ψ+χw)(1-w)^(1+d)·[α·D + β·(1-av)·2w·D/Dv + γ·(1-aa)²·4w²·D/Da²]
     with Dv = (1-av)+(1+av)w, Da likewise, and D their least common multiple Da²·Dv, or Da² where

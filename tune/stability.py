@@ -82,7 +82,7 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
     """Largest g such that every gain in (0, g) is stable; 0 where small gains are unstable.
 
     This, not the end of the interval around 1, is the gain margin of a profile: ramps, fades and
-    saturation all lower the gain (theory.md section 4).
+    saturation all lower the gain (docs/theory.md, 4).
     """
     intervals = stable_gains(loop, effects)
     return np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf)

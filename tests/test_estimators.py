@@ -1,0 +1,316 @@
+"""Estimators against closed forms, 60-digit arithmetic, exact simulation and the Cramér–Rao bound."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification import Trajectory
+from identification.estimators import METHODS, Model, least_squares, output_error
+from identification.estimators.cut_off import CutOff, choose_cut_off
+from identification.estimators.delay import find_delay
+from identification.estimators.held import Held, delayed
+from identification.estimators.held_response import coasting, phi, response
+from identification.estimators.low_pass import LowPass
+from identification.estimators.noise import encoder_count, finest_reading, position_noise
+from identification.estimators.whiteness import whiteness
+from identification.intervals import correlation_length, half_width, spread
+from tests.exact_axis import Axis, counted, multisine, positions
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+
+
+def log(force: Array, position: Array, step: float = STEP) -> Trajectory:
+    return Trajectory(time=np.arange(force.size) * step, force=force, position=position)
+
+
+def excited(axis: Axis, samples: int = 6000, runs: int = 1, seed: int = 0) -> Array:
+    plain = Axis(mass=axis.mass, damping=axis.damping, sample_time=axis.sample_time)
+    return multisine(np.random.default_rng(seed), samples=samples, runs=runs, axis=plain)
+
+
+@pytest.mark.parametrize("delta", [0.0, 1e-300, 1e-12, -1e-5, 0.03, 0.499, 0.501, -0.6, 3.0, 40.0])
+def test_phi_and_its_derivative_to_the_last_bits(delta: float) -> None:
+    nudge = 1e-30
+    first, second = phi(np.asarray(complex(delta, nudge)))
+    with mpmath.workdps(60):
+        # ∫₀¹ e^(-δs)·s^k ds and the like, by their power series: no division by δ.
+        terms = [(-mpmath.mpf(delta)) ** k for k in range(200)]
+        slopes = [-k * (-mpmath.mpf(delta)) ** (k - 1) if k else 0 for k in range(200)]
+        one = mpmath.fsum(t / mpmath.factorial(k + 1) for k, t in enumerate(terms))
+        two = mpmath.fsum(t / mpmath.factorial(k + 2) for k, t in enumerate(terms))
+        one_slope = mpmath.fsum(t / mpmath.factorial(k + 1) for k, t in enumerate(slopes))
+        two_slope = mpmath.fsum(t / mpmath.factorial(k + 2) for k, t in enumerate(slopes))
+    assert first.real == pytest.approx(float(one), rel=4e-15)
+    assert second.real == pytest.approx(float(two), rel=4e-15)
+    # Beyond the series the quotient rule cancels a little.
+    assert first.imag / nudge == pytest.approx(float(one_slope), rel=1e-13)
+    assert second.imag / nudge == pytest.approx(float(two_slope), rel=1e-13)
+
+
+@pytest.mark.parametrize("damping", [-0.7, 0.0, 1e-9, 10.0, 2000.0])
+@pytest.mark.parametrize("delay", [0.0, 0.3, 1.0, 2.7])
+def test_response_is_the_exact_simulation(damping: float, delay: float) -> None:
+    axis = Axis(mass=3.0, damping=damping, delay=delay * STEP)
+    force = np.random.default_rng(1).standard_normal((400, 1)).cumsum(axis=0)
+    truth = positions(axis, force)[:, 0]
+    held = delayed(force[:, 0], delay)
+    got = response(held.times(np.full(399, 1 / 3)), damping / 3, STEP)
+    np.testing.assert_allclose(got.real, truth, rtol=1e-11, atol=1e-13 * np.abs(truth).max())
+
+
+def test_response_with_a_turn_inside_each_interval() -> None:
+    generator = np.random.default_rng(2)
+    early, late, part = generator.standard_normal((3, 200))
+    fraction = np.abs(part) / (1 + np.abs(part))
+    held = Held(early=early, late=late, fraction=fraction)
+    got = response(held, 4.0, STEP).real
+    place = rate = 0.0
+    for k in range(200):
+        for push, span in ((early[k], fraction[k] * STEP), (late[k], (1 - fraction[k]) * STEP)):
+            fade = -np.expm1(-4.0 * span) / 4.0
+            place += rate * fade + push * (span - fade) / 4.0
+            rate += (push - 4.0 * rate) * fade
+        assert got[k + 1] == pytest.approx(place, rel=1e-11, abs=1e-15)
+
+
+def test_coasting_is_its_closed_form() -> None:
+    time = np.arange(1000) * STEP
+    for rate in (-2.0, 1e-12, 5.0):
+        np.testing.assert_allclose(
+            coasting(1000, rate, STEP).real, -np.expm1(-rate * time) / rate, rtol=1e-12
+        )
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.25, 1.0, 1.9])
+def test_triangle_is_exact_for_a_pure_mass(delay: float) -> None:
+    force = np.random.default_rng(3).standard_normal((300, 1))
+    axis = Axis(mass=2.0, damping=0.0, delay=delay * STEP)
+    place = positions(axis, force)[:, 0]
+    known = slice(4, None)
+    acceleration = (place[2:] - 2 * place[1:-1] + place[:-2]) / STEP**2
+    mean = delayed(force[:, 0], delay).triangle()
+    np.testing.assert_allclose(2.0 * acceleration[known], mean[known], atol=1e-7)
+    if delay == 0:
+        np.testing.assert_allclose(mean, (force[1:-1, 0] + force[:-2, 0]) / 2, atol=1e-15)
+
+
+def test_low_pass_keeps_lines_and_halves_the_power_at_its_cut_off() -> None:
+    low_pass = LowPass.at(20.0, STEP)
+    index = np.arange(2000.0)
+    kept = slice(low_pass.half, -low_pass.half)
+    np.testing.assert_allclose(low_pass(3 + 2 * index), (3 + 2 * index)[kept], rtol=1e-12)
+    wave = np.cos(2 * np.pi * 20.0 * STEP * (index - 1000))
+    np.testing.assert_allclose(low_pass(wave), (wave / np.sqrt(2))[kept], atol=1e-5)
+
+
+def test_encoder_count_is_found_and_not_invented() -> None:
+    generator = np.random.default_rng(4)
+    smooth = np.sin(np.arange(5000) / 100)
+    assert encoder_count(counted(smooth, 3.7e-4) + 12.3) == pytest.approx(3.7e-4, rel=1e-9)
+    assert encoder_count(smooth) is None
+    assert encoder_count(generator.standard_normal(5000)) is None
+    assert encoder_count(np.ones(500)) is None
+
+
+@pytest.mark.parametrize("deviation", [1e-6, 1e-5, 1e-4])
+def test_position_noise_is_read_from_the_log(deviation: float) -> None:
+    axis = Axis()
+    force = excited(axis)
+    noise = deviation * np.random.default_rng(5).standard_normal(force.shape)
+    place = (positions(axis, force) + noise)[:, 0]
+    assert position_noise(place, force[:, 0]) == pytest.approx(deviation, rel=0.05)
+    assert finest_reading(place, force[:, 0]) == pytest.approx(deviation * np.sqrt(12), rel=0.05)
+    rounded = counted(positions(axis, force)[:, 0], 6e-6)
+    assert finest_reading(rounded, force[:, 0]) == pytest.approx(6e-6, rel=1e-6)
+
+
+def test_the_cut_off_falls_with_noise_and_keeps_it_out() -> None:
+    axis = Axis()
+    force = excited(axis)
+    place = positions(axis, force)[:, 0]
+    white = np.random.default_rng(6).standard_normal(place.size)
+    cut_offs = [
+        choose_cut_off(log(force[:, 0], place + size * white), size) for size in (1e-9, 1e-6, 1e-5)
+    ]
+    frequencies = [each.frequency for each in cut_offs]
+    assert frequencies == sorted(frequencies, reverse=True)
+    assert 9.5 < frequencies[-1] < frequencies[0] <= 100
+    for each, size in zip(cut_offs, (1e-9, 1e-6, 1e-5), strict=True):
+        # Power of filtered white noise in a second difference, summed directly.
+        kernel = np.convolve(LowPass.at(each.frequency, STEP).kernel, [1, -2, 1])
+        signal = np.convolve(place, kernel, mode="valid")
+        assert size**2 * np.sum(kernel**2) < 3e-4 * np.mean(signal**2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("damping", [0.0, 2.0, 300.0])
+@pytest.mark.parametrize("delay", [0.0, 1.6])
+def test_noise_free_logs_give_the_truth(method: str, damping: float, delay: float) -> None:
+    axis = Axis(mass=3.0, damping=damping, offset=0.4, delay=delay * STEP)
+    force = excited(axis)
+    found = METHODS[method](
+        log(force[:, 0], positions(axis, force)[:, 0]), Model(coulomb=False), axis.delay
+    )
+    exact = 1e-9 if method == "output-error" else 1e-4
+    assert found.value("mass") == pytest.approx(3.0, rel=exact)
+    assert found.value("damping") == pytest.approx(damping, rel=exact, abs=3.0 * exact)
+    assert found.value("force_offset") == pytest.approx(0.4, abs=max(0.4 * exact, 1e-3 * exact))
+    assert found.value("coulomb_friction") == found.deviation("coulomb_friction") == 0.0
+    assert found.explained == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("coulomb", [0.8, 3.0])
+def test_friction_with_stick_and_slip(coulomb: float) -> None:
+    """Standing a tenth of the time at 3 N of 14 N: the turning points still come out."""
+    axis = Axis(coulomb=coulomb, offset=-0.3, delay=STEP)
+    force = excited(axis, samples=12000)
+    place = counted(positions(axis, force), 6e-6)[:, 0]
+    found = least_squares.estimate(log(force[:, 0], place), Model(), STEP)
+    assert found.value("mass") == pytest.approx(3.0, rel=2e-3)
+    assert found.value("damping") == pytest.approx(10.0, rel=1e-2)
+    assert found.value("coulomb_friction") == pytest.approx(coulomb, rel=5e-3)
+    assert found.value("force_offset") == pytest.approx(-0.3, abs=5e-3)
+
+
+def test_refined_direction_is_the_true_one() -> None:
+    axis = Axis(coulomb=3.0)
+    force = excited(axis, samples=4000)
+    fine = Axis(coulomb=3.0, sample_time=STEP / 20)
+    path = positions(fine, np.repeat(force, 20, axis=0))[:, 0]
+    steps = np.diff(path)
+    sense = np.sign(np.where(np.abs(steps) < 1e-14, 0.0, steps))
+    truth = np.concatenate((sense, sense[-1:])).reshape(4000, 20).mean(axis=1)[:-1]
+    table = least_squares.prepare(log(force[:, 0], path[::20]), Model(), 0.0)
+    stood = truth == 0
+    assert 0.05 < stood.mean() < 0.5
+    assert np.mean(table.motion.moving[stood]) < 0.03
+    moved = np.abs(truth) == 1
+    wrong = np.abs(table.motion.direction.mean() - truth)[moved] > 0.1
+    assert wrong.mean() < 0.003
+
+
+def test_output_error_reaches_the_cramer_rao_bound() -> None:
+    runs, samples, deviation = 60, 3000, 2e-5
+    axis = Axis(mass=3.0, damping=10.0)
+    force = np.repeat(excited(axis, samples=samples), runs, axis=1)
+    clean = positions(axis, force[:, :1])[:, 0]
+    slopes: list[Array] = []
+    for change in ({"mass": 3.0003}, {"damping": 10.001}, {"offset": 1e-4}):
+        varied = Axis(**({"mass": 3.0, "damping": 10.0} | change))
+        size = {"mass": 3e-4, "damping": 1e-3, "offset": 1e-4}[next(iter(change))]
+        slopes.append((positions(varied, force[:, :1])[:, 0] - clean) / size)
+    time = np.arange(samples) * STEP
+    nuisance = [np.ones(samples), -np.expm1(-10 / 3 * time)]
+    jacobian = np.stack([*slopes, *nuisance], axis=1)
+    bound = deviation * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))[:2]
+    noise = np.random.default_rng(7).standard_normal((samples, runs)) * deviation
+    found = np.array(
+        [
+            output_error.estimate(
+                log(force[:, i], clean + noise[:, i]), Model(coulomb=False), 0.0
+            ).values[:2]
+            for i in range(runs)
+        ]
+    )
+    error = np.sqrt(np.mean((found - [3.0, 10.0]) ** 2, axis=0))
+    # 60 runs: the ratio scatters by 9 %.
+    assert np.all(error / bound < 1.3)
+    assert np.all(error / bound > 0.7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_both_estimators_are_fast(method: str, benchmark_seconds: float = 0.5) -> None:
+    from time import perf_counter
+
+    axis = Axis()
+    force = excited(axis, samples=5000)
+    trajectory = log(force[:, 0], positions(axis, force)[:, 0])
+    METHODS[method](trajectory, Model(), 0.0)
+    start = perf_counter()
+    METHODS[method](trajectory, Model(), 0.0)
+    assert perf_counter() - start < benchmark_seconds
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.7, 1.0, 3.4])
+def test_the_delay_is_found(delay: float) -> None:
+    axis = Axis(delay=delay * STEP)
+    force = excited(axis)
+    place = counted(positions(axis, force), 6e-6)[:, 0]
+    found = find_delay(log(force[:, 0], place), Model())
+    assert found.value == pytest.approx(delay * STEP, abs=0.01 * STEP)
+    assert found.deviation < 0.01 * STEP
+    assert int(np.argmin(found.residuals)) in {int(delay), int(delay) + 1}
+
+
+def test_a_single_frequency_cannot_tell_delay_from_damping() -> None:
+    axis = Axis(delay=STEP)
+    time = np.arange(8000) * STEP
+    force = 6 * np.sin(2 * np.pi * 4 * time)[:, None]
+    noise = 1e-5 * np.random.default_rng(8).standard_normal(force.shape)
+    single = log(force[:, 0], (positions(axis, force) + noise)[:, 0])
+    rich = excited(axis, samples=8000)
+    many = log(rich[:, 0], (positions(axis, rich) + noise)[:, 0])
+    model = Model(coulomb=False)
+    assert find_delay(single, model).deviation > 5 * find_delay(many, model).deviation
+
+
+def test_whiteness() -> None:
+    noise = np.random.default_rng(9).standard_normal(20000)
+    assert whiteness(noise) < 0.02
+    assert whiteness(noise.cumsum()) > 0.9
+    assert whiteness(np.diff(noise)) > 0.2
+    assert whiteness(np.zeros(100)) == 0
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9, 0.99])
+def test_correlation_length_of_a_first_order_process(memory: float) -> None:
+    from scipy.signal import lfilter
+
+    noise = lfilter([1], [1, -memory], np.random.default_rng(10).standard_normal(200_000))
+    expected = (1 + memory) / (1 - memory)
+    assert correlation_length(np.asarray(noise)) == pytest.approx(expected, rel=0.15)
+
+
+def test_the_covariance_survives_colour() -> None:
+    """Mean of a coloured series: variance (1+a)/(1-a)/n, forty times the ordinary one."""
+    from scipy.signal import lfilter
+
+    runs, samples, memory = 200, 6000, 0.95
+    generator = np.random.default_rng(11)
+    series = np.asarray(lfilter([1], [1, -memory], generator.standard_normal((runs, samples))))
+    ones = np.ones((samples, 1))
+    silent = np.zeros(samples)
+    deviations = np.array(
+        [
+            np.sqrt(spread(ones, row - row.mean(), 1, signal=silent).covariance[0, 0])
+            for row in series
+        ]
+    )
+    assert np.sqrt(np.mean(deviations**2)) == pytest.approx(series.mean(axis=1).std(), rel=0.2)
+
+
+def test_collinear_columns_are_shown_and_do_not_break() -> None:
+    generator = np.random.default_rng(12)
+    one = generator.standard_normal(1000)
+    columns = np.stack((one, one + 1e-9 * generator.standard_normal(1000)), axis=1)
+    found = spread(columns, generator.standard_normal(1000), 2, signal=one)
+    assert found.condition > 1e6
+    assert np.all(np.isfinite(found.covariance))
+
+
+def test_notes_say_how_much_the_cut_off_matters() -> None:
+    axis = Axis(coulomb=0.8)
+    force = excited(axis)
+    found = least_squares.estimate(log(force[:, 0], positions(axis, force)[:, 0]), Model(), 0.0)
+    assert "low-pass at" in found.notes[0]
+    assert "half the cut-off" in found.notes[1]
+    assert "twice the cut-off" in found.notes[2]
+    given = least_squares.estimate(
+        log(force[:, 0], positions(axis, force)[:, 0]), Model(), 0.0, cut_off=15.0
+    )
+    assert given.notes[0] == CutOff(frequency=15.0).reason
+    assert half_width(given, "mass") > 0

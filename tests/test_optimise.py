@@ -16,11 +16,12 @@ from tune.effects import Effects
 from tune.errors import NoFeasibleEffectError
 from tune.limits import allowed
 from tune.loop import Filters, Loop
-from tune.optimisation import groups, optimise
+from tune.optimisation import optimise
 from tune.perception import default_table
-from tune.problem import Region, pose
+from tune.problem import Job, pose
 from tune.profile import SafeProfile
 from tune.scene import Scene
+from tune.solve import groups
 from tune.stability import largest
 
 
@@ -112,15 +113,8 @@ def test_joint_optimum_against_a_fine_grid() -> None:
     """Max-min over K and B of a wall: no allowed grid point stands higher."""
     device = _device()
     scene = _scene({"wall": {"stiffness": "max", "damping": "max"}}, ripple_limit=0.02)
-    region = Region.of(device.simultaneous_box())
-    problem = pose(
-        device,
-        scene,
-        default_table(),
-        region,
-        elements=["wall"],
-        filters=Filters(velocity_hz=50.0),
-    )
+    job = Job.of(device, scene, default_table())
+    problem = pose(job, elements=["wall"], filters=Filters(velocity_hz=50.0))
     from tune.backends.casadi_ import Ipopt
     from tune.backends.nlopt_ import Slsqp
 

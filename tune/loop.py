@@ -21,6 +21,9 @@ FloatArray = NDArray[np.float64]
 
 #: A delay within this part of a sample of a whole number is that number; clocks are not better.
 WHOLE = 1e-6
+#: Samples. From 23 on, doubles no longer hold the coefficients of the polynomial in w and every
+#: verdict would be no; a loop that late is refused instead.
+LONGEST_DELAY = 22
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +144,8 @@ class Loop:
         """The loop in (δ, α, β, γ): stiffness, damping and mass of its effects are α, β, γ."""
         if delay_samples < 0:
             raise LoopError(f"delay must not be negative, not {delay_samples} samples")
+        if delay_samples > LONGEST_DELAY:
+            raise LoopError(f"delay is {delay_samples} samples, at most {LONGEST_DELAY} can be judged")
         delta, av, aa = np.broadcast_arrays(
             *(np.asarray(x, float) for x in (delta, velocity_pole, acceleration_pole))
         )

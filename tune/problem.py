@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from identification import Box, Device
 from tune.effects import EFFECT_NAMES, EffectName, Effects
-from tune.loop import Filters, Loop
+from tune.errors import LoopError
+from tune.loop import LONGEST_DELAY, Filters, Loop
 from tune.perception import PerceptionTable, perceived_steps, references, value_at_steps
 from tune.scene import MARGINS, Margin, Scene, Wish
 
@@ -108,10 +109,21 @@ class Region:
 
     @classmethod
     def of(cls, box: Box) -> Region:
-        """Corners of the box, each once; a delay between two samples stands for both."""
+        """Corners of the box, each once; a delay between two samples stands for both.
+
+        Raises:
+            LoopError: a delay too long for its margin to be judged.
+        """
         corners = np.array(list(dict.fromkeys(product(box.mass, box.damping, box.sample_time))))
         first = int(np.floor(box.delay[0] / box.sample_time[1] + 1e-6))
         last = int(np.ceil(box.delay[1] / box.sample_time[0] - 1e-6))
+        most = LONGEST_DELAY - max(margin.extra_delay_samples for margin in MARGINS.values())
+        if last > most:
+            raise LoopError(
+                f"delay: up to {box.delay[1]:g} s is {last} samples of {box.sample_time[0]:g} s; at "
+                f"most {most} can be tuned. State the sample time of the haptic loop and the true "
+                "delay, or tune for a longer sample time"
+            )
         return cls(
             mass=corners[:, 0],
             damping=corners[:, 1],
@@ -162,11 +174,24 @@ class Problem:
         return tuple(range(self.region.delays[0], self.region.delays[-1] + extra + 1))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """What is to be tuned: a scene on a device, with what is perceptible and where it must hold."""
+
+    device: Device
+    scene: Scene
+    table: PerceptionTable
+    region: Region
+
+    @classmethod
+    def of(cls, device: Device, scene: Scene, table: PerceptionTable) -> Job:
+        """The job over the device's simultaneous box."""
+        region = Region.of(device.simultaneous_box())
+        return cls(device=device, scene=scene, table=table, region=region)
+
+
 def pose(
-    device: Device,
-    scene: Scene,
-    table: PerceptionTable,
-    region: Region,
+    job: Job,
     *,
     elements: Sequence[str],
     filters: Filters,
@@ -175,17 +200,15 @@ def pose(
     """The problem of some elements of a scene on a device.
 
     Args:
-        device: masses, limits and what effects are compared with.
-        scene: wishes, motions, margin, ripple limit.
-        table: Weber fractions.
-        region: where it all must hold.
+        job: device, scene, perception and region.
         elements: names that share moments.
         filters: cut-offs of the estimators.
         gone: labels "element.effect" that are left out.
     """
+    device, scene, region = job.device, job.scene, job.region
     margin = MARGINS[scene.margin]
     unknowns = tuple(
-        _unknown(device, scene, table, region, element, effect, margin)
+        _unknown(job, element, effect, margin)
         for element in elements
         for effect in scene.elements[element].wishes()
         if f"{element}.{effect}" not in gone
@@ -217,20 +240,13 @@ def pose(
             encoder_resolution=(
                 None if device.encoder_resolution is None else device.encoder_resolution.value
             ),
-            ripple=scene.ripple_limit or table.threshold(device.motion),
+            ripple=scene.ripple_limit or job.table.threshold(device.motion),
         ),
     )
 
 
-def _unknown(
-    device: Device,
-    scene: Scene,
-    table: PerceptionTable,
-    region: Region,
-    element: str,
-    effect: EffectName,
-    margin: Margin,
-) -> Unknown:
+def _unknown(job: Job, element: str, effect: EffectName, margin: Margin) -> Unknown:
+    device, scene, table, region = job.device, job.scene, job.table, job.region
     given = scene.elements[element]
     wish = given.wishes()[effect]
     reference = references(device, table, scene.motion(element, device.motion).penetration)[effect]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tune.effects import Effects
 from tune.loop import Loop
-from tune.routh_table import h2_squared
+from tune.routh_table import h2_squared, product
 
 FloatArray = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def force_ripple(loop: Loop, effects: Effects, encoder_resolution: float) -> Flo
             law = law + _columns(term, value) * value
     if np.ndim(law) == 0:
         return np.zeros(loop.scales[0].shape)
-    numerator = _convolved(list(loop.controller.free), list(law))
+    numerator = product(list(loop.controller.free), list(law))
     denominator, _ = loop.polynomial(effects)
     energy = ripple_energy(numerator, list(denominator), position_free=effects.position_free)
     with np.errstate(invalid="ignore"):
@@ -66,14 +66,6 @@ def ripple_energy(
     root2 = float(np.sqrt(2.0))
     widened = [bottom[0], *(a + b for a, b in pairwise(bottom)), bottom[-1]]
     return h2_squared([root2 * item for item in top], widened)
-
-
-def _convolved(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
-    total: list[Any] = [0.0] * (len(p) + len(q) - 1)
-    for i, left in enumerate(p):
-        for j, right in enumerate(q):
-            total[i + j] = total[i + j] + left * right
-    return total
 
 
 def _columns(term: FloatArray, value: FloatArray) -> FloatArray:

@@ -10,6 +10,15 @@ from collections.abc import Sequence
 from typing import Any
 
 
+def product(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
+    """Coefficients of the product of two polynomials."""
+    total: list[Any] = [0.0] * (len(p) + len(q) - 1)
+    for i, left in enumerate(p):
+        for j, right in enumerate(q):
+            total[i + j] = total[i + j] + left * right
+    return total
+
+
 def routh_ratios(coefficients: Sequence[Any]) -> list[Any]:
     """Ratios that are all below 1 exactly when a polynomial with positive coefficients is stable.
 

@@ -16,6 +16,8 @@ MarginName = Literal["conservative", "balanced", "firm"]
 
 #: Elements felt together are certified in every subset, 2^n - 1 sums.
 LARGEST_GROUP = 5
+#: SI units; whatever is felt, and how, lies far inside. Beyond, formulas overflow.
+SMALLEST, LARGEST = 1e-9, 1e9
 
 
 class Margin(Document):
@@ -45,6 +47,9 @@ class Wish(Document):
 
     @model_validator(mode="after")
     def _ordered(self) -> Wish:
+        for bound in (self.low, self.high):
+            if bound and not SMALLEST <= abs(bound) <= LARGEST:
+                raise ValueError(f"{bound:g} is beyond {SMALLEST:g} to {LARGEST:g}, what can be felt")
         if self.low is not None and self.high is not None and self.low > self.high:
             raise ValueError(f"min {self.low:g} exceeds max {self.high:g}")
         if self.kind == "range" and (self.low is None or self.high is None):
@@ -112,9 +117,9 @@ class Element(Document):
     stiffness: StiffnessWish | None = None
     damping: AnyWish | None = None
     mass: AnyWish | None = None
-    penetration: float | None = Field(default=None, gt=0)
-    speed: float | None = Field(default=None, gt=0)
-    acceleration: float | None = Field(default=None, gt=0)
+    penetration: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    speed: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    acceleration: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     priority: int = Field(default=1, ge=1)
 
     @model_validator(mode="after")
@@ -179,7 +184,7 @@ class Scene(Document):
     hand: Annotated[Any, WithJsonSchema({"const": "none"})] = "none"
     margin: MarginName = "balanced"
     loop: LoopFreedom = LoopFreedom()
-    ripple_limit: float | None = Field(default=None, gt=0)
+    ripple_limit: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     perception: str = "default"
     elements: dict[str, Element] = Field(min_length=1)
     together: tuple[tuple[str, ...], ...] = ()

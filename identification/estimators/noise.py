@@ -9,6 +9,8 @@ FloatArray = NDArray[np.float64]
 
 #: Steps this many counts or fewer decide whether there is a grid; larger ones only add rounding.
 _SMALL_STEPS = 50.0
+#: Fewer small steps than this may lie on a grid by chance, unless there are no other steps.
+_FEWEST_STEPS = 20
 #: A step may miss a whole number of counts by this part of a count (printed digits).
 _OFF_GRID = 0.05
 #: The noise is read in the band from this part of the sampling rate to its half, ...
@@ -29,9 +31,9 @@ def encoder_count(position: FloatArray) -> float | None:
         return None
     smallest = float(steps.min())
     small = steps[steps <= _SMALL_STEPS * smallest]
-    whole = np.rint(small / smallest)
-    if np.unique(whole).size < 2:
+    if small.size < min(_FEWEST_STEPS, steps.size):
         return None
+    whole = np.rint(small / smallest)
     count = float(np.sum(small * whole) / np.sum(whole * whole))
     return count if np.max(np.abs(small / count - np.rint(small / count))) < _OFF_GRID else None
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tune.loop import Loop, Terms
 from tune.problem import Problem
 from tune.ripple import ripple_energy
-from tune.routh_table import routh_ratios
+from tune.routh_table import product, routh_ratios
 
 FloatArray = NDArray[np.float64]
 
@@ -165,7 +165,7 @@ def _compiled(structure: Structure) -> Functions:
     if structure.laws:
         table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
         for total in totals:
-            numerator = _times(list(law[0]), _polynomial(law, total, free=False))
+            numerator = product(list(law[0]), _polynomial(law, total, free=False))
             free = total[0] is None
             energy = ripple_energy(
                 numerator, _polynomial(table, total, drop=False), position_free=free
@@ -222,11 +222,3 @@ def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool =
         )
         for k in rows
     ]
-
-
-def _times(p: list[Any], q: list[Any]) -> list[Any]:
-    total: list[Any] = [0.0] * (len(p) + len(q) - 1)
-    for i, left in enumerate(p):
-        for j, right in enumerate(q):
-            total[i + j] = total[i + j] + left * right
-    return total

@@ -1,0 +1,147 @@
+"""Elements that share moments to their largest perceivable effects, rounded and allowed exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import rounded
+from tune.backends import Backend
+from tune.climb import SAME, climb, closed_form
+from tune.describe import binding, reasons_for_nothing
+from tune.errors import NoFeasibleEffectError
+from tune.limits import allowed
+from tune.loop import Filters
+from tune.problem import Job, Problem, pose
+from tune.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+#: Significant digits of a written effect; what is lost is 1e-5 at most.
+_DIGITS = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solved:
+    """The answer for elements that share moments.
+
+    Attributes:
+        problem: with only the unknowns that are perceptible and feasible.
+        sizes: rounded, allowed exactly.
+        dropped: reason by label of every effect that was left out.
+        method: what found the answer.
+        disagreement: of the solvers, relative.
+    """
+
+    problem: Problem
+    sizes: FloatArray
+    dropped: dict[str, str]
+    method: str
+    disagreement: float
+
+
+def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
+    """Elements connected through ``together``; each group is one problem."""
+    found = [{name} for name in scene.elements]
+    for together in scene.together:
+        joined = [group for group in found if group & set(together)]
+        found = [group for group in found if not group & set(together)]
+        found.append({name for group in joined for name in group})
+    order = list(scene.elements)
+    ordered = [tuple(sorted(group, key=order.index)) for group in found]
+    return tuple(sorted(ordered, key=lambda group: order.index(group[0])))
+
+
+def solve(
+    job: Job,
+    elements: Sequence[str],
+    filters: Filters,
+    *,
+    second_opinion: bool = True,
+) -> Solved:
+    """Tune one group; effects that no hand can tell from nothing are dropped, worst first."""
+    dropped: dict[str, str] = {}
+    while True:
+        problem = pose(job, elements=elements, filters=filters, gone=frozenset(dropped))
+        if not problem.unknowns:
+            return Solved(
+                problem=problem, sizes=np.empty(0), dropped=dropped, method="none", disagreement=0.0
+            )
+        impossible = reasons_for_nothing(problem)
+        if impossible:
+            _refuse_broken_ranges(problem, impossible)
+            dropped |= impossible
+            continue
+        if len(problem.unknowns) == 1:
+            answer = closed_form(problem)
+        else:
+            answer = climb(problem, _backends(second_opinion=second_opinion))
+        if answer.sizes is None:
+            label = max(problem.unknowns, key=lambda unknown: unknown.level).label
+            reason = {label: "no setting keeps every limit together with the other effects"}
+            _refuse_broken_ranges(problem, reason)
+            dropped |= reason
+            continue
+        sizes = _settled(problem, answer.sizes)
+        steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)]
+        faint = int(np.argmin(steps))
+        if steps[faint] < 1:
+            unknown = problem.unknowns[faint]
+            dropped[unknown.label] = (
+                f"{unknown.sign * sizes[faint]:.4g} would be {steps[faint]:.2g} of a step a hand "
+                f"can tell, limited by {binding(problem, sizes, faint)}"
+            )
+            continue
+        return Solved(
+            problem=problem,
+            sizes=sizes,
+            dropped=dropped,
+            method=" and ".join(answer.methods) or "start",
+            disagreement=answer.disagreements,
+        )
+
+
+def _backends(*, second_opinion: bool) -> list[Backend]:
+    from tune.backends.casadi_ import Ipopt
+    from tune.backends.nlopt_ import Slsqp
+
+    return [Ipopt(), Slsqp()] if second_opinion else [Slsqp()]
+
+
+def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
+    """A range is a promise: its lower end is met or nothing is written."""
+    broken = tuple(
+        f"{unknown.label}: its range starts at {unknown.low:g}, {impossible[unknown.label]}"
+        for unknown in problem.unknowns
+        if unknown.wish.kind == "range" and unknown.label in impossible
+    )
+    if broken:
+        raise NoFeasibleEffectError(broken)
+
+
+def _settled(problem: Problem, sizes: FloatArray) -> FloatArray:
+    """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
+    caps = np.array([unknown.high for unknown in problem.unknowns])
+    met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
+        sizes >= caps * (1 - 10 * SAME)
+    )
+    for retreat in (0.0, *np.geomspace(1e-7, 1e-3, 9)):
+        trial = np.array(
+            [
+                cap if whole else _floor_digits(float(size * (1 - retreat)))
+                for cap, whole, size in zip(caps, met, sizes, strict=True)
+            ]
+        )
+        if allowed(problem, trial):
+            return trial
+    return sizes * (1 - SAME)
+
+
+def _floor_digits(value: float) -> float:
+    if value <= 0:
+        return 0.0
+    unit = 10.0 ** (np.floor(np.log10(value)) - _DIGITS + 1)
+    return rounded(float(np.floor(value / unit) * unit))

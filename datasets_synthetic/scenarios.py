@@ -128,12 +128,14 @@ _ALL = (
     ),
     Scenario(
         name="homerehab-clean",
-        description="HomeRehab for 20 s within 50 mm and 14 N; encoder and delay, no friction.",
+        description="HomeRehab for 20 s within 50 mm and 14 N; encoder with a third of a count "
+        "of noise, delay, no friction.",
         device="homerehab",
         duration=20.0,
         travel=0.05,
         force=14.0,
         coulomb_friction=0.0,
+        faults=Faults(position_noise=2e-6),
     ),
     Scenario(
         name="homerehab-friction",

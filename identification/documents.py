@@ -86,6 +86,7 @@ def _yaml_sentence(error: Any) -> str:
     mark = getattr(error, "problem_mark", None)
     where = "" if mark is None else f" in line {mark.line + 1}"
     what = f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or error}"
+    what = what.partition(" with value ")[0]
     return f"is not valid YAML{where}: {' '.join(what.split())[:200]}"
 
 

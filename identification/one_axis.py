@@ -86,7 +86,7 @@ def identify(
     _refuse([finding for found in noticed for finding in found], allow)
     _refuse_negative_mass(fits, noticed)
 
-    from identification.combined import device_from, unstated
+    from identification.combined import unstated
 
     missing = unstated(fits, hardware)
     findings = (*(_lenient(finding) for found in noticed for finding in found), *missing)
@@ -102,7 +102,7 @@ def identify(
         for fit, found in zip(fits, noticed, strict=True)
     ]
     return Identification(
-        device=as_stored(device_from(fits, hardware, records)),
+        device=_stored(fits, hardware, records),
         logs=tuple(
             replace(fit, findings=tuple(_lenient(finding) for finding in found))
             for fit, found in zip(fits, noticed, strict=True)
@@ -167,6 +167,25 @@ def _refuse_negative_mass(fits: Sequence[LogFit], noticed: Sequence[Sequence[Fin
     """No permission makes a device out of a mass that is not positive."""
     if any(fit.estimate.value("mass") <= 0 for fit in fits):
         raise LogRefusedError(tuple(finding for found in noticed for finding in found))
+
+
+def _stored(
+    fits: Sequence[LogFit], hardware: Hardware | None, records: Sequence[LogRecord]
+) -> Device:
+    """The device as its file will hold it."""
+    from pydantic import ValidationError
+
+    from identification.combined import device_from
+
+    try:
+        return as_stored(device_from(fits, hardware, records))
+    except ValidationError as error:
+        problems = "; ".join(str(each["msg"]) for each in error.errors(include_url=False))
+        raise InvalidInputError(
+            ", ".join(fit.trajectory.source for fit in fits),
+            f"gives numbers that no device has ({problems[:200]})",
+            "Name the right columns, and give gains that make them SI",
+        ) from None
 
 
 def _lenient(finding: Finding) -> Finding:

@@ -145,7 +145,9 @@ class Loop:
         if delay_samples < 0:
             raise LoopError(f"delay must not be negative, not {delay_samples} samples")
         if delay_samples > LONGEST_DELAY:
-            raise LoopError(f"delay is {delay_samples} samples, at most {LONGEST_DELAY} can be judged")
+            raise LoopError(
+                f"delay is {delay_samples} samples, at most {LONGEST_DELAY} can be judged"
+            )
         delta, av, aa = np.broadcast_arrays(
             *(np.asarray(x, float) for x in (delta, velocity_pole, acceleration_pole))
         )

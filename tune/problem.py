@@ -120,9 +120,9 @@ class Region:
         most = LONGEST_DELAY - max(margin.extra_delay_samples for margin in MARGINS.values())
         if last > most:
             raise LoopError(
-                f"delay: up to {box.delay[1]:g} s is {last} samples of {box.sample_time[0]:g} s; at "
-                f"most {most} can be tuned. State the sample time of the haptic loop and the true "
-                "delay, or tune for a longer sample time"
+                f"delay: up to {box.delay[1]:g} s is {last} samples of {box.sample_time[0]:g} s, "
+                f"at most {most} can be tuned. State the sample time of the haptic loop and the "
+                "true delay, or tune for a longer sample time"
             )
         return cls(
             mass=corners[:, 0],

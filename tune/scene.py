@@ -49,11 +49,9 @@ class Wish(Document):
     def _ordered(self) -> Wish:
         for bound in (self.low, self.high):
             if bound and not SMALLEST <= abs(bound) <= LARGEST:
-                raise ValueError(f"{bound:g} is beyond {SMALLEST:g} to {LARGEST:g}, what can be felt")
+                raise ValueError(f"{bound:g} is beyond {SMALLEST:g} to {LARGEST:g}")
         if self.low is not None and self.high is not None and self.low > self.high:
             raise ValueError(f"min {self.low:g} exceeds max {self.high:g}")
-        if self.kind == "range" and (self.low is None or self.high is None):
-            raise ValueError("a range needs both min and max")
         if self.kind == "range" and self.low is not None and self.low < 0:
             raise ValueError(f"a range starts at zero or above, not at {self.low:g}")
         if self.kind == "value" and self.high == 0:
@@ -74,8 +72,8 @@ def _to_wish(raw: object) -> object:
         return {"kind": "value", "low": raw, "high": raw}
     if isinstance(raw, dict):
         bounds = cast("dict[object, object]", raw)
-        if set(bounds) <= {"min", "max"}:
-            return {"kind": "range", "low": bounds.get("min"), "high": bounds.get("max")}
+        if set(bounds) == {"min", "max"}:
+            return {"kind": "range", "low": bounds["min"], "high": bounds["max"]}
     if isinstance(raw, Wish):
         return raw
     raise ValueError("give a number, max, min, or {min: …, max: …}")
@@ -153,8 +151,16 @@ DEFAULT_MOTION = {
     "rotary": Motion(penetration=0.1, speed=2.0, acceleration=20.0),
 }
 
+
+def _to_cutoff(raw: object) -> object:
+    if isinstance(raw, int | float) or raw in ("free", "none"):
+        return raw
+    raise ValueError("give a frequency in Hz, free or none")
+
+
 Cutoff = Annotated[
     float | Literal["free", "none"],
+    BeforeValidator(_to_cutoff),
     WithJsonSchema(
         {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"enum": ["free", "none"]}]}
     ),
@@ -171,8 +177,10 @@ class LoopFreedom(Document):
     def _positive(self) -> LoopFreedom:
         for name in ("velocity_filter_hz", "acceleration_filter_hz"):
             value = getattr(self, name)
-            if isinstance(value, float) and value <= 0:
-                raise ValueError(f"{name} must be positive, not {value:g} Hz")
+            if isinstance(value, float) and not SMALLEST <= value <= LARGEST:
+                raise ValueError(
+                    f"{name} must lie in {SMALLEST:g} to {LARGEST:g}, not {value:g} Hz"
+                )
         return self
 
 

@@ -66,8 +66,8 @@ def choose_cut_off(trajectory: Trajectory, noise: float) -> CutOff:
     lowest = min(highest, 2 * REACH * width_of(1.0) / (LONGEST_KERNEL * step * position.size))
     candidates = np.geomspace(lowest, highest, _CANDIDATES)
     passed = np.exp(-np.log(2) * (frequency / candidates[:, None]) ** 2)
-    tiny = np.finfo(float).tiny
-    share = passed @ floor / np.maximum(passed @ power, tiny)
+    total, parasitic = passed @ power, passed @ floor
+    share = parasitic / np.maximum(np.maximum(total, parasitic), np.finfo(float).tiny)
     quiet = np.flatnonzero(share <= NOISE_SHARE)
     index = int(quiet[-1]) if quiet.size else int(np.argmin(share))
     chosen, why = float(candidates[index]), "position noise"

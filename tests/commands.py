@@ -1,0 +1,70 @@
+"""Commands run in this process as a shell would run them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from tune.cli.app import run
+
+SPRING = "elements: {wall: {stiffness: max}}\n"
+#: What --json prints, whatever happens; a message is added where there is one.
+RESULT_KEYS = {"schema", "command", "status", "exit_code", "findings", "outputs"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """How a command ended: its exit code and all that it printed."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The one JSON object on standard output; anything else there is an error."""
+        found: dict[str, Any] = json.loads(self.out)
+        assert self.out.count("\n") == 1
+        assert RESULT_KEYS <= set(found) <= RESULT_KEYS | {"message"}
+        assert found["schema"] == "haptune/result/1"
+        assert found["exit_code"] == self.code
+        return found
+
+
+def haptune(*arguments: str) -> Ended:
+    """Run ``haptune ARGUMENTS`` in the current folder."""
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        mock.patch.object(sys, "argv", ["haptune", *arguments]),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            run()
+        except SystemExit as ended:
+            code = ended.code
+        else:
+            raise AssertionError("a command always exits")
+    assert isinstance(code, int)
+    assert "Traceback" not in err.getvalue()
+    return Ended(code=code, out=out.getvalue(), err=err.getvalue())
+
+
+def log_text(samples: int = 400, force: str = "") -> str:
+    """A small log as CSV; every force is ``force`` where one is given."""
+    rows = [
+        f"{0.001 * k:.3f},{force or (k * 7) % 13 - 6},{1e-5 * ((k * k) % 97):.6f}"
+        for k in range(samples)
+    ]
+    return "\n".join(["time,force,position", *rows]) + "\n"
+
+
+def files() -> set[str]:
+    """Names of everything in the current folder."""
+    return {path.name for path in Path().iterdir()}

@@ -1,0 +1,203 @@
+"""Every exit code of the contract, each from a situation that can happen to a user."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+from tests.commands import SPRING, files, haptune, log_text
+
+STATUS = {
+    1: "internal-error",
+    2: "usage",
+    3: "invalid-input",
+    4: "log-refused",
+    5: "no-feasible-effect",
+    6: "check-failed",
+    7: "not-written",
+    130: "interrupted",
+}
+
+#: code, words of the sentence, command
+SITUATIONS: tuple[tuple[int, str, str], ...] = (
+    (2, "No such option", "demo --bogus"),
+    (2, "No such command", "tuna"),
+    (2, "missing argument", "new"),
+    (2, "is not one of 'hardware', 'scene'", "new profile"),
+    (2, "missing argument", "tune homerehab"),
+    (2, "missing argument", "identify"),
+    (2, "Missing option '--scene'", "calibrate log.csv"),
+    (2, "missing argument", "check"),
+    (2, "missing argument", "simulate"),
+    (2, "not a valid integer", "simulate homerehab --seed one"),
+    (2, "is not one of 'auto'", "identify log.csv --method guess"),
+    (2, "'soft' is not one of", "tune homerehab scene.yaml --margin soft"),
+    (2, "not a valid float", "identify log.csv --force-gain two"),
+    (2, "fills in hardware", "new scene --device knob"),
+    (2, "logs are of y", "identify log.csv --axis y --hardware x.yaml"),
+    (2, "logs are of y", "calibrate log.csv --axis y --hardware x.yaml --scene scene.yaml"),
+    (2, "guess is no finding", "identify log.csv --allow guess"),
+    (2, "one of the inputs", "identify log.csv -o log.csv"),
+    (2, "one of the inputs", "calibrate log.csv --scene scene.yaml -o ./scene.yaml"),
+    (2, "one of the inputs", "tune homerehab scene.yaml -o ../here/scene.yaml"),
+    (3, "No such file", "tune homerehab missing.yaml"),
+    (3, "neither a file nor a named device", "tune homerehap scene.yaml"),
+    (3, "No such file", "tune missing.yaml scene.yaml"),
+    (3, "Is a directory", "tune folder scene.yaml"),
+    (3, "is not a scenario", "simulate homerehap"),
+    (3, "neither a file nor a named device", "new hardware --device nobody"),
+    (3, "No such file", "identify missing.csv"),
+    (3, "No such file", "identify log.csv --hardware missing.yaml"),
+    (3, "No such file", "calibrate log.csv --scene missing.yaml"),
+    (3, "No such file", "check missing.yaml"),
+    (3, "is not valid YAML in line 1", "tune homerehab torn.yaml"),
+    (3, "is not valid YAML in line 1", "identify log.csv --hardware torn.yaml"),
+    (3, "is not valid YAML in line 1", "check torn.yaml"),
+    (3, "anchors or aliases", "tune homerehab aliases.yaml"),
+    (3, "byte 0 is not UTF-8", "tune homerehab utf16.yaml"),
+    (3, "no key known here; did you mean stiffness?", "tune homerehab unknown-key.yaml"),
+    (3, "schema is 'haptune/scene/1'", "check scene1.yaml"),
+    (3, "schema is 'haptune/scene/1'", "identify log.csv --hardware scene1.yaml"),
+    (3, "at most 20 can be tuned", "tune late.yaml scene.yaml"),
+    (3, "has no column 'torque'", "identify log.csv --force torque"),
+    (3, "has no column 'torque'", "calibrate log.csv --force torque --scene scene.yaml"),
+    (3, "not a finite number other than zero", "identify log.csv --force-gain 0"),
+    (3, "no file", "tune homerehab perception.yaml"),
+    (4, "force in constant.csv is 2 in every row", "identify constant.csv"),
+    (4, "force in constant.csv is 2 in every row", "calibrate constant.csv --scene scene.yaml"),
+    (4, "at least 200", "identify short.csv"),
+    (5, "wall.stiffness: its range starts at 20000", "tune homerehab impossible.yaml"),
+    (6, "was changed after it was certified", "check changed.yaml"),
+    (7, "it is a folder", "tune homerehab scene.yaml -o folder"),
+    (7, "there is no folder absent", "tune homerehab scene.yaml -o absent/profile.yaml"),
+    (7, "it is a folder", "new scene -o folder"),
+    (7, "there is no folder", "new hardware -o scene.yaml/h.yaml"),
+    (7, "it is a folder", "identify log.csv -o folder"),
+    (7, "it is a folder", "calibrate log.csv --scene scene.yaml -o folder"),
+    (7, "it is a folder", "simulate homerehab -o folder"),
+    (7, "a device, not a file", "tune homerehab scene.yaml -o /dev/null"),
+    (7, "cannot", "tune homerehab scene.yaml -o folder/full"),
+)
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = tmp_path / "here"
+    (here / "folder").mkdir(parents=True)
+    monkeypatch.chdir(here)
+    texts = {
+        "scene.yaml": SPRING,
+        "scene1.yaml": "schema: haptune/scene/1\n" + SPRING,
+        "torn.yaml": "elements: {wall: {stiffness: max",
+        "aliases.yaml": "elements: {wall: &w {stiffness: max}, door: *w}",
+        "unknown-key.yaml": "elements: {wall: {stifness: max}}",
+        "impossible.yaml": "elements: {wall: {stiffness: {min: 20000, max: 30000}}}",
+        "perception.yaml": SPRING + "perception: absent.yaml\n",
+        "x.yaml": "axis: x\n",
+        "late.yaml": "{sample_time: 0.001, mass: 3, damping: 10, delay: 0.05}",
+        "changed.yaml": "{schema: haptune/profile/1, certificate: {}, digest: sha256:0}",
+        "log.csv": log_text(),
+        "constant.csv": log_text(force="2.0"),
+        "short.csv": log_text(20),
+    }
+    for name, text in texts.items():
+        Path(name).write_text(text, encoding="utf-8")
+    Path("utf16.yaml").write_text(SPRING, encoding="utf-16")
+
+
+@pytest.mark.parametrize(("code", "words", "command"), SITUATIONS, ids=lambda value: str(value))
+def test_each_refusal_has_its_code_and_one_sentence_and_writes_nothing(
+    code: int, words: str, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if words == "cannot":
+        _full_disk(monkeypatch)
+    before = files()
+    ended = haptune(*command.split(), "--json")
+    assert ended.code == code
+    assert words.lower() in ended.err.lower()
+    result = ended.result
+    assert result["status"] == STATUS[code]
+    assert result["message"] in ended.err
+    assert result["outputs"] == []
+    assert bool(result["findings"]) == (code == 4)
+    assert files() == before
+    plain = haptune(*command.split())
+    assert plain.code == code
+    assert plain.err == ended.err
+    assert len(plain.err.splitlines()) == (2 if code == 4 else 1)
+
+
+def _full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> NoReturn:
+        raise OSError(28, "cannot: no space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+
+
+def test_a_finding_carries_what_was_seen_what_is_needed_and_what_to_do() -> None:
+    findings = haptune("identify", "constant.csv", "--json").result["findings"]
+    assert [set(finding) for finding in findings] == [
+        {"code", "severity", "seen", "needed", "remedy"}
+    ]
+    assert findings[0]["code"] == "constant-column"
+    assert findings[0]["severity"] == "refusal"
+    assert all(findings[0].values())
+
+
+def _raising(error: BaseException) -> Callable[..., NoReturn]:
+    def fail(*_: object, **__: object) -> NoReturn:
+        raise error
+
+    return fail
+
+
+#: What to break, so that each command is stopped from inside.
+INSIDE = {
+    "demo": "datasets_synthetic.bundled",
+    "new scene": "identification.write_text",
+    "identify log.csv": "identification.load_trajectory",
+    "tune homerehab scene.yaml": "tune.optimisation.optimise",
+    "calibrate log.csv --scene scene.yaml": "identification.load_trajectory",
+    "check scene.yaml": "tune.certificate.check.check",
+    "simulate homerehab": "datasets_synthetic.run",
+}
+
+
+@pytest.mark.parametrize("command", INSIDE)
+def test_a_defect_of_ours_is_one_sentence_and_no_traceback(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(INSIDE[command], _raising(ZeroDivisionError("by hand")), raising=False)
+    ended = haptune(*command.split(), "--json")
+    assert ended.code == 1
+    assert ended.result["status"] == "internal-error"
+    assert "internal error: ZeroDivisionError: by hand" in ended.err
+    assert "Please report it" in ended.err
+    assert len(ended.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", INSIDE)
+def test_interrupted_says_so_and_writes_nothing(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(INSIDE[command], _raising(KeyboardInterrupt()), raising=False)
+    before = files()
+    ended = haptune(*command.split(), "--json")
+    assert ended.code == 130
+    assert ended.result["status"] == "interrupted"
+    assert len(ended.err.splitlines()) == 1
+    assert files() == before
+
+
+def test_interrupted_between_backup_and_replacement_keeps_the_old_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nothing is half-written, and no temporary file is left behind."""
+    before, text = files(), Path("scene.yaml").read_text(encoding="utf-8")
+    monkeypatch.setattr("os.fsync", _raising(KeyboardInterrupt()))
+    assert haptune("new", "scene").code == 130
+    assert Path("scene.yaml").read_text(encoding="utf-8") == text
+    assert files() == before

@@ -1,0 +1,192 @@
+"""Quantities, hardware and devices: what they refuse, what they keep, and the simultaneous box."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from identification import (
+    Covariance,
+    Device,
+    ForceLimit,
+    Hardware,
+    InvalidInputError,
+    Quantity,
+    load_device,
+    load_document,
+    named_devices,
+    parse_document,
+    quantity,
+    to_mapping,
+    to_yaml,
+)
+
+BARE: dict[str, Any] = {"sample_time": 1e-3, "mass": 3.0, "damping": 10.0, "delay": 1e-3}
+
+
+def device(**changes: Any) -> Device:
+    return Device.model_validate(BARE | changes)
+
+
+def test_a_quantity_is_a_number_or_a_mapping() -> None:
+    plain = device(mass=3).mass
+    assert (plain.value, plain.low, plain.high, plain.exact) == (3.0, 3.0, 3.0, True)
+    assert device(mass={"value": 3.0}).mass == plain
+    ranged = device(mass={"value": 3.0, "low": 2.9, "high": 3.2}).mass
+    assert ranged == quantity(3.0, 2.9, 3.2)
+    assert not ranged.exact
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        True,
+        "3",
+        None,
+        [3.0],
+        float("nan"),
+        float("inf"),
+        {"value": 3.0, "low": 3.1, "high": 4.0},
+        {"value": 3.0, "low": 2.0, "high": 2.9},
+        {"low": 2.0, "high": 2.9},
+        {"value": 3.0, "extra": 1.0},
+        {"value": 3.0, "source": "guess"},
+    ],
+)
+def test_what_is_no_quantity(raw: object) -> None:
+    with pytest.raises(ValidationError):
+        device(mass=raw)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"mass": 0.0},
+        {"mass": {"value": 1.0, "low": -0.1, "high": 2.0}},
+        {"sample_time": 0.0},
+        {"delay": -1e-9},
+        {"coulomb_friction": -0.1},
+        {"encoder_resolution": 0.0},
+        {"force_limit": {"continuous": 3.0, "peak": 2.0}},
+        {"motion": "spherical"},
+        {"stiffness": 1.0},
+        {"schema": "haptune/device/2"},
+    ],
+)
+def test_what_is_no_device(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        device(**changes)
+
+
+def test_damping_may_be_negative_and_delay_zero() -> None:
+    assert device(damping=-2.0, delay=0.0).delay.value == 0.0
+
+
+def test_a_missing_delay_is_one_sample() -> None:
+    without = {key: value for key, value in BARE.items() if key != "delay"}
+    assert Device.model_validate(without).delay == quantity(1e-3, source="assumed")
+    without["sample_time"] = {"value": 2e-3, "low": 1.9e-3, "high": 2.1e-3}
+    assert Device.model_validate(without).delay == quantity(2e-3, source="assumed")
+
+
+@pytest.mark.parametrize("name", named_devices())
+def test_named_devices_load_and_come_back(name: str, tmp_path: Path) -> None:
+    found = load_device(name)
+    path = tmp_path / "device.yaml"
+    path.write_text(to_yaml(to_mapping(found)), encoding="utf-8")
+    assert load_device(path) == found
+
+
+def test_homerehab_is_the_axis_of_the_paper() -> None:
+    found = load_device("homerehab")
+    assert (found.mass.value, found.damping.value) == (3.0, 10.0)
+    assert found.force_limit == ForceLimit(continuous=14.0, peak=28.0)
+    assert found.encoder_resolution == quantity(6e-6)
+
+
+def test_an_unknown_device_is_told_what_there_is() -> None:
+    with pytest.raises(InvalidInputError, match="homerehab"):
+        load_device("homerehap")
+    with pytest.raises(InvalidInputError, match="No such file"):
+        load_device("nothing.yaml")
+
+
+def test_hardware_is_optional_in_every_key(tmp_path: Path) -> None:
+    path = tmp_path / "hardware.yaml"
+    path.write_text("schema: haptune/hardware/1\n", encoding="utf-8")
+    found = load_document(Hardware, path)
+    assert found == Hardware()
+    for wrong in ({"sample_time": -1.0}, {"delay": -1.0}, {"encoder_resolution": 0.0}):
+        with pytest.raises(InvalidInputError):
+            parse_document(Hardware, wrong, "hardware.yaml")
+
+
+def joint(freedom: float) -> Covariance:
+    matrix = np.array([[0.01**2, -0.5 * 0.01 * 0.2], [-0.5 * 0.01 * 0.2, 0.2**2]])
+    return Covariance(
+        parameters=("mass", "damping"),
+        matrix=tuple(tuple(row) for row in matrix.tolist()),
+        degrees_of_freedom=freedom,
+    )
+
+
+@pytest.mark.parametrize(
+    ("parameters", "matrix", "freedom"),
+    [
+        (("mass",), ((1.0, 0.0), (0.0, 1.0)), 10.0),
+        (("mass", "damping"), ((1.0,), (0.0, 1.0)), 10.0),
+        (("mass",), ((-1.0,),), 10.0),
+        (("mass",), ((1.0,),), 0.0),
+    ],
+)
+def test_what_is_no_covariance(parameters: Any, matrix: Any, freedom: float) -> None:
+    with pytest.raises(ValidationError):
+        Covariance(parameters=parameters, matrix=matrix, degrees_of_freedom=freedom)
+
+
+@pytest.mark.parametrize("freedom", [12.0, 59.0, 1e9])
+def test_the_box_holds_both_at_once_999_times_in_1000(freedom: float) -> None:
+    """Draws from the joint distribution itself: the box is at least as sure as it says."""
+    from scipy.stats import multivariate_t, t
+
+    generator = np.random.default_rng(0)
+    covariance = joint(freedom)
+    draws = multivariate_t(shape=np.array(covariance.matrix), df=freedom).rvs(
+        400_000, random_state=generator
+    )
+    half = t.ppf(0.975, freedom) * np.array([0.01, 0.2])
+    found = device(
+        mass={"value": 3.0, "low": 3.0 - half[0], "high": 3.0 + half[0]},
+        damping={"value": 10.0, "low": 10.0 - half[1], "high": 10.0 + half[1]},
+        covariance=covariance.model_dump(),
+    )
+    box = found.simultaneous_box()
+    # The truth lies at the estimate less the error.
+    mass, damping = 3.0 - draws[:, 0], 10.0 - draws[:, 1]
+    inside = (box.mass[0] <= mass) & (mass <= box.mass[1])
+    inside &= (box.damping[0] <= damping) & (damping <= box.damping[1])
+    assert inside.mean() >= 0.999 - 3 * np.sqrt(0.001 / draws.shape[0])
+
+
+def test_the_box_of_exact_numbers_is_a_point() -> None:
+    box = device().simultaneous_box()
+    assert box.mass == (3.0, 3.0)
+    assert box.damping == (10.0, 10.0)
+
+
+def test_the_box_keeps_mass_positive_and_takes_times_as_stated() -> None:
+    wide: Quantity = quantity(1.0, 0.3, 3.0)
+    box = device(mass=wide, delay=quantity(1e-3, 0.5e-3, 2e-3)).simultaneous_box()
+    assert 0 < box.mass[0] < 0.3
+    assert box.mass[1] > 3.0
+    assert box.delay == (0.5e-3, 2e-3)
+    assert box.sample_time == (1e-3, 1e-3)
+
+
+def test_too_few_degrees_of_freedom_say_so() -> None:
+    with pytest.raises(InvalidInputError, match="degrees_of_freedom"):
+        device(covariance=joint(2.0).model_dump()).simultaneous_box()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -301,9 +302,10 @@ def named_devices() -> tuple[str, ...]:
 def load_device(reference: str | Path) -> Device:
     """A device from a file, or a named one. Raises InvalidInputError."""
     path = Path(reference)
-    if not path.is_file() and str(reference) in named_devices():
+    # The function of os.path also takes names that no file can have.
+    if str(reference) in named_devices() and not os.path.isfile(path):  # noqa: PTH113
         path = NAMED / f"{reference}.yaml"
-    elif path.suffix == "" and not path.exists():
+    elif path.suffix == "" and not os.path.exists(path):  # noqa: PTH110
         raise InvalidInputError(
             reference,
             "is neither a file nor a named device",

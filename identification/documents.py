@@ -94,8 +94,8 @@ def _read(path: Path) -> str:
     try:
         with path.open("rb") as stream:
             data = stream.read(LARGEST_FILE + 1)
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror or error})"
+    except (OSError, ValueError) as error:
+        problem = f"cannot be read ({getattr(error, 'strerror', None) or error})"
         raise InvalidInputError(path, problem, "Check the name and the permissions") from None
     if len(data) > LARGEST_FILE:
         raise InvalidInputError(path, f"has more than {LARGEST_FILE} bytes", "Give a smaller file")

@@ -17,11 +17,13 @@ from identification.intervals import NORMAL_95, half_width
 from identification.trajectory import Trajectory
 
 #: Distance of a residual's cumulated spectrum from white up to which output error is believed.
-#: Position noise and rounding give 0.01 to 0.05, forces unknown to the log 0.9 and more.
-WHITE = 0.1
+#: Position noise and rounding give 0.005 to 0.04 (chance alone 0.05 in 2000 samples, once in a
+#: hundred), forces unknown to the log 0.9 and more; already at 0.1, one device in two hundred lay
+#: outside of its simultaneous region.
+WHITE = 0.05
 #: A residual of at most this many counts rms is the encoder's own, whatever its colour: rounding
-#: alone is 0.29, and it is not white where the device moves slowly.
-ENCODER_RESIDUAL = 0.35
+#: alone is 0.289, and it is not white where the device moves slowly.
+ENCODER_RESIDUAL = 0.295
 #: A friction term smaller than its own standard deviation is left out. A higher hurdle would move
 #: mass and damping by more than their intervals where the term is real.
 ASKED_FOR = 1.0

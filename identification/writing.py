@@ -62,9 +62,10 @@ def write_bytes(path: Path, data: bytes) -> bytes | None:
             _keep(target, target.with_name(target.name + ".bak"))
         temporary.replace(target)
     except OSError as error:
+        raise NotWrittenError(path, error.strerror or str(error)) from None
+    finally:  # an interruption leaves nothing behind either
         if temporary is not None:
             temporary.unlink(missing_ok=True)
-        raise NotWrittenError(path, error.strerror or str(error)) from None
     return old
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,10 +38,13 @@ class Ended:
         return found
 
 
-def haptune(*arguments: str) -> Ended:
-    """Run ``haptune ARGUMENTS`` in the current folder."""
+def haptune(*arguments: str, **environment: str) -> Ended:
+    """Run ``haptune ARGUMENTS`` in the current folder, as into a pipe."""
+    # pytest-xdist states a width in COLUMNS, which is its own affair.
+    inherited = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
     out, err = io.StringIO(), io.StringIO()
     with (
+        mock.patch.dict(os.environ, inherited | environment, clear=True),
         mock.patch.object(sys, "argv", ["haptune", *arguments]),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),

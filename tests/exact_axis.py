@@ -145,6 +145,6 @@ def multisine(
     return force * scale
 
 
-def counted(position: Array, count: float) -> Array:
+def counted(position: Array, count: float | Array) -> Array:
     """What an encoder of this resolution reads."""
     return np.round(position / count) * count

@@ -32,10 +32,10 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (2, "Missing option '--scene'", "calibrate log.csv"),
     (2, "missing argument", "check"),
     (2, "missing argument", "simulate"),
-    (2, "not a valid integer", "simulate homerehab --seed one"),
+    (2, "--seed", "simulate homerehab --seed one"),
     (2, "is not one of 'auto'", "identify log.csv --method guess"),
     (2, "'soft' is not one of", "tune homerehab scene.yaml --margin soft"),
-    (2, "not a valid float", "identify log.csv --force-gain two"),
+    (2, "--force-gain", "identify log.csv --force-gain two"),
     (2, "fills in hardware", "new scene --device knob"),
     (2, "logs are of y", "identify log.csv --axis y --hardware x.yaml"),
     (2, "logs are of y", "calibrate log.csv --axis y --hardware x.yaml --scene scene.yaml"),
@@ -65,7 +65,7 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (3, "has no column 'torque'", "identify log.csv --force torque"),
     (3, "has no column 'torque'", "calibrate log.csv --force torque --scene scene.yaml"),
     (3, "not a finite number other than zero", "identify log.csv --force-gain 0"),
-    (3, "no file", "tune homerehab perception.yaml"),
+    (3, "absent.yaml: cannot be read", "tune homerehab perception.yaml"),
     (4, "force in constant.csv is 2 in every row", "identify constant.csv"),
     (4, "force in constant.csv is 2 in every row", "calibrate constant.csv --scene scene.yaml"),
     (4, "at least 200", "identify short.csv"),
@@ -79,6 +79,9 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (7, "it is a folder", "calibrate log.csv --scene scene.yaml -o folder"),
     (7, "it is a folder", "simulate homerehab -o folder"),
     (7, "a device, not a file", "tune homerehab scene.yaml -o /dev/null"),
+    (7, "too long", f"new scene -o {'x' * 999}"),
+    (3, "neither a file nor a named device", f"tune {'x' * 999} scene.yaml"),
+    (3, "too long", f"identify log.csv --hardware {'x' * 999}.yaml"),
     (7, "cannot", "tune homerehab scene.yaml -o folder/full"),
 )
 
@@ -108,7 +111,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("utf16.yaml").write_text(SPRING, encoding="utf-16")
 
 
-@pytest.mark.parametrize(("code", "words", "command"), SITUATIONS, ids=lambda value: str(value))
+@pytest.mark.parametrize(("code", "words", "command"), SITUATIONS, ids=str)
 def test_each_refusal_has_its_code_and_one_sentence_and_writes_nothing(
     code: int, words: str, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

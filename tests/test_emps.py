@@ -7,8 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from identification import Hardware, Identification, LogColumns, Trajectory, identify
-from identification import load_trajectory, quantity
+from identification import (
+    Hardware,
+    Identification,
+    LogColumns,
+    Trajectory,
+    identify,
+    load_trajectory,
+    quantity,
+)
 from identification.intervals import half_width
 
 LOG = Path(__file__).parents[2] / "shared/data/emps/DATA_EMPS.mat"

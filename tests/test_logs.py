@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +86,7 @@ def test_a_column_named_reference_is_taken_unasked(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["force_gain", "position_gain"])
 def test_impossible_gains(name: str, gain: float) -> None:
     with pytest.raises(InvalidInputError, match="--" + name.replace("_", "-")):
-        LogColumns(**{name: gain})
+        replace(LogColumns(), **{name: gain})
 
 
 def test_missing_columns_are_named_with_what_there_is_and_the_option(tmp_path: Path) -> None:
@@ -110,7 +112,7 @@ def test_a_hostile_header_is_quoted_short_and_printable(tmp_path: Path) -> None:
 def test_cells_that_are_no_numbers_are_named_by_row(tmp_path: Path, cell: str) -> None:
     lines = table(";").splitlines()
     lines[10] = f"0.009;{cell};0.0"
-    with pytest.raises(InvalidInputError, match="'force'.*row 11") as caught:
+    with pytest.raises(InvalidInputError, match=r"'force'.*row 11") as caught:
         load_trajectory(written(tmp_path, "\n".join(lines)))
     assert cell in str(caught.value)
 
@@ -188,7 +190,7 @@ def test_matlab_variables_that_are_no_columns(tmp_path: Path, value: Any, part: 
 
 
 def test_matlab_missing_variable(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match="'q'.*time, force, position.*--position"):
+    with pytest.raises(InvalidInputError, match=r"'q'.*time, force, position.*--position"):
         load_trajectory(mat(tmp_path), LogColumns(position="q"))
 
 
@@ -205,10 +207,8 @@ def test_damaged_matlab_files_never_show_a_traceback(tmp_path: Path, seed: int) 
     generator = np.random.default_rng(seed)
     for place in generator.integers(0, 400, 8):
         whole[place] = int(generator.integers(0, 256))
-    try:
+    with suppress(InvalidInputError, LogRefusedError):
         load_trajectory(written(tmp_path, bytes(whole), "damaged.mat"))
-    except (InvalidInputError, LogRefusedError):
-        pass
 
 
 @pytest.mark.parametrize("head", [b"", b"MATLAB 7.3 MAT-file".ljust(512)])

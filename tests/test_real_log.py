@@ -14,9 +14,8 @@ from tune.errors import CheckFailedError
 LOG = Path(__file__).parents[2] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
 pytestmark = pytest.mark.skipif(not LOG.exists(), reason="the EMPS log is not beside the project")
 
-OPTIONS = (
-    "--time t --position qm --force vir --force-gain 35.1507 --reference qg"  # as published
-).split()
+OPTIONS = ("--time", "t", "--position", "qm", "--force", "vir", "--reference", "qg")
+OPTIONS += ("--force-gain", "35.1507")
 SCENE = """\
 schema: haptune/scene/1
 elements:

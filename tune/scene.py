@@ -9,7 +9,6 @@ from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_v
 
 from identification import Document, load_document
 from tune.effects import EFFECT_NAMES, EffectName
-from tune.errors import SceneError
 from tune.perception import PerceptionTable, default_table
 
 MarginName = Literal["conservative", "balanced", "firm"]
@@ -245,9 +244,4 @@ def perception_of(scene: Scene, folder: Path) -> PerceptionTable:
     """The scene's perception table: the default, or a file named relative to ``folder``."""
     if scene.perception == "default":
         return default_table()
-    path = folder / scene.perception
-    if not path.is_file():
-        raise SceneError(
-            "perception", f"{path} is no file", "Write perception: default, or name a table"
-        )
-    return load_document(PerceptionTable, path)
+    return load_document(PerceptionTable, folder / scene.perception)

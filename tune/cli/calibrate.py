@@ -28,7 +28,7 @@ from tune.cli.options import (
     Time,
 )
 from tune.cli.session import Session, run_command
-from tune.cli.tune import tuned
+from tune.cli.tune import tuned, wanted
 
 
 def calibrate(
@@ -65,8 +65,9 @@ def calibrate(
             position_gain=position_gain,
             axis=axis,
         )
+        wish = wanted(scene, margin)
         found = identified(session, logs, columns, hardware, method, allow or [])
-        profile = tuned(session, found.device, scene, margin)
+        profile = tuned(session, found.device, wish)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
 
     run_command("calibrate", action, as_json=json, quiet=quiet)

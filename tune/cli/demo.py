@@ -8,7 +8,7 @@ from tune.cli.identify import DEVICE_COMMENT, identified
 from tune.cli.new import template
 from tune.cli.options import Json, Method, Quiet
 from tune.cli.session import Session, run_command
-from tune.cli.tune import tuned
+from tune.cli.tune import tuned, wanted
 
 _FILES = ("device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png")
 
@@ -36,7 +36,7 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
         session.write(Path("device.yaml"), to_yaml(to_mapping(found.device), DEVICE_COMMENT))
         scene = Path("scene.yaml")
         session.write(scene, template("scene"))
-        profile = tuned(session, found.device, scene, None)
+        profile = tuned(session, found.device, wanted(scene, None))
         session.write(Path("profile.yaml"), profile.to_yaml())
         with session.progress() as say:
             say("drawing")

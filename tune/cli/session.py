@@ -94,10 +94,13 @@ class Session:
                 raise UsageError(
                     "--output", f"{output} is one of the inputs", "Choose another name with -o"
                 )
-        if not output.parent.is_dir():
-            raise NotWrittenError(output, f"there is no folder {output.parent}")
-        if output.exists() and not output.is_file():
-            raise NotWrittenError(output, "it is a folder or a device, not a file")
+        try:
+            if not output.parent.is_dir():
+                raise NotWrittenError(output, f"there is no folder {output.parent}")
+            if output.exists() and not output.is_file():
+                raise NotWrittenError(output, "it is a folder or a device, not a file")
+        except OSError as error:
+            raise NotWrittenError(output, error.strerror or str(error)) from None
 
     def write(self, path: Path, text: str, *, dry_run: bool = False) -> None:
         """Write a file atomically, keep a backup, show what changed. Raises NotWrittenError."""
@@ -229,7 +232,7 @@ def report_usage(error: Exception) -> None:
     if text.startswith("Usage:"):  # no command was given: the text is the help
         print(text, file=sys.stderr)  # noqa: T201
         return
-    sentence = text.replace("Value error, ", "").rstrip(".")
+    sentence = " ".join(text.replace("Value error, ", "").split()).rstrip(".")
     Session(command=command, as_json="--json" in sys.argv, quiet=False).finish(
         EXIT_USAGE, f"{sentence}. See '{path} --help'"
     )

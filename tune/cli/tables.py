@@ -38,7 +38,12 @@ def elements_table(profile: SafeProfile) -> Table:
     )
     for heading in ("effect", "value", "steps", "gain", "delay", "ripple", "limited by"):
         numeric = heading not in {"effect", "limited by"}
-        table.add_column(heading, justify="right" if numeric else "left", no_wrap=True)
+        table.add_column(
+            heading,
+            justify="right" if numeric else "left",
+            no_wrap=heading != "effect",  # a long name is broken, never cut
+            overflow="fold",
+        )
     for name, element in profile.elements.items():
         for effect, reason in element.limited_by.items():
             value: float = getattr(element, effect)

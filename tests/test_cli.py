@@ -1,0 +1,270 @@
+"""What commands say and write: help, JSON, quiet, dry run, backup, and what they load to do so."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.commands import SPRING, files, haptune
+
+COMMANDS = {
+    "demo": "--json --quiet",
+    "new": "--device --output --dry-run --json --quiet",
+    "identify": "--output --time --force --position --reference --force-gain --position-gain "
+    "--axis --hardware --allow --method --dry-run --json --quiet",
+    "tune": "--output --margin --dry-run --json --quiet",
+    "calibrate": "--scene --output --time --force --position --reference --force-gain "
+    "--position-gain --axis --hardware --allow --method --margin --dry-run --json --quiet",
+    "check": "--json --quiet",
+    "simulate": "--output --seed --json --quiet",
+}
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text(SPRING, encoding="utf-8")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_lists_exactly_the_options_there_are(command: str) -> None:
+    ended = haptune(command, "--help")
+    assert ended.code == 0
+    options = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", ended.out))
+    assert options == {*COMMANDS[command].split(), "--help"}
+
+
+def test_help_names_every_command_and_every_exit_code() -> None:
+    ended = haptune("--help")
+    assert ended.code == 0
+    listed = re.findall(r"^  ([a-z]+)  +\w", ended.out.partition("Commands:")[2], re.MULTILINE)
+    assert listed == list(COMMANDS)
+    assert "..." not in ended.out.partition("Commands:")[2], "a summary was cut off"
+    codes = re.findall(r"\b(\d+) [a-z]", ended.out.partition("Exit codes:")[2])
+    assert codes == ["0", "1", "2", "3", "4", "5", "6", "7", "130"]
+
+
+def test_version() -> None:
+    from importlib.metadata import version
+
+    assert haptune("--version").out == f"haptune {version('haptune')}\n"
+
+
+def test_no_command_shows_the_help_and_is_a_usage_error() -> None:
+    ended = haptune()
+    assert ended.code == 2
+    assert ended.out == ""
+    assert ended.err.startswith("Usage: haptune")
+
+
+def test_methods_offered_are_the_methods_there_are() -> None:
+    from identification.one_axis import METHODS
+    from tune.cli.options import MarginChoice, Method
+    from tune.scene import MARGINS
+
+    assert tuple(method.value for method in Method) == METHODS
+    assert [margin.value for margin in MarginChoice] == list(MARGINS)
+
+
+def test_the_main_job_from_simulation_to_check() -> None:
+    assert haptune("simulate", "homerehab", "--quiet").code == 0
+    assert haptune("new", "hardware", "--device", "homerehab").code == 0
+    ended = haptune("calibrate", "log.csv", "--hardware", "hardware.yaml", "--scene", "scene.yaml")
+    assert ended.code == 0, ended.err
+    assert "mass m" in ended.out
+    assert "wall stiffness" in ended.out
+    assert "profile.yaml written" in ended.out
+    ended = haptune("check", "profile.yaml")
+    assert ended.code == 0, ended.err
+    assert "passed" in ended.out
+    apart = haptune("identify", "log.csv", "--hardware", "hardware.yaml", "--json")
+    assert apart.result["outputs"] == ["device.yaml"]
+    assert haptune("tune", "device.yaml", "scene.yaml", "-o", "two.yaml").code == 0
+    assert Path("two.yaml").read_bytes() == Path("profile.yaml").read_bytes()
+
+
+def test_the_axis_of_a_log_is_that_of_the_hardware_unless_named() -> None:
+    assert haptune("simulate", "homerehab", "--quiet").code == 0
+    Path("y.yaml").write_text("axis: y\nsample_time: 0.001\n", encoding="utf-8")
+    ended = haptune("identify", "log.csv", "--hardware", "y.yaml")
+    assert ended.code == 0, ended.err
+    assert "axis: y" in Path("device.yaml").read_text(encoding="utf-8")
+
+
+def test_demo_writes_its_five_files() -> None:
+    ended = haptune("demo", "--json")
+    assert ended.code == 0, ended.err
+    written = ["device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png"]
+    assert ended.result["outputs"] == written
+    assert files() == {*written, "scene.yaml.bak"}
+    assert Path("scene.yaml.bak").read_text(encoding="utf-8") == SPRING
+    assert Path("profile.png").read_bytes().startswith(b"\x89PNG")
+    assert haptune("check", "profile.yaml").code == 0
+
+
+def test_json_of_success_is_one_object_and_nothing_else() -> None:
+    ended = haptune("tune", "homerehab", "scene.yaml", "--json")
+    assert ended.err == ""
+    assert ended.result == {
+        "schema": "haptune/result/1",
+        "command": "tune",
+        "status": "done",
+        "exit_code": 0,
+        "findings": [],
+        "outputs": ["profile.yaml"],
+    }
+
+
+def test_warnings_about_a_log_are_findings() -> None:
+    assert haptune("simulate", "homerehab", "--quiet").code == 0
+    plain = haptune("identify", "log.csv")
+    assert plain.code == 0, plain.err
+    codes = re.findall(r"^warning: ([a-z-]+): ", plain.err, re.MULTILINE)
+    assert "delay-unknown" in codes
+    found = haptune("identify", "log.csv", "--json").result["findings"]
+    assert [finding["code"] for finding in found] == codes
+    assert {finding["severity"] for finding in found} == {"warning"}
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["new scene", "new hardware", "tune homerehab scene.yaml", "simulate homerehab -o a.csv"],
+)
+def test_quiet_prints_nothing(command: str) -> None:
+    ended = haptune(*command.split(), "--quiet")
+    assert (ended.code, ended.out, ended.err) == (0, "", "")
+
+
+def test_quiet_still_says_what_is_wrong() -> None:
+    ended = haptune("check", "missing.yaml", "--quiet")
+    assert ended.out == ""
+    assert "missing.yaml" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("new scene -o other.yaml", "elements:"),
+        ("new hardware --device knob", "motion: rotary"),
+        ("tune homerehab scene.yaml", "digest: sha256:"),
+    ],
+)
+def test_dry_run_shows_the_file_and_writes_nothing(command: str, words: str) -> None:
+    ended = haptune(*command.split(), "--dry-run")
+    assert ended.code == 0, ended.err
+    assert words in ended.out
+    assert files() == {"scene.yaml"}
+    assert haptune(*command.split(), "--dry-run", "--json").result["outputs"] == []
+
+
+def test_rewriting_keeps_a_backup_and_shows_what_changed() -> None:
+    tune = ("tune", "homerehab", "scene.yaml")
+    assert haptune(*tune).code == 0
+    first = Path("profile.yaml").read_bytes()
+    again = haptune(*tune)
+    assert "profile.yaml unchanged" in again.out
+    assert not Path("profile.yaml.bak").exists()
+    ended = haptune(*tune, "--margin", "conservative")
+    assert ended.code == 0
+    assert "-margin: {gain: 2.0, extra_delay_samples: 1, name: balanced}" in ended.out
+    assert "+margin: {gain: 3.0, extra_delay_samples: 2, name: conservative}" in ended.out
+    assert "profile.yaml.bak" in ended.out
+    assert Path("profile.yaml.bak").read_bytes() == first
+
+
+def test_the_difference_of_two_long_logs_is_one_line() -> None:
+    assert haptune("simulate", "homerehab").code == 0
+    ended = haptune("simulate", "homerehab", "--seed", "5")
+    assert "log.csv changed: 8001 lines before, 8001 now" in ended.out
+    assert len(ended.out.splitlines()) < 10
+
+
+def test_names_are_printed_as_they_are() -> None:
+    """Square brackets and colons mean nothing to the printer, dots nothing to the keys."""
+    Path("scene.yaml").write_text(
+        'elements: {"[/bold] :smile:": {stiffness: max}, "a.b": {damping: 0.1}}', encoding="utf-8"
+    )
+    ended = haptune("tune", "homerehab", "scene.yaml")
+    assert ended.code == 0, ended.err
+    assert "[/bold] :smile: stiffness" in ended.out
+    assert "a.b.damping dropped" in ended.out
+    assert haptune("check", "profile.yaml").code == 0
+
+
+def test_a_narrow_terminal_cuts_no_name_and_no_number() -> None:
+    name = "the far wall behind the door of the maze"
+    Path("scene.yaml").write_text(f"elements: {{{name}: {{stiffness: max}}}}", encoding="utf-8")
+    ended = haptune("tune", "homerehab", "scene.yaml", COLUMNS="80")
+    table = ended.out.partition("certified")[0]
+    assert max(map(len, table.splitlines())) <= 80
+    assert set(name.split()) <= set(table.split())
+    assert "…" not in table
+    assert "1400 N/m" in table
+
+
+def _shell(code: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+_LOADED = (
+    "import atexit, sys; from tune.cli import main\n"
+    "atexit.register(lambda: print('loaded:', *sys.modules))\n"
+    "sys.argv[0] = 'haptune'; main()"
+)
+
+
+def _modules(*arguments: str) -> set[str]:
+    done = _shell(_LOADED, *arguments)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.rpartition("loaded:")[2].split())
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("tune", "--help"), ("--version",)], ids=str)
+def test_help_is_instant(arguments: tuple[str, ...]) -> None:
+    heavy = {"numpy", "scipy", "casadi", "nlopt", "polars", "matplotlib", "ruamel.yaml", "rich"}
+    assert not heavy & _modules(*arguments)
+
+
+def test_a_spring_alone_loads_no_solver() -> None:
+    heavy = {"casadi", "nlopt", "pysindy", "scipy.signal", "scipy.optimize", "polars", "matplotlib"}
+    loaded = _modules("tune", "homerehab", "scene.yaml")
+    assert "tune.optimisation" in loaded
+    assert not heavy & loaded
+    loaded = _modules("check", "profile.yaml")
+    assert "tune.certificate.roots" in loaded
+    assert not heavy & loaded
+
+
+def test_letters_a_terminal_cannot_show_do_not_stop_a_command() -> None:
+    main = "import sys; sys.argv[0] = 'haptune'; from tune.cli import main; main()"
+    done = _shell(main, "simulate", "knob", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert done.returncode == 0, done.stderr
+    assert "N?m" in done.stdout
+
+
+def test_a_reader_that_goes_away_does_not_stop_the_writing() -> None:
+    """As in ``haptune tune … | head -1``."""
+    main = "import sys; sys.argv[0] = 'haptune'; from tune.cli import main; main()"
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-c", main, "tune", "homerehab", "scene.yaml"],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert Path("profile.yaml").exists()

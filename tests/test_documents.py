@@ -1,0 +1,209 @@
+"""YAML in and out, and writing whole files or nothing."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from identification import (
+    Device,
+    Document,
+    Hardware,
+    InvalidInputError,
+    NotWrittenError,
+    as_stored,
+    load_document,
+    load_mapping,
+    parse_document,
+    quantity,
+    rounded,
+    to_mapping,
+    to_yaml,
+    write_bytes,
+    write_text,
+)
+
+#: What YAML 1.1 readers take for a float (yaml.org/type/float.html), decimal forms.
+FLOAT_1_1 = re.compile(r"[-+]?([0-9][0-9_]*)\.[0-9_]*([eE][-+][0-9]+)?")
+
+
+def written(folder: Path, text: str | bytes) -> Path:
+    path = folder / "file.yaml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_reads_plain_mappings(tmp_path: Path) -> None:
+    text = "\ufeffname: a\nnumber: 1.0e-3\nflag: true\nnothing: null\nlist: [1, {b: 2.5}]\n"
+    assert load_mapping(written(tmp_path, text)) == {
+        "name": "a",
+        "number": 1e-3,
+        "flag": True,
+        "nothing": None,
+        "list": [1, {"b": 2.5}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("", "mapping"),
+        ("- 1\n- 2\n", "mapping"),
+        ("just text", "mapping"),
+        ("a: 1\na: 2\n", "line 2"),
+        ("a: [1, 2\n", "not valid YAML"),
+        ("a: &x 1\nb: *x\n", "anchors"),
+        ("a: " + "[" * 40 + "]" * 40, "levels"),
+        ("1: a\n", "no text"),
+        ("a: 2020-01-01\n", "date"),
+        ("a: !!binary aGVsbG8=\n", "bytes"),
+        ("a: !!python/object/apply:os.system [ls]\n", "not valid YAML"),
+        ("a: " + "9" * 5000 + "\n", "file.yaml"),
+        (b"a: \xff\xfe\n", "UTF-8"),
+        ("a: " + "x" * 2_000_000, "bytes"),
+        ("a: \x00\n", "not valid YAML"),
+    ],
+)
+def test_hostile_files_end_in_a_sentence(tmp_path: Path, text: str | bytes, part: str) -> None:
+    with pytest.raises(InvalidInputError, match=part) as caught:
+        load_mapping(written(tmp_path, text))
+    assert len(str(caught.value)) < 1000
+
+
+def test_missing_files_and_folders(tmp_path: Path) -> None:
+    for path in (tmp_path / "nothing.yaml", tmp_path):
+        with pytest.raises(InvalidInputError, match="cannot be read"):
+            load_mapping(path)
+
+
+def test_every_complaint_names_its_key_and_what_was_seen() -> None:
+    content: dict[str, Any] = {"sample_tme": 1.0, "delay": "late", "encoder_resolution": True}
+    with pytest.raises(InvalidInputError) as caught:
+        parse_document(Hardware, content, "hardware.yaml")
+    text = str(caught.value)
+    for part in ("hardware.yaml", "sample_tme", "did you mean sample_time", "'late'", "True"):
+        assert part in text
+
+
+def test_the_wrong_kind_of_file_is_said_first() -> None:
+    with pytest.raises(InvalidInputError, match=r"haptune/scene/1.*haptune/hardware/1"):
+        parse_document(Hardware, {"schema": "haptune/scene/1", "elements": {}}, "x.yaml")
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_rounding_is_idempotent_and_close(number: float) -> None:
+    once = rounded(number)
+    assert rounded(once) == once
+    assert once == pytest.approx(number, rel=1e-11, abs=5e-324)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_floats_read_as_floats_in_every_dialect(number: float) -> None:
+    text = to_yaml({"a": number}).removeprefix("a:").strip()
+    assert FLOAT_1_1.fullmatch(text)
+    assert float(text) == number
+
+
+@given(
+    st.recursive(
+        st.floats(allow_nan=False, allow_infinity=False)
+        | st.integers(-(2**53), 2**53)
+        | st.booleans()
+        | st.text(st.characters(codec="utf-8", exclude_categories=["C", "Zl", "Zp"]), max_size=20),
+        lambda inner: (
+            st.lists(inner, max_size=4)
+            | st.dictionaries(st.from_regex(r"[a-z_]{1,8}", fullmatch=True), inner, max_size=4)
+        ),
+        max_leaves=12,
+    )
+)
+def test_what_is_written_reads_back(tmp_path_factory: pytest.TempPathFactory, value: Any) -> None:
+    path = tmp_path_factory.mktemp("yaml") / "file.yaml"
+    path.write_text(to_yaml({"value": value}, "a comment\nof two lines"), encoding="utf-8")
+    back = load_mapping(path)["value"]
+    assert back == value
+    assert type(back) is type(value)
+
+
+def test_a_stored_document_is_a_fixed_point(tmp_path: Path) -> None:
+    device = Device(
+        sample_time=quantity(1e-3),
+        mass=quantity(1 / 3, 0.333, 0.3334),
+        damping=quantity(2 / 3),
+        delay=quantity(1 / 700, source="log"),
+    )
+    stored = as_stored(device)
+    assert stored != device
+    assert as_stored(stored) == stored
+    path = tmp_path / "device.yaml"
+    write_text(path, to_yaml(to_mapping(device)))
+    assert load_document(Device, path) == stored
+
+
+def test_documents_are_frozen_and_closed() -> None:
+    class Small(Document):
+        number: float
+
+    with pytest.raises(Exception, match="frozen"):
+        Small(number=1.0).number = 2.0  # pyright: ignore[reportAttributeAccessIssue]
+    for wrong in ({"number": 1.0, "other": 2}, {"number": float("nan")}, {"number": True}):
+        with pytest.raises(InvalidInputError):
+            parse_document(Small, wrong, "x")
+
+
+# Writing
+
+
+def test_writing_keeps_a_backup_and_shows_the_difference(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    assert write_text(path, "one\ntwo\n") == ""
+    assert write_text(path, "one\ntwo\n") == ""
+    assert not (tmp_path / "a.yaml.bak").exists()
+    difference = write_text(path, "one\nthree\n")
+    assert "-two" in difference
+    assert "+three" in difference
+    assert path.read_text() == "one\nthree\n"
+    assert (tmp_path / "a.yaml.bak").read_text() == "one\ntwo\n"
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.yaml", "a.yaml.bak"]
+
+
+def test_writing_keeps_permissions_and_follows_links(tmp_path: Path) -> None:
+    target = tmp_path / "real.yaml"
+    target.write_text("old")
+    target.chmod(0o640)
+    link = tmp_path / "link.yaml"
+    link.symlink_to(target)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+    assert stat.S_IMODE(target.stat().st_mode) == 0o640
+
+
+def test_a_failed_write_leaves_everything_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("old")
+
+    def broken(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", broken)
+    with pytest.raises(NotWrittenError, match="No space left"):
+        write_text(path, "new")
+    assert path.read_text() == "old"
+    assert [each.name for each in tmp_path.iterdir()] == ["a.yaml"]
+
+
+def test_places_that_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(NotWrittenError):
+        write_bytes(tmp_path / "missing" / "a.bin", b"x")
+    with pytest.raises(NotWrittenError, match="folder"):
+        write_bytes(tmp_path, b"x")

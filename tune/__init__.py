@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         CheckFailedError,
         LoopError,
         NoFeasibleEffectError,
-        SceneError,
         TuneError,
     )
     from tune.loop import Filters, Loop
@@ -40,7 +39,6 @@ __all__ = [
     "PerceptionTable",
     "SafeProfile",
     "Scene",
-    "SceneError",
     "Study",
     "TuneError",
     "check",
@@ -63,7 +61,7 @@ __all__ = [
 _HOMES = {
     "certificate.check": "CheckReport check",
     "effects": "Effects",
-    "errors": "CheckFailedError LoopError NoFeasibleEffectError SceneError TuneError",
+    "errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
     "loop": "Filters Loop",
     # Not optimise.py: a submodule of that name would take the place of the function.
     "optimisation": "optimise",

@@ -11,16 +11,6 @@ class LoopError(TuneError):
     """A loop that cannot be built from the numbers given."""
 
 
-class SceneError(TuneError):
-    """A scene that contradicts itself or the device. Attributes: element, problem, remedy."""
-
-    def __init__(self, element: str, problem: str, remedy: str) -> None:
-        self.element = element
-        self.problem = problem
-        self.remedy = remedy
-        super().__init__(f"{element}: {problem}. {remedy}")
-
-
 class NoFeasibleEffectError(TuneError):
     """Nothing the scene asks for can be rendered safely. Attributes: reasons, one per effect."""
 

@@ -189,7 +189,7 @@ def run_command(
 
 def _ended(session: Session, error: Exception) -> int:
     from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
-    from tune.errors import CheckFailedError, LoopError, NoFeasibleEffectError, SceneError
+    from tune.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
     if isinstance(error, LogRefusedError):
         session.findings += [_plain(finding) for finding in error.findings]
@@ -198,7 +198,6 @@ def _ended(session: Session, error: Exception) -> int:
     for kind, code in (
         (UsageError, EXIT_USAGE),
         (InvalidInputError, EXIT_INVALID),
-        (SceneError, EXIT_INVALID),
         (LoopError, EXIT_INVALID),
         (NoFeasibleEffectError, EXIT_NOTHING),
         (CheckFailedError, EXIT_CHECK),

@@ -1,0 +1,234 @@
+"""A written profile: no digit can change unseen, no claim can be forged, every reader agrees."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification import Device, load_device, load_mapping, quantity, to_mapping, to_yaml
+from tests.commands import haptune
+from tune import CheckFailedError, Scene, check, damping_needed, load_profile, optimise
+from tune.certificate.passivity import passive
+from tune.certificate.polynomial import Setting
+from tune.profile import SafeProfile, digest_of
+
+#: The digit in a name is in a key, those of the device are in numbers, text and exponents.
+SPRING: dict[str, Any] = {"elements": {"wall 2": {"stiffness": "max"}}}
+RICH: dict[str, Any] = {
+    "elements": {
+        "wall": {"stiffness": 500.0, "damping": 10.0},
+        "cup": {"mass": 1.0},
+        "dust": {"damping": 0.1},
+    },
+    "together": [["wall", "cup"]],
+    "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+}
+BLOCKS = 4
+
+
+@functools.cache
+def _profile(*, rich: bool = False) -> SafeProfile:
+    return optimise(load_device("homerehab"), Scene.model_validate(RICH if rich else SPRING))
+
+
+def _every_digit_is_guarded(text: str, path: Path, others: Callable[[str], str]) -> int:
+    """Change each digit in turn to each of ``others``; count them."""
+    places = [at for at, letter in enumerate(text) if letter.isdigit()]
+    assert places
+    for at in places:
+        for digit in others(text[at]):
+            path.write_text(text[:at] + digit + text[at + 1 :], encoding="utf-8")
+            with pytest.raises(CheckFailedError):
+                load_profile(path)
+    return len(places)
+
+
+@pytest.mark.parametrize("rich", [False, True])
+def test_every_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -> None:
+    chance = np.random.default_rng(5)
+    text = _profile(rich=rich).to_yaml()
+
+    def another(digit: str) -> str:
+        return str((int(digit) + int(chance.integers(1, 10))) % 10)
+
+    guarded = _every_digit_is_guarded(text, tmp_path / "profile.yaml", another)
+    assert guarded > (300 if rich else 200)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("rich", [False, True])
+def test_every_digit_changed_to_every_other_is_noticed(tmp_path: Path, rich: bool) -> None:
+    def all_others(digit: str) -> str:
+        return "0123456789".replace(digit, "")
+
+    _every_digit_is_guarded(_profile(rich=rich).to_yaml(), tmp_path / "profile.yaml", all_others)
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        r"schema: haptune/profile/(1)",
+        r"mass: \{value: (3)",
+        r"encoder_resolution: 6.0e-0(6)",
+        r"wall (2):",
+        r"stiffness: (\d)",
+        r"confidence: 0.99(9)",
+        r"haptune: 0.(1)",
+        r"digest: sha256:\D*(\d)",
+    ],
+)
+def test_a_changed_digit_ends_with_exit_code_6(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = _profile().to_yaml()
+    Path("profile.yaml").write_text(text, encoding="utf-8")
+    assert haptune("check", "profile.yaml").code == 0
+    found = re.search(pattern, text)
+    assert found, pattern
+    at = found.start(1)
+    changed = text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1 :]
+    Path("profile.yaml").write_text(changed, encoding="utf-8")
+    ended = haptune("check", "profile.yaml", "--json")
+    assert ended.code == 6
+    assert ended.result["status"] == "check-failed"
+    assert "Tune again instead of editing a profile" in ended.err
+
+
+@pytest.mark.parametrize("key", ["digest", "schema"])
+def test_a_line_taken_out_is_noticed(tmp_path: Path, key: str) -> None:
+    lines = _profile().to_yaml().splitlines()
+    path = tmp_path / "profile.yaml"
+    path.write_text("\n".join(x for x in lines if not x.startswith(f"{key}:")), encoding="utf-8")
+    with pytest.raises(CheckFailedError, match="digest"):
+        load_profile(path)
+
+
+def test_layout_and_comments_are_not_content(tmp_path: Path) -> None:
+    content = to_mapping(_profile())
+    path = tmp_path / "profile.yaml"
+    turned = dict(reversed(content.items()))
+    path.write_text("# another comment\n" + to_yaml(turned) + "# and one more\n", encoding="utf-8")
+    assert load_profile(path) == _profile()
+
+
+#: where in the file, what a forger writes there, what the check answers
+FORGED: tuple[tuple[str, Any, str], ...] = (
+    ("elements.wall 2.stiffness", 14000.0, "exceeds the limit"),
+    ("elements.wall 2.damping", -50.0, "unstable"),
+    ("elements.wall 2.margins.gain", 50.0, "claimed gain margin: unstable"),
+    ("elements.wall 2.margins.extra_delay_samples", 9.0, "claimed delay margin: unstable"),
+    ("elements.wall 2.margins.passive", True, "claims passivity with a delay"),
+    ("elements.wall 2.ripple", 1e-9, "claims a ripple"),
+    ("elements.wall 2.stiffness", 0.0, "plays no effect"),
+    ("ripple_limit", 1e-9, "exceeds the limit"),
+    ("loop.sample_time", 0.002, "loop.sample_time"),
+    ("loop.extra_delay_samples", 0.0, "loop.extra_delay_samples"),
+    ("device.damping", 0.1, "unstable"),
+    ("device.mass", 2.9, "certificate.mass says 2.4"),
+    ("device.force_limit.continuous", 1.0, "sustained force 14 exceeds the limit 1"),
+    ("device.delay", 0.005, "unstable"),
+    ("margin.gain", 3.0, "margin: unstable"),
+    ("margin.gain", 1.5, "certificate.gain says 2"),
+    ("certificate.mass", [2.9, 3.1], "certificate.mass says 2.9 to 3.1"),
+    ("certificate.damping", [0.0, 99.0], "certificate.damping"),
+    ("certificate.delay_samples", [0, 9], "certificate.delay_samples"),
+    ("certificate.gain", 9.0, "certificate.gain"),
+    ("certificate.extra_delay_samples", 9, "certificate.extra_delay_samples"),
+    ("certificate.confidence", 0.9999, "certificate.confidence"),
+    ("certificate.worst.pole_radius", 0.5, "certificate.worst.pole_radius"),
+)
+
+
+@pytest.mark.parametrize(("where", "value", "words"), FORGED, ids=lambda item: str(item)[:40])
+def test_a_forged_claim_with_a_right_digest_is_found_out(
+    tmp_path: Path, where: str, value: Any, words: str
+) -> None:
+    """A digest is no signature: what it covers is computed anew."""
+    content = to_mapping(_profile())
+    *above, last = where.split(".")
+    place = functools.reduce(lambda part, key: part[key], above, content)
+    assert place[last] != value
+    place[last] = value
+    content["digest"] = digest_of(content)
+    path = tmp_path / "profile.yaml"
+    path.write_text(to_yaml(content), encoding="utf-8")
+    with pytest.raises(CheckFailedError, match=re.escape(words)):
+        check(path)
+
+
+def test_a_true_claim_of_passivity_passes_and_an_exaggerated_one_does_not(tmp_path: Path) -> None:
+    device = load_device("homerehab").model_copy(update={"delay": quantity(0.0)})
+    profile = optimise(device, Scene.model_validate(SPRING))
+    assert profile.elements["wall 2"].margins.passive is True
+    content = to_mapping(profile)
+    path = tmp_path / "profile.yaml"
+    content["device"]["force_limit"] = {"continuous": 1e6, "peak": 1e6}
+    content["ripple_limit"] = 1e6
+    least = device.simultaneous_box().damping[0]
+    for part, passes in ((1 - 1e-6, True), (1 + 1e-3, False)):
+        content["elements"]["wall 2"]["stiffness"] = part * 2 * least / 1e-3
+        content["elements"]["wall 2"]["margins"] |= {"gain": 1.0, "extra_delay_samples": 0.0}
+        content["elements"]["wall 2"]["ripple"] = 1e6
+        content["margin"] |= {"gain": 1.0}
+        content["digest"] = digest_of(content)
+        path.write_text(to_yaml(content), encoding="utf-8")
+        with pytest.raises(CheckFailedError) as failed:
+            check(path)  # a rewritten profile never has the certificate of the first
+        assert any("claims passivity" in words for words in failed.value.failures) is not passes
+
+
+def test_passivity_by_frequency_is_passivity_by_formula() -> None:
+    chance = np.random.default_rng(7)
+    for _ in range(300):
+        step = 10 ** chance.uniform(-4, -2.5)
+        stiffness = 10 ** chance.uniform(0, 4)
+        damping = float(chance.choice([0, 1, -1])) * 10 ** chance.uniform(-1, 2)
+        mass = float(chance.choice([0, 1, -1])) * 10 ** chance.uniform(-3, 1)
+        setting = Setting(
+            stiffness=stiffness,
+            damping=damping,
+            mass=mass,
+            velocity_filter_hz=None,
+            acceleration_filter_hz=None,
+        )
+        needed = damping_needed(stiffness, damping, mass, step)
+        assert passive(setting, needed + 1e-5 * abs(needed), step)
+        assert not passive(setting, needed - 1e-5 * abs(needed), step)
+
+
+@pytest.mark.parametrize("rich", [False, True])
+def test_every_float_is_a_float_to_yaml_1_1_and_ros_2(tmp_path: Path, rich: bool) -> None:
+    """PyYAML takes 1e-06 for text: a float needs a point, an exponent its sign."""
+    text = _profile(rich=rich).to_yaml()
+    tokens = re.findall(r"(?<=[\s\[{])[-+]?[\d.]+(?:[eE][-+]?\d+)?(?=[\s,\]}])", text)
+    assert "6.0e-06" in tokens
+    floats = [token for token in tokens if not token.isdigit() and token.count(".") < 2]
+    assert len(floats) > 20
+    for token in floats:
+        assert re.fullmatch(r"[-+]?\d+\.\d+([eE][-+]\d+)?", token), token
+    path = tmp_path / "profile.yaml"
+    path.write_text(text, encoding="utf-8")
+    assert load_mapping(path) == to_mapping(_profile(rich=rich))
+
+
+def test_a_profile_reads_back_as_it_was(tmp_path: Path) -> None:
+    for rich in (False, True):
+        profile = _profile(rich=rich)
+        path = tmp_path / "profile.yaml"
+        path.write_text(profile.to_yaml(), encoding="utf-8")
+        assert load_profile(path) == profile
+        assert check(path).profile == profile
+        assert profile.digest == digest_of(to_mapping(profile))
+
+
+def test_the_digest_tells_devices_apart_by_their_last_digit() -> None:
+    device = load_device("homerehab")
+    other = device.model_copy(update={"mass": quantity(3.00000000001, 2.7, 3.3)})
+    assert digest_of(to_mapping(Device.model_validate(device))) != digest_of(to_mapping(other))

@@ -1,0 +1,163 @@
+"""The shipped JSON Schemas are those of the models, and say what the models say."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from importlib.resources import files
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+from pydantic import ValidationError
+
+from identification import Device, Document, Hardware, load_device, named_devices, to_mapping
+from tune import SafeProfile, Scene, optimise
+from tune.cli.new import hardware_of, template
+from tune.schemas import FOLDER, generate
+
+MODELS: dict[str, type[Document]] = {
+    "hardware": Hardware,
+    "device": Device,
+    "scene": Scene,
+    "profile": SafeProfile,
+}
+
+
+def _validator(name: str) -> Draft202012Validator:
+    return Draft202012Validator(json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")))
+
+
+def _parsed(text: str) -> Any:
+    from ruamel.yaml import YAML
+
+    reader: Any = YAML(typ="safe", pure=True)
+    return reader.load(text)
+
+
+def test_shipped_schemas_are_up_to_date() -> None:
+    """If not: python -m tune.schemas."""
+    assert {f"{name}.json" for name in MODELS} == set(generate())
+    assert set(generate()) == {path.name for path in FOLDER.glob("*.json")}
+    for name, text in generate().items():
+        assert json.loads((FOLDER / name).read_text(encoding="utf-8")) == json.loads(text), name
+
+
+def test_schemas_and_templates_are_in_the_package() -> None:
+    for name in MODELS:
+        assert (files("tune") / "schemas" / f"{name}.json").is_file()
+    assert {"scene.yaml", "hardware.yaml"} == {
+        path.name for path in (files("tune") / "templates").iterdir()
+    }
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_each_is_a_schema_that_knows_its_own_file(name: str) -> None:
+    schema = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    Draft202012Validator.check_schema(schema)
+    assert schema["properties"]["schema"]["const"] == f"haptune/{name}/1"
+    assert schema["additionalProperties"] is False
+
+
+def test_what_haptune_writes_and_ships_is_valid() -> None:
+    _validator("scene").validate(_parsed(template("scene")))
+    _validator("hardware").validate(_parsed(template("hardware")))
+    for name in named_devices():
+        _validator("hardware").validate(_parsed(hardware_of(name)))
+        _validator("device").validate(to_mapping(load_device(name)))
+    profile = optimise(
+        load_device("homerehab"), Scene.model_validate({"elements": {"w": {"stiffness": "max"}}})
+    )
+    _validator("profile").validate(_parsed(profile.to_yaml()))
+
+
+SCENE: dict[str, Any] = {
+    "elements": {"wall": {"stiffness": "max", "speed": 0.2}, "cup": {"mass": {"min": 1, "max": 2}}},
+    "together": [["wall", "cup"]],
+    "loop": {"velocity_filter_hz": "free"},
+}
+DEVICE: dict[str, Any] = {
+    "sample_time": 0.001,
+    "mass": {"value": 3.0, "low": 2.7, "high": 3.3, "source": "log"},
+    "damping": 10,
+    "force_limit": {"continuous": 1.0, "peak": 2.0},
+    "covariance": {"parameters": ["mass"], "matrix": [[1.0]], "degrees_of_freedom": 9},
+}
+HARDWARE: dict[str, Any] = {"sample_time": {"value": 0.001}, "delay": 0}
+
+
+def _put(where: str, value: Any) -> Callable[[dict[str, Any]], None]:
+    def change(content: dict[str, Any]) -> None:
+        *above, last = where.split("/")
+        for key in above:
+            content = content[key]
+        if value is ...:
+            del content[last]
+        else:
+            content[last] = value
+
+    return change
+
+
+#: file, place, value (... takes the key away), whether it is allowed
+CASES: tuple[tuple[str, str, Any, bool], ...] = (
+    *(("scene", "elements/wall/stiffness", wish, True) for wish in ("max", 5, 0.5)),
+    *(("scene", "elements/wall/stiffness", wish, False) for wish in ("min", 0, -5, True, [1], {})),
+    *(("scene", "elements/cup/mass", wish, True) for wish in ("max", "min", 5, -5, 1.5)),
+    *(("scene", "elements/cup/mass", wish, False) for wish in ("most", 0, False, {"min": 1})),
+    ("scene", "elements/cup/mass", {"min": -1, "max": 2}, False),
+    ("scene", "elements/cup/mass", {"min": 0, "max": 2, "mean": 1}, False),
+    ("scene", "elements/cup/damping", {"min": 0, "max": 2.5}, True),
+    ("scene", "elements/wall/stiffness", ..., False),
+    ("scene", "elements/wall/speed", 0, False),
+    ("scene", "elements/wall/sped", 1, False),
+    ("scene", "elements/wall/priority", 2, True),
+    ("scene", "elements/wall/priority", 1.5, False),
+    ("scene", "elements", {}, False),
+    ("scene", "elements", ..., False),
+    ("scene", "margin", "firm", True),
+    ("scene", "margin", "thin", False),
+    ("scene", "hand", "none", True),
+    ("scene", "hand", {"mass": 1}, False),
+    ("scene", "ripple_limit", 0.1, True),
+    ("scene", "ripple_limit", 0, False),
+    ("scene", "schema", "haptune/scene/1", True),
+    ("scene", "schema", "haptune/scene/2", False),
+    *(("scene", "loop/velocity_filter_hz", f, True) for f in ("none", "free", 50, 49.5)),
+    *(("scene", "loop/velocity_filter_hz", f, False) for f in ("fast", 0, -1, True, [50])),
+    *(("device", "mass", q, True) for q in (3, 3.5, {"value": 3}, {"value": 3, "low": 2})),
+    *(("device", "mass", q, False) for q in ("3", True, None, {}, {"low": 2}, [3])),
+    ("device", "mass", {"value": 3, "middle": 3}, False),
+    ("device", "mass", {"value": 3, "source": "guess"}, False),
+    ("device", "delay", 0, True),
+    ("device", "delay", {"value": 0.001, "high": 0.002}, True),
+    ("device", "damping", ..., False),
+    ("device", "damping", -1, True),
+    ("device", "encoder_resolution", None, True),
+    ("device", "force_limit/peak", ..., False),
+    ("device", "force_limit/continuous", -1, False),
+    ("device", "covariance/degrees_of_freedom", 0, False),
+    ("device", "motion", "rotary", True),
+    ("device", "motion", "round", False),
+    ("hardware", "sample_time", ..., True),
+    ("hardware", "sample_time", "1 ms", False),
+    ("hardware", "encoder_resolution", 1e-6, True),
+    ("hardware", "encoder_resolution", 0, False),
+    ("hardware", "encoder_resolution", {"value": 1e-6}, False),
+    ("hardware", "mass", 3, False),
+)
+
+
+@pytest.mark.parametrize(("name", "where", "value", "allowed"), CASES, ids=str)
+def test_schema_and_model_say_the_same(name: str, where: str, value: Any, allowed: bool) -> None:
+    start = {"scene": SCENE, "device": DEVICE, "hardware": HARDWARE}[name]
+    content = copy.deepcopy(start)
+    assert _validator(name).is_valid(content)
+    _put(where, value)(content)
+    assert _validator(name).is_valid(content) is allowed
+    if allowed:
+        MODELS[name].model_validate(content)
+    else:
+        with pytest.raises(ValidationError):
+            MODELS[name].model_validate(content)

@@ -144,7 +144,7 @@ def parse_document(model: type[Model], content: Mapping[str, Any], source: str |
     """
     schema = model.model_fields.get("schema_")
     stated = content.get("schema")
-    if schema is not None and stated not in {None, schema.default}:
+    if schema is not None and stated is not None and stated != schema.default:
         problem = f"schema is {str(stated)[:80]!r}, needed is {schema.default!r}"
         raise InvalidInputError(source, problem, "Give the right kind of file")
     try:

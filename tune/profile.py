@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
 from tune.errors import CheckFailedError
-from tune.scene import Margin, MarginName, Motion
+from tune.scene import LARGEST_GROUP, Margin, MarginName, Motion
 
 LimitedBy = Literal[
     "stability",
@@ -88,6 +88,13 @@ class Design(Document):
     skipped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     method: dict[str, str] = Field(default_factory=dict[str, str])
+
+    @model_validator(mode="after")
+    def _known(self) -> Design:
+        for group in self.together:
+            if len(group) > LARGEST_GROUP or not set(group) <= set(self.elements):
+                raise ValueError(f"together names {', '.join(group)[:80]}, which cannot be felt")
+        return self
 
     def moments(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at once, singles first."""

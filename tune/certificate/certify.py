@@ -23,6 +23,9 @@ _AGREE = 1e-3
 #: setting with a fifth of margin to spare takes one or two, one on the edge takes thousands.
 _MOST_CELLS = 64
 
+#: Samples of delay, margins included, that are looked at one by one.
+_LONGEST_DELAY = 64
+
 ASSUMES = (
     "constant sample time within its interval; a missed deadline counts as one extra sample",
     "a linear loop: forces stay below the limit, the force of saturation is not relied on",
@@ -55,6 +58,12 @@ def certify(design: Design) -> Certificate:
     first = int(np.floor(box.delay[0] / box.sample_time[1] + 1e-6))
     last = int(np.ceil(box.delay[1] / box.sample_time[0] - 1e-6))
     margin = design.margin
+    extras = [element.margins.extra_delay_samples for element in design.elements.values()]
+    longest = last + max(margin.extra_delay_samples, *extras, 0)
+    if longest > _LONGEST_DELAY:
+        raise CheckFailedError(
+            (f"delays up to {longest:.6g} samples are claimed, at most {_LONGEST_DELAY} judged",)
+        )
     worst: WorstPoint | None = None
     points = 0
     cell = Cell(mass=box.mass, damping=box.damping, sample_time=box.sample_time)

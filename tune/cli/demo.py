@@ -18,14 +18,7 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
 
     def action(session: Session) -> None:
         from datasets_synthetic import bundled
-        from identification import (
-            Hardware,
-            LogColumns,
-            load_document,
-            load_trajectory,
-            to_mapping,
-            to_yaml,
-        )
+        from identification import LogColumns, to_mapping, to_yaml
 
         for name in _FILES:
             session.target(Path(name))
@@ -43,8 +36,7 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
             from identification import fit_picture
             from tune.pictures import profile_picture
 
-            known = load_document(Hardware, hardware)
-            trajectory = load_trajectory(log, LogColumns(), motion=known.motion)
+            trajectory = found.logs[0].trajectory
             session.draw(Path("identification.png"), fit_picture(trajectory, found.device))
             session.draw(Path("profile.png"), profile_picture(profile))
 

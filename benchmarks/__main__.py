@@ -18,13 +18,20 @@ def main() -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from benchmarks import identification_rows, stability_rows, tuning_rows
+    from benchmarks import (
+        identification_rows,
+        reading_rows,
+        speed_rows,
+        stability_rows,
+        tuning_rows,
+    )
 
     table = Table(title="haptune benchmarks, one thread")
     for heading in ("what", "time", "error", "against"):
         table.add_column(heading)
     rows: list[dict[str, object]] = []
-    for module in (stability_rows, identification_rows, tuning_rows):
+    modules = (stability_rows, identification_rows, speed_rows, reading_rows, tuning_rows)
+    for module in modules:
         for row in module.rows():
             rows.append(row.as_json())
             table.add_row(row.what, row.time_text(), row.error, row.against)

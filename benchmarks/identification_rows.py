@@ -2,73 +2,106 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.other_methods import OTHERS
 from benchmarks.row import Row, best_seconds
-from datasets_synthetic import SCENARIOS, run_batch
-from identification import Trajectory
-from identification.estimators import least_squares, output_error
-from identification.estimators.model import Model
+from datasets_synthetic import FAMILIES, SCENARIOS, run_batch
+from identification import Hardware, IdentificationError, Trajectory, identify, quantity
+from identification.estimators import METHODS, Model
 
 FloatArray = NDArray[np.float64]
 Method = Callable[[Trajectory, Model, float], FloatArray]
 
 _SEEDS = 20
+#: The easy ones, by name of the scenario ...
+_EASY = ("homerehab-clean", "homerehab-friction")
+#: ... and of the families those that part the methods.
+_HARD = ("closed-loop-force-noise", "alternating-steps")
 
 
-def _least_squares(log: Trajectory, model: Model, delay: float) -> FloatArray:
-    return least_squares.estimate(log, model, delay).values[:2]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Case:
+    """Logs of one device that differ by their noise.
+
+    Attributes:
+        name: of the scenario or family.
+        logs: one for each seed.
+        truth: mass and damping, shape (2,).
+        delay: s.
+        model: the terms the device has.
+    """
+
+    name: str
+    logs: Sequence[Trajectory]
+    truth: FloatArray
+    delay: float
+    model: Model
 
 
-def _output_error(log: Trajectory, model: Model, delay: float) -> FloatArray:
-    return output_error.estimate(log, model, delay).values[:2]
+def _cases() -> Iterator[_Case]:
+    seeds = list(range(_SEEDS))
+    for name in _EASY:
+        rig = SCENARIOS[name].rig()
+        recording = run_batch(SCENARIOS[name], seeds)
+        yield _Case(
+            name=name,
+            logs=[recording.trajectory(member) for member in seeds],
+            truth=np.array([float(rig.mass[0]), float(rig.damping[0])]),
+            delay=float(rig.delay[0]),
+            model=Model(coulomb=bool(rig.coulomb_friction[0] > 0), offset=True),
+        )
+    for name in _HARD:
+        family = FAMILIES[name]
+        yield _Case(
+            name=name,
+            logs=family.logs(seeds),
+            truth=np.array([family.truth["mass"], family.truth["damping"]]),
+            delay=family.truth["delay"],
+            model=Model(coulomb=family.truth["coulomb_friction"] > 0, offset=True),
+        )
 
 
-def _differences(log: Trajectory, model: Model, delay: float) -> FloatArray:
-    """What a first script does: differentiate twice, shift the force, solve."""
-    step = log.sample_time
-    shift = round(delay / step)
-    position = log.position
-    acceleration = np.diff(position, 2) / step**2
-    velocity = (position[2:] - position[:-2]) / (2 * step)
-    columns = [acceleration, velocity]
-    columns += [np.sign(velocity)] if model.coulomb else []
-    columns += [np.ones_like(velocity)] if model.offset else []
-    force = np.roll(log.force, shift)[1:-1]
-    keep = slice(shift, None)
-    table = np.stack(columns, axis=1)[keep]
-    found = np.linalg.lstsq(table, force[keep], rcond=None)[0]
-    return np.asarray(found[:2], dtype=np.float64)
+def _ours(name: str, log: Trajectory, model: Model, delay: float) -> FloatArray:
+    found = METHODS[name](log, model, delay)
+    return np.array([found.value("mass"), found.value("damping")])
 
 
-METHODS: dict[str, Method] = {
-    "filtered least squares": _least_squares,
-    "output error": _output_error,
-    "plain finite differences": _differences,
-}
+def _auto(log: Trajectory, model: Model, delay: float) -> FloatArray:
+    """The verb itself, which chooses the terms as well as the estimator."""
+    del model
+    device = identify(log, hardware=Hardware(delay=quantity(delay))).device
+    return np.array([device.mass.value, device.damping.value])
 
 
 def rows() -> Iterator[Row]:
-    """Root mean square errors over seeds, without and with friction and unmodelled force."""
-    for name, model in (
-        ("homerehab-clean", Model(coulomb=False, offset=True)),
-        ("homerehab-friction", Model(coulomb=True, offset=True)),
-    ):
-        scenario = SCENARIOS[name]
-        rig = scenario.rig()
-        truth = np.array([float(rig.mass[0]), float(rig.damping[0])])
-        delay = float(rig.delay[0])
-        recording = run_batch(scenario, list(range(_SEEDS)))
-        logs = [recording.trajectory(member) for member in range(_SEEDS)]
-        for label, method in METHODS.items():
-            found = np.array([method(log, model, delay) for log in logs])
-            error = np.sqrt(np.mean((found / truth - 1) ** 2, axis=0))
-            yield Row(
-                what=f"{label}, {name}, {len(logs[0])} samples",
-                seconds=best_seconds(partial(method, logs[0], model, delay), 3),
-                error=f"rms over {_SEEDS} seeds: m {error[0]:.1e}, b {error[1]:.1e}",
-            )
+    """Root mean square errors over seeds."""
+    methods: dict[str, Method] = {name: partial(_ours, name) for name in METHODS}
+    methods |= {"auto, all of identify": _auto} | OTHERS
+    for case in _cases():
+        for label, method in methods.items():
+            yield _row(case, label, method)
+
+
+def _row(case: _Case, label: str, method: Method) -> Row:
+    found: list[FloatArray] = []
+    refusals: list[IdentificationError] = []
+    for log in case.logs:
+        try:
+            found.append(method(log, case.model, case.delay))
+        except IdentificationError as refusal:
+            refusals.append(refusal)
+    what = f"{label}, {case.name}, {len(case.logs[0])} samples"
+    if not found:
+        return Row(what=what, seconds=0.0, error=f"refused: {str(refusals[0])[:60]}")
+    error = np.sqrt(np.mean((np.array(found) / case.truth - 1) ** 2, axis=0))
+    text = f"rms over {len(found)} seeds: m {error[0]:.1e}, b {error[1]:.1e}"
+    if refusals:
+        return Row(what=what, seconds=0.0, error=f"{text}; {len(refusals)} refused")
+    action = partial(method, case.logs[0], case.model, case.delay)
+    return Row(what=what, seconds=best_seconds(action, 3), error=text)

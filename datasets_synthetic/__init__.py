@@ -10,11 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from datasets_synthetic.bundle import bundled, log_text
-    from datasets_synthetic.controller import Controller
+    from datasets_synthetic.clock import Clock
+    from datasets_synthetic.controller import Controller, Servo
     from datasets_synthetic.devices import named_rig, rig_of
     from datasets_synthetic.excitation import Excitation, fit_to_limits, multisine
+    from datasets_synthetic.families import (
+        FAMILIES,
+        POSE_FACTORS,
+        family_named,
+        pose_logs,
+        poses,
+    )
+    from datasets_synthetic.family import Drive, Family
+    from datasets_synthetic.faults import Faults
     from datasets_synthetic.fleet import Fleet, random_devices
-    from datasets_synthetic.rig import Faults, Recording, Rig, simulate
+    from datasets_synthetic.hand import Hand
+    from datasets_synthetic.recording import Recording
+    from datasets_synthetic.rig import Rig
     from datasets_synthetic.scenarios import (
         SCENARIOS,
         Scenario,
@@ -22,21 +34,32 @@ if TYPE_CHECKING:
         run_batch,
         scenario_named,
     )
+    from datasets_synthetic.simulation import simulate
 
 __all__ = [
+    "FAMILIES",
+    "POSE_FACTORS",
     "SCENARIOS",
+    "Clock",
     "Controller",
+    "Drive",
     "Excitation",
+    "Family",
     "Faults",
     "Fleet",
+    "Hand",
     "Recording",
     "Rig",
     "Scenario",
+    "Servo",
     "bundled",
+    "family_named",
     "fit_to_limits",
     "log_text",
     "multisine",
     "named_rig",
+    "pose_logs",
+    "poses",
     "random_devices",
     "rig_of",
     "run",
@@ -47,12 +70,19 @@ __all__ = [
 
 _HOMES = {
     "bundle": "bundled log_text",
-    "controller": "Controller",
+    "clock": "Clock",
+    "controller": "Controller Servo",
     "devices": "named_rig rig_of",
     "excitation": "Excitation fit_to_limits multisine",
+    "families": "FAMILIES POSE_FACTORS family_named pose_logs poses",
+    "family": "Drive Family",
+    "faults": "Faults",
     "fleet": "Fleet random_devices",
-    "rig": "Faults Recording Rig simulate",
+    "hand": "Hand",
+    "recording": "Recording",
+    "rig": "Rig",
     "scenarios": "SCENARIOS Scenario run run_batch scenario_named",
+    "simulation": "simulate",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

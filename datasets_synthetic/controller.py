@@ -1,4 +1,4 @@
-"""The virtual spring, damper and mass that a simulated controller renders."""
+"""What closes the loop of a simulated device: virtual effects, or a servo on a reference."""
 
 from __future__ import annotations
 
@@ -36,6 +36,36 @@ class Controller:
         return np.broadcast(
             self.stiffness, self.damping, self.mass, self.velocity_cutoff, self.acceleration_cutoff
         ).size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Servo:
+    """Drives the device along a logged reference: F = kp·(r - q) - kd·(filtered velocity) + feed.
+
+    The feed-forward is the force given to ``simulate``.
+
+    Attributes:
+        reference: r at each sample, m (rad), shape (n,) or (batch, n).
+        stiffness: kp, N/m (N·m/rad), a number or shape (batch,).
+        damping: kd, N·s/m (N·m·s/rad), a number or shape (batch,), on the velocity that
+            ``Controller`` describes.
+        velocity_cutoff: of its filter, Hz; infinite means no filter.
+    """
+
+    reference: FloatArray
+    stiffness: float | FloatArray
+    damping: float | FloatArray = 0.0
+    velocity_cutoff: float | FloatArray = np.inf
+
+    def regulator(self) -> Controller:
+        """The part that looks at the position alone; kp·r is added to its force."""
+        return Controller(
+            stiffness=self.stiffness, damping=self.damping, velocity_cutoff=self.velocity_cutoff
+        )
+
+    def size(self) -> int:
+        """Number of members it describes."""
+        return max(np.atleast_2d(self.reference).shape[0], self.regulator().size())
 
 
 class ControlLaw:

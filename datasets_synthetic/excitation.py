@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from datasets_synthetic.rig import Rig, simulate
+from datasets_synthetic.rig import Rig
+from datasets_synthetic.simulation import simulate
 
 FloatArray = NDArray[np.float64]
 
@@ -97,7 +98,7 @@ def fit_to_limits(
     """
     exact = replace(rig, encoder_resolution=0.0)
     travel = np.broadcast_to(np.asarray(travel, dtype=np.float64), rig.mass.shape)
-    held = rig.coulomb_friction
+    held = rig.coulomb_friction + np.abs(rig.coulomb_asymmetry)
     room = np.minimum(force, rig.force_limit) - np.abs(rig.force_offset)
     if np.any(room <= held):
         worst = int(np.argmin(room - held))

@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.excitation import Excitation, fit_to_limits, multisine
-from datasets_synthetic.rig import Faults, Recording, Rig, simulate
+from datasets_synthetic.faults import Faults
+from datasets_synthetic.recording import Recording
+from datasets_synthetic.rig import Rig
+from datasets_synthetic.simulation import simulate
 
 FloatArray = NDArray[np.float64]
 

@@ -1,29 +1,16 @@
-"""The simulator: true devices in continuous time, sampled and held as their controller sees them.
-
-Independent by design: it integrates by its own means (motion.py) and shares no algebra with what
-identifies or tunes. A whole batch of devices runs in one loop over time.
-
-What happens at t = kT: the encoder is read (noise added, then rounded to a count), the controller
-computes its force, the force limit clips it, the log takes down all three. The force then acts on
-[kT + delay, (k+1)T + delay); before the first command arrives it is zero.
-"""
+"""The truth about simulated devices."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from datasets_synthetic.controller import ControlLaw, Controller
-from datasets_synthetic.motion import LARGEST_STEP, Drag, advance
-from datasets_synthetic.sampling import generators, pieces, read_encoder, white_noise
-from identification import Trajectory
+from datasets_synthetic.recording import Motion, frozen
 
 FloatArray = NDArray[np.float64]
-Motion = Literal["linear", "rotary"]
 
 _POSITIVE = frozenset({"mass", "sample_time", "force_limit"})
 _NOT_NEGATIVE = frozenset({"coulomb_friction", "delay", "encoder_resolution"})
@@ -38,13 +25,23 @@ class Rig:
         damping: b, N·s/m (N·m·s/rad), any sign.
         sample_time: T, s, positive.
         coulomb_friction: Fc, N (N·m), not negative.
-        force_offset: f0, N (N·m): m·q̈ + b·q̇ + Fc·sign(q̇) + f0 = F(t - delay).
+        force_offset: f0, N (N·m).
         delay: from command to action, s, not negative, need not be whole samples.
         encoder_resolution: one count, m (rad); 0 means no rounding.
         force_limit: largest |force| the actuator gives, N (N·m); may be infinite.
+        damping_asymmetry: a, N·s/m (N·m·s/rad): the damping is b + a for q̇ > 0, b - a for q̇ < 0.
+        coulomb_asymmetry: c, N (N·m), |c| <= Fc: likewise Fc + c and Fc - c.
+        stiffness: k of a spring to ground, relaxed at zero, N/m (N·m/rad), any sign.
+        gravity_sine: gs, N (N·m).
+        gravity_cosine: gc, N (N·m).
         name: of the device, for messages.
         axis: name of the axis.
         motion: "linear" or "rotary".
+
+    The law is m·q̈ + (b ± a)·q̇ + (Fc ± c)·sign(q̇) + f0 + k·q + gs·sin(q) + gc·cos(q) = F(t - delay),
+    the upper sign for q̇ > 0. At rest the pull must exceed the friction of its own sense. Since
+    (Fc ± c)·sign(q̇) is Fc·sign(q̇) + c whatever the direction, at rest too, no motion can tell c
+    from f0: only their sum shows.
 
     The constructor takes numbers or arrays of shape (batch,) and broadcasts them.
 
@@ -60,6 +57,11 @@ class Rig:
     delay: FloatArray
     encoder_resolution: FloatArray
     force_limit: FloatArray
+    damping_asymmetry: FloatArray
+    coulomb_asymmetry: FloatArray
+    stiffness: FloatArray
+    gravity_sine: FloatArray
+    gravity_cosine: FloatArray
     name: str
     axis: str
     motion: Motion
@@ -75,6 +77,11 @@ class Rig:
         delay: ArrayLike = 0.0,
         encoder_resolution: ArrayLike = 0.0,
         force_limit: ArrayLike = np.inf,
+        damping_asymmetry: ArrayLike = 0.0,
+        coulomb_asymmetry: ArrayLike = 0.0,
+        stiffness: ArrayLike = 0.0,
+        gravity_sine: ArrayLike = 0.0,
+        gravity_cosine: ArrayLike = 0.0,
         name: str = "device",
         axis: str = "x",
         motion: Motion = "linear",
@@ -88,6 +95,11 @@ class Rig:
             "delay": delay,
             "encoder_resolution": encoder_resolution,
             "force_limit": force_limit,
+            "damping_asymmetry": damping_asymmetry,
+            "coulomb_asymmetry": coulomb_asymmetry,
+            "stiffness": stiffness,
+            "gravity_sine": gravity_sine,
+            "gravity_cosine": gravity_cosine,
         }
         arrays = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in given.values()]
         for key, array in zip(given, np.broadcast_arrays(*arrays), strict=True):
@@ -98,7 +110,13 @@ class Rig:
                 permitted = "positive" if key in _POSITIVE else "finite"
                 permitted += " and not negative" if key in _NOT_NEGATIVE else ""
                 raise ValueError(f"{key} must be {permitted}, not {array[wrong][0]:g}")
-            object.__setattr__(self, key, _frozen(array))
+            object.__setattr__(self, key, frozen(array))
+        uneven = np.abs(self.coulomb_asymmetry) > self.coulomb_friction
+        if np.any(uneven):
+            raise ValueError(
+                f"coulomb_asymmetry must not exceed coulomb_friction, "
+                f"{self.coulomb_friction[uneven][0]:g}, not {self.coulomb_asymmetry[uneven][0]:g}"
+            )
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "motion", motion)
@@ -118,153 +136,9 @@ class Rig:
 _COLUMNS = tuple(item.name for item in fields(Rig) if item.name not in {"name", "axis", "motion"})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Faults:
-    """What disturbs the log; numbers, or arrays of shape (batch,).
-
-    Attributes:
-        position_noise: rms of white noise added to the position before rounding, m (rad).
-        force_noise: rms of a white force that acts but is not logged, held one sample, N (N·m).
-    """
-
-    position_noise: float | FloatArray = 0.0
-    force_noise: float | FloatArray = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
-    """Logs of a batch; arrays read-only.
-
-    Attributes:
-        sample_time: s, shape (batch,).
-        force: as commanded after the limit and before the delay, N (N·m), shape (batch, n).
-        position: as the encoder reads it, m (rad), shape (batch, n).
-        axis: name of the axis.
-        motion: "linear" or "rotary".
-        source: where the recording comes from, for messages.
-    """
-
-    sample_time: FloatArray
-    force: FloatArray
-    position: FloatArray
-    axis: str = "x"
-    motion: Motion = "linear"
-    source: str = "simulated"
-
-    @property
-    def batch(self) -> int:
-        """Number of logs."""
-        return self.sample_time.size
-
-    def trajectory(self, member: int = 0) -> Trajectory:
-        """The log of one member. Raises LogRefusedError if it is no log (too short, diverged)."""
-        step = float(self.sample_time[member])
-        return Trajectory(
-            time=step * np.arange(self.force.shape[1], dtype=np.float64),
-            force=self.force[member],
-            position=self.position[member],
-            axis=self.axis,
-            motion=self.motion,
-            source=self.source,
-        )
-
-
-def simulate(
-    rig: Rig,
-    force: FloatArray,
-    *,
-    controller: Controller | None = None,
-    faults: Faults | None = None,
-    seed: int | Sequence[int] = 0,
-    position: float | FloatArray = 0.0,
-    velocity: float | FloatArray = 0.0,
-    largest_step: float = LARGEST_STEP,
-) -> Recording:
-    """Run a batch of devices for n samples.
-
-    A rig, controller or start of one member is repeated to the size of the largest among rig,
-    force, controller, start and list of seeds.
-
-    Args:
-        rig: the true devices.
-        force: N (N·m), shape (n,) or (batch, n): the whole command in open loop, added to the
-            controller's in closed loop.
-        controller: virtual effects on the measured position, or None for open loop.
-        faults: noise, or None for none.
-        seed: a list gives each member its own; one number is spread over the members by
-            numpy's SeedSequence, the first of them the same as that of a single run.
-        position: at t = 0, m (rad), a number or shape (batch,).
-        velocity: at t = 0, m/s (rad/s), a number or shape (batch,).
-        largest_step: largest |h·b/m| of one integration step h; see motion.py for the error.
-
-    Returns:
-        One log a member. A loop that grows without bound ends in values that are not finite,
-        which ``Recording.trajectory`` refuses.
-    """
-    faults = faults or Faults()
-    seeds = tuple(int(each) for each in np.atleast_1d(seed))
-    command = np.atleast_2d(np.asarray(force, dtype=np.float64))
-    sizes = [rig.batch, command.shape[0], np.size(position), np.size(velocity), len(seeds)]
-    sizes += [np.size(faults.position_noise), np.size(faults.force_noise)]
-    sizes += [controller.size()] if controller is not None else []
-    batch = max(sizes)
-    if any(size not in {1, batch} for size in sizes):
-        raise ValueError(f"batch sizes must agree or be 1, not {sizes}")
-    samples = command.shape[1]
-
-    def column(values: float | FloatArray) -> FloatArray:
-        return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), (batch,)))
-
-    sample_time, mass, offset = map(column, (rig.sample_time, rig.mass, rig.force_offset))
-    limit = column(rig.force_limit)
-    drag = Drag.of(
-        mass=mass, damping=column(rig.damping), coulomb_friction=column(rig.coulomb_friction)
-    )
-    parts = tuple(pieces(column(rig.delay), sample_time, drag.rate, largest_step))
-    longest = max(int(part.lag.max()) for part in parts)
-    acting = [np.arange(batch) - part.lag * batch for part in parts]  # where in ``sent``, now = 0
-    sources = generators(seeds, batch)
-    noise = white_noise([pair[0] for pair in sources], column(faults.position_noise), samples)
-    disturbance = white_noise([pair[1] for pair in sources], column(faults.force_noise), samples)
-    resolution = column(rig.encoder_resolution)
-    law = None if controller is None else ControlLaw(controller, sample_time)
-
-    commands = np.zeros((longest + samples, batch))
-    commands[longest:] = np.clip(command.T, -limit, limit) if law is None else command.T
-    sent = commands.ravel()  # a view: row by row, one member after the other
-    readings = np.empty((samples, batch))
-    q, v = column(position), column(velocity)
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(samples):
-            readings[k] = reading = read_encoder(q if noise is None else q + noise[k], resolution)
-            now = longest + k
-            if law is not None:
-                commands[now] = np.clip(commands[now] + law.force(reading), -limit, limit)
-            resisted = offset if disturbance is None else offset - disturbance[k]
-            for part, first in zip(parts, acting, strict=True):
-                pull = (sent.take(first + now * batch) - resisted) / mass
-                for _ in range(part.steps):
-                    q, v = advance(q, v, pull, drag, part.step)
-    return Recording(
-        sample_time=_frozen(sample_time),
-        force=_frozen(commands[longest:].T),
-        position=_frozen(readings.T),
-        axis=rig.axis,
-        motion=rig.motion,
-        source=f"simulated {rig.name}",
-    )
-
-
 def _out_of_range(key: str, array: FloatArray) -> NDArray[np.bool_]:
     """Where a column of Rig holds what no device has."""
     impossible = np.isnan(array) if key == "force_limit" else ~np.isfinite(array)
     if key in _POSITIVE:
         return impossible | (array <= 0)
     return impossible | (array < 0) if key in _NOT_NEGATIVE else impossible
-
-
-def _frozen(array: FloatArray) -> FloatArray:
-    """A read-only contiguous copy."""
-    copy = np.array(array, order="C")
-    copy.setflags(write=False)
-    return copy

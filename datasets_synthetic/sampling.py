@@ -1,8 +1,8 @@
-"""What stands between a device in continuous time and its controller: delay, encoder and noise."""
+"""What stands between a device in continuous time and its controller: delay and encoder."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,32 +57,3 @@ def read_encoder(position: FloatArray, resolution: FloatArray) -> FloatArray:
     exact = resolution == 0
     count = np.where(exact, 1.0, resolution)
     return np.where(exact, position, np.rint(position / count) * count)
-
-
-def generators(
-    seeds: Sequence[int], batch: int
-) -> list[tuple[np.random.Generator, np.random.Generator]]:
-    """Two independent generators a member, for position and for force.
-
-    One seed is spread over the members by numpy's SeedSequence, its first member the same as that
-    of a batch of one; otherwise each member has the seed of its place.
-    """
-    if len(seeds) == 1:
-        sequences = np.random.SeedSequence(seeds[0]).spawn(batch)
-    else:
-        sequences = [np.random.SeedSequence(each).spawn(1)[0] for each in seeds]
-    pairs = [sequence.spawn(2) for sequence in sequences]
-    return [(np.random.default_rng(one), np.random.default_rng(two)) for one, two in pairs]
-
-
-def white_noise(
-    sources: Sequence[np.random.Generator], rms: FloatArray, samples: int
-) -> FloatArray | None:
-    """Normal noise of the given rms (batch,), shape (samples, batch); None if every rms is zero."""
-    if not np.any(rms):
-        return None
-    noise = np.zeros((samples, rms.size))
-    for member, source in enumerate(sources):
-        if rms[member] > 0:
-            noise[:, member] = rms[member] * source.standard_normal(samples)
-    return noise

@@ -12,7 +12,10 @@ import numpy as np
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.devices import named_rig
 from datasets_synthetic.excitation import Excitation, fit_to_limits, multisine
-from datasets_synthetic.rig import Faults, Recording, Rig, simulate
+from datasets_synthetic.faults import Faults
+from datasets_synthetic.recording import Recording
+from datasets_synthetic.rig import Rig
+from datasets_synthetic.simulation import simulate
 from identification import InvalidInputError, Trajectory
 
 

@@ -9,35 +9,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identification.device import (
+    from identification.box import (
         Box as Box,
     )
     from identification.device import (
-        Covariance as Covariance,
+        ByDirection as ByDirection,
     )
     from identification.device import (
         Device as Device,
     )
     from identification.device import (
-        ForceLimit as ForceLimit,
-    )
-    from identification.device import (
-        Hardware as Hardware,
-    )
-    from identification.device import (
-        LogRecord as LogRecord,
-    )
-    from identification.device import (
-        Quantity as Quantity,
-    )
-    from identification.device import (
-        load_device as load_device,
-    )
-    from identification.device import (
-        named_devices as named_devices,
-    )
-    from identification.device import (
-        quantity as quantity,
+        Gravity as Gravity,
     )
     from identification.documents import (
         Document as Document,
@@ -81,6 +63,36 @@ if TYPE_CHECKING:
     from identification.errors import (
         UsageError as UsageError,
     )
+    from identification.evidence import (
+        Covariance as Covariance,
+    )
+    from identification.evidence import (
+        LogRecord as LogRecord,
+    )
+    from identification.examination import (
+        Examination as Examination,
+    )
+    from identification.examination import (
+        examine as examine,
+    )
+    from identification.excitation import (
+        Excitation as Excitation,
+    )
+    from identification.excitation import (
+        plan_excitation as plan_excitation,
+    )
+    from identification.hardware import (
+        ForceLimit as ForceLimit,
+    )
+    from identification.hardware import (
+        Hardware as Hardware,
+    )
+    from identification.known_devices import (
+        load_device as load_device,
+    )
+    from identification.known_devices import (
+        named_devices as named_devices,
+    )
     from identification.logs import (
         LogColumns as LogColumns,
     )
@@ -95,8 +107,22 @@ if TYPE_CHECKING:
     )
     from identification.one_log import LogFit as LogFit
     from identification.pictures import fit_picture as fit_picture
+    from identification.planning.force_file import force_text as force_text
+    from identification.planning.picture import excitation_picture as excitation_picture
+    from identification.planning.spec import (
+        ExcitationSpec as ExcitationSpec,
+    )
+    from identification.planning.spec import (
+        load_excitation as load_excitation,
+    )
     from identification.plant import (
         Plant as Plant,
+    )
+    from identification.quantities import (
+        Quantity as Quantity,
+    )
+    from identification.quantities import (
+        quantity as quantity,
     )
     from identification.trajectory import Trajectory as Trajectory
     from identification.writing import (
@@ -106,23 +132,31 @@ if TYPE_CHECKING:
         write_text as write_text,
     )
 
+#: Public names by module. No module has the name of a function (identify, quantity): once loaded,
+#: it would take the function's place.
 _HOMES = {
-    "device": (
-        "Box Covariance Device ForceLimit Hardware LogRecord Quantity load_device named_devices "
-        "quantity"
-    ),
+    "box": "Box",
+    "device": "ByDirection Device Gravity",
     "documents": (
         "Document as_stored load_document load_mapping parse_document rounded to_mapping to_yaml"
     ),
     "errors": (
         "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError UsageError"
     ),
+    "evidence": "Covariance LogRecord",
+    "examination": "Examination examine",
+    "excitation": "Excitation plan_excitation",
+    "hardware": "ForceLimit Hardware",
+    "known_devices": "load_device named_devices",
     "logs": "LogColumns load_trajectory",
-    # Not identify.py: a submodule of that name would take the place of the function.
     "one_axis": "Identification identify",
     "one_log": "LogFit",
     "pictures": "fit_picture",
+    "planning.force_file": "force_text",
+    "planning.picture": "excitation_picture",
+    "planning.spec": "ExcitationSpec load_excitation",
     "plant": "Plant",
+    "quantities": "Quantity quantity",
     "trajectory": "Trajectory",
     "writing": "write_bytes write_text",
 }
@@ -130,11 +164,16 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split
 
 __all__ = [
     "Box",
+    "ByDirection",
     "Covariance",
     "Device",
     "Document",
+    "Examination",
+    "Excitation",
+    "ExcitationSpec",
     "Finding",
     "ForceLimit",
+    "Gravity",
     "Hardware",
     "Identification",
     "IdentificationError",
@@ -149,14 +188,19 @@ __all__ = [
     "Trajectory",
     "UsageError",
     "as_stored",
+    "examine",
+    "excitation_picture",
     "fit_picture",
+    "force_text",
     "identify",
     "load_device",
     "load_document",
+    "load_excitation",
     "load_mapping",
     "load_trajectory",
     "named_devices",
     "parse_document",
+    "plan_excitation",
     "quantity",
     "rounded",
     "to_mapping",

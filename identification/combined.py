@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device import (
+    ByDirection,
     Covariance,
     Device,
     ForceLimit,
+    Gravity,
     Hardware,
     LogRecord,
     Quantity,
@@ -18,7 +20,7 @@ from identification.device import (
 )
 from identification.errors import Finding
 from identification.estimators.noise import finest_reading
-from identification.intervals import half_width
+from identification.intervals import quantile
 from identification.one_log import LogFit
 
 FloatArray = NDArray[np.float64]
@@ -29,6 +31,8 @@ PARAMETERS = ("mass", "damping", "coulomb_friction", "force_offset")
 #: Largest logarithm of the interval of a mass to its value; only a log that was allowed although it
 #: does not tell the mass comes near this factor of a thousand.
 WIDEST_MASS = 7.0
+#: Probability that a stored interval holds the truth.
+CONFIDENCE = 0.95
 
 
 def device_from(
@@ -57,11 +61,13 @@ def device_from(
         encoder_resolution=(
             quantity(_resolution(fits), source="log")
             if resolution is None
-            else quantity(resolution, source="hardware")
+            else resolution.model_copy(update={"source": "hardware"})
         ),
         force_limit=hardware.force_limit or _force_limit(fits),
         covariance=_covariance(fits),
         logs=tuple(records),
+        **_by_direction(fits),
+        **_of_position(fits),
     )
 
 
@@ -81,8 +87,8 @@ def unstated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding
             Finding(
                 code="delay-unknown",
                 severity="warning",
-                seen=f"no delay is stated; the residual of least squares, scanned from 0 to 4 "
-                f"samples, is smallest at {seen}. The device is given "
+                seen=f"no delay is stated; the log says {seen}, looking from 0 to 4 samples. "
+                "The device is given "
                 f"{_delay(fits, hardware).value * 1e3:.4g} ms, at least one sample "
                 f"({step * 1e3:.4g} ms)",
                 needed="the delay from command to measured force",
@@ -115,32 +121,75 @@ def unstated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding
     return tuple(findings)
 
 
-def _interval(fit: LogFit, name: str) -> tuple[float, float, float]:
-    """Value, low and high of one parameter; mass on a logarithmic scale, so that it stays positive.
-
-    Friction is clipped at zero, where physics ends.
-    """
-    value, half = fit.estimate.value(name), half_width(fit.estimate, name)
-    if name == "mass":
-        ratio = float(np.exp(min(half / value, WIDEST_MASS)))
-        return value, value / ratio, value * ratio
-    low, high = value - half, value + half
-    if name == "coulomb_friction":
-        return max(value, 0.0), max(low, 0.0), max(high, 0.0)
-    return value, low, high
+def _confidence(fits: Sequence[LogFit]) -> float:
+    """Of the interval of one log, for the envelope of several to hold the truth of all in 95 %."""
+    return 1 - (1 - CONFIDENCE) / len(fits)
 
 
 def _envelope(fits: Sequence[LogFit], name: str) -> Quantity:
-    """Mean weighted by inverse variance, from the lowest low to the highest high of all logs."""
-    table: FloatArray = np.array([_interval(fit, name) for fit in fits])
-    values, lows, highs = table[:, 0], table[:, 1], table[:, 2]
-    deviations = np.array([fit.estimate.deviation(name) for fit in fits])
+    """Mean of one parameter by inverse variance, and the interval that holds that of every log."""
+    return _hull(fits, least=0.0 if name == "coulomb_friction" else None, **{name: 1.0})
+
+
+def _hull(fits: Sequence[LogFit], *, least: float | None = None, **weights: float) -> Quantity:
+    """The same for a weighted sum of parameters.
+
+    Mass lies on a logarithmic scale, so that it stays positive; friction is clipped at zero, where
+    physics ends.
+    """
+    confidence = _confidence(fits)
+    values, deviations = np.array([fit.estimate.combined(**weights) for fit in fits]).T
+    halves = deviations * np.array([quantile(fit.estimate, confidence) for fit in fits])
+    lows, highs = values - halves, values + halves
+    if weights.keys() == {"mass"}:
+        ratio = np.exp(np.minimum(halves / values, WIDEST_MASS))
+        lows, highs = values / ratio, values * ratio
     if len(fits) == 1 or np.any(deviations == 0):
         value = float(np.mean(values))
     else:
-        weights = deviations**-2 / np.sum(deviations**-2)
-        value = float(values @ weights)
-    return quantity(value, float(lows.min()), float(highs.max()))
+        value = float(values @ (deviations**-2 / np.sum(deviations**-2)))
+    low, high = float(lows.min()), float(highs.max())
+    if least is not None:
+        value, low, high = max(value, least), max(low, least), max(high, least)
+    return quantity(value, low, high)
+
+
+def _by_direction(fits: Sequence[LogFit]) -> dict[str, ByDirection]:
+    """Friction forward and backward, of the logs that tell them apart."""
+    telling = [fit for fit in fits if fit.estimate.model.directional]
+    if not telling:
+        return {}
+    speed = float(np.mean([fit.estimate.mean_speed for fit in telling]))
+    damping = [_hull(telling, damping=1.0, damping_asymmetry=side) for side in (1.0, -1.0)]
+    # The offset of the model holds at the mean speed; at rest damping has no asymmetry.
+    friction = [
+        _hull(
+            telling,
+            least=0.0,
+            coulomb_friction=1.0,
+            force_offset=side,
+            damping_asymmetry=-side * speed,
+        )
+        for side in (1.0, -1.0)
+    ]
+    return {
+        "damping_by_direction": ByDirection(forward=damping[0], backward=damping[1]),
+        "friction_by_direction": ByDirection(forward=friction[0], backward=friction[1]),
+    }
+
+
+def _of_position(fits: Sequence[LogFit]) -> dict[str, Quantity | Gravity]:
+    """Stiffness or weight, of the logs that show one."""
+    springs = [fit for fit in fits if fit.estimate.model.gravity == "proportional"]
+    weights = [fit for fit in fits if fit.estimate.model.gravity == "pendulum"]
+    found: dict[str, Quantity | Gravity] = {}
+    if springs:
+        found["position_stiffness"] = _envelope(springs, "position_stiffness")
+    if weights:
+        found["gravity"] = Gravity(
+            sine=_envelope(weights, "gravity_sine"), cosine=_envelope(weights, "gravity_cosine")
+        )
+    return found
 
 
 def _covariance(fits: Sequence[LogFit]) -> Covariance:

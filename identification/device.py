@@ -1,199 +1,59 @@
-"""Hardware (known before a log is taken) and Device (hardware plus what was identified)."""
+"""Device: one axis of a haptic device, hardware plus what was identified."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, cast
 
 import numpy as np
-from pydantic import (
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    WithJsonSchema,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, model_validator
 
-from identification.documents import Document, load_document
-from identification.errors import InvalidInputError
+from identification.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
+from identification.documents import Document
+from identification.evidence import Covariance, LogRecord
+from identification.hardware import SHORTEST_STEP, ForceLimit, Hardware
+from identification.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
 from identification.trajectory import Motion
 
-#: Probability that the simultaneous box holds every identified quantity.
-BOX_CONFIDENCE = 0.999
-#: Half-width of a 95 % interval of a normal variable, in standard deviations.
-_Z95 = 1.959963984540054
-
-#: No quantity of a device comes near it in SI units; beyond, formulas overflow.
-LARGEST = 1e9
-#: kg (kg·m²): a milligram at a lever of a millimetre.
-LIGHTEST = 1e-12
-#: s: a loop of 10 MHz.
-SHORTEST_STEP = 1e-7
-
-Source = Literal["hardware", "log", "assumed"]
-
-
-class Quantity(Document):
-    """A number with its 95 % interval; in a file a bare number or {value, low, high, source}."""
-
-    value: float
-    low: float
-    high: float
-    source: Source | None = None
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Quantity:
-        if max(abs(self.low), abs(self.high)) > LARGEST:
-            raise ValueError(f"must lie within ±{LARGEST:g}, not {self.low:g} to {self.high:g}")
-        if not self.low <= self.value <= self.high:
-            raise ValueError(
-                f"needs low <= value <= high, not {self.low:g}, {self.value:g}, {self.high:g}"
-            )
-        return self
-
-    @property
-    def exact(self) -> bool:
-        """True when no interval was given."""
-        return self.low == self.high
-
-
-def _to_quantity(raw: object) -> object:
-    if isinstance(raw, str | bool | None):
-        raise ValueError("give a number or {value: …, low: …, high: …}")
-    if isinstance(raw, int | float):
-        return {"value": raw, "low": raw, "high": raw}
-    if isinstance(raw, Mapping):
-        stated = cast("Mapping[str, object]", raw)
-        return {"low": stated.get("value"), "high": stated.get("value"), **stated}
-    return raw
-
-
-def _from_quantity(quantity: Quantity) -> float | dict[str, Any]:
-    content: dict[str, Any] = {"value": quantity.value}
-    if not quantity.exact:
-        content |= {"low": quantity.low, "high": quantity.high}
-    if quantity.source is not None:
-        content["source"] = quantity.source
-    return content if len(content) > 1 else quantity.value
-
-
-#: What a quantity looks like in a file, for the JSON Schemas.
-_IN_FILE: dict[str, Any] = {
-    "title": "Quantity",
-    "description": "a number, or a value with its 95 % interval",
-    "anyOf": [
-        {"type": "number"},
-        {
-            "type": "object",
-            "properties": {
-                "value": {"type": "number"},
-                "low": {"type": "number"},
-                "high": {"type": "number"},
-                "source": {"anyOf": [{"enum": ["hardware", "log", "assumed"]}, {"type": "null"}]},
-            },
-            "required": ["value"],
-            "additionalProperties": False,
-        },
-    ],
-}
-
-AnyQuantity = Annotated[
-    Quantity,
-    BeforeValidator(_to_quantity),
-    PlainSerializer(_from_quantity, when_used="always"),
-    WithJsonSchema(_IN_FILE),
+__all__ = [
+    "Box",
+    "ByDirection",
+    "Covariance",
+    "Device",
+    "ForceLimit",
+    "Gravity",
+    "Hardware",
+    "LogRecord",
+    "Quantity",
+    "quantity",
 ]
 
-
-def quantity(
-    value: float, low: float | None = None, high: float | None = None, source: Source | None = None
-) -> Quantity:
-    """A Quantity from a value and, if it is uncertain, its 95 % interval."""
-    return Quantity(
-        value=value,
-        low=value if low is None else low,
-        high=value if high is None else high,
-        source=source,
-    )
+#: kg (kg·m²): a milligram at a lever of a millimetre.
+LIGHTEST = 1e-12
 
 
-class ForceLimit(Document):
-    """What the actuator can give at the handle, N (N·m if rotary)."""
+class ByDirection(Document):
+    """A quantity that differs with the direction of motion.
 
-    continuous: float = Field(ge=0, le=LARGEST)
-    peak: float = Field(ge=0, le=LARGEST)
-    source: Source | None = None
+    Attributes:
+        forward: while the velocity is positive.
+        backward: while the velocity is negative.
+    """
 
-    @model_validator(mode="after")
-    def _ordered(self) -> ForceLimit:
-        if self.continuous > self.peak:
-            raise ValueError(f"continuous {self.continuous:g} exceeds peak {self.peak:g}")
-        return self
+    forward: AnyQuantity
+    backward: AnyQuantity
 
 
-class Hardware(Document):
-    """What is known before a log is taken (hardware.yaml); every key optional."""
+class Gravity(Document):
+    """The weight of a load that turns with the axis: gs·sin(q) + gc·cos(q), q in rad.
 
-    schema_: Literal["haptune/hardware/1"] = Field(default="haptune/hardware/1", alias="schema")
-    name: str = "device"
-    axis: str = "x"
-    motion: Motion = "linear"
-    sample_time: AnyQuantity | None = None
-    delay: AnyQuantity | None = None
-    encoder_resolution: float | None = Field(default=None, gt=0, le=LARGEST)
-    force_limit: ForceLimit | None = None
+    Attributes:
+        sine: gs, N·m.
+        cosine: gc, N·m.
+    """
 
-    @model_validator(mode="after")
-    def _sane(self) -> Hardware:
-        if self.sample_time is not None and self.sample_time.low < SHORTEST_STEP:
-            raise ValueError(
-                f"sample_time must be {SHORTEST_STEP:g} s or more, not {self.sample_time.low:g} s"
-            )
-        if self.delay is not None and self.delay.low < 0:
-            raise ValueError(f"delay must not be negative, not {self.delay.low:g} s")
-        return self
-
-
-class Covariance(Document):
-    """Joint covariance of everything identified together, in the units of the device."""
-
-    parameters: tuple[str, ...]
-    matrix: tuple[tuple[float, ...], ...]
-    degrees_of_freedom: float = Field(gt=0)
-
-    @model_validator(mode="after")
-    def _square(self) -> Covariance:
-        size = len(self.parameters)
-        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
-            raise ValueError(f"matrix must be {size} x {size}, one row for each parameter")
-        if any(self.matrix[i][i] < 0 for i in range(size)):
-            raise ValueError("matrix has a negative variance")
-        return self
-
-
-class LogRecord(Document):
-    """One log the device was identified from, and what was let through."""
-
-    source: str
-    digest: str
-    samples: int
-    method: str
-    findings: tuple[str, ...] = ()
-    allowed: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Box:
-    """Simultaneous region of what is not known exactly; each entry (low, high), SI units."""
-
-    mass: tuple[float, float]
-    damping: tuple[float, float]
-    sample_time: tuple[float, float]
-    delay: tuple[float, float]
+    sine: AnyQuantity
+    cosine: AnyQuantity
 
 
 def _delay_may_be_left_out(schema: dict[str, Any]) -> None:
@@ -204,7 +64,27 @@ def _delay_may_be_left_out(schema: dict[str, Any]) -> None:
 class Device(Document):
     """One axis of a haptic device: hardware plus what was identified (device.yaml).
 
-    Units for linear motion: kg, N·s/m, N, m, s. A rotary axis reads kg·m², N·m·s/rad, N·m, rad.
+    m·q̈ + b(q̇)·q̇ + Fc(q̇)·sign(q̇) + k·q + gs·sin(q) + gc·cos(q) + f0 = F(t - delay), in SI units
+    for linear motion; a rotary axis reads kg·m², N·m·s/rad, N·m, N·m/rad, rad.
+
+    Attributes:
+        name: of the device.
+        axis: name of the axis.
+        motion: "linear" or "rotary".
+        sample_time: T, s.
+        mass: m, kg.
+        damping: b, N·s/m, of both directions together; may be negative on a compensated axis.
+        coulomb_friction: Fc, N, of both directions together.
+        force_offset: f0, N.
+        delay: s, from command to measurement; left out: one sample time.
+        encoder_resolution: m, one count at the handle.
+        force_limit: N at the handle.
+        damping_by_direction: b for q̇ > 0 and for q̇ < 0, where a log told them apart.
+        friction_by_direction: Fc, not negative, for q̇ > 0 and for q̇ < 0.
+        position_stiffness: k, N/m, of a force k·q towards zero; negative pushes away from it.
+        gravity: gs and gc.
+        covariance: joint, of everything identified together.
+        logs: what it was identified from.
     """
 
     model_config = ConfigDict(json_schema_extra=_delay_may_be_left_out)
@@ -219,8 +99,12 @@ class Device(Document):
     coulomb_friction: AnyQuantity = quantity(0.0)
     force_offset: AnyQuantity = quantity(0.0)
     delay: AnyQuantity
-    encoder_resolution: AnyQuantity | None = None
+    encoder_resolution: PositiveQuantity | None = None
     force_limit: ForceLimit | None = None
+    damping_by_direction: ByDirection | None = None
+    friction_by_direction: ByDirection | None = None
+    position_stiffness: AnyQuantity | None = None
+    gravity: Gravity | None = None
     covariance: Covariance | None = None
     logs: tuple[LogRecord, ...] = ()
 
@@ -243,8 +127,12 @@ class Device(Document):
                 raise ValueError(f"{name} must be {least:g} or more over its interval, not {low:g}")
         if self.delay.low < 0 or self.coulomb_friction.value < 0:
             raise ValueError("delay and coulomb_friction must not be negative")
-        if self.encoder_resolution is not None and self.encoder_resolution.low <= 0:
-            raise ValueError("encoder_resolution must be positive")
+        friction = self.friction_by_direction
+        if friction is not None and min(friction.forward.value, friction.backward.value) < 0:
+            raise ValueError(
+                "friction_by_direction must not be negative, not "
+                f"{friction.forward.value:g} and {friction.backward.value:g}"
+            )
         return self
 
     def simultaneous_box(self, confidence: float = BOX_CONFIDENCE) -> Box:
@@ -253,62 +141,34 @@ class Device(Document):
         The 95 % intervals are widened to the bounding box of the joint confidence ellipsoid
         (Hotelling's T² with the covariance's degrees of freedom; χ² when none are stored). Mass is
         widened on a logarithmic scale, because it cannot be negative; damping is left free to be
-        negative, because a compensated axis may be. Sample time and delay are taken as stated.
+        negative, because a compensated axis may be. Where damping differs with the direction of
+        motion, the box spans both directions and the common value: whatever way the device moves,
+        its damping is inside. Sample time and delay are taken as stated.
         """
-        from scipy.special import chdtri, fdtri
-
-        uncertain = [self.mass, self.damping, self.coulomb_friction, self.force_offset]
-        count = max(2, sum(not item.exact for item in uncertain))
+        count = max(2, sum(not item.exact for item in self._identified()))
         freedom = np.inf
         if self.covariance is not None:
             count = max(count, len(self.covariance.parameters))
             freedom = self.covariance.degrees_of_freedom
-        if np.isinf(freedom) or freedom > 1e6:
-            radius = np.sqrt(chdtri(count, 1 - confidence))
-        elif freedom > count:
-            spread = freedom - count + 1
-            radius = np.sqrt(count * freedom / spread * fdtri(count, spread, confidence))
-        else:
-            raise InvalidInputError(
-                "covariance",
-                f"degrees_of_freedom is {freedom:g} for {count} parameters",
-                "Identify from a longer log",
-            )
-        widen = float(radius) / _Z95
-        mass = (
-            self.mass.value * (self.mass.low / self.mass.value) ** widen,
-            self.mass.value * (self.mass.high / self.mass.value) ** widen,
-        )
-        damping = (
-            self.damping.value - widen * (self.damping.value - self.damping.low),
-            self.damping.value + widen * (self.damping.high - self.damping.value),
-        )
+        factor = widening(count, freedom, confidence)
+        dampings = [self.damping]
+        if self.damping_by_direction is not None:
+            dampings += [self.damping_by_direction.forward, self.damping_by_direction.backward]
+        ranges = [widened(each, factor) for each in dampings]
         return Box(
-            mass=mass,
-            damping=damping,
+            mass=widened_positive(self.mass, factor),
+            damping=(min(low for low, _ in ranges), max(high for _, high in ranges)),
             sample_time=(self.sample_time.low, self.sample_time.high),
             delay=(self.delay.low, self.delay.high),
         )
 
-
-NAMED = Path(__file__).parent / "named"
-
-
-def named_devices() -> tuple[str, ...]:
-    """Names of the devices that come with haptune."""
-    return tuple(sorted(path.stem for path in NAMED.glob("*.yaml")))
-
-
-def load_device(reference: str | Path) -> Device:
-    """A device from a file, or a named one. Raises InvalidInputError."""
-    path = Path(reference)
-    # The function of os.path also takes names that no file can have.
-    if str(reference) in named_devices() and not os.path.isfile(path):  # noqa: PTH113
-        path = NAMED / f"{reference}.yaml"
-    elif path.suffix == "" and not os.path.exists(path):  # noqa: PTH110
-        raise InvalidInputError(
-            reference,
-            "is neither a file nor a named device",
-            f"Named devices: {', '.join(named_devices())}",
-        )
-    return load_document(Device, path)
+    def _identified(self) -> Iterator[Quantity]:
+        """Everything a log tells, known exactly or not."""
+        yield from (self.mass, self.damping, self.coulomb_friction, self.force_offset)
+        for pair in (self.damping_by_direction, self.friction_by_direction):
+            if pair is not None:
+                yield from (pair.forward, pair.backward)
+        if self.position_stiffness is not None:
+            yield self.position_stiffness
+        if self.gravity is not None:
+            yield from (self.gravity.sine, self.gravity.cosine)

@@ -1,4 +1,4 @@
-"""Covariance that survives coloured residuals, 95 % intervals, and the envelope over several logs.
+"""Covariance that survives coloured residuals, and 95 % intervals.
 
 Residuals of a friction fit are never white: on a real axis the ordinary formula s²(XᵀX)⁻¹ is
 several times too small. Here the log is cut into consecutive blocks and each left out in turn
@@ -10,29 +10,28 @@ correlation inside a block, and however unevenly the blocks excite the device, i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 
 FloatArray = NDArray[np.float64]
 
 #: Half-width of the 95 % interval of a normal variable, in standard deviations.
 NORMAL_95 = 1.959963984540054
-#: Upper end of a two-sided 95 % interval.
-CONFIDENCE_ABOVE = 0.975
 #: At most this many blocks: with 60, the t quantile is within 2 % of the normal one, and each
 #: block of a usual log still outlasts the filter and the correlation of its residual many times.
 MOST_BLOCKS = 60
 #: At least this many blocks: fewer leave no degrees of freedom for a simultaneous region.
 FEWEST_BLOCKS = 8
-#: No log knows its forces better than this part of them: a quartz clock is off by 3e-5, and the
-#: zero-order hold, the count and the amplifier are no straighter. Without it the interval of a
-#: noise-free log would shrink to the rounding of the solver.
-UNKNOWN_FORCE = 3e-5
+#: Correlation is looked for between sums over this many parts of a log at most, ...
+FINEST_PARTS = 1024
+#: ... of this many rows at least.
+_SHORTEST_PART = 2
+#: Turning points of friction, forces that change between samples and the solver itself are good to
+#: this part of the force. Without it the interval of a noise-free log would shrink to rounding.
+UNKNOWN_FORCE = 3e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,14 +51,14 @@ class Spread:
     inflation: FloatArray
 
 
-def correlation_length(scores: FloatArray) -> float:
-    """Samples over which a series is correlated: the sum of its autocorrelation to the first zero.
+def correlation_length(sums: FloatArray) -> float:
+    """Parts over which a series is correlated: the sum of its autocorrelation to the first zero.
 
     Args:
-        scores: shape (n,), mean near zero.
+        sums: shape (parts,), mean near zero.
     """
-    count = scores.size
-    spectrum = np.fft.rfft(scores, 1 << int(np.ceil(np.log2(2 * count))))
+    count = sums.size
+    spectrum = np.fft.rfft(sums, 1 << int(np.ceil(np.log2(2 * count))))
     covariance = np.fft.irfft(np.abs(spectrum) ** 2)[: count // 2]
     if covariance[0] <= 0:
         return 1.0
@@ -69,55 +68,94 @@ def correlation_length(scores: FloatArray) -> float:
     return float(1 + 2 * np.sum(correlation[1:end]))
 
 
-def block_count(columns: FloatArray, residual: FloatArray) -> int:
-    """Blocks to cut a log into: each at least as long as the scores are correlated."""
-    longest = max(correlation_length(column * residual) for column in columns.T)
-    return int(np.clip(residual.size // max(longest, 1.0), FEWEST_BLOCKS, MOST_BLOCKS))
+def block_edges(columns: FloatArray, residual: FloatArray) -> NDArray[np.intp]:
+    """Where to cut a log into blocks, each at least as long as the scores are correlated.
+
+    Args:
+        columns: shape (p, rows).
+        residual: shape (rows,).
+
+    Returns:
+        Row at which each block begins, and the number of rows, shape (blocks + 1,).
+    """
+    rows = residual.size
+    parts = int(np.clip(rows // _SHORTEST_PART, 1, FINEST_PARTS))
+    starts = np.linspace(0, rows, parts + 1).astype(np.intp)[:-1]
+    longest = max(
+        correlation_length(np.add.reduceat(column * residual, starts)) for column in columns
+    )
+    count = int(np.clip(parts // max(longest, 1.0), FEWEST_BLOCKS, MOST_BLOCKS))
+    return np.linspace(0, rows, count + 1).astype(np.intp)
 
 
-def spread(columns: FloatArray, residual: FloatArray, keep: int, *, signal: FloatArray) -> Spread:
+def spread(
+    columns: FloatArray,
+    residual: FloatArray,
+    keep: int,
+    *,
+    signal: FloatArray,
+    instruments: FloatArray | None = None,
+) -> Spread:
     """Block-jackknife covariance of the first ``keep`` parameters of a least-squares fit.
 
     Args:
-        columns: shape (n, p): regressors, or the Jacobian of a nonlinear fit.
-        residual: shape (n,).
+        columns: shape (p, rows): regressors, or the Jacobian of a nonlinear fit.
+        residual: shape (rows,).
         keep: how many leading parameters are wanted; the others are nuisance.
-        signal: shape (n,): what the logged force contributes; UNKNOWN_FORCE of it is in doubt.
+        signal: shape (rows,): what the logged force contributes; UNKNOWN_FORCE of it is in doubt.
+        instruments: shape (p, rows): what the residual was made orthogonal to, if not the columns.
     """
-    unit, norms = unit_columns(columns)
-    singular = np.linalg.svd(unit.T @ unit, compute_uv=False, hermitian=True)
-    condition = float(np.sqrt(singular[0] / max(singular[-1], np.finfo(float).tiny)))
-    edges = np.linspace(0, residual.size, block_count(unit, residual) + 1).astype(int)
-    blocks = list(pairwise(edges.tolist()))
-    normal = np.stack([unit[i:j].T @ unit[i:j] for i, j in blocks])
-    right = np.stack([unit[i:j].T @ residual[i:j] for i, j in blocks])
+    tests = columns if instruments is None else instruments
+    norms, sizes = _norms(columns), _norms(tests)
+    edges = block_edges(tests[:keep] / sizes[:keep, None], residual)
+    count, shape = edges.size - 1, np.outer(sizes, norms)
+    normal, right = np.empty((count, *shape.shape)), np.empty((count, norms.size))
+    for index, (i, j) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
+        block = tests[:, i:j]
+        normal[index] = block @ columns[:, i:j].T / shape
+        right[index] = block @ residual[i:j] / sizes
     whole = normal.sum(axis=0)
+    singular = np.linalg.svd(whole, compute_uv=False)
+    condition = float(np.sqrt(singular[0] / max(singular[-1], np.finfo(float).tiny)))
     # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
-    shifts = np.einsum("ijk,ik->ij", _inverse(whole - normal), right)
-    count = len(blocks)
-    inverse = _inverse(whole)
-    inflation = np.diag(inverse)
+    symmetric = instruments is None
+    shifts = np.einsum("ijk,ik->ij", _inverse(whole - normal, symmetric=symmetric), right)
+    inverse = _inverse(whole, symmetric=symmetric)
+    if not symmetric:
+        inverse = inverse @ (tests @ tests.T / np.outer(sizes, sizes)) @ inverse.T
     # Nuisance columns take up their part of the signal, so only the rest can mislead.
-    nuisance = unit[:, keep:]
-    if nuisance.shape[1]:
-        signal = signal - nuisance @ np.linalg.lstsq(nuisance, signal, rcond=None)[0]
-    floor = UNKNOWN_FORCE**2 * float(signal @ signal) * inverse
+    power = float(signal @ signal)
+    if keep < norms.size:
+        seen = columns[keep:] @ signal / norms[keep:]
+        rest = columns[keep:] @ columns[keep:].T / np.outer(norms[keep:], norms[keep:])
+        power -= float(seen @ _inverse(rest) @ seen)
+    floor = UNKNOWN_FORCE**2 * max(power, 0.0) * inverse
     covariance = ((count - 1) / count * (shifts.T @ shifts) + floor) / np.outer(norms, norms)
     return Spread(
         covariance=covariance[:keep, :keep],
         degrees_of_freedom=float(count - 1),
         condition=condition,
-        inflation=inflation[:keep],
+        inflation=np.diag(inverse)[:keep],
     )
 
 
-def _inverse(normal: FloatArray) -> FloatArray:
-    """Pseudo-inverse of symmetric matrices, shape (..., p, p); finite for columns alike, too."""
-    return np.asarray(np.linalg.pinv(normal, hermitian=True), dtype=np.float64)
+def _norms(columns: FloatArray) -> FloatArray:
+    norms = np.sqrt(np.einsum("ij,ij->i", columns, columns))
+    return np.where(norms > 0, norms, 1.0)
 
 
-def half_width(estimate: Estimate, name: str) -> float:
-    """Half of the 95 % interval of one parameter: Student's t with the covariance's freedom."""
+def _inverse(normal: FloatArray, *, symmetric: bool = True) -> FloatArray:
+    """Pseudo-inverse of square matrices, shape (..., p, p); finite for columns alike, too."""
+    return np.asarray(np.linalg.pinv(normal, hermitian=symmetric), dtype=np.float64)
+
+
+def half_width(estimate: Estimate, name: str, confidence: float = 0.95) -> float:
+    """Half of the interval of one parameter: Student's t with the covariance's freedom."""
+    return quantile(estimate, confidence) * estimate.deviation(name)
+
+
+def quantile(estimate: Estimate, confidence: float = 0.95) -> float:
+    """Half-width of an interval in standard deviations."""
     from scipy.special import stdtrit
 
-    return float(stdtrit(estimate.degrees_of_freedom, CONFIDENCE_ABOVE)) * estimate.deviation(name)
+    return float(stdtrit(estimate.degrees_of_freedom, (1 + confidence) / 2))

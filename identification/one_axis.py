@@ -12,12 +12,11 @@ from identification.documents import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators.model import Estimate
 from identification.findings import CODES, inspect
-from identification.findings.sampling import mean_step
 from identification.one_log import LogFit, fit_log
 from identification.trajectory import Trajectory
 
 #: Methods that can be asked for.
-METHODS = ("auto", "least-squares", "output-error")
+METHODS = ("auto", "least-squares", "weak", "instruments", "output-error", "innovations")
 #: Size of any column, and least change of force and position, in SI units. Micro-manipulators and
 #: presses lie many orders inside.
 LARGEST = 1e12
@@ -81,7 +80,7 @@ def identify(
     _check_size(trajectories)
     noticed = [inspect(log, hardware) for log in trajectories]
     _refuse([finding for found in noticed for finding in found], allow)
-    fits = [fit_log(_evenly(log, hardware), hardware, method) for log in trajectories]
+    fits = [fit_log(_clocked(log, hardware), hardware, method) for log in trajectories]
     noticed = [found + fit.findings for found, fit in zip(noticed, fits, strict=True)]
     _refuse([finding for found in noticed for finding in found], allow)
     _refuse_negative_mass(fits, noticed)
@@ -193,8 +192,9 @@ def _lenient(finding: Finding) -> Finding:
     return replace(finding, severity="warning")
 
 
-def _evenly(trajectory: Trajectory, hardware: Hardware | None) -> Trajectory:
-    """The log on an even grid: the sample time stated, or the mean step of the log."""
+def _clocked(trajectory: Trajectory, hardware: Hardware | None) -> Trajectory:
+    """An even log on the sample time stated; an uneven one with its own stamps."""
     stated = None if hardware is None else hardware.sample_time
-    step = mean_step(trajectory) if stated is None else stated.value
-    return replace(trajectory, time=np.arange(len(trajectory)) * step)
+    if stated is None or isinstance(trajectory.steps, np.ndarray):
+        return trajectory
+    return replace(trajectory, time=np.arange(len(trajectory)) * stated.value)

@@ -15,6 +15,14 @@ FloatArray = NDArray[np.float64]
 
 #: Fewer samples than this cannot carry two parameters, friction and an interval.
 SHORTEST = 200
+#: Stamps this part of a step from an even grid are even: 1 us at 1 kHz, a clock's own reading.
+EVEN = 1e-3
+#: Rounding moves a stamp by half of its last digit, and a little more by the grid's own fit.
+_ROUNDING = 0.6
+#: Digits after the point that stamps are looked at for, ...
+_FEWEST_DIGITS, _MOST_DIGITS = 0, 7
+#: ... and how far, in digits, double precision may put them off.
+_OFF_DIGIT = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,8 +78,35 @@ class Trajectory:
         """Median step between samples, s."""
         return float(np.median(np.diff(self.time)))
 
+    @property
+    def steps(self) -> float | FloatArray:
+        """Length of the intervals, s: one number if the stamps are even, else shape (n - 1,).
+
+        Stamps count as even if no one lies further from an even grid than EVEN of a step, or than
+        rounding to the digits they were printed with explains.
+        """
+        count = self.time.size - 1
+        step = float(self.time[-1] - self.time[0]) / count
+        off = self.time - (self.time[0] + step * np.arange(count + 1))
+        middle = (float(off.max()) + float(off.min())) / 2
+        furthest = float(off.max()) - middle
+        if furthest <= EVEN * step or furthest <= _ROUNDING * _printed_digit(self.time, step):
+            return step
+        return np.diff(self.time)
+
     def __len__(self) -> int:
         return self.time.size
+
+
+def _printed_digit(time: FloatArray, step: float) -> float:
+    """The decimal digit all stamps are multiples of, at most a step, s; 0 if there is none."""
+    for power in range(_FEWEST_DIGITS, _MOST_DIGITS):
+        digit = 10.0**-power
+        if digit <= step:
+            scaled = time / digit
+            if np.all(np.abs(scaled - np.rint(scaled)) < _OFF_DIGIT):
+                return digit
+    return 0.0
 
 
 def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:

@@ -21,6 +21,7 @@ COMMANDS = {
     "calibrate": "--scene --output --time --force --position --reference --force-gain "
     "--position-gain --axis --hardware --allow --method --margin --dry-run --json --quiet",
     "check": "--json --quiet",
+    "excite": "--output --picture --dry-run --json --quiet",
     "simulate": "--output --seed --json --quiet",
 }
 

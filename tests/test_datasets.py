@@ -220,7 +220,8 @@ def test_bundled_log_is_small_exact_and_beside_its_truth() -> None:
     hardware = load_document(Hardware, bundled("homerehab.hardware.yaml"))
     assert hardware.delay is not None
     assert hardware.delay.value == truth["delay"] == 0.001
-    assert hardware.encoder_resolution == 6e-6
+    assert hardware.encoder_resolution is not None
+    assert hardware.encoder_resolution.value == 6e-6
     assert hardware.force_limit is not None
     assert (hardware.force_limit.continuous, hardware.force_limit.peak) == (14.0, 28.0)
 

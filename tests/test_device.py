@@ -71,6 +71,12 @@ def test_what_is_no_quantity(raw: object) -> None:
         {"delay": -1e-9},
         {"coulomb_friction": -0.1},
         {"encoder_resolution": 0.0},
+        {"encoder_resolution": {"value": 1e-6, "low": 0.0, "high": 2e-6}},
+        {"damping_by_direction": {"forward": 3.0}},
+        {"damping_by_direction": 3.0},
+        {"friction_by_direction": {"forward": 1.0, "backward": -0.1}},
+        {"gravity": {"sine": 1.0}},
+        {"position_stiffness": "soft"},
         {"force_limit": {"continuous": 3.0, "peak": 2.0}},
         {"motion": "spherical"},
         {"stiffness": 1.0},
@@ -125,6 +131,45 @@ def test_hardware_is_optional_in_every_key(tmp_path: Path) -> None:
             parse_document(Hardware, wrong, "hardware.yaml")
 
 
+def test_a_resolution_may_have_an_interval() -> None:
+    found = Hardware.model_validate({"encoder_resolution": {"value": 2e-6, "low": 1e-6}})
+    assert found.encoder_resolution == quantity(2e-6, 1e-6, 2e-6)
+    assert Hardware.model_validate({"encoder_resolution": 2e-6}).encoder_resolution == quantity(
+        2e-6
+    )
+
+
+#: Everything a log can tell beyond mass, damping, friction and offset.
+BEYOND: dict[str, Any] = {
+    "damping_by_direction": {
+        "forward": {"value": 9.0, "low": 8.5, "high": 9.5},
+        "backward": {"value": 12.0, "low": 11.0, "high": 13.0},
+    },
+    "friction_by_direction": {"forward": 0.5, "backward": {"value": 0.7, "low": 0.6, "high": 0.8}},
+    "position_stiffness": {"value": -3.0, "low": -4.0, "high": -2.0},
+    "gravity": {"sine": 1.5, "cosine": {"value": 0.1, "low": -0.1, "high": 0.3}},
+}
+
+
+def test_what_differs_by_direction_and_place_comes_back_from_a_file(tmp_path: Path) -> None:
+    found = device(**BEYOND)
+    assert found.damping_by_direction is not None
+    assert found.damping_by_direction.backward == quantity(12.0, 11.0, 13.0)
+    assert found.friction_by_direction is not None
+    assert found.friction_by_direction.forward == quantity(0.5)
+    assert found.position_stiffness == quantity(-3.0, -4.0, -2.0)
+    assert found.gravity is not None
+    assert found.gravity.cosine == quantity(0.1, -0.1, 0.3)
+    path = tmp_path / "device.yaml"
+    path.write_text(to_yaml(to_mapping(found)), encoding="utf-8")
+    assert load_device(path) == found
+
+
+def test_what_no_log_told_is_not_written() -> None:
+    assert not BEYOND.keys() & to_mapping(device()).keys()
+    assert not BEYOND.keys() & to_mapping(load_device("emps")).keys()
+
+
 def joint(freedom: float) -> Covariance:
     matrix = np.array([[0.01**2, -0.5 * 0.01 * 0.2], [-0.5 * 0.01 * 0.2, 0.2**2]])
     return Covariance(
@@ -175,6 +220,39 @@ def test_the_box_of_exact_numbers_is_a_point() -> None:
     box = device().simultaneous_box()
     assert box.mass == (3.0, 3.0)
     assert box.damping == (10.0, 10.0)
+
+
+def test_the_box_spans_both_directions() -> None:
+    """Half-widths times sqrt(χ²(0.999, k))/1.96; χ² of 6 quantities from printed tables: 22.458."""
+    ranged = {
+        "mass": {"value": 3.0, "low": 2.9, "high": 3.1},
+        "damping": {"value": 10.0, "low": 9.8, "high": 10.2},
+        "coulomb_friction": {"value": 0.8, "low": 0.7, "high": 0.9},
+        "force_offset": {"value": 0.0, "low": -0.1, "high": 0.1},
+        "damping_by_direction": BEYOND["damping_by_direction"],
+    }
+    factor = np.sqrt(22.458) / 1.96
+    box = device(**ranged).simultaneous_box()
+    assert box.damping == pytest.approx((9.0 - 0.5 * factor, 12.0 + 1.0 * factor), rel=1e-4)
+    wide = {"value": 10.0, "low": 0.0, "high": 20.0}
+    hull = device(**ranged | {"damping": wide}).simultaneous_box()
+    assert hull.damping == pytest.approx((10.0 - 10 * factor, 10.0 + 10 * factor), rel=1e-4)
+
+
+@pytest.mark.parametrize("key", BEYOND)
+def test_every_uncertain_quantity_widens_the_box(key: str) -> None:
+    """All of them are to lie inside at once, so one more makes each interval wider."""
+    known = {
+        "mass": {"value": 3.0, "low": 2.9, "high": 3.1},
+        "damping": {"value": 10.0, "low": 0.0, "high": 20.0},
+    }
+    before = device(**known).simultaneous_box()
+    after = device(**known, **{key: BEYOND[key]}).simultaneous_box()
+    # One uncertain number more is three instead of two: printed χ² 16.266 against 13.816.
+    expected = {"damping_by_direction": 18.467}.get(key, 16.266)
+    ratio = (after.damping[1] - 10.0) / (before.damping[1] - 10.0)
+    assert ratio == pytest.approx(np.sqrt(expected / 13.816), rel=1e-4)
+    assert after.mass[1] > before.mass[1]
 
 
 def test_the_box_keeps_mass_positive_and_takes_times_as_stated() -> None:

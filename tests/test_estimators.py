@@ -1,23 +1,20 @@
-"""Estimators against closed forms, 60 digits, exact simulation and the Cramér–Rao bound."""
+"""Estimators against closed forms, exact and independent simulation, and their invariances."""
 
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any
 
-import mpmath
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from identification import Trajectory
-from identification.estimators import METHODS, Model, least_squares, output_error
+from identification.estimators import METHODS, Model, least_squares
 from identification.estimators.cut_off import CutOff, choose_cut_off
 from identification.estimators.delay import find_delay
-from identification.estimators.held import Held, delayed
-from identification.estimators.held_response import coasting, phi, response
 from identification.estimators.low_pass import LowPass
 from identification.estimators.noise import encoder_count, finest_reading, position_noise
+from identification.estimators.rows import Signals
 from identification.estimators.whiteness import whiteness
 from identification.intervals import correlation_length, half_width, spread
 from tests.exact_axis import Axis, counted, multisine, positions
@@ -34,70 +31,6 @@ def log(force: Array, position: Array, step: float = STEP) -> Trajectory:
 def excited(axis: Axis, samples: int = 6000, runs: int = 1, seed: int = 0) -> Array:
     plain = Axis(mass=axis.mass, damping=axis.damping, sample_time=axis.sample_time)
     return multisine(np.random.default_rng(seed), samples=samples, runs=runs, axis=plain)
-
-
-@pytest.mark.parametrize("delta", [0.0, 1e-300, 1e-12, -1e-5, 0.03, 0.499, 0.501, -0.6, 3.0, 40.0])
-def test_phi_and_its_derivative_to_the_last_bits(delta: float) -> None:
-    nudge = 1e-30
-    first, second = phi(np.asarray(complex(delta, nudge)))
-    with mpmath.workdps(60):
-        powers = [mpmath.mpf(-delta) ** k for k in range(200)]
-    for got, order in ((first, 1), (second, 2)):
-        # ∫₀¹ e^(-δs)·(1-s)^(order-1) ds by its power series, which divides by nothing.
-        with mpmath.workdps(60):
-            weights = [1 / mpmath.factorial(k + order) for k in range(200)]
-            value: Any = mpmath.fdot(powers, weights)
-            slope: Any = -mpmath.fsum(k * powers[k - 1] * weights[k] for k in range(1, 200))
-        assert got.real == pytest.approx(float(value), rel=4e-15)
-        # Beyond the series the quotient rule cancels a little.
-        assert got.imag / nudge == pytest.approx(float(slope), rel=1e-13)
-
-
-@pytest.mark.parametrize("damping", [-0.7, 0.0, 0.05, 10.0, 2000.0])
-@pytest.mark.parametrize("delay", [0.0, 0.3, 1.0, 2.7])
-def test_response_is_the_exact_simulation(damping: float, delay: float) -> None:
-    axis = Axis(mass=3.0, damping=damping, delay=delay * STEP)
-    force = np.random.default_rng(1).standard_normal((400, 1)).cumsum(axis=0)
-    truth = positions(axis, force)[:, 0]
-    held = delayed(force[:, 0], delay)
-    got = response(held.times(np.full(399, 1 / 3)), damping / 3, STEP)
-    np.testing.assert_allclose(got.real, truth, rtol=1e-11, atol=1e-13 * np.abs(truth).max())
-
-
-def test_response_with_a_turn_inside_each_interval() -> None:
-    generator = np.random.default_rng(2)
-    early, late, part = generator.standard_normal((3, 200))
-    fraction = np.abs(part) / (1 + np.abs(part))
-    held = Held(early=early, late=late, fraction=fraction)
-    got = response(held, 4.0, STEP).real
-    place = rate = 0.0
-    for k in range(200):
-        for push, span in ((early[k], fraction[k] * STEP), (late[k], (1 - fraction[k]) * STEP)):
-            fade = -np.expm1(-4.0 * span) / 4.0
-            place += rate * fade + push * (span - fade) / 4.0
-            rate += (push - 4.0 * rate) * fade
-        assert got[k + 1] == pytest.approx(place, rel=1e-11, abs=1e-15)
-
-
-def test_coasting_is_its_closed_form() -> None:
-    time = np.arange(1000) * STEP
-    for rate in (-2.0, 1e-12, 5.0):
-        np.testing.assert_allclose(
-            coasting(1000, rate, STEP).real, -np.expm1(-rate * time) / rate, rtol=1e-12
-        )
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.25, 1.0, 1.9])
-def test_triangle_is_exact_for_a_pure_mass(delay: float) -> None:
-    force = np.random.default_rng(3).standard_normal((300, 1))
-    axis = Axis(mass=2.0, damping=0.0, delay=delay * STEP)
-    place = positions(axis, force)[:, 0]
-    known = slice(4, None)
-    acceleration = (place[2:] - 2 * place[1:-1] + place[:-2]) / STEP**2
-    mean = delayed(force[:, 0], delay).triangle()
-    np.testing.assert_allclose(2.0 * acceleration[known], mean[known], atol=1e-7)
-    if delay == 0:
-        np.testing.assert_allclose(mean, (force[1:-1, 0] + force[:-2, 0]) / 2, atol=1e-15)
 
 
 def test_low_pass_keeps_lines_and_halves_the_power_at_its_cut_off() -> None:
@@ -135,13 +68,17 @@ def test_the_cut_off_falls_with_noise_and_keeps_it_out() -> None:
     force = excited(axis)
     place = positions(axis, force)[:, 0]
     white = np.random.default_rng(6).standard_normal(place.size)
+    sizes = (1e-9, 1e-6, 1e-5)
     cut_offs = [
-        choose_cut_off(log(force[:, 0], place + size * white), size) for size in (1e-9, 1e-6, 1e-5)
+        choose_cut_off(
+            Signals.of(log(force[:, 0], place + size * white)).kinematics.acceleration, STEP, size
+        )
+        for size in sizes
     ]
     frequencies = [each.frequency for each in cut_offs]
     assert frequencies == sorted(frequencies, reverse=True)
     assert 9.5 < frequencies[-1] < frequencies[0] <= 100
-    for each, size in zip(cut_offs, (1e-9, 1e-6, 1e-5), strict=True):
+    for each, size in zip(cut_offs, sizes, strict=True):
         # Power of filtered white noise in a second difference, summed directly.
         kernel = np.convolve(LowPass.at(each.frequency, STEP).kernel, [1, -2, 1])
         signal = np.convolve(place, kernel, mode="valid")
@@ -195,37 +132,8 @@ def test_refined_direction_is_the_true_one() -> None:
     assert wrong.mean() < 0.003
 
 
-def test_output_error_reaches_the_cramer_rao_bound() -> None:
-    runs, samples, deviation = 60, 3000, 2e-5
-    axis = Axis(mass=3.0, damping=10.0)
-    force = np.repeat(excited(axis, samples=samples), runs, axis=1)
-    clean = positions(axis, force[:, :1])[:, 0]
-    slopes: list[Array] = []
-    for change in ({"mass": 3.0003}, {"damping": 10.001}, {"offset": 1e-4}):
-        varied = Axis(**({"mass": 3.0, "damping": 10.0} | change))
-        size = {"mass": 3e-4, "damping": 1e-3, "offset": 1e-4}[next(iter(change))]
-        slopes.append((positions(varied, force[:, :1])[:, 0] - clean) / size)
-    time = np.arange(samples) * STEP
-    nuisance = [np.ones(samples), -np.expm1(-10 / 3 * time)]
-    jacobian = np.stack([*slopes, *nuisance], axis=1)
-    bound = deviation * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))[:2]
-    noise = np.random.default_rng(7).standard_normal((samples, runs)) * deviation
-    found = np.array(
-        [
-            output_error.estimate(
-                log(force[:, i], clean + noise[:, i]), Model(coulomb=False), 0.0
-            ).values[:2]
-            for i in range(runs)
-        ]
-    )
-    error = np.sqrt(np.mean((found - [3.0, 10.0]) ** 2, axis=0))
-    # 60 runs: the ratio scatters by 9 %.
-    assert np.all(error / bound < 1.3)
-    assert np.all(error / bound > 0.7)
-
-
 @pytest.mark.parametrize("method", METHODS)
-def test_both_estimators_are_fast(method: str) -> None:
+def test_estimators_are_fast(method: str) -> None:
     """20 ms on a free core; the limit leaves room for a busy machine."""
     axis = Axis()
     force = excited(axis, samples=5000)
@@ -283,7 +191,7 @@ def test_the_covariance_survives_colour() -> None:
     runs, samples, memory = 200, 6000, 0.95
     generator = np.random.default_rng(11)
     series = np.asarray(lfilter([1], [1, -memory], generator.standard_normal((runs, samples))))
-    ones = np.ones((samples, 1))
+    ones = np.ones((1, samples))
     silent = np.zeros(samples)
     deviations = np.array(
         [
@@ -297,7 +205,7 @@ def test_the_covariance_survives_colour() -> None:
 def test_collinear_columns_are_shown_and_do_not_break() -> None:
     generator = np.random.default_rng(12)
     one = generator.standard_normal(1000)
-    columns = np.stack((one, one + 1e-9 * generator.standard_normal(1000)), axis=1)
+    columns = np.stack((one, one + 1e-9 * generator.standard_normal(1000)))
     found = spread(columns, generator.standard_normal(1000), 2, signal=one)
     assert found.condition > 1e6
     assert np.all(np.isfinite(found.covariance))

@@ -179,7 +179,7 @@ def test_the_simultaneous_box_holds_hundreds_of_devices(seed: int) -> None:
 def test_coarse_encoders_and_short_logs() -> None:
     trajectory = homerehab(0.8, disturbance=5e-3)[0]
     coarse = log(trajectory.force, counted(trajectory.position, 1e-4))
-    known = HARDWARE.model_copy(update={"encoder_resolution": 1e-4})
+    known = HARDWARE.model_copy(update={"encoder_resolution": quantity(1e-4)})
     found = identify(coarse, hardware=known)
     assert found.device.mass.value == pytest.approx(3.0, rel=3e-3)
     assert found.device.damping.value == pytest.approx(10.0, rel=2e-2)

@@ -56,6 +56,7 @@ def test_tune_imports_public_names_of_identification_only(path: Path) -> None:
 def test_the_simulator_shares_no_algebra(path: Path) -> None:
     allowed = {
         "identification.Device",
+        "identification.Hardware",
         "identification.InvalidInputError",
         "identification.Trajectory",
         "identification.load_device",

@@ -131,7 +131,7 @@ def test_torn_or_missing_cells_are_refused_as_such(tmp_path: Path, row: str) -> 
         (b"", "empty"),
         (b"\n\n  \n", "empty"),
         (b"time,force,position\n1,2,3,4,5\n", "equally long rows"),
-        (b'time,force,position\n1,"2,3\n', "equally long rows"),
+        (b'time,force,position\n1,"2,3\n', "equally long rows|not a number"),
         (b"\x00\x01\x02\xff\xfe" * 100, "no column"),
         (b"time,force,force,position\n" + b"1,2,3,4\n" * 300, "two columns named 'force'"),
     ],
@@ -153,7 +153,7 @@ def test_missing_files_folders_and_other_endings(tmp_path: Path) -> None:
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(InvalidInputError, match="cannot be read"):
         load_trajectory(tmp_path / "folder.csv")
-    with pytest.raises(InvalidInputError, match=r"\.csv or \.mat"):
+    with pytest.raises(InvalidInputError, match=r"\.csv, \.parquet, \.mat or \.npz"):
         load_trajectory(written(tmp_path, table(), "log.xlsx"))
 
 

@@ -12,7 +12,15 @@ import pytest
 from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
-from identification import Device, Document, Hardware, load_device, named_devices, to_mapping
+from identification import (
+    Device,
+    Document,
+    ExcitationSpec,
+    Hardware,
+    load_device,
+    named_devices,
+    to_mapping,
+)
 from tune import SafeProfile, Scene, optimise
 from tune.cli.new import hardware_of, template
 from tune.schemas import FOLDER, generate
@@ -21,6 +29,7 @@ MODELS: dict[str, type[Document]] = {
     "hardware": Hardware,
     "device": Device,
     "scene": Scene,
+    "excitation": ExcitationSpec,
     "profile": SafeProfile,
 }
 
@@ -47,7 +56,7 @@ def test_shipped_schemas_are_up_to_date() -> None:
 def test_schemas_and_templates_are_in_the_package() -> None:
     for name in MODELS:
         assert (files("tune") / "schemas" / f"{name}.json").is_file()
-    assert {"scene.yaml", "hardware.yaml"} == {
+    assert {"scene.yaml", "hardware.yaml", "excitation.yaml"} == {
         path.name for path in (files("tune") / "templates").iterdir()
     }
 
@@ -63,6 +72,8 @@ def test_each_is_a_schema_that_knows_its_own_file(name: str) -> None:
 def test_what_haptune_writes_and_ships_is_valid() -> None:
     _validator("scene").validate(_parsed(template("scene")))
     _validator("hardware").validate(_parsed(template("hardware")))
+    _validator("excitation").validate(_parsed(template("excitation")))
+    _validator("excitation").validate(_parsed(template("excitation")))
     for name in named_devices():
         _validator("hardware").validate(_parsed(hardware_of(name)))
         _validator("device").validate(to_mapping(load_device(name)))
@@ -99,6 +110,10 @@ def _put(where: str, value: Any) -> Callable[[dict[str, Any]], None]:
 
     return change
 
+
+BOTH = ("damping", "friction")
+PAIRS = ({"forward": 9, "backward": {"value": 11, "low": 10, "high": 12}}, None)
+NO_PAIRS = ({"forward": 9}, {"forward": 9, "backward": 11, "up": 1}, 9, [9, 11])
 
 #: file, place, value (... takes the key away), whether it is allowed
 CASES: tuple[tuple[str, str, Any, bool], ...] = (
@@ -140,11 +155,22 @@ CASES: tuple[tuple[str, str, Any, bool], ...] = (
     ("device", "covariance/degrees_of_freedom", 0, False),
     ("device", "motion", "rotary", True),
     ("device", "motion", "round", False),
+    ("device", "encoder_resolution", 0, False),
+    ("device", "encoder_resolution", {"value": 0}, False),
+    ("device", "position_stiffness", {"value": -3, "low": -4, "high": -2}, True),
+    ("device", "position_stiffness", "soft", False),
+    *((("device", f"{key}_by_direction", both, True)) for key in BOTH for both in PAIRS),
+    *((("device", f"{key}_by_direction", one, False)) for key in BOTH for one in NO_PAIRS),
+    ("device", "gravity", {"sine": 1.5, "cosine": {"value": 0, "low": -1, "high": 1}}, True),
+    ("device", "gravity", {"sine": 1.5}, False),
+    ("device", "gravity", 9.81, False),
     ("hardware", "sample_time", ..., True),
     ("hardware", "sample_time", "1 ms", False),
     ("hardware", "encoder_resolution", 1e-6, True),
     ("hardware", "encoder_resolution", 0, False),
-    ("hardware", "encoder_resolution", {"value": 1e-6}, False),
+    ("hardware", "encoder_resolution", {"value": 1e-6, "low": 9e-7}, True),
+    ("hardware", "encoder_resolution", {"value": 1e-6, "low": -9e-7}, False),
+    ("hardware", "encoder_resolution", "6 um", False),
     ("hardware", "mass", 3, False),
 )
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators import least_squares
+from identification.estimators.drive import MOST_SAMPLES
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Model
 from identification.intervals import spread
@@ -15,8 +16,6 @@ from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
-#: Largest delay looked for, sample times; a longer one is to be stated.
-MOST_SAMPLES = 4
 #: Steps of the scan per sample time, ...
 _STEPS_PER_SAMPLE = 4
 #: ... and the finer steps about the best, samples, each with a parabola through the best three.
@@ -52,9 +51,11 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
         trajectory: the log.
         model: friction terms.
     """
-    step = trajectory.sample_time
+    table = least_squares.prepare(
+        trajectory, model, MOST_SAMPLES * trajectory.sample_time, refine=False
+    )
+    step = table.signals.step
     grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE
-    table = least_squares.prepare(trajectory, model, MOST_SAMPLES * step, refine=False)
     costs, best = np.empty(0), 0.0
     for _ in range(_ROUNDS):
         costs = _costs(table, grid)
@@ -69,7 +70,7 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     # F(t - d) changes with d by its slope; beside the other columns that tells how well d is known.
     low, high = max(best - 0.5, 0.0), min(best + 0.5, float(MOST_SAMPLES))
     slope = (table.force(high * step) - table.force(low * step)) / ((high - low) * step)
-    around = spread(np.column_stack((-slope, columns)), residual, 1, signal=force)
+    around = spread(np.vstack((-slope, columns.T)), residual, 1, signal=force)
     deviation = min(float(np.sqrt(around.covariance[0, 0])), float(_IGNORANCE) * step)
     whole = costs[::_STEPS_PER_SAMPLE]
     return Delay(
@@ -82,7 +83,7 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
 def _costs(table: least_squares.Regression, samples: FloatArray) -> FloatArray:
     """Sum of squared residuals of the best fit at each delay, in samples."""
     basis, _ = np.linalg.qr(unit_columns(table.columns)[0])
-    step = table.trajectory.sample_time
+    step = table.signals.step
     forces = [table.force(each * step) for each in samples]
     return np.array([float(np.sum((f - basis @ (basis.T @ f)) ** 2)) for f in forces])
 

@@ -1,6 +1,12 @@
-"""Exact position of a mass with viscous damping under a held force, for any rate p = b/m."""
+"""Exact position of a mass with viscous damping under a held force, for any rate p = b/m.
+
+Every response comes with its exact derivative by p, from the φ-functions one order higher.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,83 +14,182 @@ from numpy.typing import NDArray
 from identification.estimators.held import Held
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Below this |δ| the φ-functions are summed as series, above it taken from expm1.
 _SERIES_BELOW = 0.5
-#: Terms of the series: 0.5^17/17! is below the last bit.
-_TERMS = 17
+#: Terms of the series: 0.5^16/18! is below the last bit.
+_TERMS = 18
 
 
-def phi(delta: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """φ1 = (1 - e^(-δ))/δ and φ2 = (1 - φ1)/δ, finite at δ = 0; any shape.
-
-    Complex, so that an imaginary step far below rounding gives exact derivatives (Squire and
-    Trapp, SIAM Review 40, 1998, p. 110), which a quotient near δ = 0 would not.
-    """
-    delta = np.asarray(delta, dtype=np.complex128)
+def phi(delta: float | FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """φ1 = (1 - e^(-δ))/δ, φ2 = (1 - φ1)/δ, φ3 = (1/2 - φ2)/δ, finite at δ = 0; any shape."""
+    delta = np.asarray(delta, dtype=np.float64)
+    if not np.any(np.abs(delta) >= _SERIES_BELOW):
+        return _series(delta)
     near = np.abs(delta) < _SERIES_BELOW
-    small = np.where(near, delta, 0.0)
-    # φ2 = Σ (-δ)^k/(k+2)!, by Horner; φ1 = 1 - δ·φ2.
-    total = np.zeros_like(small)
-    for k in range(_TERMS, 1, -1):
-        total = (1 - small * total) / k
     large = np.where(near, 1.0, delta)
     first = -np.expm1(-large) / large
-    return (
-        np.where(near, 1 - small * total, first),
-        np.where(near, total, (1 - first) / large),
+    second = (1 - first) / large
+    far = (first, second, (0.5 - second) / large)
+    return tuple(  # type: ignore[return-value]
+        np.where(near, small, beyond)
+        for small, beyond in zip(_series(np.where(near, delta, 0.0)), far, strict=True)
     )
 
 
-def response(column: Held, rate: complex, step: float) -> ComplexArray:
-    """Position at n samples of q̈ + p·q̇ = column, starting at zero and at rest.
+def _series(delta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    # φ3 = Σ (-δ)^k/(k+3)!, by Horner with the common factor 1/6 last.
+    third = np.ones_like(delta)
+    for k in range(_TERMS, 3, -1):
+        third = 1 - delta * third / k
+    third = third / 6
+    second = 0.5 - delta * third
+    return 1 - delta * second, second, third
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Push:
+    """What a unit force per mass does in a time, from rest; numbers, or arrays like the times.
+
+    Attributes:
+        speed: velocity gained, also the distance coasted per unit of velocity, s.
+        place: distance gained, s².
+        decay: part left of a velocity.
+        speed_slope: derivative of ``speed`` by p, s².
+        place_slope: derivative of ``place`` by p, s³.
+        decay_slope: derivative of ``decay`` by p, s.
+    """
+
+    speed: FloatArray
+    place: FloatArray
+    decay: FloatArray
+    speed_slope: FloatArray
+    place_slope: FloatArray
+    decay_slope: FloatArray
+
+    @classmethod
+    def during(cls, span: float | FloatArray, rate: float) -> Push:
+        """For times in s and p in 1/s."""
+        span = np.asarray(span, dtype=np.float64)
+        first, second, third = phi(rate * span)
+        square = span * span
+        decay = 1 - rate * span * first
+        return cls(
+            speed=span * first,
+            place=square * second,
+            decay=decay,
+            speed_slope=square * (second - first),
+            place_slope=square * span * (2 * third - second),
+            decay_slope=-span * decay,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gain:
+    """Velocity and distance that each interval adds by itself, shape (n - 1,) each."""
+
+    velocity: FloatArray
+    distance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coasting:
+    """A device of rate p on the grid of one log, moved by held columns.
+
+    Attributes:
+        rate: p, 1/s.
+        whole: of one full interval; numbers, or arrays of shape (n - 1,).
+        steps: length of the intervals, s.
+    """
+
+    rate: float
+    whole: Push
+    steps: float | FloatArray
+
+    @classmethod
+    def at(cls, rate: float, steps: float | FloatArray) -> Coasting:
+        """For p in 1/s and the steps of a log in s."""
+        return cls(rate=rate, whole=Push.during(steps, rate), steps=steps)
+
+    def gain(self, column: Held) -> Gain:
+        """What a column, force per mass, adds in each interval."""
+        velocity = column.level * self.whole.speed
+        distance = column.level * self.whole.place
+        if column.change.size:
+            jump = Push.during(column.left, self.rate)
+            velocity = velocity + column.added(jump.speed)
+            distance = distance + column.added(jump.place)
+        return Gain(velocity=velocity, distance=distance)
+
+    def slope_by_rate(self, column: Held) -> Gain:
+        """Derivative of ``gain`` by p."""
+        velocity = column.level * self.whole.speed_slope
+        distance = column.level * self.whole.place_slope
+        if column.change.size:
+            jump = Push.during(column.left, self.rate)
+            velocity = velocity + column.added(jump.speed_slope)
+            distance = distance + column.added(jump.place_slope)
+        return Gain(velocity=velocity, distance=distance)
+
+    def slope_by_delay(self, column: Held, first: float) -> Gain:
+        """Derivative of ``gain`` by a delay of every jump, those at borders of intervals too.
+
+        Args:
+            column: as it acts.
+            first: value before the first interval.
+        """
+        level = column.level
+        before = np.concatenate(([first], level[:-1]))
+        if column.change.size:
+            inside = column.added(1.0)
+            before[1:] += inside[:-1]
+        border = level - before
+        velocity = -border * self.whole.decay
+        distance = -border * self.whole.speed
+        if column.change.size:
+            jump = Push.during(column.left, self.rate)
+            velocity = velocity - column.added(jump.decay)
+            distance = distance - column.added(jump.speed)
+        return Gain(velocity=velocity, distance=distance)
+
+    def speed(self, added: FloatArray, start: float = 0.0) -> FloatArray:
+        """Velocity at n samples from what n - 1 intervals add to it."""
+        if self.whole.decay.ndim == 0:
+            from scipy.signal import lfilter
+
+            return lfilter([1.0], [1.0, -float(self.whole.decay)], np.concatenate(([start], added)))
+        return carried(self.whole.decay, added[None], [start])[0]
+
+    def position(self, gain: Gain, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity at n samples from rest at zero, or from a start velocity."""
+        speed = self.speed(gain.velocity, start)
+        moved = self.whole.speed * speed[:-1] + gain.distance
+        return np.concatenate(([0.0], np.cumsum(moved))), speed
+
+    def position_slope(self, speed: FloatArray, slope: Gain) -> FloatArray:
+        """Derivative of a position by p, from its velocity and the slope of what is added."""
+        added = self.whole.decay_slope * speed[:-1] + slope.velocity
+        moved = self.whole.speed_slope * speed[:-1] + slope.distance
+        return self.position(Gain(velocity=added, distance=moved))[0]
+
+
+def carried(decay: FloatArray, added: FloatArray, start: Sequence[float]) -> FloatArray:
+    """Velocities at n samples where every interval leaves its own part of the one before.
+
+    A bidiagonal system, solved as such: it knows no growth that would have to be divided out.
 
     Args:
-        column: n - 1 intervals, force per mass.
-        rate: p, 1/s, any sign, complex for derivatives.
-        step: T, s.
+        decay: shape (n - 1,).
+        added: what the intervals add, shape (columns, n - 1).
+        start: velocity at the first sample, one for each column.
+
+    Returns:
+        Shape (columns, n).
     """
-    speed, place = _push(rate, np.asarray(step))
-    velocity = column.late * speed
-    position = column.late * place
-    fraction = np.broadcast_to(np.asarray(column.fraction), column.late.shape)
-    turns = np.flatnonzero((fraction > 0) & (column.early != column.late))
-    if turns.size:
-        extra = (column.early - column.late)[turns]
-        # A scalar fraction needs its φ-functions once, not once for each interval.
-        span = step * (fraction[turns[:1]] if np.ndim(column.fraction) == 0 else fraction[turns])
-        early_speed, early_place = _push(rate, span)
-        left = step - span
-        coast, _ = _push(rate, left)
-        velocity[turns] += extra * early_speed * (1 - rate * coast)
-        position[turns] += extra * (early_place + early_speed * coast)
-    return _cascade(velocity, position, rate, step, start=0.0)
+    from scipy.linalg.lapack import dtbtrs
 
-
-def coasting(count: int, rate: complex, step: float) -> ComplexArray:
-    """(1 - e^(-pt))/p at ``count`` samples: position after unit velocity at the first."""
-    nothing = np.zeros(count - 1, dtype=np.complex128)
-    return _cascade(nothing, nothing, rate, step, start=1.0)
-
-
-def _push(rate: complex, span: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Velocity and position after a unit force per mass for ``span`` s, from rest.
-
-    The first is also the distance coasted in that time per unit of velocity.
-    """
-    first, second = phi(np.asarray(rate * span, dtype=np.complex128))
-    return span * first, span**2 * second
-
-
-def _cascade(
-    velocity: ComplexArray, position: ComplexArray, rate: complex, step: float, *, start: float
-) -> ComplexArray:
-    """Positions from what each interval adds to velocity and to position."""
-    from scipy.signal import lfilter
-
-    coast = complex(_push(rate, np.asarray(step))[0])
-    decay = 1 - rate * coast
-    added = np.concatenate(([start], velocity))
-    speed = np.asarray(lfilter([1.0], [1.0, -decay], added), dtype=np.complex128)
-    return np.concatenate(([0.0], np.cumsum(coast * speed[:-1] + position)))
+    band = np.ones((2, decay.size + 1), order="F")
+    band[1, :-1] = -decay
+    right = np.empty((decay.size + 1, len(start)), order="F")
+    right[0], right[1:] = start, added.T
+    return dtbtrs(band, right, uplo="L", diag="U")[0].T

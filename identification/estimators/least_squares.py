@@ -1,30 +1,25 @@
 """Filtered least squares: every term of the equation of motion through one low-pass.
 
-m·q̈ + b·q̇ + Fc·sign(q̇) + f0 = F(t - delay) is averaged over a triangle of two samples and then
-filtered. Position enters by its second and first central difference, the held force by its mean
-over the triangle, (F[k] + F[k-1])/2 without delay: exact for a pure mass.
+The rows (rows.py) are exact for any time stamps; one zero-phase low-pass goes over all columns and
+the force alike, so what it does to them cancels.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.cut_off import CutOff, choose_cut_off
-from identification.estimators.held import Held, delayed, unknown_intervals
+from identification.estimators.held import Held, unknown_intervals
 from identification.estimators.linear import explained, unit_columns
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
-from identification.estimators.motion import (
-    Mechanics,
-    Motion,
-    always_moving,
-    first_look,
-    refined,
-)
-from identification.estimators.noise import position_noise
+from identification.estimators.motion import Motion, first_look, refined
+from identification.estimators.rows import FIRST, Signals, of_rows
+from identification.estimators.terms import terms
 from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
 from identification.trajectory import Trajectory
@@ -45,128 +40,125 @@ class Regression:
     """The filtered columns of one log.
 
     Attributes:
-        kinematics: filtered acceleration and velocity, shape (rows, 2).
-        friction: filtered columns of the friction terms, shape (rows, p - 2).
+        signals: the log.
+        model: which columns.
+        known: first sample whose interval feels only logged forces.
         motion: direction and standstill the friction columns were made from.
         cut_off: of the filter, and why there.
         low_pass: the filter.
-        noise: standard deviation of one position reading, m.
+        kinematics: filtered acceleration and velocity, shape (rows, 2).
+        friction: filtered columns of the other terms, shape (rows, p - 2).
         attenuation: mean square of noise in each column, shape (p,).
-        first: sample of the first row.
+        mean_speed: s of the model, m/s.
     """
 
-    trajectory: Trajectory
+    signals: Signals
     model: Model
-    kinematics: FloatArray
-    friction: FloatArray
+    known: int
     motion: Motion
     cut_off: CutOff
     low_pass: LowPass
-    noise: float
+    kinematics: FloatArray
+    friction: FloatArray
     attenuation: FloatArray
-    first: int
+    mean_speed: float
 
     @classmethod
     def of(
-        cls,
-        trajectory: Trajectory,
-        model: Model,
-        *,
-        cut_off: CutOff,
-        noise: float,
-        delay: float,
-        motion: Motion | None = None,
+        cls, signals: Signals, model: Model, motion: Motion, *, cut_off: CutOff, known: int
     ) -> Regression:
-        """Columns of a log.
-
-        Args:
-            trajectory: the log.
-            model: which columns.
-            cut_off: of the filter.
-            noise: standard deviation of one position reading, m.
-            delay: s; the force can be had with any delay up to this one.
-            motion: direction and standstill; None takes a first look at the position.
-        """
-        step = trajectory.sample_time
-        low_pass = LowPass.at(cut_off.frequency, step)
-        second = np.array([1.0, -2.0, 1.0]) / step**2
-        central = np.array([0.5, 0.0, -0.5]) / step
-        # The central difference averages velocity over a box of two samples, the force over a
-        # triangle: their second moments differ by T²/6, the means by T²/12 of the curvature.
-        boxed = np.convolve(central, [-1 / 12, 7 / 6, -1 / 12])
-        smooth = low_pass(trajectory.position - np.mean(trajectory.position))
-        acceleration = np.convolve(smooth, second, mode="valid")[1:-1]
-        velocity = np.convolve(smooth, boxed, mode="valid")
-        gains = [np.convolve(low_pass.kernel, difference) for difference in (second, boxed)]
-        known = unknown_intervals(delay / step)
-        if motion is None:
-            bend = float(np.sqrt(np.mean(acceleration**2))) * step**2
-            motion = (
-                first_look(trajectory.position, noise=noise, bend=bend)
-                if model.coulomb
-                else always_moving(len(trajectory) - 1)
-            )
+        """Columns of a log; see the attributes."""
+        low_pass = LowPass.at(cut_off.frequency, signals.step)
+        rows = signals.kinematics
         table = cls(
-            trajectory=trajectory,
+            signals=signals,
             model=model,
-            kinematics=np.stack((acceleration, velocity), axis=1)[known:],
-            friction=np.empty((0, 0)),
+            known=known,
             motion=motion,
             cut_off=cut_off,
             low_pass=low_pass,
-            noise=noise,
-            attenuation=noise**2
-            * np.array([np.sum(gain**2) for gain in gains] + [0.0] * (len(model.parameters) - 2)),
-            first=2 + known + low_pass.half,
+            kinematics=np.stack(
+                [low_pass(each)[known:] for each in (rows.acceleration, rows.velocity)], axis=1
+            ),
+            friction=np.empty((0, 0)),
+            attenuation=np.empty(0),
+            mean_speed=0.0,
         )
-        return table.with_motion(motion)
+        return table._with_terms()
 
-    def with_model(self, model: Model) -> Regression:
-        """The same log and filter with other friction terms."""
-        return replace(
-            self,
-            model=model,
-            attenuation=np.append(self.attenuation[:2], np.zeros(len(model.parameters) - 2)),
-        ).with_motion(self.motion if model.coulomb else always_moving(len(self.trajectory) - 1))
-
-    def at_cut_off(self, frequency: float, delay: float) -> Regression:
-        """The same log and direction of motion with another cut-off, Hz."""
-        return Regression.of(
-            self.trajectory,
-            self.model,
-            cut_off=CutOff(frequency=frequency),
-            noise=self.noise,
-            delay=delay,
-            motion=self.motion,
-        )
+    @property
+    def first(self) -> int:
+        """Sample of the first filtered row."""
+        return FIRST + self.low_pass.half + self.known
 
     @property
     def columns(self) -> FloatArray:
         """Shape (rows, p), in the order of the model's parameters."""
         return np.concatenate((self.kinematics, self.friction), axis=1)
 
+    def with_model(self, model: Model) -> Regression:
+        """The same log and filter with other terms."""
+        intervals = self.signals.speed.size
+        motion = self.motion if model.coulomb else Motion.always(intervals, self.signals.steps)
+        return replace(self, model=model, motion=motion)._with_terms()
+
     def with_motion(self, motion: Motion) -> Regression:
         """The same log with another direction of motion."""
-        columns: list[FloatArray] = []
-        if self.model.coulomb:
-            columns.append(self._filtered(motion.direction))
-        if self.model.offset:
-            constant = Held(early=motion.moving, late=motion.moving, fraction=0.0)
-            columns.append(self._filtered(constant))
-        friction = np.stack(columns, 1) if columns else np.empty((len(self.kinematics), 0))
-        return replace(self, motion=motion, friction=friction)
+        return replace(self, motion=motion)._with_terms()
 
-    def _filtered(self, held: Held) -> FloatArray:
-        # Filtered triangles begin at sample 1 + half and end one row after the kinematics.
-        return self.low_pass(held.triangle())[self.first - 1 - self.low_pass.half : -1]
+    def at_cut_off(self, frequency: float) -> Regression:
+        """The same log and direction of motion with another cut-off, Hz."""
+        return Regression.of(
+            self.signals,
+            self.model,
+            self.motion,
+            cut_off=CutOff(frequency=frequency),
+            known=self.known,
+        )
+
+    def held_terms(self, motion: Motion) -> tuple[Held, ...]:
+        """The terms beside mass and damping, unfiltered, for a direction of motion."""
+        return terms(self.model, motion, self.signals.position, self.signals.steps).columns
+
+    def others(self, values: Mapping[str, float]) -> FloatArray:
+        """Mean over each interval of all terms but Coulomb friction, as if nothing stood, N."""
+        columns = self.held_terms(self.motion.released())
+        named = zip(self.model.parameters[2:], columns, strict=True)
+        total = np.zeros(self.signals.speed.size)
+        for name, held in named:
+            if name != "coulomb_friction":
+                total += values[name] * held.mean()
+        return total
+
+    def _with_terms(self) -> Regression:
+        found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
+        columns = [self.filtered(each) for each in found.columns]
+        step, kernel = self.signals.step, self.low_pass.kernel
+        # Noise of a reading, as the second and the central difference pass it on.
+        second = np.convolve(kernel, [1.0, -2.0, 1.0]) / step**2
+        central = np.convolve(kernel, [0.5, 0.0, -0.5]) / step
+        attenuation = np.zeros(len(self.model.parameters))
+        attenuation[:2] = np.sum(second**2), np.sum(central**2)
+        if self.model.directional:
+            attenuation[self.model.parameters.index("damping_asymmetry")] = attenuation[1]
+        return replace(
+            self,
+            friction=np.stack(columns, 1) if columns else np.empty((len(self.kinematics), 0)),
+            attenuation=self.signals.noise**2 * attenuation,
+            mean_speed=found.mean_speed,
+        )
+
+    def filtered(self, held: Held) -> FloatArray:
+        """Rows of a held column, filtered, shape (rows,)."""
+        return self.low_pass(of_rows(held.triangle()))[self.known :]
 
     def held_force(self, delay: float) -> Held:
         """The force where it acts, unfiltered, delay in s."""
-        return delayed(self.trajectory.force, delay / self.trajectory.sample_time)
+        return self.signals.commands.after(delay)
 
     def force(self, delay: float) -> FloatArray:
         """The filtered force with a delay in s, shape (rows,)."""
-        return self._filtered(self.held_force(delay).times(self.motion.moving))
+        return self.filtered(self.held_force(delay).times(self.motion.moving))
 
     def solve(self, delay: float) -> FloatArray:
         """Parameters, shape (p,): least squares, less what noise adds to the squares of columns.
@@ -183,28 +175,27 @@ class Regression:
         """The same with the direction of motion from the fitted model."""
         if not self.model.coulomb:
             return self
+        signals = self.signals
+        applied = self.held_force(delay).mean()
         table, last = self, np.inf
         for _ in range(REFINEMENTS):
-            fitted = dict(zip(self.model.parameters, table.solve(delay), strict=True))
-            friction = fitted["coulomb_friction"]
+            values = dict(zip(self.model.parameters, table.solve(delay), strict=True))
+            friction = values["coulomb_friction"]
             if friction <= 0:
                 # Without friction nothing holds the device still, however slowly it moves.
                 return table.with_motion(table.motion.released())
-            if fitted["mass"] <= 0 or abs(friction - last) < SETTLED * friction:
+            if values["mass"] <= 0 or abs(friction - last) < SETTLED * friction:
                 break
             last = friction
             motion = refined(
-                self.trajectory.position,
-                self.held_force(delay),
-                self.trajectory.sample_time,
+                table.motion,
+                signals.speed,
+                applied - table.others(values),
+                steps=signals.steps,
                 kernel=self.low_pass.kernel,
-                mechanics=Mechanics(
-                    mass=fitted["mass"],
-                    damping=fitted["damping"],
-                    coulomb_friction=friction,
-                    force_offset=fitted.get("force_offset", 0.0),
-                ),
-                motion=table.motion,
+                mass=values["mass"],
+                damping=values["damping"],
+                friction=friction,
             )
             table = table.with_motion(motion)
         return table
@@ -227,27 +218,42 @@ def prepare(
         cut_off: as for estimate.
         refine: settle the direction of motion at this delay.
     """
-    noise = position_noise(trajectory.position, trajectory.force)
-    chosen = choose_cut_off(trajectory, noise) if cut_off is None else CutOff(frequency=cut_off)
-    table = Regression.of(trajectory, model, cut_off=chosen, noise=noise, delay=delay)
+    signals = Signals.of(trajectory)
+    acceleration = signals.kinematics.acceleration
+    chosen = (
+        choose_cut_off(acceleration, signals.step, signals.noise)
+        if cut_off is None
+        else CutOff(frequency=cut_off)
+    )
+    motion = Motion.always(signals.speed.size, signals.steps)
+    if model.coulomb:
+        smooth = LowPass.at(chosen.frequency, signals.step)(acceleration)
+        bend = float(np.sqrt(np.mean(smooth**2))) * signals.step**2
+        motion = first_look(signals.position, signals.steps, noise=signals.noise, bend=bend)
+    known = unknown_intervals(signals.steps, delay)
+    table = Regression.of(signals, model, motion, cut_off=chosen, known=known)
     return table.refined(delay) if refine else table
 
 
 def estimate(
-    trajectory: Trajectory, model: Model, delay: float, *, cut_off: float | None = None
+    trajectory: Trajectory, model: Model, delay: float | None, *, cut_off: float | None = None
 ) -> Estimate:
     """Mass, damping and friction by filtered least squares.
 
     Args:
-        trajectory: the log, n samples at a constant step.
-        model: which friction terms to estimate.
-        delay: s, command to force; a fraction of a sample is honoured.
+        trajectory: the log; time stamps are used as they are.
+        model: which terms to estimate.
+        delay: s, command to force; a fraction of a sample is honoured. None scans for it.
         cut_off: Hz; None chooses one from the log (choose_cut_off).
 
     Returns:
         Estimate with the residual in force, filtered; its notes state the cut-off and what mass
         and damping become at half and at twice of it.
     """
+    if delay is None:
+        from identification.estimators.delay import find_delay
+
+        delay = find_delay(trajectory, model).value
     return fit(prepare(trajectory, model, delay, cut_off=cut_off), delay)
 
 
@@ -256,9 +262,9 @@ def fit(table: Regression, delay: float) -> Estimate:
     force, columns = table.force(delay), table.columns
     values = table.solve(delay)
     residual = force - columns @ values
-    around = spread(columns, residual, len(values), signal=force)
+    around = spread(columns.T, residual, len(values), signal=force)
     low, high = (
-        table.at_cut_off(factor * table.cut_off.frequency, delay).solve(delay)
+        table.at_cut_off(factor * table.cut_off.frequency).solve(delay)
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
     )
     # What depends on the filter is an error of the model, which blocks of one log do not show.
@@ -281,5 +287,6 @@ def fit(table: Regression, delay: float) -> Estimate:
         whiteness=whiteness(residual),
         condition=around.condition,
         inflation=around.inflation,
+        mean_speed=table.mean_speed,
         notes=notes,
     )

@@ -9,6 +9,7 @@ start; ``refined`` adds the fast part of the velocity from the model itself.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,32 +45,25 @@ class Motion:
     direction: Held
     moving: FloatArray
 
+    @classmethod
+    def always(cls, intervals: int, steps: float | FloatArray) -> Motion:
+        """A device without friction never stands still; its direction does not matter."""
+        ones = np.ones(intervals)
+        return cls(direction=Held.constant(ones, steps), moving=ones)
+
     def released(self) -> Motion:
         """The same direction, and nothing that holds the device still."""
         return replace(self, moving=np.ones_like(self.moving))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mechanics:
-    """Values of the model for the refinement, SI units."""
-
-    mass: float
-    damping: float
-    coulomb_friction: float
-    force_offset: float
-
-
-def always_moving(intervals: int) -> Motion:
-    """A device without friction never stands still; its direction does not matter."""
-    ones = np.ones(intervals)
-    return Motion(direction=Held(early=ones, late=ones, fraction=0.0), moving=ones)
-
-
-def first_look(position: FloatArray, *, noise: float, bend: float) -> Motion:
+def first_look(
+    position: FloatArray, steps: float | FloatArray, *, noise: float, bend: float
+) -> Motion:
     """Direction and standstill from the position alone.
 
     Args:
         position: m, shape (n,).
+        steps: of the log, s: one number, or shape (n - 1,).
         noise: standard deviation of one reading, m.
         bend: typical acceleration, m per sample².
     """
@@ -78,22 +72,24 @@ def first_look(position: FloatArray, *, noise: float, bend: float) -> Motion:
         # Variance of the derivative of a Gaussian kernel of width s: σ²/(4·√π·s³).
         ratio = noise / (CROSSING_ERROR * bend)
         width = min((ratio**2 / (4 * np.sqrt(np.pi))) ** (1 / 3), WIDEST)
-    velocity = np.diff(_smooth(position, gaussian(width, 1.0)))
+    velocity = _smooth(np.diff(position) / steps, gaussian(width, 1.0))
     ends = np.concatenate((velocity[:1], (velocity[1:] + velocity[:-1]) / 2, velocity[-1:]))
     even = np.ones(velocity.size)
-    direction = _turning(ends[:-1], ends[1:], even, even)
+    turn = _turning(ends[:-1], ends[1:], even, even)
     moving = 1.0 - _dwelling(position, noise, bend)
-    return Motion(direction=direction.times(moving), moving=moving)
+    return Motion(direction=turn.held(steps).times(moving), moving=moving)
 
 
 def refined(
-    position: FloatArray,
-    force: Held,
-    step: float,
-    *,
-    kernel: FloatArray,
-    mechanics: Mechanics,
     motion: Motion,
+    measured: FloatArray,
+    pull: FloatArray,
+    *,
+    steps: float | FloatArray,
+    kernel: FloatArray,
+    mass: float,
+    damping: float,
+    friction: float,
 ) -> Motion:
     """Direction and standstill with the model's help.
 
@@ -103,43 +99,43 @@ def refined(
     that comes to rest while the force cannot overcome friction stands until it can.
 
     Args:
-        position: m, shape (n,).
-        force: where it acts, N, n - 1 intervals.
-        step: sample time, s.
-        kernel: symmetric smoothing weights.
-        mechanics: mass (positive), damping and friction as estimated so far.
         motion: direction and standstill as known so far.
+        measured: mean velocity of each interval, m/s, shape (n - 1,).
+        pull: mean over each interval of the force less all terms but damping and Coulomb
+            friction, N, shape (n - 1,).
+        steps: of the log, s: one number, or shape (n - 1,).
+        kernel: symmetric smoothing weights.
+        mass: as estimated so far, kg, positive.
+        damping: as estimated so far, N·s/m.
+        friction: Coulomb friction as estimated so far, N, positive.
     """
-    friction = max(mechanics.coulomb_friction, 0.0)
-    measured = np.diff(position) / step
-    pull = force.mean() - mechanics.force_offset
-    net = motion.moving * (pull - friction * motion.direction.mean())
-    drag = mechanics.damping * _smooth(measured, kernel)
-    model = _integral((net - motion.moving * drag) * step / mechanics.mass)
+    net = motion.moving * (
+        pull - friction * motion.direction.mean() - damping * _smooth(measured, kernel)
+    )
+    mobility = steps / mass
+    model = _integral(net * mobility)
     correction = _smooth(measured - (model[:-1] + model[1:]) / 2, kernel)
     velocity = model + np.concatenate(
         (correction[:1], (correction[1:] + correction[:-1]) / 2, correction[-1:])
     )
-    mobility = step / mechanics.mass
-    rest = _rest(velocity[:-1], pull, friction, mobility)
     reach = max(SHORTEST_START, kernel.size // (2 * int(REACH)))
+    rest = _rest(velocity[:-1], pull, friction, mobility)
     start, end = _released(velocity, rest, pull, friction, mobility, reach)
     before = np.abs(pull - friction * np.sign(start))
     after = np.abs(pull - friction * np.sign(end))
-    direction = _turning(start, end, before, after)
+    turn = _turning(start, end, before, after)
     # Standing still, friction equals the pull; inside the interval in which it comes to rest, that
     # is the second part of the direction.
-    stops = (rest > 0) & (rest < 1)
-    direction = Held(
-        early=direction.early,
-        late=np.where(stops, pull / max(friction, np.finfo(float).tiny), direction.late),
-        fraction=np.where(stops, 1 - rest, direction.fraction),
-    )
+    stops = np.flatnonzero((rest > 0) & (rest < 1))
+    turn.late[stops] = pull[stops] / friction
+    turn.fraction[stops] = 1 - rest[stops]
     moving = np.where(rest == 1, 0.0, 1.0)
-    return Motion(direction=direction.times(moving), moving=moving)
+    return Motion(direction=turn.held(steps).times(moving), moving=moving)
 
 
-def _rest(velocity: FloatArray, pull: FloatArray, friction: float, mobility: float) -> FloatArray:
+def _rest(
+    velocity: FloatArray, pull: FloatArray, friction: float, mobility: float | FloatArray
+) -> FloatArray:
     """Part of each interval, at its end, in which static friction holds the device; shape (n - 1,).
 
     Rest begins when the speed is used up, and lasts until the pull exceeds friction.
@@ -148,7 +144,7 @@ def _rest(velocity: FloatArray, pull: FloatArray, friction: float, mobility: flo
         velocity: at the start of each interval, m/s.
         pull: force less offset, N.
         friction: N.
-        mobility: sample time over mass, s/kg.
+        mobility: length of the intervals over mass, s/kg.
     """
     held = np.abs(pull) < friction
     first = held & ~np.concatenate(([False], held[:-1]))
@@ -171,7 +167,7 @@ def _released(
     rest: FloatArray,
     pull: FloatArray,
     friction: float,
-    mobility: float,
+    mobility: float | FloatArray,
     reach: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Velocity at start and end of each interval, counted from zero just after a rest.
@@ -184,14 +180,16 @@ def _released(
     release = np.minimum(last + 1, rest.size - 1)
     sense = np.sign(pull[release])
     gained = _integral(pull * mobility)
-    begun = (last >= 0) & ~resting & (index - last <= reach)
-    speeds: list[FloatArray] = []
-    for shift in (0, 1):
-        lost = sense * friction * mobility * (index + shift - release)
-        since = gained[index + shift] - gained[release] - lost
-        usable = begun & (sense * since >= 0)
-        speeds.append(np.where(usable, since, velocity[index + shift]))
-    return speeds[0], speeds[1]
+    taken = _integral(np.broadcast_to(friction * mobility, pull.shape))
+    begun = np.flatnonzero((last >= 0) & ~resting & (index - last <= reach))
+    from_rest, sense = release[begun], sense[begun]
+    speeds = (velocity[:-1].copy(), velocity[1:].copy())
+    for shift, speed in enumerate(speeds):
+        lost = sense * (taken[begun + shift] - taken[from_rest])
+        since = gained[begun + shift] - gained[from_rest] - lost
+        usable = sense * since >= 0
+        speed[begun[usable]] = since[usable]
+    return speeds
 
 
 def _integral(change: FloatArray) -> FloatArray:
@@ -199,17 +197,32 @@ def _integral(change: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.cumsum(change)))
 
 
-def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: FloatArray) -> Held:
+class _Turn(NamedTuple):
+    """``early`` for a fraction of each interval, then ``late``; each of shape (n - 1,)."""
+
+    early: FloatArray
+    late: FloatArray
+    fraction: FloatArray
+
+    def held(self, steps: float | FloatArray) -> Held:
+        return Held.turning(self.early, self.late, self.fraction, steps)
+
+
+def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: FloatArray) -> _Turn:
     """sign of a velocity that a force ``before`` takes from start to zero, and ``after`` to end.
 
     The velocity reaches zero after |start|/before, and end |end|/after later.
     """
-    turns = start * end < 0
-    sign = np.where(start == 0, np.sign(end), np.sign(start))
-    falling, rising = np.abs(start) * after, np.abs(end) * before
-    total = np.where(turns, falling + rising, 0.0)
-    fraction = np.where(total > 0, falling / np.where(total > 0, total, 1.0), 1.0)
-    return Held(early=sign, late=np.where(turns, np.sign(end), sign), fraction=fraction)
+    sign = np.sign(start)
+    sign[start == 0] = np.sign(end[start == 0])
+    late, fraction = sign.copy(), np.ones_like(sign)
+    turns = np.flatnonzero(start * end < 0)
+    late[turns] = np.sign(end[turns])
+    falling = np.abs(start[turns]) * after[turns]
+    rising = np.abs(end[turns]) * before[turns]
+    total = falling + rising
+    fraction[turns] = np.where(total > 0, falling / np.where(total > 0, total, 1.0), 1.0)
+    return _Turn(early=sign, late=late, fraction=fraction)
 
 
 def _smooth(column: FloatArray, kernel: FloatArray) -> FloatArray:

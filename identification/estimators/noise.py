@@ -38,7 +38,9 @@ def encoder_count(position: FloatArray) -> float | None:
     return count if np.max(np.abs(small / count - np.rint(small / count))) < _OFF_GRID else None
 
 
-def position_noise(position: FloatArray, force: FloatArray) -> float:
+def position_noise(
+    position: FloatArray, force: FloatArray, steps: float | FloatArray = 1.0
+) -> float:
     """Standard deviation of one position reading, m, taken as white, rounding included.
 
     Read from the highest frequencies of the second difference, where a held force moves a device
@@ -50,8 +52,13 @@ def position_noise(position: FloatArray, force: FloatArray) -> float:
     middle = max(0, (position.size - _LONGEST) // 2)
     part = slice(middle, middle + _LONGEST)
     place, push = position[part], force[part]
+    if isinstance(steps, np.ndarray):
+        relative = (steps / np.mean(steps))[part][: place.size - 1]
+        slope, uneven = np.diff(place) / relative, float(np.mean(relative**-2.0))
+    else:
+        slope, uneven = np.diff(place), 1.0
     window = np.hanning(place.size - 2)
-    second = np.fft.rfft((place[2:] - 2 * place[1:-1] + place[:-2]) * window)
+    second = np.fft.rfft(np.diff(slope) * window)
     drive = np.fft.rfft((push[1:-1] + push[:-2]) / 2 * window)
     frequency = np.fft.rfftfreq(window.size)
     band = frequency >= _BAND
@@ -59,7 +66,7 @@ def position_noise(position: FloatArray, force: FloatArray) -> float:
     power = float(np.sum(np.abs(drive) ** 2))
     if power > 0:
         second = second - drive * (np.sum(second * drive.conj()).real / power)
-    gain = (2 * np.sin(np.pi * frequency)) ** 4 * np.sum(window**2)
+    gain = (2 * np.sin(np.pi * frequency)) ** 4 * np.sum(window**2) * uneven
     return max(least, float(np.sqrt(np.mean(np.abs(second) ** 2 / gain))))
 
 

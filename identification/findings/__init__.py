@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from identification.device import Hardware
 from identification.errors import Finding
+from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate
+from identification.findings.balance import balance_of
 from identification.findings.causality import causality
 from identification.findings.excitation import excitation
+from identification.findings.hand import hand
+from identification.findings.heldout import heldout
+from identification.findings.lateness import lateness
+from identification.findings.place import place
 from identification.findings.resolution import resolution
 from identification.findings.sampling import sampling
 from identification.findings.saturation import saturation
+from identification.findings.standing import standing
+from identification.findings.units import mass_unit, units
+from identification.findings.wrapping import wrapping
 from identification.trajectory import Trajectory
 
 #: Every code a finding can have; the list is part of the file format and of the command line.
@@ -46,19 +55,36 @@ def inspect(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding,
     Raises:
         InvalidInputError: a sample time that has nothing to do with the hardware's.
     """
+    wrapped = wrapping(trajectory)
+    if wrapped:  # what else the position says is not the device's
+        return (*sampling(trajectory, hardware), *wrapped, *saturation(trajectory, hardware))
     return (
         *sampling(trajectory, hardware),
+        *units(trajectory, hardware),
         *resolution(trajectory, hardware),
         *saturation(trajectory, hardware),
+        *standing(trajectory, hardware),
     )
 
 
-def judge(trajectory: Trajectory, regression: Estimate, chosen: Estimate) -> tuple[Finding, ...]:
+def judge(
+    trajectory: Trajectory, regression: Estimate, chosen: Estimate, *, delay: Delay | None = None
+) -> tuple[Finding, ...]:
     """What the estimates say about the log.
 
     Args:
-        trajectory: the log.
+        trajectory: the log with its own time stamps.
         regression: the least-squares estimate, whose columns show what was excited.
         chosen: the estimate that is to be used.
+        delay: as read from the log; None if it was stated.
     """
-    return (*causality(trajectory, chosen), *excitation(trajectory, regression, chosen))
+    balance = balance_of(trajectory, chosen)
+    return (
+        *causality(trajectory, balance, chosen),
+        *excitation(trajectory, balance, regression, chosen, delay),
+        *place(trajectory, balance, chosen),
+        *hand(trajectory, balance, chosen),
+        *heldout(trajectory, balance),
+        *lateness(trajectory, delay),
+        *mass_unit(trajectory, chosen.value("mass")),
+    )

@@ -4,28 +4,54 @@ from __future__ import annotations
 
 from identification.errors import Finding
 from identification.estimators.model import Estimate
+from identification.findings.balance import Balance
+from identification.findings.feedback import Law, law_of
 from identification.intervals import half_width
 from identification.trajectory import Trajectory
 
+#: A virtual spring and damper explain the force up to this part of its mean square, ...
+LAW_EXPLAINS = 0.1
+#: ... and leave over at most this part of what mass, damping and friction leave over: no device.
+LAW_BETTER = 0.5
+#: At a single frequency both explain everything. Then the noise of the reading decides: the force
+#: answers to it by this share, ...
+ANSWERS = 0.5
+#: ... and mass and friction do not explain clearly more than the law.
+LAW_AS_GOOD = 2.0
+#: Samples that a spring's force may be late: the hold, and the delay the rows may have taken off.
+_LATE = 5.0
+#: Both leave over less than this part: the log has one frequency.
+_ALL = 0.01
 
-def causality(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
+
+def causality(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
     """``sign-flip`` and ``controller-identified``.
 
     Force with the wrong sign negates every parameter. A device driven by hand against a virtual
-    spring and damper shows the controller instead: F = -K·q - B·q̇ reads as damping -B, however
-    well it fits.
+    spring and damper shows the controller instead: F = -K·q - B·q̇ reads as damping -B, or at one
+    frequency ω as mass K/ω², however well it fits.
     """
     mass, damping = chosen.value("mass"), chosen.value("damping")
     mass_spread, damping_spread = half_width(chosen, "mass"), half_width(chosen, "damping")
-    if mass > 0 and damping + damping_spread >= 0:
-        return ()
     seen = (
         f"{trajectory.source} gives mass {mass:.4g} ± {mass_spread:.2g} and damping "
         f"{damping:.4g} ± {damping_spread:.2g}, explaining {chosen.explained:.2%} of the "
         f"{chosen.residual_unit}"
     )
-    flipped = mass + mass_spread < 0 and damping - damping_spread <= 0
-    if flipped:
+    law = law_of(trajectory, balance)
+    if _controller(trajectory, law):
+        return (
+            _controller_finding(
+                f"F = -{law.stiffness:.4g}·q - {law.damping:.4g}·q̇ explains "
+                f"{1 - law.unexplained:.2%} of the force in {trajectory.source}, mass, damping and "
+                f"friction {1 - law.plant_unexplained:.2%}; the reading of the same sample "
+                f"explains {law.answer:.0%} of what is new in the force",
+                "a force that moves the device, not one computed from its position",
+            ),
+        )
+    if mass > 0 and damping + damping_spread >= 0:
+        return ()
+    if mass + mass_spread < 0 and damping - damping_spread <= 0:
         return (
             Finding(
                 code="sign-flip",
@@ -35,13 +61,32 @@ def causality(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
                 remedy="Give --force-gain the other sign: force is positive along +position.",
             ),
         )
-    return (
-        Finding(
-            code="controller-identified",
-            severity="refusal",
-            seen=seen,
-            needed="positive mass, and damping not clearly negative",
-            remedy="Drive the device by its actuator with the hand off; a log of a hand against "
-            "a virtual spring shows the controller, not the device.",
-        ),
+    return (_controller_finding(seen, "positive mass, and damping not clearly negative"),)
+
+
+def _controller(trajectory: Trajectory, law: Law) -> bool:
+    """A law that pulls back or brakes, and knows the force better than any device would."""
+    # A logged set-point is news from outside, whatever the loop answers.
+    answers = trajectory.reference is None and law.answer >= ANSWERS
+    if answers and law.model_unexplained > LAW_EXPLAINS:
+        return True
+    # A force held from sample to sample is late, which takes some of a spring's damping.
+    late = _LATE * trajectory.sample_time * max(law.stiffness, 0.0)
+    if law.damping + late <= 0 or law.unexplained > LAW_EXPLAINS:
+        return False
+    if law.unexplained <= LAW_BETTER * law.plant_unexplained:
+        return True
+    # What brakes and answers its own reading is a virtual damper; a device takes force to be moved.
+    as_good = law.unexplained <= LAW_AS_GOOD * law.plant_unexplained
+    return answers and law.unexplained <= _ALL and (law.damping > 0 or as_good)
+
+
+def _controller_finding(seen: str, needed: str) -> Finding:
+    return Finding(
+        code="controller-identified",
+        severity="refusal",
+        seen=seen,
+        needed=needed,
+        remedy="Drive the device by its actuator with the hand off; a log of a hand against "
+        "a virtual spring shows the controller, not the device.",
     )

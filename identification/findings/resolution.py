@@ -16,7 +16,9 @@ FEWEST_COUNTS = 100
 def resolution(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
     """``few-counts``."""
     stated = None if hardware is None else hardware.encoder_resolution
-    count = stated or finest_reading(trajectory.position, trajectory.force)
+    count = (
+        finest_reading(trajectory.position, trajectory.force) if stated is None else stated.value
+    )
     travel = float(np.ptp(trajectory.position))
     if travel >= FEWEST_COUNTS * count:
         return ()

@@ -38,6 +38,10 @@ CORNERS_ONLY = (
     "the interior of the box where certificate.interior says corners-only: every corner is "
     "certified, not every point between them"
 )
+POSITION_FORCE = (
+    "the device's own force that depends on position (position_stiffness, gravity): the certified "
+    "loop has none"
+)
 NOT_ASSESSED = (
     "a hand on the device",
     "vibration modes of the mechanism and lag of the current loop",
@@ -118,10 +122,16 @@ def certify(design: Design) -> Certificate:
         worst=worst,
         assumes=ASSUMES,
         not_assessed=(
-            NOT_ASSESSED if set(interior.values()) <= {"proved"} else (CORNERS_ONLY, *NOT_ASSESSED)
+            *((CORNERS_ONLY,) if "corners-only" in interior.values() else ()),
+            *((POSITION_FORCE,) if _pushed_by_place(design) else ()),
+            *NOT_ASSESSED,
         ),
         versions={name: version(name) for name in ("haptune", "numpy", "python-flint")},
     )
+
+
+def _pushed_by_place(design: Design) -> bool:
+    return design.device.position_stiffness is not None or design.device.gravity is not None
 
 
 def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:

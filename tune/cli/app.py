@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tune.cli import calibrate, check, demo, identify, new, simulate, tune
+from tune.cli import calibrate, check, demo, doctor, excite, identify, new, simulate, tune
 from tune.cli.session import EXIT_INTERRUPTED, EXIT_USAGE, prepare_streams, report_usage
 
 #: What every complaint about options and arguments derives from; typer does not export it.
@@ -27,11 +27,13 @@ app = typer.Typer(
 )
 for _name, _command, _summary in (
     ("demo", demo.demo, "Try it: bundled log to profile, with pictures."),
-    ("new", new.new, "Write a template of hardware.yaml or scene.yaml."),
+    ("new", new.new, "Write a template of a file."),
+    ("doctor", doctor.doctor, "What logs can and cannot support."),
     ("identify", identify.identify, "Logs to device.yaml."),
     ("tune", tune.tune, "Device and scene to profile.yaml."),
     ("calibrate", calibrate.calibrate, "Logs and scene to profile.yaml: the main job."),
     ("check", check.check, "Re-compute a profile by another path."),
+    ("excite", excite.excite, "Plan a force that tells mass and damping best."),
     ("simulate", simulate.simulate, "Rehearse: a simulated log of a known device."),
 ):
     app.command(_name, short_help=_summary)(_command)

@@ -17,6 +17,7 @@ class Kind(StrEnum):
 
     hardware = "hardware"
     scene = "scene"
+    excitation = "excitation"
 
 
 def new(
@@ -33,7 +34,7 @@ def new(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a commented template of hardware.yaml or scene.yaml."""
+    """Write a commented template of hardware.yaml, scene.yaml or excitation.yaml."""
 
     def action(session: Session) -> None:
         from identification import UsageError, named_devices
@@ -62,14 +63,13 @@ def hardware_of(name: str) -> str:
     from identification import Hardware, load_device, to_mapping, to_yaml
 
     device = load_device(name)
-    resolution = device.encoder_resolution
     hardware = Hardware(
         name=device.name,
         axis=device.axis,
         motion=device.motion,
         sample_time=device.sample_time,
         delay=device.delay,
-        encoder_resolution=None if resolution is None else resolution.value,
+        encoder_resolution=device.encoder_resolution,
         force_limit=device.force_limit,
     )
     return to_yaml(to_mapping(hardware), f"Hardware of the known device {name}; check it on yours.")

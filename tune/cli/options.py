@@ -14,7 +14,10 @@ class Method(StrEnum):
 
     auto = "auto"
     least_squares = "least-squares"
+    weak = "weak"
+    instruments = "instruments"
     output_error = "output-error"
+    innovations = "innovations"
 
 
 class MarginChoice(StrEnum):
@@ -25,8 +28,8 @@ class MarginChoice(StrEnum):
     firm = "firm"
 
 
-Logs = Annotated[list[Path], typer.Argument(help="Logs of one axis: CSV or MAT.")]
-Time = Annotated[str, typer.Option("--time", metavar="COL", help="Column of time, s.")]
+Logs = Annotated[list[Path], typer.Argument(help="Logs of one axis: CSV, Parquet, MAT or NPZ.")]
+Time = Annotated[str, typer.Option("--time", metavar="COL", help="Column of time, in seconds.")]
 Force = Annotated[
     str, typer.Option("--force", metavar="COL", help="Column of the actuator's force.")
 ]

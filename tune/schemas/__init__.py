@@ -1,4 +1,4 @@
-"""JSON Schemas of the four files, generated from the models that read them.
+"""JSON Schemas of the files, generated from the models that read them.
 
 ``python -m tune.schemas`` writes them anew. A schema says all that can be said of one key at a
 time; what keys say together (low <= value <= high, known names in ``together``) only the reader
@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from identification import Device, Document, Hardware
+from identification import Device, Document, ExcitationSpec, Hardware
 from tune.profile import SafeProfile
 from tune.scene import Scene
 
@@ -20,6 +20,7 @@ _MODELS: dict[str, type[Document]] = {
     "hardware": Hardware,
     "device": Device,
     "scene": Scene,
+    "excitation": ExcitationSpec,
     "profile": SafeProfile,
 }
 

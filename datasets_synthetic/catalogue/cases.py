@@ -1,0 +1,111 @@
+"""The refusal catalogue: for every finding a mild, a plain and a severe log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from datasets_synthetic.catalogue import arrays, machines
+from datasets_synthetic.catalogue.raw import RawLog
+from identification import Hardware
+
+Level = Literal["mild", "plain", "severe"]
+LEVELS: tuple[Level, ...] = ("mild", "plain", "severe")
+
+#: What a user of the device knows: everything but the delay.
+_KNOWN = Hardware.model_validate(
+    {"encoder_resolution": 6e-6, "force_limit": {"continuous": 14.0, "peak": 40.0}}
+)
+_NOTHING = Hardware()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One faulty log.
+
+    Attributes:
+        code: of the finding it must have, plain and severe; mild it may.
+        level: how bad it is.
+        log: its columns.
+        hardware: what is known beside it; its motion is that of the log.
+    """
+
+    code: str
+    level: Level
+    log: RawLog
+    hardware: Hardware
+
+
+def cases(seed: int) -> tuple[Case, ...]:
+    """Three logs for each finding code, 57 in all."""
+    first, second, third = machines.good(seed)
+    three = (first, second, third)
+    broken: dict[str, tuple[RawLog, ...]] = {
+        "not-exciting-mass": machines.slow(seed),
+        "not-exciting-damping": machines.fast(seed),
+        "few-counts": tuple(map(arrays.counted, three, (130, 60, 8))),
+        "force-saturated": tuple(map(arrays.clipped, three, (0.9, 0.5, 0.2))),
+        "dropped-samples": (
+            arrays.dropped(first, 0.01, seed),
+            arrays.dropped(second, 0.33, seed),
+            arrays.dropped(third, 0.5, seed, gap=0.3),
+        ),
+        "jitter": machines.jittered(seed),
+        "clock-backward": (
+            arrays.backward(first, 1, 0.001, seed),
+            arrays.backward(second, 20, 0.0025, seed),
+            arrays.backward(third, 0, 0.0, seed),
+        ),
+        "encoder-wrap": tuple(map(arrays.wrapped, three, (0.98, 0.5, 0.1))),
+        "sign-flip": tuple(arrays.in_units(log, force=-1.0) for log in (first, second, third)),
+        "gravity": machines.on_an_arm(seed),
+        "stiction": machines.sticking(seed),
+        "hand-on-device": machines.held(seed),
+        "controller-identified": machines.rendered(seed),
+        "delay-unknown": machines.late(seed),
+        "non-finite": (
+            arrays.with_holes(first, 1, seed),
+            arrays.with_holes(second, 80, seed),
+            arrays.with_holes(third, 4000, seed, infinite=True),
+        ),
+        "constant-column": (
+            replace(first, force=np.full_like(first.force, 3.0)),
+            replace(second, position=np.zeros_like(second.position)),
+            replace(third, force=np.zeros_like(third.force), position=np.ones_like(third.position)),
+        ),
+        "too-short": tuple(
+            log.rows(slice(0, samples)) for log, samples in zip(three, (190, 60, 5), strict=True)
+        ),
+        "heldout-misfit": tuple(map(arrays.weakened, three, (0.02, 0.35, 1.5))),
+    }
+    # In volts of 30 N each nothing shows. A log in mN exceeds the hardware; counts show themselves.
+    units = (
+        (arrays.in_units(first, force=1 / 30), _NOTHING),
+        (arrays.in_units(second, force=1000.0), _KNOWN),
+        (arrays.in_counts(third, force=2047, position=20000), _NOTHING),
+    )
+    # How well the delay is known beside fast motion: to a tenth of a sample, or hardly at all.
+    delays: dict[tuple[str, Level], dict[str, float]] = {
+        ("not-exciting-damping", "mild"): {"value": 1e-3, "low": 0.9e-3, "high": 1.1e-3},
+        ("not-exciting-damping", "plain"): {"value": 1e-3, "low": 0.0, "high": 2e-3},
+        ("not-exciting-damping", "severe"): {"value": 1e-3, "low": 0.0, "high": 4e-3},
+    }
+    found = [
+        Case(
+            code=code,
+            level=level,
+            log=log,
+            hardware=Hardware.model_validate(
+                {"motion": log.motion, "delay": delays.get((code, level))}
+            ),
+        )
+        for code, logs in broken.items()
+        for level, log in zip(LEVELS, logs, strict=True)
+    ]
+    found += [
+        Case(code="force-unit", level=level, log=log, hardware=hardware)
+        for level, (log, hardware) in zip(LEVELS, units, strict=True)
+    ]
+    return tuple(found)

@@ -1,0 +1,113 @@
+"""A family of logs: one device, one motion and one kind of imperfection, any number of seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datasets_synthetic.clock import Clock
+from datasets_synthetic.controller import Servo
+from datasets_synthetic.faults import Faults
+from datasets_synthetic.hand import Hand
+from datasets_synthetic.recording import Recording
+from datasets_synthetic.rig import Rig
+from datasets_synthetic.simulation import simulate
+from identification import Hardware, Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Logs simulated at a time: 200 of 4 s at 1 kHz take some 50 MB.
+_CHUNK = 200
+#: What a family's truth states of its rig.
+_TRUE = (
+    "mass",
+    "damping",
+    "coulomb_friction",
+    "force_offset",
+    "damping_asymmetry",
+    "coulomb_asymmetry",
+    "stiffness",
+    "gravity_sine",
+    "gravity_cosine",
+    "delay",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """What moves a device, noise apart.
+
+    Attributes:
+        force: N (N·m), shape (1, n): all of it, or the feed-forward of the servo.
+        start: position at t = 0, m (rad).
+        servo: that follows a logged reference, or None in open loop.
+    """
+
+    force: FloatArray
+    start: float
+    servo: Servo | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Family:
+    """Logs that differ by seed in their noise, their jitter and their lost rows only.
+
+    So the scatter of an estimate over seeds is its statistical error and its mean is its bias.
+
+    Attributes:
+        name: of the family.
+        description: one sentence.
+        rig: the true device, one member.
+        drive: computes what moves it.
+        faults: noise.
+        hand: on the device, or None.
+        clock: uneven stamps and lost rows, or None.
+        hardware: what would be stated of the device beside its log, or None. The delay is not
+            stated unless the description says so.
+    """
+
+    name: str
+    description: str
+    rig: Rig
+    drive: Callable[[], Drive]
+    faults: Faults = field(default_factory=Faults)
+    hand: Hand | None = None
+    clock: Clock | None = None
+    hardware: Hardware | None = None
+
+    @property
+    def truth(self) -> Mapping[str, float]:
+        """True values by the names of Rig; friction as the mean of both directions, SI units."""
+        return MappingProxyType({key: float(getattr(self.rig, key)[0]) for key in _TRUE})
+
+    def logs(self, seeds: Sequence[int]) -> list[Trajectory]:
+        """One log a seed, the same whatever the other seeds; a log takes some 100 kB."""
+        return [
+            recording.trajectory(member)
+            for recording in self.recordings(seeds)
+            for member in range(recording.batch)
+        ]
+
+    def recordings(self, seeds: Sequence[int]) -> list[Recording]:
+        """The same in chunks, lost rows included."""
+        drive = self.drive()
+        return [
+            replace(
+                simulate(
+                    self.rig,
+                    drive.force,
+                    controller=drive.servo,
+                    hand=self.hand,
+                    faults=self.faults,
+                    clock=self.clock,
+                    seed=seeds[first : first + _CHUNK],
+                    position=drive.start,
+                ),
+                source=f"simulated {self.name}",
+            )
+            for first in range(0, len(seeds), _CHUNK)
+        ]

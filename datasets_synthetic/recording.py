@@ -1,0 +1,78 @@
+"""What a simulation leaves behind: the logs of a batch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import Trajectory
+
+FloatArray = NDArray[np.float64]
+Motion = Literal["linear", "rotary"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Logs of a batch; arrays read-only. Rows that were lost from a log are still in the arrays.
+
+    Attributes:
+        sample_time: s, shape (batch,); the mean step where stamps are uneven.
+        force: as commanded after the limit and before the delay, N (N·m), shape (batch, n).
+        position: as the encoder reads it, m (rad), shape (batch, n).
+        axis: name of the axis.
+        motion: "linear" or "rotary".
+        source: where the recording comes from, for messages.
+        stamps: true instants of uneven samples, s, shape (batch, n), or None for even ones.
+        reference: what a servo followed, m (rad), shape (batch, n), or None.
+        kept: which rows reached the log, shape (batch, n), or None for all.
+    """
+
+    sample_time: FloatArray
+    force: FloatArray
+    position: FloatArray
+    axis: str = "x"
+    motion: Motion = "linear"
+    source: str = "simulated"
+    stamps: FloatArray | None = None
+    reference: FloatArray | None = None
+    kept: NDArray[np.bool_] | None = None
+
+    @property
+    def batch(self) -> int:
+        """Number of logs."""
+        return self.sample_time.size
+
+    @property
+    def time(self) -> FloatArray:
+        """True instants of the samples, s, shape (batch, n)."""
+        if self.stamps is not None:
+            return self.stamps
+        return self.sample_time[:, None] * np.arange(self.force.shape[1], dtype=np.float64)
+
+    def trajectory(self, member: int = 0) -> Trajectory:
+        """The log of one member. Raises LogRefusedError if it is no log (too short, diverged)."""
+        rows = slice(None) if self.kept is None else self.kept[member]
+        if self.stamps is None:
+            step = float(self.sample_time[member])
+            time = step * np.arange(self.force.shape[1], dtype=np.float64)
+        else:
+            time = self.stamps[member]
+        return Trajectory(
+            time=time[rows],
+            force=self.force[member][rows],
+            position=self.position[member][rows],
+            reference=None if self.reference is None else self.reference[member][rows],
+            axis=self.axis,
+            motion=self.motion,
+            source=self.source,
+        )
+
+
+def frozen(array: FloatArray) -> FloatArray:
+    """A read-only contiguous copy."""
+    copy = np.array(array, order="C")
+    copy.setflags(write=False)
+    return copy

@@ -1,0 +1,89 @@
+"""Which method to believe, and why."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.estimators.model import Estimate, Model
+from identification.estimators.noise import finest_reading
+from identification.estimators.shaping import is_coloured
+from identification.workshop import Workshop
+
+#: A residual of at most this many counts rms is the encoder's own, whatever its colour: rounding
+#: alone is 0.289, and it is not white where the device moves slowly.
+ENCODER_RESIDUAL = 0.295
+#: Two methods disagree if they differ by more than this many standard deviations of the difference
+#: (Hausman, Econometrica 46, 1978, p. 1251); the wider of the two intervals is taken for it.
+DISAGREEMENT = 3.0
+
+
+def noise_explains(workshop: Workshop) -> str | None:
+    """A sentence if position noise explains what output error leaves, or None."""
+    simulated = workshop.fit("output-error")
+    if not is_coloured(simulated.residual):
+        return "its residual is white in every octave"
+    trajectory = workshop.trajectory
+    count = finest_reading(trajectory.position, trajectory.force)
+    counts = float(np.sqrt(np.mean(simulated.residual**2))) / count
+    if counts <= ENCODER_RESIDUAL:
+        return (
+            f"its residual is {counts:.2f} encoder counts rms (at most {ENCODER_RESIDUAL:g}), no "
+            "more than rounding"
+        )
+    return None
+
+
+def choose(workshop: Workshop, method: str) -> tuple[Estimate, str]:
+    """The estimate to believe and a sentence why.
+
+    Args:
+        workshop: of one log.
+        method: "auto" or a key of estimators.METHODS.
+    """
+    regression = workshop.fit("least-squares")
+    if method == "least-squares":
+        return regression, "least squares as asked"
+    if regression.value("mass") <= 0:
+        return regression, "least squares, because it gives no positive mass to start others from"
+    if method != "auto":
+        return workshop.fit(method), f"{method.replace('-', ' ')} as asked"
+    sentence = noise_explains(workshop)
+    if sentence is not None:
+        return workshop.fit("output-error"), f"output error, because {sentence}"
+    return robust(workshop, workshop.model)
+
+
+def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
+    """The estimate to believe where forces act that the log does not know.
+
+    Innovations weigh every frequency by what it tells, so they are best where the model is right.
+    Where it is not (friction that no sign of the velocity describes), they follow its errors at
+    high frequencies; least squares stays where the motion is. The two then disagree, which is
+    Hausman's test, and the estimate that leans on less is taken.
+    """
+    regression = workshop.refit("least-squares", model)
+    predicted = workshop.refit("innovations", model)
+    apart = disagreement(predicted, regression)
+    if predicted.value("mass") > 0 and not apart:
+        return predicted, (
+            "innovations, because the residual of output error is coloured: forces act that the "
+            "log does not know"
+        )
+    reason = (
+        f"because innovations say {apart}: the friction or another force is not what the model has"
+    )
+    instrumental = workshop.refit("instruments", model)
+    apart = disagreement(instrumental, regression)
+    if apart and instrumental.value("mass") > 0 and workshop.has_reference:
+        return instrumental, f"instruments, {reason}, and least squares {apart}: it is biased"
+    return regression, f"least squares, {reason}"
+
+
+def disagreement(one: Estimate, other: Estimate) -> str:
+    """Mass and damping of two methods that differ by more than chance; "" if they agree."""
+    return ", ".join(
+        f"{name} {one.value(name):.4g} instead of {other.value(name):.4g}"
+        for name in ("mass", "damping")
+        if abs(one.value(name) - other.value(name))
+        > DISAGREEMENT * max(one.deviation(name), other.deviation(name))
+    )

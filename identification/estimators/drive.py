@@ -1,0 +1,72 @@
+"""What drives the device in one log: the delayed force and the terms beside mass and damping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators.held import Commands, Held
+from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.least_squares import Regression
+
+FloatArray = NDArray[np.float64]
+
+#: Longest delay looked for, sample times; a longer one is to be stated.
+MOST_SAMPLES = 4
+#: Fastest |p| searched, per sample: there the motion dies within a sample.
+_FASTEST = 2.0
+#: Fastest growth searched, per log: e^50 exceeds any travel.
+_GROWTH = 50.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """Inputs of one log; the delay is given, or one more nonlinear parameter.
+
+    Attributes:
+        commands: forces as logged.
+        terms: columns of the terms beside mass and damping.
+        moving: 1, or 0 where the device stands, shape (n - 1,).
+        steps: of the log, s.
+        delay: s, or None if it is fitted.
+    """
+
+    commands: Commands
+    terms: tuple[Held, ...]
+    moving: FloatArray
+    steps: float | FloatArray
+    delay: float | None
+
+    @classmethod
+    def of(cls, table: Regression, delay: float | None) -> Drive:
+        """Inputs as a prepared regression knows them."""
+        return cls(
+            commands=table.signals.commands,
+            terms=table.held_terms(table.motion),
+            moving=table.motion.moving,
+            steps=table.signals.steps,
+            delay=delay,
+        )
+
+    def inputs(self, delay: float) -> tuple[Held, ...]:
+        """Force, then the terms, where they act."""
+        return (self.commands.after(delay).times(self.moving), *self.terms)
+
+    def slope_by_delay(self, device: Coasting, delay: float) -> Gain:
+        """What the force adds in each interval, differentiated by its delay."""
+        force = self.commands.after(delay)
+        later = device.slope_by_delay(force, float(self.commands.value[0]))
+        return Gain(velocity=later.velocity * self.moving, distance=later.distance * self.moving)
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """p searched, 1/s."""
+        step = float(np.mean(self.steps))
+        return -_GROWTH / step / self.moving.size, _FASTEST / step
+
+    @property
+    def delays(self) -> tuple[float, float]:
+        """Delays searched, s."""
+        return 0.0, MOST_SAMPLES * float(np.mean(self.steps))

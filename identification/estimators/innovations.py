@@ -1,0 +1,250 @@
+"""Innovations: each position predicted from the past, with position noise and unlogged forces.
+
+White noise on the position and white forces on the device together make the equation of motion,
+row by row, a moving average of two terms in independent innovations (the steady Kalman filter:
+Ljung, System Identification, 1999, section 4.3; an ARMAX model whose A is the device). Its two
+coefficients c1, c2 are fitted with p = b/m; what else colours the force (tremor, friction that the
+model misses) is taken out by a filter made from the spectrum of the rest (shaping.py). Without
+unlogged force it is output error, with nothing else least squares; it is consistent in closed loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators import least_squares
+from identification.estimators.delay import find_delay
+from identification.estimators.drive import Drive
+from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.linear import explained
+from identification.estimators.model import Estimate, Model
+from identification.estimators.separable import physical, solve
+from identification.estimators.shaping import is_coloured, whitener
+from identification.estimators.whiteness import whiteness
+from identification.intervals import spread
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Ratios of unlogged force to position noise tried as starts, as the corner frequency above which
+#: position noise rules, in parts of the sampling rate.
+_CORNERS = (0.3, 0.1, 0.03, 0.01, 0.003)
+#: Coefficients stay this far inside of what has a stable inverse.
+_INSIDE = 1e-6
+#: Times the filter for what is left coloured is made anew.
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Problem:
+    """Innovations of one log as a separable model in θ = (p, c1, c2) or (p, c1, c2, delay).
+
+    Attributes:
+        drive: inputs.
+        position: about its mean, m, shape (n,).
+        known: first row that feels only logged forces.
+        shape: taps of a filter that whitens what C leaves coloured, leading 1.
+    """
+
+    drive: Drive
+    position: FloatArray
+    known: int
+    shape: FloatArray
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        ranges = [self.drive.rates, (-2.0, 2.0), (-1.0, 1.0)]
+        ranges += [self.drive.delays] if self.drive.delay is None else []
+        low, high = np.array(ranges).T
+        return low, high
+
+    def allowed(self, theta: FloatArray) -> bool:
+        """The moving average has a stable inverse (Jury's triangle)."""
+        first, second = theta[1:3]
+        return bool(second < 1 - _INSIDE and abs(first) < 1 + second + _INSIDE)
+
+    def _delay(self, theta: FloatArray) -> float:
+        return float(theta[3]) if self.drive.delay is None else self.drive.delay
+
+    def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        device = Coasting.at(float(theta[0]), self.drive.steps)
+        inputs = self.drive.inputs(self._delay(theta))
+        columns = np.zeros((len(inputs) + 2, self.position.size - 2 - self.known))
+        for index, held in enumerate(inputs):
+            columns[index] = self._scaled(device, _row(device, device.gain(held)))
+        columns[-2, 0] = columns[-1, 1] = 1.0
+        target = self._scaled(device, _row_of_position(device, self.position))
+        return self._whitened(columns, theta), self._whitened(target, theta)
+
+    def slopes(self, theta: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
+        device = Coasting.at(float(theta[0]), self.drive.steps)
+        misfit = -_row_of_position(device, self.position)
+        slope = -_slope_of_position(device, self.position)
+        inputs = self.drive.inputs(self._delay(theta))
+        for weight, held in zip(weights, inputs, strict=False):
+            gain = device.gain(held)
+            misfit += weight * _row(device, gain)
+            slope += weight * _row_slope(device, gain, device.slope_by_rate(held))
+        scale_slope = np.mean(device.whole.speed_slope)
+        by_rate = self._scaled(device, slope) + scale_slope * misfit[self.known :]
+        # The innovations change with c1 and c2 by minus their own past through 1/C.
+        past = self._averaged(residual, theta)
+        slopes = [self._whitened(by_rate, theta), np.zeros_like(past), np.zeros_like(past)]
+        slopes[1][1:], slopes[2][2:] = past[:-1], past[:-2]
+        if self.drive.delay is None:
+            later = _row(device, self.drive.slope_by_delay(device, self._delay(theta)))
+            slopes.append(self._whitened(weights[0] * self._scaled(device, later), theta))
+        return np.stack(slopes)
+
+    def _scaled(self, device: Coasting, rows: FloatArray) -> FloatArray:
+        """Rows of speed as rows of position: the weight of the newest reading does not lean on p.
+
+        Otherwise a p that makes the rows smaller would seem to explain them better.
+        """
+        return float(np.mean(device.whole.speed)) * rows[self.known :]
+
+    def _averaged(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
+        """Rows through 1/C."""
+        from scipy.signal import lfilter
+
+        return lfilter([1.0], [1.0, theta[1], theta[2]], rows, axis=-1)
+
+    def _whitened(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
+        """Rows through 1/C and the shape."""
+        from scipy.signal import oaconvolve
+
+        averaged = self._averaged(rows, theta)
+        if self.shape.size == 1:
+            return averaged
+        shape = self.shape if rows.ndim == 1 else self.shape[None]
+        return oaconvolve(averaged, shape, axes=-1)[..., : rows.shape[-1]]
+
+
+def _earlier(of_intervals: FloatArray) -> FloatArray:
+    """Of the interval before each inner sample."""
+    return of_intervals if of_intervals.ndim == 0 else of_intervals[:-1]
+
+
+def _difference(column: FloatArray, decay: FloatArray) -> FloatArray:
+    """Each interval less what the decay leaves of the one before."""
+    return column[1:] - _earlier(decay) * column[:-1]
+
+
+def _row(device: Coasting, gain: Gain) -> FloatArray:
+    """What a column adds to the difference of speeds at inner samples, shape (n - 2,)."""
+    return gain.velocity[:-1] + _difference(gain.distance / device.whole.speed, device.whole.decay)
+
+
+def _row_slope(device: Coasting, gain: Gain, slope: Gain) -> FloatArray:
+    """Derivative of a row by p."""
+    whole = device.whole
+    share = gain.distance / whole.speed
+    changed = slope.distance / whole.speed - share * whole.speed_slope / whole.speed
+    bent = _difference(changed, whole.decay) - _earlier(whole.decay_slope) * share[:-1]
+    return slope.velocity[:-1] + bent
+
+
+def _row_of_position(device: Coasting, position: FloatArray) -> FloatArray:
+    """The same difference of speeds as the positions tell it."""
+    return _difference(np.diff(position) / device.whole.speed, device.whole.decay)
+
+
+def _slope_of_position(device: Coasting, position: FloatArray) -> FloatArray:
+    """Derivative of that by p."""
+    whole = device.whole
+    speed = np.diff(position) / whole.speed
+    changed = _difference(-speed * whole.speed_slope / whole.speed, whole.decay)
+    return changed - _earlier(whole.decay_slope) * speed[:-1]
+
+
+def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate:
+    """Mass, damping and friction by a Kalman innovations fit.
+
+    Args:
+        trajectory: the log; time stamps are used as they are.
+        model: which terms to estimate.
+        delay: s, command to force, a fraction of a sample is honoured; None fits it, from 0 to
+            MOST_SAMPLES samples.
+
+    Returns:
+        Estimate with the residual, the innovations, in position (m).
+    """
+    start = find_delay(trajectory, model).value if delay is None else delay
+    return fit(least_squares.prepare(trajectory, model, start), delay, start=start)
+
+
+def fit(table: least_squares.Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
+    """The same from a prepared regression, which gives the start and the direction of motion.
+
+    Args:
+        table: with at least as many known intervals as the delay needs.
+        delay: as for estimate.
+        start: where the search for the delay begins, s.
+    """
+    signals = table.signals
+    problem = _Problem(
+        drive=Drive.of(table, delay),
+        position=signals.position - np.mean(signals.position),
+        known=table.known,
+        shape=np.ones(1),
+    )
+    first = start if delay is None else delay
+    mass, damping = table.solve(first)[:2]
+    best = solve(problem, _start(problem, damping / mass if mass > 0 else 0.0, first))
+    for _ in range(_ROUNDS):
+        if not is_coloured(best.residual):
+            break
+        rows, target = replace(problem, shape=np.ones(1)).at(best.theta)
+        problem = replace(problem, shape=whitener(target - best.weights @ rows))
+        best = solve(problem, best.theta)
+    values, jacobian = physical(best, len(table.model.parameters))
+    size, fitted = len(values), int(delay is None)
+    if fitted:  # the delay right after the parameters, before the noise model
+        order = [*range(size), size + 2, size, size + 1, *range(size + 3, len(jacobian))]
+        jacobian = jacobian[order]
+    around = spread(jacobian, best.residual, size + fitted, signal=values[0] * jacobian[0])
+    notes = [
+        f"moving average 1 {best.theta[1]:+.4f} {best.theta[2]:+.4f} "
+        + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
+    ]
+    notes += [] if best.converged else ["the search ended before it settled"]
+    return Estimate(
+        method="innovations",
+        model=table.model,
+        delay=float(best.theta[3]) if fitted else first,
+        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
+        values=values,
+        covariance=around.covariance[:size, :size],
+        degrees_of_freedom=around.degrees_of_freedom,
+        residual=best.residual,
+        residual_unit="position",
+        explained=explained(best.target, best.residual),
+        whiteness=whiteness(best.residual),
+        condition=around.condition,
+        inflation=around.inflation[:size],
+        mean_speed=table.mean_speed,
+        notes=tuple(notes),
+    )
+
+
+def _start(problem: _Problem, rate: float, delay: float) -> FloatArray:
+    """The best moving average of a few ratios of force to position noise, at one p and delay."""
+    trials: list[tuple[float, FloatArray]] = []
+    for corner in _CORNERS:
+        theta = np.array([rate, *_moving_average(corner), delay])
+        theta = theta[: 4 if problem.drive.delay is None else 3]
+        columns, target = problem.at(theta)
+        norms = np.linalg.norm(columns, axis=1)
+        weights: FloatArray = np.linalg.lstsq((columns / norms[:, None]).T, target, rcond=None)[0]
+        residual = target - (weights / norms) @ columns
+        trials.append((float(residual @ residual), theta))
+    return min(trials, key=lambda trial: trial[0])[1]
+
+
+def _moving_average(corner: float) -> tuple[float, float]:
+    """c1, c2 whose roots are those of a critically tuned filter of a corner, part of the rate."""
+    pole = np.exp(np.sqrt(2) * np.pi * corner * (-1 + 1j))
+    return -2 * float(pole.real), float(abs(pole) ** 2)

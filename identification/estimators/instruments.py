@@ -1,0 +1,281 @@
+"""Instrumental variables: filtered rows tested against columns free of the log's own noise.
+
+Columns computed from a measured position carry its noise and, in closed loop, so does the force;
+both bias least squares. Instruments are the same columns of a position that does not carry it: the
+part of the position that a logged reference explains, or, without one, the noise-free device moved
+by the logged force, simulated with the estimate and estimated again until both agree (refined
+instrumental variables: Young, Recursive Estimation and Time-Series Analysis, 2011, chapter 8). The
+simulated ones are valid in open loop only: in closed loop the logged force carries the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators.delay import find_delay
+from identification.estimators.drive import MOST_SAMPLES, Drive
+from identification.estimators.held import Commands, Held
+from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.least_squares import Regression, prepare
+from identification.estimators.linear import explained, unit_columns
+from identification.estimators.model import Estimate, Model
+from identification.estimators.motion import Motion
+from identification.estimators.rows import Kinematics
+from identification.estimators.terms import terms
+from identification.estimators.whiteness import whiteness
+from identification.intervals import spread
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Estimates at most with simulated instruments; ...
+_MOST_ROUNDS = 10
+#: ... they have settled when no fit moves by more than this part of the residual.
+_SETTLED = 1e-3
+#: Past values of the reference that make up the position it explains, ...
+_LAGS = 40
+#: ... this far apart, in periods of the low-pass: closer ones are alike.
+_LAG = 0.25
+#: Half of the difference of delays for the slope of the force, in samples: it need not be exact,
+#: as the force itself is taken anew at every delay.
+_NUDGE = 0.05
+#: Combinations of past values smaller than this part of the largest are left out: the reference
+#: does not excite them.
+_UNEXCITED = 1e-6
+
+
+def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate:
+    """Mass, damping and friction by instrumental variables.
+
+    Args:
+        trajectory: the log; time stamps are used as they are; its reference is used if it moves.
+        model: which terms to estimate.
+        delay: s, command to force; a fraction of a sample is honoured. None fits it, from 0 to
+            MOST_SAMPLES samples.
+
+    Returns:
+        Estimate with the residual in force, filtered; its first note says which instruments.
+    """
+    if delay is not None:
+        return fit(prepare(trajectory, model, delay), delay)
+    start = find_delay(trajectory, model).value
+    room = min(start + trajectory.sample_time, MOST_SAMPLES * trajectory.sample_time)
+    table = prepare(trajectory, model, room, refine=False).refined(start)
+    return fit(table, None, start=start)
+
+
+def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
+    """The same from a prepared regression, which gives the filter and the direction of motion.
+
+    Args:
+        table: with at least as many known intervals as the delay needs.
+        delay: as for estimate.
+        start: where the search for the delay begins, s.
+    """
+    source = _Simulated(table) if table.signals.reference is None else _Referenced.of(table)
+    size, fits_delay = len(table.model.parameters), delay is None
+    first = start if delay is None else delay
+    best = _improved(table, source, table.solve(first), first, fits_delay=fits_delay)
+    for _ in range(_MOST_ROUNDS):
+        if best.settled:
+            break
+        best = _improved(table, source, best.values, best.delay, fits_delay=fits_delay)
+    force, residual = best.force, best.residual
+    around = spread(
+        best.columns.T, residual, size + fits_delay, signal=force, instruments=best.tests.T
+    )
+    notes = (source.note, table.cut_off.reason)
+    return Estimate(
+        method="instruments",
+        model=table.model,
+        delay=best.delay,
+        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fits_delay else None,
+        values=best.values,
+        covariance=around.covariance[:size, :size],
+        degrees_of_freedom=around.degrees_of_freedom,
+        residual=residual,
+        residual_unit="force",
+        explained=explained(force, residual),
+        whiteness=whiteness(residual),
+        condition=around.condition,
+        inflation=around.inflation[:size],
+        mean_speed=table.mean_speed,
+        notes=notes if best.settled else (*notes, "the instruments did not settle"),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Solution:
+    """Parameters and what they were solved from.
+
+    Attributes:
+        values: shape (p,).
+        delay: s.
+        columns: shape (rows, q); q is p, or p + 1 if the delay is fitted.
+        tests: instruments, shape (rows, q).
+        force: N, shape (rows,).
+        residual: N, shape (rows,).
+        settled: whether the last step was short.
+    """
+
+    values: FloatArray
+    delay: float
+    columns: FloatArray
+    tests: FloatArray
+    force: FloatArray
+    residual: FloatArray
+    settled: bool
+
+
+def _improved(
+    table: Regression,
+    source: _Simulated | _Referenced,
+    values: FloatArray,
+    delay: float,
+    *,
+    fits_delay: bool,
+) -> _Solution:
+    """Solved with instruments from the last values and their delay."""
+    force, columns = table.force(delay), table.columns
+    tests = _columns(table, source.position(values, delay))
+    last = values
+    if fits_delay:
+        last = np.append(values, 0.0)
+        columns = np.column_stack((columns, -_slope(table, table.signals.commands, delay)))
+        tests = np.column_stack((tests, -_slope(table, source.commands, delay)))
+    solved = _solve(tests, columns, force)
+    residual = force - columns @ solved
+    if fits_delay:
+        most = MOST_SAMPLES * table.signals.step
+        delay = float(np.clip(delay + solved[-1], 0.0, most))
+    moved = float(np.linalg.norm(columns @ (solved - last)))
+    return _Solution(
+        values=solved[: values.size],
+        delay=delay,
+        columns=columns,
+        tests=tests,
+        force=force,
+        residual=residual,
+        settled=moved <= _SETTLED * float(np.linalg.norm(residual)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Simulated:
+    """The noise-free device moved by the logged force."""
+
+    table: Regression
+
+    @property
+    def note(self) -> str:
+        """Where instruments come from."""
+        return "instruments simulated from the logged force, valid in open loop"
+
+    @property
+    def commands(self) -> Commands:
+        """As logged."""
+        return self.table.signals.commands
+
+    def position(self, values: FloatArray, delay: float) -> FloatArray:
+        """From the start that fits the measured position."""
+        drive = Drive.of(self.table, delay)
+        # A mass that is not positive has no motion to simulate; without damping it is still one.
+        rate = values[1] / values[0] if values[0] > 0 else 0.0
+        device = Coasting.at(float(np.clip(rate, *drive.rates)), drive.steps)
+        weights = np.concatenate(([1.0], -values[2:])) / values[0]
+        nothing = np.zeros(self.table.signals.speed.size)
+        velocity, distance = nothing, nothing
+        for weight, held in zip(weights, drive.inputs(delay), strict=True):
+            gain = device.gain(held)
+            velocity = velocity + weight * gain.velocity
+            distance = distance + weight * gain.distance
+        moved, _ = device.position(Gain(velocity=velocity, distance=distance))
+        coasted, _ = device.position(Gain(velocity=nothing, distance=nothing), start=1.0)
+        starts = np.stack((np.ones(moved.size), coasted), axis=1)
+        missing = self.table.signals.position - moved
+        return moved + starts @ np.linalg.lstsq(starts, missing, rcond=None)[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _Referenced:
+    """What past values of the reference explain of the position and of the force."""
+
+    path: FloatArray
+    commands: Commands
+
+    @classmethod
+    def of(cls, table: Regression) -> _Referenced:
+        """By linear regression over all of the log."""
+        signals = table.signals
+        assert signals.reference is not None
+        time, sent = _stamps(signals.steps, signals.position.size), signals.commands.sent
+        apart = max(_LAG / table.cut_off.frequency, signals.step)
+        lags = np.arange(_LAGS) * np.float64(apart)
+        path = _explained(signals.position, time, signals.reference, time, lags)
+        at = time if sent is None else sent
+        force = _explained(signals.commands.value, at, signals.reference, time, lags)
+        return cls(path, replace(signals.commands, value=force))
+
+    @property
+    def note(self) -> str:
+        """Where instruments come from."""
+        return "instruments from the logged reference"
+
+    def position(self, values: FloatArray, delay: float) -> FloatArray:
+        """The same whatever the estimate."""
+        del values, delay
+        return self.path
+
+
+def _stamps(steps: float | FloatArray, samples: int) -> FloatArray:
+    """Time of each sample, s."""
+    if isinstance(steps, np.ndarray):
+        return np.concatenate(([0.0], np.cumsum(steps)))
+    return np.arange(samples) * np.float64(steps)
+
+
+def _explained(
+    column: FloatArray, at: FloatArray, reference: FloatArray, time: FloatArray, lags: FloatArray
+) -> FloatArray:
+    """What past values of a reference explain of a column, on the times ``at``."""
+    past = np.empty((at.size, lags.size))
+    for index, lag in enumerate(lags):
+        past[:, index] = np.interp(at - lag, time, reference)
+    past -= past.mean(axis=0)
+    unit, norms = unit_columns(past)
+    normal = np.linalg.pinv(unit.T @ unit, rcond=_UNEXCITED**2, hermitian=True)
+    mean = np.mean(column)
+    return past @ (normal @ (unit.T @ (column - mean)) / norms) + mean
+
+
+def _slope(table: Regression, commands: Commands, delay: float) -> FloatArray:
+    """Derivative of the filtered force by its delay, N/s, shape (rows,)."""
+    width = _NUDGE * table.signals.step
+    low, high = max(delay - width, 0.0), delay + width
+    early, late = (
+        table.filtered(commands.after(each).times(table.motion.moving)) for each in (low, high)
+    )
+    return (late - early) / (high - low)
+
+
+def _solve(instruments: FloatArray, columns: FloatArray, force: FloatArray) -> FloatArray:
+    """Parameters whose residual no instrument sees, shape (p,)."""
+    tests, _ = unit_columns(instruments)
+    unit, norms = unit_columns(columns)
+    return np.linalg.lstsq(tests.T @ unit, tests.T @ force, rcond=None)[0] / norms
+
+
+def _columns(table: Regression, position: FloatArray) -> FloatArray:
+    """The columns of the regression with another position in place of the measured one."""
+    signals = table.signals
+    rows = Kinematics.of(position - np.mean(position), signals.steps)
+    motion = table.motion
+    if table.model.coulomb:
+        sense = np.sign(np.diff(position)) * motion.moving
+        motion = Motion(direction=Held.constant(sense, signals.steps), moving=motion.moving)
+    others = terms(table.model, motion, position, signals.steps).columns
+    columns = [table.low_pass(each)[table.known :] for each in (rows.acceleration, rows.velocity)]
+    return np.stack([*columns, *(table.filtered(each) for each in others)], axis=1)

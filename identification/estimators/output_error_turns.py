@@ -1,0 +1,248 @@
+"""Output error with Coulomb friction: the turns of the simulated device, not of the measured one.
+
+Where the direction of motion is read from a noisy position, every turn is off by part of a sample,
+always a little to the same side, and the error integrates twice. Here it follows from the
+parameters themselves, and Gauss-Newton goes over all of them with the exact sensitivity of every
+turn (stick_slip.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators.drive import Drive
+from identification.estimators.held import Held
+from identification.estimators.held_response import Coasting, Gain, carried
+from identification.estimators.least_squares import Regression
+from identification.estimators.stick_slip import Path, Way, path
+
+FloatArray = NDArray[np.float64]
+
+#: Steps of Gauss-Newton; from an estimate within its interval it takes three or four.
+_MOST_STEPS = 15
+#: Times a step that makes the fit worse is halved before it is given up.
+_MOST_HALVINGS = 8
+#: The search ends when a step is shorter than this part of the standard deviation along it.
+_CONVERGED = 0.03
+#: Directions this much weaker than the strongest carry nothing but rounding.
+_NOTHING = 1e-13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A fit of the simulated to the measured position.
+
+    Attributes:
+        values: m, b, terms, then the delay if it is fitted, then nuisance.
+        jacobian: derivative of the position by parameters, delay, start velocity and position,
+            shape (parameters + nuisance, rows).
+        residual: m, shape (rows,).
+        converged: whether the search ended because steps became short.
+    """
+
+    values: FloatArray
+    jacobian: FloatArray
+    residual: FloatArray
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Simulated:
+    """One simulation: everything its derivatives need.
+
+    Attributes:
+        values: see Turns.fit.
+        ways: the device forward and backward; one alone where friction is the same.
+        inputs: force, then the terms beside damping, where they act.
+        along: the path.
+        residual: m, shape (rows,).
+    """
+
+    values: FloatArray
+    ways: tuple[Coasting, ...]
+    inputs: tuple[Held, ...]
+    along: Path
+    residual: FloatArray
+
+    @property
+    def cost(self) -> float:
+        return float(self.residual @ self.residual)
+
+    def by_way(self, of_device: Callable[[Coasting], FloatArray]) -> FloatArray:
+        """A quantity of each interval, from the device as it moves there."""
+        if len(self.ways) == 1:
+            return of_device(self.ways[0])
+        forward, backward = (of_device(way) for way in self.ways)
+        return np.where(self.along.forward, forward, backward)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turns:
+    """The problem of one log.
+
+    Attributes:
+        table: prepared regression with Coulomb friction in its model.
+        drive: inputs; its delay is None if it is fitted.
+        position: about its mean, m, shape (n,).
+    """
+
+    table: Regression
+    drive: Drive
+    position: FloatArray
+
+    def fit(self, start: FloatArray) -> Fitted | None:
+        """The best fit; None if friction or mass vanish at the start.
+
+        Args:
+            start: m, b, terms, the delay if it is fitted, start velocity, start position.
+        """
+        best = self._simulated(start)
+        if best is None:
+            return None
+        jacobian, converged = self._jacobian(best), False
+        for _ in range(_MOST_STEPS):
+            move, gain = _step(jacobian, best.residual)
+            converged = gain <= _CONVERGED**2
+            if converged:
+                break
+            trial = self._improved(best, move)
+            if trial is None:
+                break
+            best = trial
+            jacobian = self._jacobian(best)
+        return Fitted(
+            values=best.values, jacobian=jacobian, residual=best.residual, converged=converged
+        )
+
+    def _improved(self, best: _Simulated, move: FloatArray) -> _Simulated | None:
+        for halving in range(_MOST_HALVINGS):
+            trial = self._simulated(best.values + move / 2**halving)
+            if trial is not None and trial.cost < best.cost:
+                return trial
+        return None
+
+    def _delay(self, values: FloatArray) -> float:
+        return float(values[-3]) if self.drive.delay is None else self.drive.delay
+
+    def _simulated(self, values: FloatArray) -> _Simulated | None:
+        table, steps = self.table, self.drive.steps
+        known = dict(zip(table.model.parameters, values.tolist(), strict=False))
+        mass, friction = known["mass"], known["coulomb_friction"]
+        delay, (least, most) = self._delay(values), self.drive.delays
+        if not (mass > 0 and friction > 0 and least <= delay <= most):
+            return None
+        # The asymmetry is in the ways; its column is about the mean speed, which leaves an offset.
+        asymmetry, known["damping_asymmetry"] = known.get("damping_asymmetry", 0.0), 0.0
+        known["force_offset"] = known.get("force_offset", 0.0) - asymmetry * table.mean_speed
+        ways = tuple(
+            Coasting.at((known["damping"] + side) / mass, steps)
+            for side in ((asymmetry, -asymmetry) if table.model.directional else (0.0,))
+        )
+        force = self.drive.commands.after(delay)
+        others = table.others(known)
+        resisting = Held.constant(others, steps)
+        driven = [
+            Way(
+                device=way,
+                free=way.speed((way.gain(force).velocity - way.gain(resisting).velocity) / mass),
+            )
+            for way in ways
+        ]
+        along = path(
+            driven[0],
+            driven[-1],
+            force.mean() - others,
+            mass=mass,
+            friction=friction,
+            start=float(values[-2]),
+        )
+        moving = along.motion.moving
+        inputs = (force.times(moving), along.motion.direction, resisting.times(moving))
+        point = _Simulated(
+            values=values, ways=ways, inputs=inputs, along=along, residual=np.empty(0)
+        )
+        moved = point.by_way(lambda way: way.whole.speed * along.speed[:-1])
+        for weight, held in zip((1.0, -friction, -1.0), inputs, strict=True):
+            gained = point.by_way(partial(_distance, held))
+            moved = moved + weight / mass * gained
+        simulated = float(values[-1]) + np.concatenate(([0.0], np.cumsum(moved)))
+        residual = (self.position - simulated)[table.known :]
+        return replace(point, residual=residual) if np.all(np.isfinite(residual)) else None
+
+    def _jacobian(self, point: _Simulated) -> FloatArray:
+        values, along, names = point.values, point.along, self.table.model.parameters
+        mass, moving = float(values[0]), along.motion.moving
+        intervals = self.position.size - 1
+        added: dict[str, FloatArray] = {}
+        # What the forces add, and its derivative by p where the device moves that way.
+        net, by_rate = np.zeros((2, 2, intervals))
+        for weight, held in zip((1.0, -values[2], -1.0), point.inputs, strict=True):
+            net -= weight / mass**2 * point.by_way(partial(_gain, held))
+            by_rate += weight / mass * point.by_way(partial(_slope, held))
+        by_rate += moving * along.speed[:-1] * point.by_way(_coasting_slope)
+        rates = point.by_way(lambda way: np.full(intervals, way.rate))
+        added["mass"] = net - rates / mass * by_rate
+        added["damping"] = by_rate / mass
+        for name, held in zip(names[2:], self.table.held_terms(along.motion), strict=True):
+            added[name] = -point.by_way(partial(_gain, held)) / mass
+        if self.table.model.directional:
+            side = np.where(along.forward, 1.0, -1.0)
+            constant = added["force_offset"]
+            added["damping_asymmetry"] = side * added["damping"] - self.table.mean_speed * constant
+        if self.drive.delay is None:
+            later = point.by_way(partial(_later, self.drive, self._delay(values)))
+            added["delay"] = later * moving / mass
+        added["start"] = np.zeros((2, intervals))
+        stack = np.stack(list(added.values()))
+        decay = point.by_way(lambda way: np.broadcast_to(way.whole.decay, moving.shape))
+        start = [*([0.0] * (len(stack) - 1)), 1.0]
+        speeds = carried(decay * along.kept, stack[:, 0], start)
+        whole = point.by_way(lambda way: np.broadcast_to(way.whole.speed, moving.shape))
+        jacobian = np.ones((len(stack) + 1, intervals + 1))
+        jacobian[:-1, 0] = 0.0
+        np.cumsum(whole * speeds[:, :-1] + stack[:, 1], axis=1, out=jacobian[:-1, 1:])
+        return jacobian[:, self.table.known :]
+
+
+def _pair(gain: Gain) -> FloatArray:
+    """Velocity and distance as rows, shape (2, n - 1)."""
+    return np.stack((gain.velocity, gain.distance))
+
+
+def _distance(held: Held, way: Coasting) -> FloatArray:
+    return way.gain(held).distance
+
+
+def _gain(held: Held, way: Coasting) -> FloatArray:
+    return _pair(way.gain(held))
+
+
+def _slope(held: Held, way: Coasting) -> FloatArray:
+    return _pair(way.slope_by_rate(held))
+
+
+def _later(drive: Drive, delay: float, way: Coasting) -> FloatArray:
+    force = drive.commands.after(delay)
+    return _pair(way.slope_by_delay(force, float(drive.commands.value[0])))
+
+
+def _coasting_slope(way: Coasting) -> FloatArray:
+    """Slope by p of what is left of a velocity and of the distance coasted, (2, 1 or n - 1)."""
+    whole = way.whole
+    return np.stack((np.atleast_1d(whole.decay_slope), np.atleast_1d(whole.speed_slope)))
+
+
+def _step(jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, float]:
+    """The Gauss-Newton step, and what it gains in units of the variance of a residual."""
+    normal = jacobian @ jacobian.T
+    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    right = jacobian @ residual / size
+    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=_NOTHING, hermitian=True)
+    move = inverse @ right
+    cost = max(float(residual @ residual), np.finfo(float).tiny)
+    return move / size, float(move @ right) * residual.size / cost

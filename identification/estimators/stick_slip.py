@@ -1,0 +1,134 @@
+"""The path of a device with Coulomb friction, turn by turn, and how small changes live through it.
+
+Between two turns the motion is that of a mass with damping under a held force, known in closed form
+from one response of the whole log; so only turns cost a step of a loop. At a turn friction changes
+sides: a change of velocity before it goes on as the part ρ = a⁺/a⁻ of itself, the ratio of the
+accelerations after and before, and ends where the device comes to rest (the saltation of Leine and
+Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, section 7.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators.held import Held
+from identification.estimators.held_response import Coasting
+from identification.estimators.motion import Motion
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: Intervals looked through for the next turn at first; four times as many each time there is none.
+_LOOK = 128
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Path:
+    """A simulated motion.
+
+    Attributes:
+        motion: direction and standstill.
+        forward: whether each interval begins forward, shape (n - 1,).
+        speed: velocity at each sample, m/s, shape (n,).
+        kept: factor on what a device keeps of a small change of velocity in each interval: 1,
+            ρ where it turns, 0 where it stands or comes to rest, shape (n - 1,).
+    """
+
+    motion: Motion
+    forward: BoolArray
+    speed: FloatArray
+    kept: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """One direction of motion.
+
+    Attributes:
+        device: p = b/m in this direction on the grid of the log.
+        free: velocity if all forces but Coulomb friction acted with this p, from rest, shape (n,).
+    """
+
+    device: Coasting
+    free: FloatArray
+
+
+def path(
+    forward: Way, backward: Way, pull: FloatArray, *, mass: float, friction: float, start: float
+) -> Path:
+    """Simulate a log.
+
+    Args:
+        forward: q̇ > 0.
+        backward: q̇ < 0; the same where friction does not differ by direction.
+        pull: mean over each interval of all forces but damping and Coulomb friction, N.
+        mass: kg, positive.
+        friction: N, positive.
+        start: velocity at the first sample, m/s.
+    """
+    count = pull.size
+    steps = np.broadcast_to(np.asarray(forward.device.steps), pull.shape)
+    age = np.concatenate(([0.0], np.cumsum(steps)))
+    speed = np.zeros(count + 1)
+    speed[0] = start
+    kept, fraction = np.ones(count), np.ones(count)
+    early, late, moving = np.zeros((3, count))
+    loose = np.flatnonzero(np.abs(pull) > friction)
+    at, sign = 0, float(np.sign(start))
+    while at < count:
+        if sign == 0:  # at rest, until the pull exceeds friction
+            following = int(np.searchsorted(loose, at))
+            go = int(loose[following]) if following < loose.size else count
+            kept[at:go] = 0.0
+            if go == count:
+                break
+            at, sign = go, float(np.sign(pull[go]))
+        way = forward if sign > 0 else backward
+        turn = _next_turn(way, speed, age, at, sign * friction / mass)
+        early[at : turn + 1] = late[at : turn + 1] = sign
+        moving[at : turn + 1] = 1.0
+        if turn == count:
+            break
+        before, beyond = abs(speed[turn]), abs(speed[turn + 1])
+        fraction[turn] = before / (before + beyond)
+        if abs(pull[turn]) > friction:
+            starting = pull[turn] + sign * friction
+            kept[turn] = starting / (pull[turn] - sign * friction)
+            speed[turn + 1] = starting / mass * (1 - fraction[turn]) * steps[turn]
+            sign = late[turn] = -sign
+        else:  # static friction then balances the pull
+            kept[turn] = speed[turn + 1] = 0.0
+            late[turn] = pull[turn] / friction
+            sign = 0.0
+        at = turn + 1
+    direction = Held.turning(early, late, fraction, forward.device.steps)
+    motion = Motion(direction=direction.times(moving), moving=moving)
+    return Path(motion=motion, forward=early > 0, speed=speed, kept=kept)
+
+
+def _next_turn(way: Way, speed: FloatArray, age: FloatArray, at: int, resisted: float) -> int:
+    """Fill in the speed from one sample on up to the end of the interval in which it changes sign.
+
+    Returns:
+        That interval, or the number of intervals if there is none.
+    """
+    rate, count = way.device.rate, speed.size - 1
+    excess = speed[at] - way.free[at]
+    begin, length = at + 1, _LOOK
+    while begin <= count:
+        end = min(begin + length, count + 1)
+        since = age[begin:end] - age[at]
+        left = np.exp(-rate * since)
+        lost = since if rate == 0 else (1 - left) / rate
+        trial = way.free[begin:end] + left * excess - resisted * lost
+        turned = trial * resisted < 0
+        first = int(np.argmax(turned))
+        if turned[first]:
+            speed[begin : begin + first + 1] = trial[: first + 1]
+            return begin + first - 1
+        speed[begin:end] = trial
+        begin, length = end, 4 * length
+    return count

@@ -1,0 +1,110 @@
+"""Did somebody hold the device while it was logged?"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import Finding
+from identification.estimators.model import Estimate
+from identification.findings.balance import Balance, balance_at
+from identification.findings.place import LEAST_SHARE, carried_or_not, powers_of
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Physiological tremor of hand and forearm, Hz, and the bands beside it that it is compared with
+#: (Elble and Koller, Tremor, 1990).
+TREMOR = (8.0, 12.0)
+_BELOW, _ABOVE = (4.5, 7.0), (14.0, 20.0)
+#: Half-width of the windows, s: they pass 85 % of a sine of 10 Hz.
+_HALF_WIDTH = 0.03
+#: Steps longer than this do not show a tremor, s.
+_SLOWEST = 0.01
+#: Length of the pieces of the spectrum, s: bands of 2.5 Hz hold several lines.
+_PIECE = 2.0
+#: The rest is this many times stronger in the band of tremor than beside it, ...
+PEAK = 2.5
+#: ... its power there is this part of the force's own, or it is what a force excited there leaves
+#: behind, ...
+_UNDRIVEN = 0.04
+#: ... and its rms there is this part of the rms force.
+LEAST_TREMOR = 0.015
+#: Above this part of the force the hand that trembles is as much in the log as the device is.
+MOST_TREMOR = 0.1
+#: Slow motion of a hand, Hz, and the part of the rms force it may push with, unlogged.
+_SLOW = 1.0
+MOST_SLOW = 0.15
+
+
+def hand(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
+    """``hand-on-device``: forces that the log does not know, at the pace of a hand.
+
+    Tremor alone disturbs like noise and widens the intervals: a warning. With a spring to the body,
+    or as strong as the excitation, the mass and damping of the hand are in the estimate: a refusal.
+    """
+    tremor, peak = _tremor(trajectory, chosen)
+    total = float(np.std(balance.force))
+    slow = _slow(balance) / total
+    shaking = peak >= PEAK and tremor >= LEAST_TREMOR * total
+    if not shaking and slow < MOST_SLOW:
+        return ()
+    spring = carried_or_not(balance) >= LEAST_SHARE * total
+    refused = spring or tremor >= MOST_TREMOR * total or slow >= MOST_SLOW
+    seen = [f"forces that {trajectory.source} does not log:"]
+    if shaking:
+        seen.append(
+            f"tremor of {tremor:.3g} rms at {TREMOR[0]:g} to {TREMOR[1]:g} Hz, {peak:.0f} times "
+            "the power beside that band,"
+        )
+    seen.append(f"{slow:.0%} of the force below {_SLOW:g} Hz")
+    seen.append("and a spring to the body" if spring else "")
+    return (
+        Finding(
+            code="hand-on-device",
+            severity="refusal" if refused else "warning",
+            seen=" ".join(seen).strip(),
+            needed=f"no spring, tremor below {MOST_TREMOR if refused else LEAST_TREMOR:.1%} and "
+            f"slow force below {MOST_SLOW:.0%} of the force",
+            remedy="Take the hand off while logging: its mass, damping and stiffness are read as "
+            "the device's.",
+        ),
+    )
+
+
+def _tremor(trajectory: Trajectory, chosen: Estimate) -> tuple[float, float]:
+    """Rms of the rest in the band of tremor, N, and its power there against that beside it.
+
+    The latter is 0 where the force itself is so strong in the band that its rest may be an error
+    of the model.
+    """
+    from scipy.signal import welch
+
+    if trajectory.sample_time > _SLOWEST:
+        return 0.0, 0.0
+    rows = balance_at(trajectory, _HALF_WIDTH, chosen.delay)
+    step = float(np.median(np.diff(rows.time)))
+    piece = min(len(rows), round(_PIECE / step))
+    if piece * step < _PIECE / 2:
+        return 0.0, 0.0
+    frequency, left = welch(rows.unexplained(), 1 / step, nperseg=piece)
+    _, driven = welch(rows.force, 1 / step, nperseg=piece)
+
+    def power(density: FloatArray, band: tuple[float, float]) -> float:
+        return float(np.mean(density[(frequency >= band[0]) & (frequency <= band[1])]))
+
+    inside = power(left, TREMOR)
+    beside = float(np.sqrt(power(left, _BELOW) * power(left, _ABOVE)))
+    rms = float(np.sqrt(inside * (TREMOR[1] - TREMOR[0])))
+    if beside == 0 or inside < _UNDRIVEN * power(driven, TREMOR):
+        return rms, 0.0
+    return rms, inside / beside
+
+
+def _slow(balance: Balance) -> float:
+    """Rms of what is left over below _SLOW, a force of position taken out, N."""
+    left = balance.unexplained(powers_of(balance.position), balance.carried)
+    step = float(np.median(np.diff(balance.time)))
+    spectrum = np.fft.rfft(left)
+    spectrum[np.fft.rfftfreq(left.size, step) > _SLOW] = 0
+    return float(np.std(np.fft.irfft(spectrum, left.size)))

@@ -1,0 +1,109 @@
+"""Do parameters fitted on one part of a log predict the other?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import Finding
+from identification.estimators.linear import unit_columns
+from identification.findings.balance import Balance
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Parts a log is cut into, each left out in turn.
+_PARTS = 4
+#: A prediction may miss by this part of the rms force more than a fit of the part itself does; ...
+DOUBTED = 0.05
+#: ... beyond this the parts are not of one device.
+REFUSED = 0.15
+#: ... and by this many standard deviations of the prediction itself, or the rest says too little.
+_SIGMAS = 4.0
+#: Part of a window that goes one way more than the other; less is a stop or a turn.
+_MOVING = 0.5
+#: Blocks of each part, left out in turn for that standard deviation.
+_BLOCKS = 8
+
+
+def heldout(trajectory: Trajectory, balance: Balance) -> tuple[Finding, ...]:
+    """``heldout-misfit``: the device changed while it was logged, or the model is wrong."""
+    blocks = _Blocks.of(balance)
+    missed = [blocks.miss(part) for part in range(_PARTS)]
+    worst = int(np.argmax(missed))
+    share = missed[worst] / float(np.std(balance.force))
+    if share < DOUBTED:
+        return ()
+    ends = np.linspace(balance.time[0], balance.time[-1], _PARTS + 1)
+    first, last = float(ends[worst]), float(ends[worst + 1])
+    refused = share >= REFUSED
+    return (
+        Finding(
+            code="heldout-misfit",
+            severity="refusal" if refused else "warning",
+            seen=f"fitted on the rest of {trajectory.source}, the force from {first:.3g} to "
+            f"{last:.3g} s is missed by {share:.0%} of its rms more than by a fit of its own",
+            needed=f"at most {REFUSED if refused else DOUBTED:.0%}",
+            remedy="Log again with nothing loose, warmed up and untouched; cut the log where the "
+            "device changed.",
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Blocks:
+    """Sums of squares and products of consecutive blocks, from which any part is fitted at once.
+
+    Attributes:
+        normal: XᵀX of each block, shape (_PARTS * _BLOCKS, p, p), columns of unit norm.
+        right: Xᵀf, shape (_PARTS * _BLOCKS, p).
+        counts: rows of each, shape (_PARTS * _BLOCKS,).
+    """
+
+    normal: FloatArray
+    right: FloatArray
+    counts: FloatArray
+
+    @classmethod
+    def of(cls, balance: Balance) -> _Blocks:
+        columns, _ = unit_columns(np.column_stack((balance.plant, balance.carried)))
+        # Friction of a device at rest is whatever the force is, and predicts nothing.
+        moving = np.abs(balance.direction) > _MOVING
+        rows = [
+            each[moving[each]]
+            for each in np.array_split(np.arange(len(balance)), _PARTS * _BLOCKS)
+        ]
+        return cls(
+            normal=np.stack([columns[each].T @ columns[each] for each in rows]),
+            right=np.stack([columns[each].T @ balance.force[each] for each in rows]),
+            counts=np.array([float(each.size) for each in rows]),
+        )
+
+    def miss(self, part: int) -> float:
+        """Excess of the prediction's rms over that of the part's own fit, N; 0 if it is chance."""
+        blocks = np.arange(_PARTS * _BLOCKS)
+        inside = blocks // _BLOCKS == part
+        rest, own = self._fit(~inside), self._fit(inside)
+        if self.counts[inside].sum() == 0 or self.counts[~inside].sum() == 0:
+            return 0.0
+        excess = self._square(rest - own, inside)
+        # How far both fits may be off: each without one of its blocks in turn (jackknife).
+        chance = 0.0
+        for whole, used in ((rest, ~inside), (own, inside)):
+            left = [self._fit(used & (blocks != block)) - whole for block in blocks[used]]
+            chance += sum(self._square(change, inside) for change in left) * (1 - 1 / len(left))
+        return float(np.sqrt(excess)) if excess > _SIGMAS**2 * chance else 0.0
+
+    def _fit(self, used: NDArray[np.bool_]) -> FloatArray:
+        """Least squares on some blocks, shape (p,)."""
+        return np.linalg.pinv(self.normal[used].sum(axis=0), hermitian=True) @ self.right[used].sum(
+            axis=0
+        )
+
+    def _square(self, change: FloatArray, shown: NDArray[np.bool_]) -> float:
+        """Mean square of what a change of the parameters does to the force of some blocks, N²."""
+        return float(change @ self.normal[shown].sum(axis=0) @ change) / float(
+            self.counts[shown].sum()
+        )

@@ -1,0 +1,125 @@
+"""Does the force depend on where the device is?"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import Finding
+from identification.estimators.linear import solve
+from identification.estimators.model import Estimate
+from identification.findings.balance import Balance
+from identification.intervals import half_width
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Powers of position that stand for any smooth force over the travel.
+_POWERS = (1, 2, 3)
+#: Parts a log is cut into; what position explains is judged on the part it was not fitted on.
+_PARTS = 4
+#: Of the mean square that mass, damping and friction leave over, position explains this part in
+#: rows it was not fitted on. Below, it may be chance.
+LEAST_GAIN = 0.3
+#: The rms force of position is at least this part of the rms force.
+LEAST_SHARE = 0.02
+_REMEDY = (
+    "Level or counterbalance the axis, take off springs and cables, or subtract the known force of "
+    "gravity from the force column."
+)
+
+
+def place(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
+    """``gravity``: a weight, a spring or a magnet whose force is not the same everywhere."""
+    total = float(np.std(balance.force))
+    gain, force = position_force(balance)
+    if gain >= LEAST_GAIN and float(np.std(force)) >= LEAST_SHARE * total:
+        return (_uncarried(trajectory, balance, chosen, gain, force),)
+    force = _carried_force(balance)
+    share = float(np.std(force)) / total
+    if share < LEAST_SHARE:
+        return ()
+    return (
+        Finding(
+            code="gravity",
+            severity="warning",
+            seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel and "
+            f"{share:.0%} of the force rms, acts in {trajectory.source}; the estimate has a term "
+            "for it",
+            needed=f"below {LEAST_SHARE:.0%}",
+            remedy=_REMEDY,
+        ),
+    )
+
+
+def _uncarried(
+    trajectory: Trajectory, balance: Balance, chosen: Estimate, gain: float, force: FloatArray
+) -> Finding:
+    shifts = _shifts(balance, chosen)
+    refused = any(moved > width for _, moved, width in shifts)
+    told = ", ".join(f"{name} by {moved:.3g} (± {width:.2g})" for name, moved, width in shifts)
+    return Finding(
+        code="gravity",
+        severity="refusal" if refused else "warning",
+        seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel, explains "
+        f"{gain:.0%} of what the other terms leave over in {trajectory.source}; it shifts {told}",
+        needed="shifts within the intervals" if refused else f"below {LEAST_SHARE:.0%}",
+        remedy=_REMEDY,
+    )
+
+
+def carried_or_not(balance: Balance) -> float:
+    """Rms of the force of position that the log shows, whether the estimate has it or not, N."""
+    gain, force = position_force(balance)
+    return float(np.std(_carried_force(balance) + (force if gain >= LEAST_GAIN else 0.0)))
+
+
+def _carried_force(balance: Balance) -> FloatArray:
+    """Force of the position terms of the estimate's model at each row, N."""
+    carried = balance.carried
+    if carried.shape[1] == 0:
+        return np.zeros(len(balance))
+    weights = solve(np.column_stack((balance.plant, carried)), balance.force)
+    return carried @ weights[-carried.shape[1] :]
+
+
+def position_force(balance: Balance) -> tuple[float, FloatArray]:
+    """How much of what the estimate's terms leave over position explains where it was not fitted.
+
+    Returns:
+        Share of the mean square, at most 1; its force at each row, N, mean zero.
+    """
+    powers = powers_of(balance.position)
+    plant = np.column_stack((balance.plant, balance.carried))
+    both = np.column_stack((plant, powers))
+    part_of = np.arange(len(balance)) * _PARTS // len(balance)
+    without = within = 0.0
+    for part in range(_PARTS):
+        rest = part_of != part
+        for columns in (plant, both):
+            weights = solve(columns[rest], balance.force[rest])
+            square = float(np.sum((balance.force - columns @ weights)[~rest] ** 2))
+            if columns is plant:
+                without += square
+            else:
+                within += square
+    force = powers @ solve(both, balance.force)[plant.shape[1] :]
+    return (1 - within / without if without > 0 else 0.0), force - np.mean(force)
+
+
+def powers_of(position: FloatArray) -> FloatArray:
+    """Powers of position, -1 to 1 over the travel, shape (rows, 3)."""
+    middle, half = (position.max() + position.min()) / 2, np.ptp(position) / 2
+    unit = (position - middle) / (half if half > 0 else 1.0)
+    return np.stack([unit**power for power in _POWERS], axis=1)
+
+
+def _shifts(balance: Balance, chosen: Estimate) -> list[tuple[str, float, float]]:
+    """What mass and damping move by when position gets its term, and their half-widths."""
+    columns = np.column_stack((balance.plant, balance.carried))
+    plain = solve(columns, balance.force)
+    fuller = solve(np.column_stack((columns, powers_of(balance.position))), balance.force)
+    return [
+        (name, abs(float(fuller[index] - plain[index])), half_width(chosen, name))
+        for index, name in enumerate(("mass", "damping"))
+    ]

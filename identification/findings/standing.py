@@ -1,0 +1,73 @@
+"""Does the device stand although the force changes?"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.device import Hardware
+from identification.errors import Finding
+from identification.estimators.noise import finest_reading
+from identification.trajectory import Trajectory
+
+#: The device stands where its position stays within this many readings of the finest resolution, a
+#: count to either side, ...
+STILL = 3.0
+#: ... for as long as it takes to move this many times as far at its usual speed: a slow turn is no
+#: standstill, ...
+_FURTHER = 10.0
+#: ... and for this many samples at least, this part of the log at most, ...
+_FEWEST = 20
+_LONGEST = 0.1
+#: ... while the force in the window changes by this part of its whole range.
+CHANGES = 0.02
+#: Part of the log spent so above which friction is doubted, and above which too little motion is
+#: left to tell mass and damping.
+DOUBTED = 0.25
+REFUSED = 0.6
+
+
+def standing(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
+    """``stiction``: the device is held, or sticks and slips, under a force that changes."""
+    held = _held(trajectory, hardware)
+    share = float(np.mean(held))
+    if share < DOUBTED:
+        return ()
+    stops = int(np.count_nonzero(np.diff(held.astype(np.int8)) == 1)) + int(held[0])
+    largest = float(np.max(np.abs(trajectory.force[:-1][held])))
+    refused = share >= REFUSED
+    return (
+        Finding(
+            code="stiction",
+            severity="refusal" if refused else "warning",
+            seen=f"{trajectory.source} stands still for {share:.0%} of its time, in {stops} "
+            f"stops, while the force changes and reaches {largest:.3g}",
+            needed=f"at most {REFUSED if refused else DOUBTED:.0%} of the time",
+            remedy="Push harder than friction holds, for longer in each direction; look for a "
+            "brake, an end stop or a dry bearing.",
+        ),
+    )
+
+
+def _held(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool_]:
+    """Which of the n - 1 intervals lie in a standstill under a changing force."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    place, force = trajectory.position, trajectory.force
+    stated = None if hardware is None else hardware.encoder_resolution
+    known = 0.0 if stated is None else stated.value
+    fine = max(known, finest_reading(place, force))
+    # Over spans long enough for the noise of a reading not to count as speed.
+    span = max(1, place.size // 200)
+    speed = float(np.sqrt(np.mean((place[span:] - place[:-span]) ** 2))) / span
+    width = 2 * (int(max(_FEWEST, _FURTHER * STILL * fine / speed)) // 2) + 1
+    if width >= _LONGEST * place.size:
+        return np.zeros(place.size - 1, dtype=np.bool_)
+
+    def spread(column: NDArray[np.float64]) -> NDArray[np.float64]:
+        high: NDArray[np.float64] = maximum_filter1d(column, width)
+        return high - minimum_filter1d(column, width)
+
+    still = (spread(place) <= STILL * fine) & (spread(force) >= CHANGES * float(np.ptp(force)))
+    covered: NDArray[np.int8] = maximum_filter1d(still.astype(np.int8), width)
+    return (covered[:-1] * covered[1:]).astype(np.bool_)

@@ -1,0 +1,1 @@
+"""Planning of a calibration: which force to play on a device, within which limits."""

@@ -1,0 +1,41 @@
+"""A picture of a planned force and of the motion it is predicted to cause, limits drawn."""
+
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from identification.excitation import Excitation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def excitation_picture(excitation: Excitation) -> Figure:
+    """Force, predicted position and predicted speed over time, each between its limits."""
+    from matplotlib.figure import Figure
+
+    spec, best = excitation.spec, excitation.best
+    length, force = ("m", "N") if spec.motion == "linear" else ("rad", "N·m")
+    motion = best.prediction.motion
+    figure = Figure(figsize=(11, 7), layout="constrained")
+    rows = (
+        (f"force, {force}", best.force, spec.force),
+        (f"position, {length}", motion.position, spec.travel),
+        (f"velocity, {length}/s", motion.velocity, spec.speed),
+    )
+    for axes, (label, column, limit) in zip(
+        figure.subplots(len(rows), 1, sharex=True), rows, strict=True
+    ):
+        axes.plot(excitation.time, column, lw=1)
+        for side in (-1, 1) if limit is not None else ():
+            axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")
+        axes.set_ylabel(label)
+    figure.axes[-1].set_xlabel("time, s")
+    figure.suptitle(
+        f"{spec.name}, axis {spec.axis}: {best.family}, {best.description}; predicted 95 % "
+        f"interval of mass ± {excitation.mass:.2g}, of damping ± {excitation.damping:.2g}"
+    )
+    return figure

@@ -1,0 +1,96 @@
+"""CSV files: one header line, then rows of numbers."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identification.errors import InvalidInputError
+from identification.readers.columns import FloatArray, LogColumns, quoted, wanted_columns
+from identification.readers.limits import refuse_long
+
+if TYPE_CHECKING:
+    import polars
+
+#: Separators tried; the one most frequent in the header wins, the first of equals.
+_SEPARATORS = ",;\t"
+
+
+def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, FloatArray]:
+    """Columns by role; empty cells are NaN. Raises InvalidInputError."""
+    import polars as pl
+
+    refuse_long(path, content.count(b"\n") - 1)
+    header = content[: content.find(b"\n") + 1] or content
+    separator = max(_SEPARATORS, key=header.decode("utf-8", "replace").count)
+    stored = _table(path, content, separator, n_rows=0).columns
+    # A header line that begins with # comes from loggers that mark it as a comment.
+    shown = [name.strip("# ") for name in stored]
+    wanted = wanted_columns(path, columns, shown, table=True)
+    for name in wanted.values():
+        # The second is the reader's own name for another column of one name.
+        if shown.count(name) > 1 or f"{name}_duplicated_0" in shown:
+            raise InvalidInputError(
+                path, f"has two columns named '{quoted(name)}'", "Rename one of them"
+            )
+    stored_as = dict(zip(shown, stored, strict=True))
+    names = list(dict.fromkeys(stored_as[name] for name in wanted.values()))
+    numbers: dict[str, Any] = dict.fromkeys(names, pl.Float64)
+    try:
+        table = _parsed(content, separator, columns=names, schema_overrides=numbers)
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError):
+        # Ten times slower and larger, but it tells spaces from words and names the cell.
+        table = _table(path, content, separator, columns=names)
+    return {role: _numbers(path, table[stored_as[name]], name) for role, name in wanted.items()}
+
+
+def _parsed(content: bytes, separator: str, **options: Any) -> polars.DataFrame:
+    import polars as pl
+
+    return pl.read_csv(
+        BytesIO(content),
+        separator=separator,
+        infer_schema=False,
+        encoding="utf8-lossy",
+        **options,
+    )
+
+
+def _table(path: Path, content: bytes, separator: str, **options: Any) -> polars.DataFrame:
+    """The table as text. Raises InvalidInputError where it is none."""
+    import polars as pl
+
+    try:
+        return _parsed(content, separator, **options)
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError) as error:
+        reason = " ".join(str(error).split("\n")[0].split())[:200]
+        raise InvalidInputError(
+            path,
+            f"is not a table of equally long rows ({reason})",
+            "Export it again as CSV with one header line",
+        ) from None
+
+
+def _numbers(path: Path, cells: polars.Series, name: str) -> FloatArray:
+    """A column as numbers; an empty cell is NaN, any other text is refused by its row."""
+    import polars as pl
+
+    numbers = cells
+    if cells.dtype == pl.String:
+        text = cells.str.strip_chars()
+        numbers = text.cast(pl.Float64, strict=False)
+        wrong = (numbers.is_null() & text.is_not_null() & (text != "")).fill_null(value=False)
+        first = wrong.arg_true()
+        if first.len():
+            row = int(first[0])
+            # Row 1 is the header, so the first cell below it stands in row 2.
+            raise InvalidInputError(
+                path,
+                f"column '{quoted(name)}' holds '{quoted(str(cells[row]))}' in row {row + 2}, "
+                "which is not a number",
+                "Write numbers with a decimal point, and leave missing cells empty",
+            )
+    return np.asarray(numbers.fill_null(float("nan")).to_numpy(), dtype=np.float64)

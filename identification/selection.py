@@ -1,0 +1,126 @@
+"""Which terms a log asks for: friction and offset, and more where the rest says so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.choice import noise_explains, robust
+from identification.estimators.model import Estimate, Gravity, Model
+from identification.intervals import half_width
+from identification.structure import Structure
+from identification.trajectory import Trajectory
+from identification.workshop import Workshop
+
+#: Coulomb friction can be told from an offset if at least this part of the motion goes either way.
+LEAST_RETURN = 0.01
+#: A friction term smaller than its own standard deviation is left out. A higher hurdle would move
+#: mass and damping by more than their intervals where the term is real.
+ASKED_FOR = 1.0
+#: Sine and cosine of the position are told from a straight line over this range, rad.
+WIDE_SWING = 0.5
+
+
+def distinguishable(trajectory: Trajectory) -> Model:
+    """Friction and offset, if the log can tell them apart: motion one way only cannot."""
+    steps = np.diff(trajectory.position)
+    forth, back = np.sum(steps > 0), np.sum(steps < 0)
+    return Model(coulomb=bool(min(forth, back) >= LEAST_RETURN * (forth + back)))
+
+
+def widened(workshop: Workshop) -> tuple[Model, Structure | None]:
+    """The model with those further terms that pay for themselves, and what the sceptic says.
+
+    Nothing is added where position noise explains all. Otherwise direction-dependent friction and
+    gravity are fitted as well, and a term stays if the square of its value over its deviation
+    exceeds the logarithm of the number of rows, its price in Schwarz's criterion (Annals of
+    Statistics 6, 1978, p. 461), and if sparse regression on resampled halves of the log asks for
+    it too (structure.py). The deviation is robust, so colour does not buy a term.
+    """
+    model = workshop.model
+    plausible = workshop.fit("least-squares").value("mass") > 0
+    if plausible and noise_explains(workshop) is not None:
+        return model, None
+    gravity: Gravity = "proportional"
+    trajectory = workshop.trajectory
+    if trajectory.motion == "rotary" and np.ptp(trajectory.position) > WIDE_SWING:
+        gravity = "pendulum"
+    largest = replace(model, directional=model.coulomb and model.offset, gravity=gravity)
+    estimate, _ = robust(workshop, largest)
+    paying = {
+        names: _pays(estimate, names)
+        for names in (("damping_asymmetry",), largest.of_gravity)
+        if set(names) <= set(largest.parameters)
+    }
+    # A controller looks like a spring against the motion: only a weight may turn the sign of mass.
+    weight = gravity == "pendulum" or estimate.value("position_stiffness") > 0
+    if not any(paying.values()) or not (plausible or (estimate.value("mass") > 0 and weight)):
+        return model, None
+    sceptic = _sceptic(workshop)
+    asked = [
+        name
+        for names, pays in paying.items()
+        for name in names
+        if pays and (sceptic is None or set(names) & set(sceptic.asked))
+    ]
+    return replace(
+        model,
+        directional="damping_asymmetry" in asked,
+        gravity=gravity if set(largest.of_gravity) <= set(asked) else "none",
+    ), sceptic
+
+
+def _sceptic(workshop: Workshop) -> Structure | None:
+    """What sparse regression finds in the log; None if the log is too short for it."""
+    from identification.candidates import structure_of
+
+    try:
+        return structure_of(
+            workshop.table, workshop.delay, rotary=workshop.trajectory.motion == "rotary"
+        )
+    except ValueError:
+        return None
+
+
+def _pays(estimate: Estimate, names: tuple[str, ...]) -> bool:
+    index = [estimate.parameters.index(name) for name in names]
+    values = estimate.values[index]
+    inverse = np.linalg.pinv(estimate.covariance[np.ix_(index, index)], hermitian=True)
+    return bool(values @ inverse @ values > np.log(estimate.residual.size) * len(index))
+
+
+def without_noise(workshop: Workshop, estimate: Estimate) -> Estimate:
+    """The estimate without friction terms that are nothing but noise.
+
+    The covariance stays that of the whole model: leaving a term out must not make the others look
+    better known than they are.
+    """
+    model = estimate.model
+    if model.directional:
+        return estimate
+    keep: dict[str, bool] = {}
+    for field, name in (("coulomb", "coulomb_friction"), ("offset", "force_offset")):
+        value, deviation = estimate.value(name), estimate.deviation(name)
+        # Friction cannot be negative; an offset can.
+        size = value if field == "coulomb" else abs(value)
+        noise = -ASKED_FOR * deviation <= size < ASKED_FOR * deviation
+        keep[field] = getattr(model, field) and not noise
+    reduced = replace(model, coulomb=keep["coulomb"], offset=keep["offset"])
+    if reduced == model:
+        return estimate
+    smaller = workshop.refit(estimate.method, reduced)
+    values = np.array([smaller.value(name) for name in estimate.parameters])
+    dropped = [name for name in estimate.parameters if name not in reduced.parameters]
+    notes = tuple(
+        f"{name} left out: {estimate.value(name):.2g} ± {half_width(estimate, name):.2g}"
+        for name in dropped
+    )
+    return replace(
+        estimate,
+        values=values,
+        residual=smaller.residual,
+        explained=smaller.explained,
+        whiteness=smaller.whiteness,
+        notes=estimate.notes + notes,
+    )

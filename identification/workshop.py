@@ -1,0 +1,120 @@
+"""One log prepared once, and every estimate made of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from types import ModuleType
+
+import numpy as np
+
+from identification.estimators import (
+    innovations,
+    instruments,
+    least_squares,
+    output_error,
+    weak,
+)
+from identification.estimators.delay import Delay, find_delay
+from identification.estimators.drive import MOST_SAMPLES
+from identification.estimators.model import Estimate, Model
+from identification.intervals import NORMAL_95
+from identification.quantities import Quantity
+from identification.trajectory import Trajectory
+
+#: Change of delay, in samples, for the slope of the estimates over delay.
+_DELAY_STEP = 0.05
+#: Methods that are given a delay ...
+_GIVEN: dict[str, ModuleType] = {"least-squares": least_squares}
+#: ... and methods that fit one if nobody states it.
+_FITTED: dict[str, ModuleType] = {
+    "weak": weak,
+    "instruments": instruments,
+    "output-error": output_error,
+    "innovations": innovations,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Workshop:
+    """A prepared log and its estimates.
+
+    Attributes:
+        trajectory: the log.
+        table: prepared regression; its model is that of every estimate.
+        stated: delay of the hardware, or None.
+        found: delay read from the log, or None if it was stated.
+        made: estimates by method.
+    """
+
+    trajectory: Trajectory
+    table: least_squares.Regression
+    stated: Quantity | None
+    found: Delay | None
+    made: dict[str, Estimate] = field(default_factory=dict[str, Estimate])
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, model: Model, stated: Quantity | None) -> Workshop:
+        """Find the delay, unless it is stated, and the direction of motion."""
+        found = find_delay(trajectory, model) if stated is None else None
+        delay = stated.value if stated is not None else found.value if found is not None else 0.0
+        # A fitted delay may move by a sample; forces from before the log are left out up to there.
+        step = trajectory.sample_time
+        room = (
+            delay + _DELAY_STEP * step if found is None else min(delay + step, MOST_SAMPLES * step)
+        )
+        table = least_squares.prepare(trajectory, model, room, refine=False).refined(delay)
+        return cls(trajectory=trajectory, table=table, stated=stated, found=found)
+
+    @property
+    def delay(self) -> float:
+        """Stated or found, s."""
+        if self.stated is not None:
+            return self.stated.value
+        return 0.0 if self.found is None else self.found.value
+
+    @property
+    def doubt(self) -> float:
+        """Standard deviation of the delay, s."""
+        if self.stated is not None:
+            return (self.stated.high - self.stated.low) / (2 * NORMAL_95)
+        return 0.0 if self.found is None else self.found.deviation
+
+    @property
+    def model(self) -> Model:
+        """Terms of every estimate."""
+        return self.table.model
+
+    @property
+    def has_reference(self) -> bool:
+        """Whether the log carries the set-point the device followed."""
+        return self.table.signals.reference is not None
+
+    @property
+    def fitted(self) -> tuple[Estimate, ...]:
+        """Everything estimated so far."""
+        return tuple(self.made.values())
+
+    def fit(self, method: str) -> Estimate:
+        """The estimate of one method, made at most once."""
+        return self.refit(method, self.model)
+
+    def refit(self, method: str, model: Model) -> Estimate:
+        """The same, with other terms."""
+        if model != self.model:
+            return self._fit(self.table.with_model(model), method)
+        if method not in self.made:
+            self.made[method] = self._fit(self.table, method)
+        return self.made[method]
+
+    def _fit(self, table: least_squares.Regression, method: str) -> Estimate:
+        if method in _FITTED and self.stated is None:
+            return _FITTED[method].fit(table, None, start=self.delay)
+        estimator = _GIVEN.get(method) or _FITTED[method]
+        fixed: Estimate = estimator.fit(table, self.delay)
+        if self.doubt == 0:
+            return fixed
+        # A delay of d looks like an added damping of -m·ω²·d: often most of the interval.
+        step = _DELAY_STEP * self.trajectory.sample_time
+        slope = (estimator.fit(table, self.delay + step).values - fixed.values) / step
+        added = self.doubt**2 * np.outer(slope, slope)
+        return replace(fixed, covariance=fixed.covariance + added)

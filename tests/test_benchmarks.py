@@ -1,0 +1,66 @@
+"""What the benchmarks compare with is fair, and their long logs are what the simulator gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.long_log import DAMPING, DELAY, MASS, long_log
+from benchmarks.other_methods import OTHERS, arriving
+from datasets_synthetic import Rig, multisine, simulate
+from identification import Trajectory
+from identification.estimators import METHODS, Model
+
+
+@pytest.mark.parametrize(
+    ("name", "friction", "tolerance"),
+    [
+        # A plain script takes the held force where the sample is, half a sample early.
+        ("finite differences", 0.0, 0.08),
+        ("finite differences", 0.8, 0.08),
+        ("ARX", 0.0, 1e-5),
+        # The sign of the velocity changes inside a step.
+        ("ARX", 0.8, 0.03),
+        ("pysindy", 0.0, 1e-3),
+        # ... and a smoothed velocity changes its sign elsewhere.
+        ("pysindy", 0.8, 0.06),
+    ],
+)
+def test_without_noise_every_method_finds_the_truth(
+    name: str, friction: float, tolerance: float
+) -> None:
+    """So what the table shows is noise, not a mistake in what is compared with."""
+    rig = Rig(
+        mass=MASS,
+        damping=DAMPING,
+        delay=DELAY,
+        sample_time=1e-3,
+        coulomb_friction=friction,
+        force_offset=0.1,
+    )
+    log = simulate(rig, 14 * multisine(rig, 4000) + 0.1).trajectory()
+    found = OTHERS[name](log, Model(coulomb=friction > 0, offset=True), DELAY)
+    np.testing.assert_allclose(found, [MASS, DAMPING], rtol=tolerance)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_a_long_log_is_what_the_simulator_gives(uneven: bool) -> None:
+    log = long_log(12_000, uneven=uneven)
+    assert len(log) == 12_000
+    steps = np.diff(log.time)
+    assert bool(np.ptp(steps) > 1e-4) is uneven
+    np.testing.assert_allclose(log.force[5_000:10_000], log.force[:5_000])
+    # One period on, the device has moved as before, to the noise of two readings of 5 um.
+    again = log.position[5_000:10_000] - log.position[:5_000]
+    assert np.std(again) == pytest.approx(5e-6 * np.sqrt(2), rel=0.05)
+    found = METHODS["least-squares"](log, Model(), DELAY)
+    assert found.value("mass") == pytest.approx(MASS, rel=2e-3)
+    assert found.value("damping") == pytest.approx(DAMPING, rel=2e-2)
+
+
+def test_a_delayed_force_does_not_come_round() -> None:
+    """A force moved by whole samples: the first rows repeat the first value, none comes round."""
+    rows = np.arange(300.0)
+    log = Trajectory(time=rows * 1e-3, force=rows + 5, position=np.sin(rows / 9))
+    np.testing.assert_array_equal(arriving(log, 2e-3)[:4], [5, 5, 5, 6])
+    assert arriving(log, 2e-3)[-1] == 302

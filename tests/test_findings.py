@@ -1,0 +1,353 @@
+"""The findings: every fault gets its code, and no good log is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from datasets_synthetic.catalogue import LEVELS, Case, GoodLog, RawLog, cases, good_logs
+from identification import (
+    Finding,
+    ForceLimit,
+    Hardware,
+    Identification,
+    LogRefusedError,
+    Trajectory,
+    identify,
+    quantity,
+)
+from identification.findings import CODES, inspect
+from tests.exact_axis import Axis, counted, multisine, positions
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+COUNT = 6e-6
+#: Hardware files leave it open: a warning of the same code as what a log can be refused for.
+UNSTATED = ("no delay is stated", "no force limit is stated", "no encoder resolution is stated")
+
+
+@cache
+def plain(samples: int = 8000, seed: int = 0) -> Trajectory:
+    """m = 3 kg, b = 10 N·s/m, Fc = 0.8 N, one sample of delay, 5 mN of unlogged force."""
+    generator = np.random.default_rng(seed)
+    axis = Axis(coulomb=0.8, delay=STEP)
+    force = multisine(generator, samples=samples, runs=1, axis=axis)
+    push = 5e-3 * generator.standard_normal(force.shape)
+    place = counted(positions(axis, force, disturbance=push), COUNT)
+    return log(force[:, 0], place[:, 0])
+
+
+def log(force: Array, position: Array, time: Array | None = None) -> Trajectory:
+    stamps = STEP * np.arange(force.size, dtype=np.float64) if time is None else time
+    return Trajectory(time=stamps, force=force, position=position)
+
+
+def findings_of(
+    trajectory: Trajectory, hardware: Hardware | None = None
+) -> tuple[tuple[Finding, ...], Identification | None]:
+    """Every finding but that hardware is not stated, and what was identified, if anything."""
+    found = None
+    try:
+        found = identify(trajectory, hardware=hardware)
+        all_of_them = found.findings
+    except LogRefusedError as error:
+        all_of_them = error.findings
+    for each in all_of_them:
+        assert each.code in CODES
+        assert each.seen
+        assert each.needed
+        assert each.remedy.endswith(".")
+    return tuple(each for each in all_of_them if not each.seen.startswith(UNSTATED)), found
+
+
+def refusals(trajectory: Trajectory, hardware: Hardware | None = None) -> set[str]:
+    findings, found = findings_of(trajectory, hardware)
+    codes = {each.code for each in findings if each.severity == "refusal"}
+    assert bool(codes) == (found is None)
+    return codes
+
+
+def warnings(trajectory: Trajectory, hardware: Hardware | None = None) -> set[str]:
+    findings, found = findings_of(trajectory, hardware)
+    assert found is not None
+    return {each.code for each in findings}
+
+
+# The catalogue and the good logs
+
+
+def missing(case: Case) -> str:
+    """What is wrong with the answer to one faulty log; "" if it is right."""
+    try:
+        findings, _ = findings_of(case.log.trajectory(), case.hardware)
+    except LogRefusedError as error:
+        findings = error.findings
+    codes = {each.code for each in findings}
+    if case.level == "mild" or case.code in codes:
+        return ""
+    return f"{case.code} {case.level}: {sorted(codes) or 'nothing'}"
+
+
+def check_catalogue(seed: int, *, mild: bool = True) -> None:
+    catalogue = cases(seed)
+    assert [case.level for case in catalogue] == list(LEVELS) * len(CODES)
+    assert {case.code for case in catalogue} == set(CODES)
+    looked_at = [case for case in catalogue if mild or case.level != "mild"]
+    assert not [told for told in map(missing, looked_at) if told]
+
+
+def test_every_plain_and_severe_fault_gets_its_code() -> None:
+    check_catalogue(1, mild=False)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(100, 110))
+def test_every_fault_gets_its_code_whatever_the_noise(seed: int) -> None:
+    check_catalogue(seed)
+
+
+def refused(good: GoodLog, *, known: bool) -> str:
+    """Why a good log is refused; "" if it is not."""
+    hardware = Hardware(
+        motion=good.log.motion,
+        delay=quantity(good.delay) if known else None,
+        encoder_resolution=quantity(good.encoder_resolution) if known else None,
+    )
+    codes = refusals(good.log.trajectory(), hardware)
+    return f"{good.name}: {sorted(codes)}" if codes else ""
+
+
+def check_good(count: int, seed: int) -> None:
+    logs = good_logs(count, seed)
+    assert len(logs) == count
+    why = [refused(each, known=bool(index % 2)) for index, each in enumerate(logs)]
+    assert not [told for told in why if told]
+
+
+def test_no_good_log_is_refused() -> None:
+    check_good(24, 1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(200, 205))
+def test_no_good_log_of_five_hundred_is_refused(seed: int) -> None:
+    check_good(100, seed)
+
+
+# One by one, on an axis simulated elsewhere
+
+
+def test_a_clean_log_has_nothing_to_say() -> None:
+    hardware = Hardware(
+        delay=quantity(STEP),
+        encoder_resolution=quantity(COUNT),
+        force_limit=ForceLimit(continuous=14.0, peak=28.0),
+    )
+    assert warnings(plain(), hardware) == set()
+
+
+@pytest.mark.parametrize("period", [0.05, 0.011])
+def test_a_counter_that_runs_over_names_its_range(period: float) -> None:
+    trajectory = plain()
+    wrapped = log(trajectory.force, np.mod(trajectory.position, period))
+    (finding,) = inspect(wrapped, None)
+    assert finding.code == "encoder-wrap"
+    assert finding.severity == "refusal"
+    stated = float(finding.remedy.split("period=")[1].split(")")[0])
+    assert stated == pytest.approx(period, rel=0.02)
+
+
+def test_a_turn_is_called_a_turn() -> None:
+    time = STEP * np.arange(4000)
+    angle = 9 * np.sin(2 * np.pi * 0.7 * time)
+    trajectory = Trajectory(
+        time=time, force=np.cos(time), position=np.mod(angle, 2 * np.pi), motion="rotary"
+    )
+    (finding,) = [each for each in inspect(trajectory, None) if each.code == "encoder-wrap"]
+    assert "one turn" in finding.seen
+
+
+def test_a_reading_that_is_lost_is_a_jump() -> None:
+    trajectory = plain()
+    place = trajectory.position.copy()
+    place[3000] += 0.02
+    assert refusals(log(trajectory.force, place)) == {"encoder-wrap"}
+
+
+@pytest.mark.parametrize(
+    ("force", "position"), [(100.0, 1.0), (1.0, 1000.0), (1.0, 180 / np.pi)], ids=["N", "mm", "deg"]
+)
+def test_hardware_tells_units(force: float, position: float) -> None:
+    hardware = Hardware(
+        encoder_resolution=quantity(COUNT), force_limit=ForceLimit(continuous=10.0, peak=14.5)
+    )
+    trajectory = plain()
+    other = log(trajectory.force * force, trajectory.position * position)
+    assert "force-unit" in refusals(other, hardware)
+
+
+def test_numbers_of_a_converter_show_without_hardware() -> None:
+    trajectory = plain()
+    counts = np.rint(trajectory.position / COUNT)
+    assert "force-unit" in refusals(log(trajectory.force, counts))
+    volts = np.rint(trajectory.force / np.abs(trajectory.force).max() * 2047)
+    assert "force-unit" in refusals(log(volts, trajectory.position))
+
+
+def test_a_mass_of_tonnes_is_doubted_only() -> None:
+    """Without hardware nothing proves that mN are not N."""
+    trajectory = plain()
+    assert warnings(log(trajectory.force * 1000, trajectory.position)) == {"force-unit"}
+
+
+def test_alternating_steps_are_used_as_they_are() -> None:
+    """True stamps of 10 and 12 ms in turn: taken as equal they would shift the mass by a tenth."""
+    stamps = np.cumsum(np.where(np.arange(1200) % 2, 12, 10))
+    rows = np.concatenate(([0], stamps))
+    axis = Axis(coulomb=0.8)
+    slow = multisine(
+        np.random.default_rng(3),
+        samples=int(rows[-1]) + 12,
+        runs=1,
+        axis=axis,
+        lines=(0.2, 0.4, 0.9, 1.6, 2.6),
+    )[:, 0]
+    # The force of a row is held until the next.
+    held = np.repeat(slow[rows], np.diff(rows, append=slow.size))
+    place = counted(positions(axis, held[:, None]), COUNT)[:, 0]
+    uneven = log(slow[rows], place[rows], STEP * rows)
+    findings, found = findings_of(uneven)
+    assert [(each.code, each.severity) for each in findings] == [("jitter", "warning")]
+    assert found is not None
+    assert found.device.mass.value == pytest.approx(3.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("jitter", "refuses"), [(0.03, False), (0.25, True)])
+def test_stamps_that_say_when_a_row_was_written(jitter: float, refuses: bool) -> None:
+    trajectory = plain()
+    late = STEP * jitter * np.random.default_rng(7).uniform(0, 1, len(trajectory))
+    shaken = log(trajectory.force, trajectory.position, trajectory.time + late)
+    found = [each for each in inspect(shaken, None) if each.code == "jitter"]
+    assert [each.severity for each in found] == ["refusal" if refuses else "warning"]
+
+
+@pytest.mark.parametrize(("share", "severity"), [(0.03, "warning"), (0.33, "refusal")])
+def test_lost_rows_are_counted(share: float, severity: str) -> None:
+    trajectory = plain()
+    keep = np.random.default_rng(8).random(len(trajectory)) >= share
+    keep[[0, -1]] = True
+    lost = int(np.count_nonzero(~keep))
+    thinned = log(trajectory.force[keep], trajectory.position[keep], trajectory.time[keep])
+    found = [each for each in inspect(thinned, None) if each.code == "dropped-samples"]
+    assert [each.severity for each in found] == [severity]
+    assert f"about {lost} samples lost" in found[0].seen
+
+
+@pytest.mark.parametrize(("milliseconds", "severity"), [(5, "warning"), (150, "refusal")])
+def test_a_gap_is_judged_by_the_motion_in_it(milliseconds: int, severity: str) -> None:
+    trajectory = plain()
+    keep = np.ones(len(trajectory), dtype=bool)
+    keep[4000 : 4000 + milliseconds] = False
+    cut = log(trajectory.force[keep], trajectory.position[keep], trajectory.time[keep])
+    found = [each for each in inspect(cut, None) if each.code == "dropped-samples"]
+    assert [each.severity for each in found] == [severity]
+
+
+def test_standing_under_a_changing_force() -> None:
+    time = STEP * np.arange(8000)
+    force = 5 * np.sin(2 * np.pi * 0.5 * time) + 0.5 * np.sin(2 * np.pi * 5 * time)
+    for friction, codes in ((0.5, set[str]()), (4.8, {"stiction"})):
+        axis = Axis(coulomb=friction)
+        push = 2e-3 * np.random.default_rng(1).standard_normal((force.size, 1))
+        place = counted(positions(axis, force[:, None], disturbance=push), COUNT)[:, 0]
+        assert {each.code for each in inspect(log(force, place), None)} == codes
+
+
+def hand_on(spring: float, damper: float, *, hertz: tuple[float, ...]) -> Trajectory:
+    """A hand moves the handle; the controller answers to what it reads, and nothing else acts."""
+    time = STEP * np.arange(12000)
+    place = counted(
+        np.sum([0.03 / k * np.sin(2 * np.pi * h * time + k) for k, h in enumerate(hertz, 1)], 0)
+        + 3e-6 * np.random.default_rng(2).standard_normal(time.size),
+        COUNT,
+    )
+    speed = np.diff(place, prepend=place[0]) / STEP
+    return log(-spring * place - damper * speed, place)
+
+
+@pytest.mark.parametrize(
+    ("spring", "damper"), [(500.0, 0.0), (500.0, 5.0), (0.0, 20.0)], ids=["K", "KB", "B"]
+)
+@pytest.mark.parametrize("hertz", [(1.0,), (0.7, 1.9, 3.1)], ids=["one", "three"])
+def test_a_log_of_the_controller(spring: float, damper: float, hertz: tuple[float, ...]) -> None:
+    """At one frequency a virtual spring is a mass of K/ω² that fits perfectly."""
+    assert "controller-identified" in refusals(hand_on(spring, damper, hertz=hertz))
+
+
+def test_a_sine_cannot_tell_a_mass_from_a_spring() -> None:
+    time = STEP * np.arange(8000)
+    force = 6 * np.sin(2 * np.pi * 1.5 * time)
+    push = 5e-3 * np.random.default_rng(3).standard_normal((force.size, 1))
+    place = counted(positions(Axis(delay=STEP), force[:, None], disturbance=push), COUNT)[:, 0]
+    # From rest the motion drifts, which tells; the last seconds are steady.
+    steady = log(force[4000:], place[4000:])
+    assert "not-exciting-mass" in {each.code for each in findings_of(steady)[0]}
+
+
+def test_friction_and_offset_in_one_way_motion() -> None:
+    generator = np.random.default_rng(4)
+    force = np.repeat(generator.choice([3.0, 4.0, 6.0], 20), 400)
+    axis = Axis(coulomb=0.8, offset=0.5, delay=STEP)
+    push = 5e-3 * generator.standard_normal((force.size, 1))
+    place = counted(positions(axis, force[:, None], disturbance=push, speed=0.2), COUNT)[:, 0]
+    findings, found = findings_of(log(force, place))
+    assert found is not None
+    assert found.device.mass.value == pytest.approx(3.0, rel=0.01)
+    assert found.device.damping.value == pytest.approx(10.0, rel=0.02)
+    (told,) = findings
+    assert told.code == "not-exciting-damping"
+    both = float(told.seen.split("friction is ")[1].split(",")[0])
+    assert both == pytest.approx(0.8 + 0.5, rel=0.02)
+
+
+@pytest.mark.parametrize(("mass", "severity"), [(3.02, None), (4.5, "refusal")])
+def test_a_device_that_changes(mass: float, severity: str | None) -> None:
+    """The last third is of another mass; both parts start from rest."""
+    parts = (plain(5000, 1), _other(mass))
+    force = np.concatenate([part.force for part in parts])
+    start = parts[0].position[-1] - parts[1].position[0]
+    place = np.concatenate((parts[0].position, parts[1].position + start))
+    found = [each for each in findings_of(log(force, place))[0] if each.code == "heldout-misfit"]
+    assert [each.severity for each in found] == ([severity] if severity else [])
+
+
+def _other(mass: float) -> Trajectory:
+    generator = np.random.default_rng(5)
+    axis = Axis(mass=mass, coulomb=0.8, delay=STEP)
+    force = multisine(generator, samples=3000, runs=1, axis=axis)
+    push = 5e-3 * generator.standard_normal(force.shape)
+    place = counted(positions(axis, force, disturbance=push), COUNT)
+    return log(force[:, 0], place[:, 0])
+
+
+def test_a_delay_beyond_the_scan_is_refused_and_a_stated_one_is_not_doubted() -> None:
+    axis = Axis(coulomb=0.8, delay=9 * STEP)
+    generator = np.random.default_rng(6)
+    force = multisine(generator, samples=8000, runs=1, axis=axis)
+    push = 5e-3 * generator.standard_normal(force.shape)
+    place = counted(positions(axis, force, disturbance=push), COUNT)
+    late = log(force[:, 0], place[:, 0])
+    assert "delay-unknown" in refusals(late)
+    assert "delay-unknown" not in warnings(late, Hardware(delay=quantity(9 * STEP)))
+
+
+def test_raw_columns_keep_what_a_trajectory_refuses() -> None:
+    broken = RawLog(time=np.arange(300.0), force=np.full(300, np.nan), position=np.zeros(300))
+    with pytest.raises(LogRefusedError, match="non-finite"):
+        broken.trajectory()
+    mended = replace(broken, force=np.sin(np.arange(300.0)), position=np.cos(np.arange(300.0)))
+    assert len(mended.trajectory()) == 300

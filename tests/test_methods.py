@@ -1,0 +1,248 @@
+"""All five methods on independent simulations, under changes of unit, clock, sign and origin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from datasets_synthetic import Clock, Faults, Rig, family_named, fit_to_limits, multisine, simulate
+from identification import Trajectory
+from identification.estimators import METHODS, Estimate, Model, instruments, weak
+from identification.estimators.banded import Covariance, bands
+from identification.estimators.bumps import Operators, bumps
+from identification.estimators.rows import FIRST, LAST, Kinematics
+from identification.intervals import MOST_BLOCKS, spread
+
+Array = NDArray[np.float64]
+
+COUNT = 2e-5
+STEP = 1e-3
+RIG = Rig(
+    mass=3.0,
+    damping=10.0,
+    force_offset=0.3,
+    sample_time=STEP,
+    delay=0.4 * STEP,
+    encoder_resolution=COUNT,
+    force_limit=28.0,
+    name="tested",
+)
+CLOCKS = {
+    "even": Clock(),
+    "alternating": Clock(steps=(0.9e-3, 1.1e-3)),
+    "jittered": Clock(jitter=0.1e-3),
+}
+SEEDS = (1, 2, 3)
+#: Sigmas of a method's own that a value may be off: with Student's t of 8 to 60 blocks, chance
+#: alone exceeds them in one of a thousand.
+SIGMAS = 5.0
+
+
+@lru_cache(maxsize=32)
+def logs(clock: str, delay: float, coulomb: float = 0.0) -> tuple[Trajectory, ...]:
+    """Open-loop logs of 3 s with noise of one count."""
+    rig = replace(RIG, delay=delay, coulomb_friction=coulomb)
+    played = fit_to_limits(rig, multisine(rig, 3000), travel=0.02, force=rig.force_limit)
+    recording = simulate(
+        rig,
+        played.force,
+        faults=Faults(position_noise=COUNT),
+        clock=CLOCKS[clock],
+        seed=SEEDS,
+        position=played.start,
+    )
+    return tuple(recording.trajectory(member) for member in range(recording.batch))
+
+
+def check(found: Sequence[Estimate], truth: dict[str, float], part: float) -> None:
+    """Every value within SIGMAS of its own, and within ``part`` of the truth (of 1 at least)."""
+    for each in found:
+        for name, value in truth.items():
+            off = abs(each.value(name) - value)
+            assert off < SIGMAS * each.deviation(name), f"{name} {each.value(name)}"
+            assert off < part * max(abs(value), 1.0), f"{name} {each.value(name)}"
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("clock", CLOCKS)
+@pytest.mark.parametrize("delay", [0.4 * STEP, 2.3 * STEP])
+def test_known_devices_are_recovered(method: str, clock: str, delay: float) -> None:
+    found = [METHODS[method](log, Model(coulomb=False), delay) for log in logs(clock, delay)]
+    check(found, {"mass": 3.0, "damping": 10.0, "force_offset": 0.3}, 0.02)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("clock", ["even", "jittered"])
+def test_friction_is_recovered(method: str, clock: str) -> None:
+    found = [METHODS[method](log, Model(), STEP) for log in logs(clock, STEP, coulomb=0.8)]
+    truth = {"mass": 3.0, "damping": 10.0, "coulomb_friction": 0.8, "force_offset": 0.3}
+    if method == "output-error":
+        # The direction of motion is read from the measurement; its error is common to the whole log
+        # and not in this covariance, so only the size of the error is looked at.
+        found = [replace(each, covariance=np.full_like(each.covariance, np.inf)) for each in found]
+    check(found, truth, 0.06)
+
+
+@pytest.mark.parametrize("method", ["weak", "instruments", "output-error", "innovations"])
+def test_a_delay_nobody_states_is_fitted(method: str) -> None:
+    for log in logs("even", 2.3 * STEP):
+        found = METHODS[method](log, Model(coulomb=False), None)
+        assert found.delay_deviation is not None
+        assert abs(found.delay - 2.3 * STEP) < SIGMAS * found.delay_deviation
+        assert found.delay_deviation < 0.2 * STEP
+        check([found], {"mass": 3.0, "damping": 10.0}, 0.02)
+
+
+CHANGES: dict[str, dict[str, float]] = {
+    "time": {"time": 3.7},
+    "force unit": {"force": 1e-3},
+    "position unit": {"position": 57.3},
+    "sign": {"force": -1.0, "position": -1.0},
+    "origin": {"shift": 12.5},
+    "start of the clock": {"start": 1e4},
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("clock", ["even", "jittered"])
+@pytest.mark.parametrize("change", CHANGES)
+def test_units_clock_sign_and_origin_do_not_matter(method: str, clock: str, change: str) -> None:
+    log = logs(clock, 0.4 * STEP)[0]
+    time, force, position = (CHANGES[change].get(key, 1.0) for key in ("time", "force", "position"))
+    moved = Trajectory(
+        time=log.time * time + CHANGES[change].get("start", 0.0),
+        force=log.force * force,
+        position=log.position * position + CHANGES[change].get("shift", 0.0),
+    )
+    model = Model(coulomb=False)
+    plain = METHODS[method](log, model, 0.4 * STEP)
+    other = METHODS[method](moved, model, 0.4 * STEP * time)
+    scale = np.array([force / position * time**2, force / position * time, force])
+    # Stamps and positions lose digits where a number is added; the searches end within a hundredth
+    # of a deviation either way.
+    off = np.abs(other.values / scale - plain.values)
+    assert np.all(off < 0.02 * np.sqrt(np.diag(plain.covariance)))
+    deviations = np.sqrt(np.diag(other.covariance)) / np.abs(scale)
+    np.testing.assert_allclose(deviations, np.sqrt(np.diag(plain.covariance)), rtol=0.02)
+
+
+def test_a_reference_frees_from_noise_that_the_force_carries() -> None:
+    """In closed loop unlogged force biases least squares; instruments from the reference do not."""
+    family = family_named("closed-loop-force-noise")
+    family = replace(family, faults=replace(family.faults, force_noise=3.0))
+    model, truth = Model(coulomb=False), family.truth
+    found: dict[str, list[float]] = {"least-squares": [], "instruments": []}
+    for log in family.logs(range(40)):
+        for method, masses in found.items():
+            estimate = METHODS[method](log, model, truth["delay"])
+            masses.append(estimate.value("mass") / truth["mass"] - 1)
+            if method == "instruments":
+                assert estimate.notes[0] == "instruments from the logged reference"
+    error = np.std(found["instruments"]) / np.sqrt(40)
+    assert np.mean(found["least-squares"]) < -3 * error
+    assert abs(np.mean(found["instruments"])) < 2 * error
+
+
+def test_a_reference_finds_the_delay_in_closed_loop() -> None:
+    """Unlogged force comes back through the controller and looks like another delay."""
+    family = family_named("closed-loop-force-noise")
+    for log in family.logs(range(6)):
+        found = instruments.estimate(log, Model(coulomb=False), None)
+        assert found.delay_deviation is not None
+        assert abs(found.delay - family.truth["delay"]) < 3 * found.delay_deviation
+        assert abs(found.value("damping") - 10.0) < 3 * found.deviation("damping")
+        assert found.delay_deviation < 0.25 * STEP
+
+
+def test_without_a_moving_reference_instruments_are_simulated() -> None:
+    log = logs("even", 0.4 * STEP)[0]
+    for reference in (None, np.full(len(log), 0.1)):
+        found = instruments.estimate(
+            replace(log, reference=reference), Model(coulomb=False), 0.4 * STEP
+        )
+        assert "simulated" in found.notes[0]
+        assert "open loop" in found.notes[0]
+
+
+def test_bumps_are_weights_that_end() -> None:
+    place = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 500)) * STEP
+    weights = bumps(place, 0.01)
+    dense = weights.toarray()
+    np.testing.assert_allclose(dense.sum(axis=1), 1.0, rtol=1e-12)
+    assert np.all(dense >= 0)
+    middle = dense[len(dense) // 2]
+    centre = middle @ place
+    deviation = np.sqrt(middle @ (place - centre) ** 2)
+    assert deviation == pytest.approx(0.01, rel=0.05)
+    assert np.ptp(place[middle > 0]) < 0.1
+
+
+def test_operators_are_the_rows() -> None:
+    generator = np.random.default_rng(1)
+    steps = generator.uniform(0.8e-3, 1.2e-3, 299)
+    position = generator.standard_normal(300)
+    known = 3
+    rows = Kinematics.of(position, steps)
+    place = np.cumsum(steps)[FIRST - 1 : -LAST][known:]
+    weights = bumps(place, 0.004)
+    found = Operators.of(weights, steps, 300, known)
+    for operator, row in (
+        (found.acceleration, rows.acceleration),
+        (found.velocity, rows.velocity),
+    ):
+        expected = weights @ row[known:]
+        np.testing.assert_allclose(
+            operator @ position, expected, atol=1e-9 * np.abs(expected).max()
+        )
+
+
+def test_banded_covariance_is_the_dense_one() -> None:
+    place = np.arange(200) * np.float64(STEP)
+    weights = bumps(place, 0.005)
+    dense = (weights @ weights.T).toarray()
+    banded = bands(weights @ weights.T)[0]
+    # On its own the overlap of smooth functions is all but singular.
+    dense += 0.01 * np.eye(len(dense))
+    banded[0] += 0.01
+    covariance = Covariance.of(banded)
+    right = np.random.default_rng(2).standard_normal((2, len(dense)))
+    white = covariance.whitened(right)
+    inverse = np.linalg.inv(dense)
+    np.testing.assert_allclose(white @ white.T, right @ inverse @ right.T, rtol=1e-6)
+    np.testing.assert_allclose(covariance.solve(right[0]), inverse @ right[0], rtol=1e-5)
+    assert covariance.log_determinant == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-9)
+
+
+def test_weak_residual_is_white_where_its_covariance_is_true() -> None:
+    for log in logs("even", 0.4 * STEP):
+        found = weak.estimate(log, Model(coulomb=False), 0.4 * STEP)
+        # Bartlett: beyond 1.63/√(n/2) once in a hundred.
+        assert found.whiteness < 1.63 / np.sqrt(found.residual.size / 2)
+
+
+def test_covariance_with_instruments_is_the_jackknife_done_by_hand() -> None:
+    generator = np.random.default_rng(3)
+    rows = 6000
+    tests = generator.standard_normal((2, rows)) * np.array([[1.0], [50.0]])
+    columns = tests + 0.3 * generator.standard_normal((2, rows))
+    target = np.array([2.0, -0.1]) @ columns + generator.standard_normal(rows)
+    values = np.linalg.solve(tests @ columns.T, tests @ target)
+    residual = target - values @ columns
+    found = spread(columns, residual, 2, signal=np.zeros(rows), instruments=tests)
+    edges = np.linspace(0, rows, MOST_BLOCKS + 1).astype(int)
+    left_out = []
+    for first, last in pairwise(edges.tolist()):
+        kept = np.r_[0:first, last:rows]
+        left_out.append(
+            np.linalg.solve(tests[:, kept] @ columns[:, kept].T, tests[:, kept] @ target[kept])
+        )
+    off = np.array(left_out) - values
+    expected = (MOST_BLOCKS - 1) / MOST_BLOCKS * off.T @ off
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-8)
+    assert found.degrees_of_freedom == MOST_BLOCKS - 1

@@ -1,0 +1,256 @@
+"""Friction by direction, fields, hands and unlogged forces against independent integration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.signal import welch
+from scipy.special import ellipk
+
+from datasets_synthetic import Faults, Hand, Recording, Rig, simulate
+
+FloatArray = NDArray[np.float64]
+
+T = 0.001
+M, B = 3.0, 10.0
+#: Relative error of one integration step, |h·p|⁴/120 at the default 0.02, with a margin of ten for
+#: what adds up over a few hundred samples.
+STEP_ERROR = 1e-8
+
+
+def rig(**changes: Any) -> Rig:
+    values: dict[str, Any] = {"mass": M, "damping": B, "sample_time": T}
+    return Rig(**values | changes)
+
+
+def resisting(truth: dict[str, Any], q: float) -> float:
+    """Force of position and offset, N."""
+    gravity = truth["gravity_sine"] * np.sin(q) + truth["gravity_cosine"] * np.cos(q)
+    return truth["force_offset"] + truth["stiffness"] * q + gravity
+
+
+def slide(
+    truth: dict[str, Any], state: tuple[float, float], pull: float, way: float, left: float
+) -> tuple[float, float, float]:
+    """Position, speed and time spent until ``left`` s have passed or the device is at rest."""
+    damping = truth["damping"] + way * truth["damping_asymmetry"]
+    grip = truth["coulomb_friction"] + way * truth["coulomb_asymmetry"]
+
+    def motion(_: float, now: FloatArray) -> list[float]:
+        friction = damping * now[1] + way * grip
+        return [now[1], (pull - friction - resisting(truth, now[0])) / truth["mass"]]
+
+    def at_rest(time: float, now: FloatArray) -> float:
+        return way * now[1] if time > 0 else 1.0  # the start from rest is no stop
+
+    setattr(at_rest, "terminal", True)  # noqa: B010 what solve_ivp looks for
+    found = solve_ivp(
+        motion, (0.0, left), state, events=at_rest, method="DOP853", rtol=1e-11, atol=1e-14
+    )
+    q, v = (float(value) for value in found.y[:, -1])
+    return q, 0.0 if found.status == 1 else v, float(found.t[-1])
+
+
+def integrated(truth: dict[str, Any], force: FloatArray, start: float) -> FloatArray:
+    """The law by an adaptive eighth-order method that stops at every instant of rest."""
+    forward = truth["coulomb_friction"] + truth["coulomb_asymmetry"]
+    backward = truth["coulomb_friction"] - truth["coulomb_asymmetry"]
+    q, v, positions = start, 0.0, np.empty(force.size)
+    for k, pull in enumerate(force):
+        positions[k] = q
+        left = T
+        while left > 0:
+            way = float(np.sign(v))
+            if v == 0:
+                net = pull - resisting(truth, q)
+                way = 1.0 if net > forward else -1.0 if net < -backward else 0.0
+            if way == 0:
+                break
+            q, v, spent = slide(truth, (q, v), float(pull), way, left)
+            left -= spent
+    return positions
+
+
+def test_everything_at_once_matches_an_adaptive_integrator() -> None:
+    """Stick and slip, both directions and a curved field: 600 samples of random force."""
+    truth: dict[str, Any] = {
+        "mass": 0.05,
+        "damping": 0.3,
+        "damping_asymmetry": 0.1,
+        "coulomb_friction": 0.5,
+        "coulomb_asymmetry": -0.15,
+        "force_offset": 0.1,
+        "stiffness": 0.8,
+        "gravity_sine": 1.5,
+        "gravity_cosine": -0.4,
+    }
+    force = np.repeat(np.random.default_rng(2).uniform(-1.5, 1.5, 20), 30)
+    expected = integrated(truth, force, 0.3)
+    position = simulate(Rig(**truth, sample_time=T), force, position=0.3).position[0]
+    held = np.count_nonzero(np.diff(expected) == 0)
+    assert 50 < held < 550  # it does both stick and move
+    assert np.min(np.diff(expected)) < 0 < np.max(np.diff(expected))
+    np.testing.assert_allclose(position, expected, rtol=0, atol=STEP_ERROR * np.ptp(expected))
+
+
+def test_steady_speed_is_that_of_its_own_direction() -> None:
+    uneven = rig(mass=0.5, damping_asymmetry=2.0, coulomb_friction=0.8, coulomb_asymmetry=0.3)
+    position = simulate(uneven, np.array([[5.0], [-5.0]]) * np.ones(2000)).position
+    speed = (position[:, -1] - position[:, -101]) / (100 * T)
+    np.testing.assert_allclose(speed, [(5 - 1.1) / 12.0, -(5 - 0.5) / 8.0], rtol=1e-9)
+
+
+def test_at_rest_the_friction_of_its_own_sense_must_be_exceeded() -> None:
+    pulls = np.array([1.0999, 1.1001, -0.4999, -0.5001])
+    uneven = rig(coulomb_friction=0.8, coulomb_asymmetry=0.3)
+    position = simulate(uneven, pulls[:, None] * np.ones(300)).position
+    np.testing.assert_array_equal(np.sign(position[:, -1]), [0, 1, 0, -1])
+
+
+def test_spring_and_damper_oscillate_as_the_closed_form_says() -> None:
+    stiffness, time = 400.0, T * np.arange(2000)
+    position = simulate(rig(stiffness=stiffness), np.zeros(2000), position=0.02).position[0]
+    decay = B / (2 * M)
+    ringing = np.sqrt(stiffness / M - decay**2)
+    exact = np.cos(ringing * time) + decay / ringing * np.sin(ringing * time)
+    np.testing.assert_allclose(
+        position, 0.02 * np.exp(-decay * time) * exact, rtol=0, atol=0.02 * STEP_ERROR
+    )
+
+
+def test_a_pendulum_swings_with_the_period_of_the_elliptic_integral() -> None:
+    """Without damping it is back where it started after a period, which depends on the swing."""
+    starts = np.array([0.1, 1.0, 2.5])
+    rate = np.sqrt(1.5 / 0.05)
+    period = 4 / rate * ellipk(np.sin(starts / 2) ** 2)
+    for start, turn in zip(starts, period, strict=True):
+        arm = Rig(mass=0.05, damping=0.0, gravity_sine=1.5, sample_time=turn / 1000)
+        position = simulate(arm, np.zeros(1001), position=start).position[0]
+        assert position[1000] == pytest.approx(start, rel=1e-9)
+        assert position[500] == pytest.approx(-start, rel=1e-7)
+        assert abs(position[250]) < 1e-6 * start
+
+
+def test_it_comes_to_rest_where_gravity_spring_and_force_balance() -> None:
+    arm = Rig(
+        mass=0.05,
+        damping=0.5,
+        gravity_sine=1.5,
+        gravity_cosine=0.4,
+        stiffness=0.3,
+        force_offset=0.2,
+        sample_time=T,
+    )
+    pushes = np.array([-0.5, 0.0, 0.9])
+    position = simulate(arm, pushes[:, None] * np.ones(4000)).position[:, -1]
+    for push, place in zip(pushes, position, strict=True):
+        balance = brentq(
+            lambda q, push=push: 1.5 * np.sin(q) + 0.4 * np.cos(q) + 0.3 * q + 0.2 - push, -1.2, 1.2
+        )
+        assert place == pytest.approx(balance, abs=1e-8)
+
+
+def test_friction_takes_the_same_from_every_half_swing_and_then_holds() -> None:
+    """Without damping each half swing loses 2·Fc/k, until the spring is weaker than friction."""
+    stiffness, friction, start = 100.0, 0.8, 0.05
+    lost = 2 * friction / stiffness
+    swings = int(np.ceil((start - friction / stiffness) / lost))
+    block = rig(damping=0.0, stiffness=stiffness, coulomb_friction=friction)
+    position = simulate(block, np.zeros(4000), position=start).position[0]
+    assert swings == 3
+    assert position[-1] == pytest.approx((start - swings * lost) * (-1) ** swings, rel=1e-6)
+    assert position[-1] == position[-1000]
+    assert np.min(position) == pytest.approx(-(start - lost), rel=1e-6)
+
+
+def test_a_hand_adds_its_mass_damper_and_spring() -> None:
+    hand = Hand(mass=1.0, damping=5.0, stiffness=200.0, rest=0.01)
+    position = simulate(rig(), np.full(6000, 3.0), hand=hand).position[0]
+    settled = 0.01 + 3.0 / 200.0
+    decay, time = 15.0 / 8.0, T * np.arange(6000)
+    ringing = np.sqrt(200.0 / 4.0 - decay**2)
+    shape = np.cos(ringing * time) + decay / ringing * np.sin(ringing * time)
+    exact = settled * (1 - np.exp(-decay * time) * shape)
+    np.testing.assert_allclose(position, exact, rtol=0, atol=settled * STEP_ERROR)
+
+
+def felt(recording: Recording, mass: float) -> FloatArray:
+    """Unlogged force on a free mass, mean of neighbouring samples: m·(second difference)/T²."""
+    assert not np.any(recording.force)
+    return mass * np.diff(recording.position, n=2, axis=1) / T**2
+
+
+def test_tremor_is_between_8_and_12_hz_and_of_the_stated_size() -> None:
+    free = Rig(mass=1.0, damping=0.0, sample_time=T)
+    force = felt(simulate(free, np.zeros((40, 10_000)), hand=Hand(tremor=0.4), seed=4), 1.0)
+    # 400 s of a band of 4 Hz hold 3 200 independent values: the sampling error of the rms is
+    # 1.3 %, that of the kurtosis 0.09.
+    assert np.std(force) == pytest.approx(0.4, rel=0.04)
+    frequency, power = welch(force, fs=1 / T, nperseg=5000)
+    power = np.mean(power, axis=0)
+    inside = (frequency > 7.5) & (frequency < 12.5)
+    assert np.sum(power[inside]) > 0.995 * np.sum(power)
+    quarters = [np.sum(power[(frequency > f) & (frequency <= f + 1)]) for f in (8, 9, 10, 11)]
+    assert min(quarters) > 0.7 * max(quarters)  # a band, not a line
+    assert np.mean(force**4) / np.mean(force**2) ** 2 == pytest.approx(3.0, abs=0.3)
+    together = np.asarray(np.corrcoef(force)) - np.eye(40)
+    assert np.max(np.abs(together)) < 0.6  # 80 values each: 5 sigma
+
+
+def test_coloured_force_forgets_exponentially() -> None:
+    free = Rig(mass=1.0, damping=0.0, sample_time=T)
+    faults = Faults(coloured_force=0.3, correlation_time=0.02)
+    force = felt(simulate(free, np.zeros((20, 10_000)), faults=faults, seed=1), 1.0)
+    # 200 s hold 5 000 independent values: 1 % of sampling error, 4 of which are allowed.
+    assert np.std(force) == pytest.approx(0.3, rel=0.04)
+    for lag in (5, 20, 40):
+        seen = np.mean(force[:, lag:] * force[:, :-lag]) / np.mean(force**2)
+        assert seen == pytest.approx(np.exp(-lag / 20), abs=0.06)
+
+
+def test_voluntary_motion_carries_the_device_slowly() -> None:
+    """A stiff hand takes the device where it goes; 12 times 20 s hold 430 independent places."""
+    hand = Hand(damping=60.0, stiffness=2000.0, wander=0.01)
+    slow = rig(mass=1.0, sample_time=0.005)
+    position = simulate(slow, np.zeros((12, 4000)), hand=hand, seed=2).position
+    assert np.std(position) == pytest.approx(0.01, rel=0.14)
+    frequency, power = welch(position[:, 200:], fs=200.0, nperseg=3800)
+    assert np.sum(power[:, frequency < 1.1]) > 0.99 * np.sum(power)
+
+
+def test_offset_and_coulomb_asymmetry_are_one_and_the_same() -> None:
+    """Moving either way, turning and sticking: only their sum shows."""
+    force = np.repeat(np.random.default_rng(1).uniform(-4, 4, 40), 20)
+    one = rig(mass=0.5, coulomb_friction=0.8, coulomb_asymmetry=0.3, force_offset=0.2)
+    other = rig(mass=0.5, coulomb_friction=0.8, force_offset=0.5)
+    positions = [simulate(each, force).position[0] for each in (one, other)]
+    assert np.count_nonzero(np.diff(positions[0]) == 0) > 20
+    np.testing.assert_allclose(*positions, rtol=0, atol=1e-12)
+
+
+def test_start_spread_scatters_the_start_only() -> None:
+    starts = simulate(rig(), np.zeros((400, 10)), faults=Faults(start_spread=1e-3)).position
+    assert np.all(starts == starts[:, :1])
+    assert -1e-3 <= np.min(starts) < -9e-4
+    assert 9e-4 < np.max(starts) <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: rig(coulomb_friction=0.5, coulomb_asymmetry=0.6),
+            r"coulomb_asymmetry must not exceed coulomb_friction, 0\.5, not 0\.6",
+        ),
+        (lambda: rig(stiffness=np.nan), "stiffness must be finite, not nan"),
+        (lambda: Faults(correlation_time=0.0), "correlation_time must be positive, not 0"),
+    ],
+)
+def test_impossible_forces_are_refused(make: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()

@@ -1,0 +1,144 @@
+"""``haptune doctor``: what logs can and cannot support."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tune.cli.options import (
+    Allow,
+    Axis,
+    Force,
+    ForceGain,
+    HardwareFile,
+    Json,
+    Logs,
+    Position,
+    PositionGain,
+    Quiet,
+    Reference,
+    Time,
+)
+from tune.cli.session import Session, run_command
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from identification import Examination, Finding, Quantity
+
+_UNITS = {
+    "linear": {"length": "m", "speed": "m/s", "force": "N", "mass": "kg", "damping": "N·s/m"},
+    "rotary": {
+        "length": "rad",
+        "speed": "rad/s",
+        "force": "N·m",
+        "mass": "kg·m²",
+        "damping": "N·m·s/rad",
+    },
+}
+
+
+def doctor(
+    logs: Logs,
+    time: Time = "time",
+    force: Force = "force",
+    position: Position = "position",
+    reference: Reference = None,
+    force_gain: ForceGain = 1.0,
+    position_gain: PositionGain = 1.0,
+    axis: Axis = None,
+    hardware: HardwareFile = None,
+    allow: Allow = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """What each log can and cannot support; ends with 4 if identify would refuse one."""
+
+    def action(session: Session) -> None:
+        from identification import (
+            Hardware,
+            LogColumns,
+            LogRefusedError,
+            examine,
+            load_document,
+            load_trajectory,
+        )
+
+        columns = LogColumns(
+            time=time,
+            force=force,
+            position=position,
+            reference=reference,
+            force_gain=force_gain,
+            position_gain=position_gain,
+            axis=axis,
+        )
+        known = None if hardware is None else load_document(Hardware, hardware)
+        findings: list[Finding] = []
+        refused = False
+        for path in logs:
+            try:
+                with session.progress() as say:
+                    say(f"examining {path.name}")
+                    trajectory = load_trajectory(
+                        path,
+                        columns,
+                        motion="linear" if known is None else known.motion,
+                        axis=columns.axis or (None if known is None else known.axis),
+                    )
+                    seen = examine(trajectory, hardware=known, allow=allow or [])
+            except LogRefusedError as error:  # the columns are no log at all
+                findings += error.findings
+                refused = True
+                continue
+            session.say(_table(seen))
+            session.say(_verdict(seen))
+            findings += seen.findings
+            refused = refused or seen.refused
+        if refused:
+            raise LogRefusedError(tuple(findings))
+        session.found(tuple(findings))
+
+    run_command("doctor", action, as_json=json, quiet=quiet)
+
+
+def _table(seen: Examination) -> Table:
+    """What was measured, one row a quantity."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    units = _UNITS[seen.motion]
+    table = Table(title=seen.source, title_justify="left", box=SIMPLE_HEAD)
+    table.add_column("seen in the log", no_wrap=True)
+    table.add_column("value", no_wrap=True)
+    rate = f"{1 / seen.sample_time:.4g} Hz, usual step {seen.sample_time * 1e3:.4g} ms"
+    count = "none seen" if seen.count is None else f"{seen.count:.4g} {units['length']}"
+    for name, value in (
+        ("length", f"{seen.duration:.4g} s, {seen.samples} samples"),
+        ("rate", rate),
+        ("travel", f"{seen.travel:.4g} {units['length']}"),
+        ("peak speed", f"{seen.peak_speed:.4g} {units['speed']}"),
+        ("peak force", f"{seen.peak_force:.4g} {units['force']}"),
+        ("encoder count", f"{count}; noise of a reading {seen.noise:.2g} {units['length']} rms"),
+        ("excited band", f"{seen.band[0]:.3g} to {seen.band[1]:.3g} Hz"),
+        ("mass", _told(seen.mass, units["mass"])),
+        ("damping", _told(seen.damping, units["damping"])),
+    ):
+        table.add_row(name, value)
+    return table
+
+
+def _told(quantity: Quantity | None, unit: str) -> str:
+    """A quantity with the half-width of its 95 % interval."""
+    if quantity is None:
+        return "not told"
+    half = (quantity.high - quantity.low) / 2
+    share = f" ({half / abs(quantity.value):.2g} of it)" if quantity.value else ""
+    return f"{quantity.value:.5g} ± {half:.2g} {unit}{share}"
+
+
+def _verdict(seen: Examination) -> str:
+    refusals = list(dict.fromkeys(f.code for f in seen.findings if f.severity == "refusal"))
+    warnings = list(dict.fromkeys(f.code for f in seen.findings if f.severity == "warning"))
+    if seen.refused:
+        return f"not usable: {', '.join(refusals)}; the interval above cannot be relied on"
+    return "usable" + (f", with warnings: {', '.join(warnings)}" if warnings else "")

@@ -19,6 +19,7 @@ from identification.device import (
     quantity,
 )
 from identification.errors import Finding
+from identification.estimators.held import LOST
 from identification.estimators.noise import finest_reading
 from identification.intervals import quantile
 from identification.one_log import LogFit
@@ -66,8 +67,10 @@ def device_from(
         force_limit=hardware.force_limit or _force_limit(fits),
         covariance=_covariance(fits),
         logs=tuple(records),
-        **_by_direction(fits),
-        **_of_position(fits),
+        damping_by_direction=_by_direction(fits, "damping"),
+        friction_by_direction=_by_direction(fits, "friction"),
+        position_stiffness=_position_stiffness(fits),
+        gravity=_gravity(fits),
     )
 
 
@@ -76,7 +79,7 @@ def unstated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding
     hardware = hardware or Hardware()
     findings: list[Finding] = []
     if hardware.delay is None:
-        step = fits[0].trajectory.sample_time
+        step = _sample_time(fits, Hardware()).value
         seen = ", ".join(
             f"{fit.delay.value * 1e3:.4g} ± {2 * fit.delay.deviation * 1e3:.1g} ms in "
             f"{fit.trajectory.source}"
@@ -138,8 +141,10 @@ def _hull(fits: Sequence[LogFit], *, least: float | None = None, **weights: floa
     physics ends.
     """
     confidence = _confidence(fits)
-    values, deviations = np.array([fit.estimate.combined(**weights) for fit in fits]).T
-    halves = deviations * np.array([quantile(fit.estimate, confidence) for fit in fits])
+    pairs: FloatArray = np.array([fit.estimate.combined(**weights) for fit in fits])
+    values, deviations = pairs[:, 0], pairs[:, 1]
+    quantiles = [quantile(fit.estimate, confidence) for fit in fits]
+    halves: FloatArray = deviations * np.array(quantiles)
     lows, highs = values - halves, values + halves
     if weights.keys() == {"mass"}:
         ratio = np.exp(np.minimum(halves / values, WIDEST_MASS))
@@ -154,15 +159,19 @@ def _hull(fits: Sequence[LogFit], *, least: float | None = None, **weights: floa
     return quantity(value, low, high)
 
 
-def _by_direction(fits: Sequence[LogFit]) -> dict[str, ByDirection]:
-    """Friction forward and backward, of the logs that tell them apart."""
+def _by_direction(fits: Sequence[LogFit], what: str) -> ByDirection | None:
+    """Damping or Coulomb friction forward and backward, of the logs that tell them apart."""
     telling = [fit for fit in fits if fit.estimate.model.directional]
     if not telling:
-        return {}
-    speed = float(np.mean([fit.estimate.mean_speed for fit in telling]))
-    damping = [_hull(telling, damping=1.0, damping_asymmetry=side) for side in (1.0, -1.0)]
+        return None
+    if what == "damping":
+        forward, backward = (
+            _hull(telling, damping=1.0, damping_asymmetry=side) for side in (1.0, -1.0)
+        )
+        return ByDirection(forward=forward, backward=backward)
     # The offset of the model holds at the mean speed; at rest damping has no asymmetry.
-    friction = [
+    speed = float(np.mean([fit.estimate.mean_speed for fit in telling]))
+    forward, backward = (
         _hull(
             telling,
             least=0.0,
@@ -171,25 +180,24 @@ def _by_direction(fits: Sequence[LogFit]) -> dict[str, ByDirection]:
             damping_asymmetry=-side * speed,
         )
         for side in (1.0, -1.0)
-    ]
-    return {
-        "damping_by_direction": ByDirection(forward=damping[0], backward=damping[1]),
-        "friction_by_direction": ByDirection(forward=friction[0], backward=friction[1]),
-    }
+    )
+    return ByDirection(forward=forward, backward=backward)
 
 
-def _of_position(fits: Sequence[LogFit]) -> dict[str, Quantity | Gravity]:
-    """Stiffness or weight, of the logs that show one."""
-    springs = [fit for fit in fits if fit.estimate.model.gravity == "proportional"]
-    weights = [fit for fit in fits if fit.estimate.model.gravity == "pendulum"]
-    found: dict[str, Quantity | Gravity] = {}
-    if springs:
-        found["position_stiffness"] = _envelope(springs, "position_stiffness")
-    if weights:
-        found["gravity"] = Gravity(
-            sine=_envelope(weights, "gravity_sine"), cosine=_envelope(weights, "gravity_cosine")
-        )
-    return found
+def _position_stiffness(fits: Sequence[LogFit]) -> Quantity | None:
+    """Of the logs that show a force in proportion to position."""
+    telling = [fit for fit in fits if fit.estimate.model.gravity == "proportional"]
+    return _envelope(telling, "position_stiffness") if telling else None
+
+
+def _gravity(fits: Sequence[LogFit]) -> Gravity | None:
+    """Of the logs that show a weight."""
+    telling = [fit for fit in fits if fit.estimate.model.gravity == "pendulum"]
+    if not telling:
+        return None
+    return Gravity(
+        sine=_envelope(telling, "gravity_sine"), cosine=_envelope(telling, "gravity_cosine")
+    )
 
 
 def _covariance(fits: Sequence[LogFit]) -> Covariance:
@@ -217,15 +225,21 @@ def _sample_time(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
     stated = hardware.sample_time
     if stated is not None:
         return stated.model_copy(update={"source": "hardware"})
-    steps = [fit.trajectory.sample_time for fit in fits]
-    return quantity(float(np.mean(steps)), min(steps), max(steps), source="log")
+    logs = [np.asarray(fit.trajectory.steps) for fit in fits]
+    # Lost rows are long steps of the log, not of the loop.
+    usual = [steps[steps <= LOST * np.median(steps)] for steps in logs]
+    means = [float(np.mean(steps)) for steps in usual]
+    low = min(float(np.quantile(steps, (1 - CONFIDENCE) / 2)) for steps in usual)
+    high = max(float(np.quantile(steps, (1 + CONFIDENCE) / 2)) for steps in usual)
+    value = float(np.mean(means))
+    return quantity(value, min(low, value), max(high, value), source="log")
 
 
 def _delay(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
     """The delay stated, or the longest found, but not less than one sample."""
     if hardware.delay is not None:
         return hardware.delay.model_copy(update={"source": "hardware"})
-    least = float(np.mean([fit.trajectory.sample_time for fit in fits]))
+    least = _sample_time(fits, Hardware()).value
     found = [fit.delay for fit in fits if fit.delay is not None]
     value = max(each.value for each in found)
     if value <= least:

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.device import Quantity
 from identification.errors import Finding, InvalidInputError, LogRefusedError
@@ -121,8 +122,8 @@ def _band(rows: Balance) -> tuple[float, float]:
     """Frequencies between which the motion has its velocity, Hz."""
     step = float(np.median(np.diff(rows.time)))
     velocity = (rows.velocity - np.mean(rows.velocity)) * np.hanning(len(rows))
-    power = np.cumsum(np.abs(np.fft.rfft(velocity)) ** 2)
+    power: NDArray[np.float64] = np.cumsum(np.abs(np.fft.rfft(velocity)) ** 2)
     frequency = np.fft.rfftfreq(len(rows), step)
-    low = int(np.searchsorted(power, _OUTSIDE * power[-1]))
-    high = int(np.searchsorted(power, (1 - _OUTSIDE) * power[-1]))
+    low = int(np.count_nonzero(power < _OUTSIDE * power[-1]))
+    high = int(np.count_nonzero(power < (1 - _OUTSIDE) * power[-1]))
     return float(frequency[low]), float(frequency[min(high, frequency.size - 1)])

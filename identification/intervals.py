@@ -32,6 +32,8 @@ _SHORTEST_PART = 2
 #: Turning points of friction, forces that change between samples and the solver itself are good to
 #: this part of the force. Without it the interval of a noise-free log would shrink to rounding.
 UNKNOWN_FORCE = 3e-6
+#: Singular values this much smaller than the largest are rounding.
+_NOTHING = 1e-30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +118,8 @@ def spread(
         right[index] = block @ residual[i:j] / sizes
     whole = normal.sum(axis=0)
     singular = np.linalg.svd(whole, compute_uv=False)
-    condition = float(np.sqrt(singular[0] / max(singular[-1], np.finfo(float).tiny)))
+    weakest = max(singular[-1], _NOTHING * singular[0], np.finfo(float).tiny)
+    condition = float(np.sqrt(singular[0] / weakest))
     # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
     symmetric = instruments is None
     shifts = np.einsum("ijk,ik->ij", _inverse(whole - normal, symmetric=symmetric), right)
@@ -131,6 +134,8 @@ def spread(
         power -= float(seen @ _inverse(rest) @ seen)
     floor = UNKNOWN_FORCE**2 * max(power, 0.0) * inverse
     covariance = ((count - 1) / count * (shifts.T @ shifts) + floor) / np.outer(norms, norms)
+    # Rounding may leave the variance of what nothing tells a little below zero.
+    np.fill_diagonal(covariance, np.maximum(np.diag(covariance), 0.0))
     return Spread(
         covariance=covariance[:keep, :keep],
         degrees_of_freedom=float(count - 1),

@@ -112,7 +112,7 @@ FACTORS: dict[str, tuple[float, float]] = {
 @pytest.mark.parametrize("method", METHODS)
 def test_errors_over_the_bound(method: str) -> None:
     """One device; the few seeds leave a sampling error of the ratio that is allowed for thrice."""
-    seeds = 300 if method == "output-error" else 60
+    seeds = 150 if method == "output-error" else 40
     ratios = Experiment("handle", 300.0).ratios(method, range(seeds))
     allowed = 1 + 3 * sampling_error(seeds)
     assert np.all(ratios < np.array(FACTORS[method]) * allowed), ratios

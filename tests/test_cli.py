@@ -15,6 +15,8 @@ from tests.commands import SPRING, files, haptune
 COMMANDS = {
     "demo": "--json --quiet",
     "new": "--device --output --dry-run --json --quiet",
+    "doctor": "--time --force --position --reference --force-gain --position-gain --axis "
+    "--hardware --allow --json --quiet",
     "identify": "--output --time --force --position --reference --force-gain --position-gain "
     "--axis --hardware --allow --method --dry-run --json --quiet",
     "tune": "--output --margin --dry-run --json --quiet",

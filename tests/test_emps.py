@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from identification import (
@@ -16,6 +17,8 @@ from identification import (
     load_trajectory,
     quantity,
 )
+from identification.estimators import least_squares
+from identification.estimators.model import Model
 from identification.intervals import half_width
 
 LOG = Path(__file__).parents[2] / "shared/data/emps/DATA_EMPS.mat"
@@ -59,12 +62,34 @@ def test_intervals_are_useful_and_not_the_ordinary_ones() -> None:
     assert device.mass.low <= MASS <= device.mass.high
 
 
-def test_output_error_is_not_believed() -> None:
+def test_friction_is_found_to_differ_by_direction() -> None:
+    """Their second model: mass 95.154, Fv+ 166.71, Fv- 240.42, Fc+ 20.14, Fc- 20.63."""
+    device = found().device
+    assert device.mass.value == pytest.approx(95.154, rel=0.01)
+    damping, friction = device.damping_by_direction, device.friction_by_direction
+    assert damping is not None
+    assert friction is not None
+    assert damping.forward.value == pytest.approx(166.71, rel=0.06)
+    assert damping.backward.value == pytest.approx(240.42, rel=0.06)
+    assert friction.forward.value == pytest.approx(20.14, rel=0.06)
+    assert friction.backward.value == pytest.approx(20.63, rel=0.06)
+    box = device.simultaneous_box()
+    assert box.damping[0] < damping.forward.low < damping.backward.high < box.damping[1]
+
+
+def test_the_model_explains_the_force() -> None:
+    """Inverse-force error of at most 3.2 % after a 40 Hz filter on both sides; published 3.11 %."""
+    estimate = least_squares.estimate(log(), Model(directional=True), 0.0, cut_off=40.0)
+    assert np.sqrt(1 - estimate.explained) <= 0.032
+
+
+def test_methods_that_lean_on_the_friction_model_are_not_believed() -> None:
+    """Output error runs away; innovations disagree with least squares, which says so."""
     assert found().method == "least-squares"
-    assert "forces act that the log does not know" in found().reason
-    (other,) = found().logs[0].others
-    assert other.method == "output-error"
-    assert other.whiteness > 0.9
+    assert "innovations say" in found().reason
+    others = {each.method: each for each in found().logs[0].others}
+    assert others["output-error"].whiteness > 0.9
+    assert others["innovations"].value("damping") > 250
 
 
 def test_what_hardware_does_not_say_is_taken_from_the_log() -> None:
@@ -103,7 +128,7 @@ def test_the_wrong_sign_is_noticed() -> None:
 def test_half_widths_do_not_depend_on_the_units() -> None:
     """Gram and millimetre: the same log, the same relative answer."""
     scaled = Trajectory(time=log().time, force=log().force * 1e6, position=log().position * 1e3)
-    estimate = identify(scaled).estimates[0]
+    estimate = identify(scaled, allow=["force-unit"]).estimates[0]
     reference = found().estimates[0]
     for name in ("mass", "damping"):
         assert estimate.value(name) == pytest.approx(1e3 * reference.value(name), rel=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from time import perf_counter
 
 import numpy as np
@@ -85,15 +86,18 @@ def test_the_cut_off_falls_with_noise_and_keeps_it_out() -> None:
         assert size**2 * np.sum(kernel**2) < 3e-4 * np.mean(signal**2)
 
 
+@cache
+def noise_free(damping: float, delay: float) -> Trajectory:
+    axis = Axis(mass=3.0, damping=damping, offset=0.4, delay=delay)
+    force = excited(axis, samples=3000)
+    return log(force[:, 0], positions(axis, force)[:, 0])
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("damping", [0.0, 2.0, 300.0])
-@pytest.mark.parametrize("delay", [0.0, 1.6])
+@pytest.mark.parametrize("delay", [0.0, 1.6 * STEP])
 def test_noise_free_logs_give_the_truth(method: str, damping: float, delay: float) -> None:
-    axis = Axis(mass=3.0, damping=damping, offset=0.4, delay=delay * STEP)
-    force = excited(axis)
-    found = METHODS[method](
-        log(force[:, 0], positions(axis, force)[:, 0]), Model(coulomb=False), axis.delay
-    )
+    found = METHODS[method](noise_free(damping, delay), Model(coulomb=False), delay)
     exact = 1e-9 if method == "output-error" else 1e-4
     assert found.value("mass") == pytest.approx(3.0, rel=exact)
     assert found.value("damping") == pytest.approx(damping, rel=exact, abs=3.0 * exact)

@@ -473,7 +473,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     lines = [
         f"{key}: {value}"
-        for key, value in ({"sample_time": STEP, "duration": 1.2} | LIMITS["homerehab"]).items()
+        for key, value in (
+            {"sample_time": STEP, "duration": 1.2, "ramp": 0.2} | LIMITS["homerehab"]
+        ).items()
     ]
     Path("excitation.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return tmp_path
@@ -514,7 +516,7 @@ def test_command_says_what_it_would_do_and_what_is_wrong(here: Path) -> None:
         assert len(ended.err.splitlines()) == 1
     assert files() == before
     text = (here / "excitation.yaml").read_text(encoding="utf-8")
-    drifting = text + "force_offset: {value: 0, low: -1, high: 1}\n"
+    drifting = text + "force_offset: {value: 0, low: -5, high: 5}\n"
     Path("drift.yaml").write_text(drifting, encoding="utf-8")
     ended = haptune("excite", "drift.yaml")
     assert ended.code == 3

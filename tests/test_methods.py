@@ -16,7 +16,8 @@ from identification import Trajectory
 from identification.estimators import METHODS, Estimate, Model, instruments, weak
 from identification.estimators.banded import Covariance, bands
 from identification.estimators.bumps import Operators, bumps
-from identification.estimators.rows import FIRST, LAST, Kinematics
+from identification.estimators.held import Held
+from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
 from identification.intervals import MOST_BLOCKS, spread
 
 Array = NDArray[np.float64]
@@ -35,7 +36,6 @@ RIG = Rig(
 )
 CLOCKS = {
     "even": Clock(),
-    "alternating": Clock(steps=(0.9e-3, 1.1e-3)),
     "jittered": Clock(jitter=0.1e-3),
 }
 SEEDS = (1, 2, 3)
@@ -82,10 +82,6 @@ def test_known_devices_are_recovered(method: str, clock: str, delay: float) -> N
 def test_friction_is_recovered(method: str, clock: str) -> None:
     found = [METHODS[method](log, Model(), STEP) for log in logs(clock, STEP, coulomb=0.8)]
     truth = {"mass": 3.0, "damping": 10.0, "coulomb_friction": 0.8, "force_offset": 0.3}
-    if method == "output-error":
-        # The direction of motion is read from the measurement; its error is common to the whole log
-        # and not in this covariance, so only the size of the error is looked at.
-        found = [replace(each, covariance=np.full_like(each.covariance, np.inf)) for each in found]
     check(found, truth, 0.06)
 
 
@@ -97,6 +93,36 @@ def test_a_delay_nobody_states_is_fitted(method: str) -> None:
         assert abs(found.delay - 2.3 * STEP) < SIGMAS * found.delay_deviation
         assert found.delay_deviation < 0.2 * STEP
         check([found], {"mass": 3.0, "damping": 10.0}, 0.02)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_gravity_is_recovered(method: str) -> None:
+    family = family_named("offset-gravity")
+    found = [
+        METHODS[method](log, Model(coulomb=False, gravity="pendulum"), family.truth["delay"])
+        for log in family.logs(SEEDS)
+    ]
+    names = ("mass", "damping", "force_offset", "gravity_sine", "gravity_cosine")
+    check(found, {name: family.truth[name] for name in names}, 0.01)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_friction_by_direction_is_recovered(method: str) -> None:
+    family = family_named("directional-friction")
+    for log in family.logs(SEEDS):
+        found = METHODS[method](log, Model(directional=True), family.truth["delay"])
+        truth = {name: family.truth[name] for name in ("mass", "damping", "coulomb_friction")}
+        check([found], truth | {"damping_asymmetry": family.truth["damping_asymmetry"]}, 0.1)
+        # Coulomb friction by direction is Fc ± (f0 - a·s).
+        sides = found.combined(force_offset=1.0, damping_asymmetry=-found.mean_speed)
+        asymmetry = family.truth["coulomb_asymmetry"] + family.truth["force_offset"]
+        assert abs(sides[0] - asymmetry) < SIGMAS * sides[1]
+
+
+def test_the_command_line_offers_every_method() -> None:
+    from tune.cli.options import Method
+
+    assert {each.value for each in Method} == {"auto", *METHODS}
 
 
 CHANGES: dict[str, dict[str, float]] = {
@@ -192,9 +218,11 @@ def test_operators_are_the_rows() -> None:
     place = np.cumsum(steps)[FIRST - 1 : -LAST][known:]
     weights = bumps(place, 0.004)
     found = Operators.of(weights, steps, 300, known)
+    middle = Held.constant((position[1:] + position[:-1]) / 2, steps)
     for operator, row in (
         (found.acceleration, rows.acceleration),
         (found.velocity, rows.velocity),
+        (found.place, of_rows(middle.triangle())),
     ):
         expected = weights @ row[known:]
         np.testing.assert_allclose(

@@ -71,7 +71,9 @@ def good_logs(count: int, seed: int) -> tuple[GoodLog, ...]:
     (in two thirds), offset, delay of 0 to 2 samples and noise are random.
     """
     logs: list[GoodLog] = []
-    groups = [(kind, closed) for kind in _SIZES for closed in (False, True)]
+    groups: list[tuple[Motion, bool]] = [
+        (kind, closed) for kind in _SIZES for closed in (False, True)
+    ]
     for place, (kind, closed) in enumerate(groups):
         share = len(range(place, count, len(groups)))
         if share:
@@ -91,9 +93,9 @@ def _group(count: int, seed: tuple[int, int], kind: Motion, *, closed: bool) -> 
     damping = mass / drawn(_TIME_CONSTANT)
     step = generator.choice(_STEPS, count)
     slow, fast = drawn(_LOWEST), drawn(_HIGHEST)
-    which = generator.integers(0, len(_COURSES), count)
+    which = [_COURSES[int(index)] for index in generator.integers(0, len(_COURSES), count)]
     courses = [
-        _COURSES[which[i]](
+        which[i](
             step[i] * np.arange(_SAMPLES, dtype=np.float64), slow[i], fast[i], seed[0] + 7919 * i
         ).scaled(float(travel[i]))
         for i in range(count)
@@ -141,7 +143,7 @@ def _group(count: int, seed: tuple[int, int], kind: Motion, *, closed: bool) -> 
     )
     return [
         GoodLog(
-            name=f"{kind} {_COURSES[which[i]].__name__} {'closed' if closed else 'open'} "
+            name=f"{kind} {which[i].__name__} {'closed' if closed else 'open'} "
             f"{('plain', 'jittered', 'dropped', 'plain')[disturbed[i]]} {i}",
             log=RawLog.of(recording, i),
             mass=float(mass[i]),

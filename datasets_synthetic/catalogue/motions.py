@@ -58,7 +58,7 @@ def point_to_point(time: FloatArray, low: float, high: float, seed: int) -> Cour
     place = np.zeros_like(time)
     start, here = float(time[0]), 0.0
     while start < time[-1]:
-        lasts = float(np.exp(generator.uniform(np.log(1 / high), np.log(1 / low)))) / 2
+        lasts = (high / low) ** float(generator.random()) / high / 2
         there = float(generator.uniform(-1, 1))
         part = np.clip((time - start) / lasts, 0, 1)
         place += (there - here) * part**3 * (10 - 15 * part + 6 * part**2)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.rows import FIRST, LAST, Kinematics
+from identification.estimators.held import Held
+from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -54,21 +55,23 @@ def bumps(place: FloatArray, deviation: float) -> csr_array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operators:
-    """Acceleration and velocity of test functions as linear functions of position.
+    """What test functions read of each position, shape (functions, n) each.
 
     Attributes:
-        acceleration: shape (functions, n), 1/s².
-        velocity: shape (functions, n), 1/s.
+        acceleration: 1/s².
+        velocity: 1/s.
+        place: of position itself, 1.
     """
 
     acceleration: csr_array
     velocity: csr_array
+    place: csr_array
 
     @classmethod
     def of(
         cls, weights: csr_array, steps: float | FloatArray, samples: int, known: int
     ) -> Operators:
-        """What test functions read of each position.
+        """Operators of a log.
 
         The rows are asked for their own coefficients: each reads _READ neighbours, so as many
         positions that are 1 at every _READ-th sample show them all.
@@ -83,17 +86,18 @@ class Operators:
 
         rows = samples - _READ + 1
         read = np.arange(rows)[:, None] + np.arange(_READ)
-        acceleration, velocity = np.empty(read.shape), np.empty(read.shape)
+        coefficients = np.empty((3, *read.shape))
         for phase in range(_READ):
             comb = np.zeros(samples)
             comb[phase::_READ] = 1.0
-            answer = Kinematics.of(comb, steps)
+            moved = Kinematics.of(comb, steps)
+            middle = Held.constant((comb[1:] + comb[:-1]) / 2, steps)
+            answer = (moved.acceleration, moved.velocity, of_rows(middle.triangle()))
             which = (phase - np.arange(rows)) % _READ
-            acceleration[np.arange(rows), which] = answer.acceleration
-            velocity[np.arange(rows), which] = answer.velocity
+            coefficients[:, np.arange(rows), which] = answer
         ends = np.arange(0, read.size + 1, _READ)
         made = [
             weights @ csr_array((each.ravel(), read.ravel(), ends), shape=(rows, samples))[known:]
-            for each in (acceleration, velocity)
+            for each in coefficients
         ]
-        return cls(acceleration=made[0], velocity=made[1])
+        return cls(acceleration=made[0], velocity=made[1], place=made[2])

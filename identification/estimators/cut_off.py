@@ -96,7 +96,7 @@ def _passed(frequency: FloatArray, candidates: FloatArray, powers: FloatArray) -
 
     Powers are first gathered in bins far narrower than the distance of two candidates.
     """
-    edges: FloatArray = np.geomspace(candidates[0] / 100, frequency[-1], _BINS)
+    edges = np.exp(np.linspace(np.log(candidates[0] / 100), np.log(frequency[-1]), _BINS))
     where = np.searchsorted(edges, frequency[1:])
     centre = np.concatenate((edges[:1], np.sqrt(edges[1:] * edges[:-1]), edges[-1:]))
     gathered = np.stack([np.bincount(where, power[1:], minlength=centre.size) for power in powers])

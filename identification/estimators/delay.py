@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,13 @@ FloatArray = NDArray[np.float64]
 #: Steps of the scan per sample time, ...
 _STEPS_PER_SAMPLE = 4
 #: ... and the finer steps about the best, samples, each with a parabola through the best three.
-_FINER = (0.05, 0.01)
+_FINER = (0.25, 0.05, 0.01)
 #: Standard deviation of a delay nothing is known about but that it lies within the scan.
 _IGNORANCE = MOST_SAMPLES / np.sqrt(12)
 #: Scans: the direction of motion is refined at the delay of the scan before.
-_ROUNDS = 3
+_ROUNDS = 2
+#: Samples of the rough scan, from the middle of the log.
+_ROUGH = 1 << 13
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,19 +53,22 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
         trajectory: the log.
         model: friction terms.
     """
-    table = least_squares.prepare(
-        trajectory, model, MOST_SAMPLES * trajectory.sample_time, refine=False
-    )
+    table = _table(trajectory, model)
     step = table.signals.step
     grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE
+    # The rough scan needs no more than a part of a long log.
+    first = max(0, (len(trajectory) - _ROUGH) // 2)
+    section = slice(first, first + _ROUGH)
+    part = table if len(trajectory) <= _ROUGH else _table(_cut(trajectory, section), model)
     costs, best = np.empty(0), 0.0
     for _ in range(_ROUNDS):
-        costs = _costs(table, grid)
+        costs = _costs(part, grid)
         best = _lowest(grid, costs)
-        for finer in _FINER:
-            near = np.clip(best + finer * np.array([-1.0, 0.0, 1.0]), 0.0, MOST_SAMPLES)
-            best = _lowest(near, _costs(table, near))
+        part = part.refined(best * step)
+    for finer in _FINER:
         table = table.refined(best * step)
+        near = np.clip(best + finer * np.array([-1.0, 0.0, 1.0]), 0.0, MOST_SAMPLES)
+        best = _lowest(near, _costs(table, near))
     columns = table.columns
     force = table.force(best * step)
     residual = force - columns @ table.solve(best * step)
@@ -71,12 +76,28 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     low, high = max(best - 0.5, 0.0), min(best + 0.5, float(MOST_SAMPLES))
     slope = (table.force(high * step) - table.force(low * step)) / ((high - low) * step)
     around = spread(np.vstack((-slope, columns.T)), residual, 1, signal=force)
-    deviation = min(float(np.sqrt(around.covariance[0, 0])), float(_IGNORANCE) * step)
+    variance = max(float(around.covariance[0, 0]), 0.0)
+    deviation = min(float(np.sqrt(variance)), float(_IGNORANCE) * step)
     whole = costs[::_STEPS_PER_SAMPLE]
     return Delay(
         value=best * step,
         deviation=deviation,
         residuals=tuple(float(np.sqrt(max(cost, 0.0) / force.size)) for cost in whole),
+    )
+
+
+def _table(trajectory: Trajectory, model: Model) -> least_squares.Regression:
+    most = MOST_SAMPLES * trajectory.sample_time
+    return least_squares.prepare(trajectory, model, most, refine=False)
+
+
+def _cut(trajectory: Trajectory, section: slice) -> Trajectory:
+    return replace(
+        trajectory,
+        time=trajectory.time[section],
+        force=trajectory.force[section],
+        position=trajectory.position[section],
+        reference=None,
     )
 
 

@@ -20,6 +20,7 @@ from identification.estimators.delay import find_delay
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.linear import explained
+from identification.estimators.linear import solve as solved
 from identification.estimators.model import Estimate, Model
 from identification.estimators.separable import physical, solve
 from identification.estimators.shaping import is_coloured, whitener
@@ -237,9 +238,7 @@ def _start(problem: _Problem, rate: float, delay: float) -> FloatArray:
         theta = np.array([rate, *_moving_average(corner), delay])
         theta = theta[: 4 if problem.drive.delay is None else 3]
         columns, target = problem.at(theta)
-        norms = np.linalg.norm(columns, axis=1)
-        weights: FloatArray = np.linalg.lstsq((columns / norms[:, None]).T, target, rcond=None)[0]
-        residual = target - (weights / norms) @ columns
+        residual = target - solved(columns.T, target) @ columns
         trials.append((float(residual @ residual), theta))
     return min(trials, key=lambda trial: trial[0])[1]
 

@@ -185,7 +185,8 @@ class _Simulated:
         # A mass that is not positive has no motion to simulate; without damping it is still one.
         rate = values[1] / values[0] if values[0] > 0 else 0.0
         device = Coasting.at(float(np.clip(rate, *drive.rates)), drive.steps)
-        weights = np.concatenate(([1.0], -values[2:])) / values[0]
+        mass = values[0] if values[0] > 0 else 1.0
+        weights = np.concatenate(([1.0], -values[2:])) / mass
         nothing = np.zeros(self.table.signals.speed.size)
         velocity, distance = nothing, nothing
         for weight, held in zip(weights, drive.inputs(delay), strict=True):

@@ -111,9 +111,9 @@ class Estimate:
         if name not in self.parameters:
             return 0.0
         index = self.parameters.index(name)
-        return float(np.sqrt(self.covariance[index, index]))
+        return float(np.sqrt(max(self.covariance[index, index], 0.0)))
 
     def combined(self, **weights: float) -> tuple[float, float]:
         """Value and standard deviation of a weighted sum of parameters, absent ones being zero."""
         known = np.array([weights.get(name, 0.0) for name in self.parameters])
-        return float(known @ self.values), float(np.sqrt(known @ self.covariance @ known))
+        return float(known @ self.values), float(np.sqrt(max(known @ self.covariance @ known, 0.0)))

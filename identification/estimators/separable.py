@@ -27,6 +27,8 @@ _CONVERGED = 1e-2
 _REPEATS = 2
 #: Singular values of unit columns below this part of the largest carry nothing but rounding.
 _NOTHING = 1e-14
+#: A force that moves nothing leaves 1/m at zero; it is kept this far from it, 1/kg.
+_LIGHTEST = 1e-15
 
 
 class Separable(Protocol):
@@ -176,7 +178,10 @@ def physical(best: Solution, count: int) -> tuple[FloatArray, FloatArray]:
         values, shape (count,), and derivatives of the fit by them, then by the other θ and the
         other weights, shape (count + nuisance, rows).
     """
-    mass, rate = 1 / best.weights[0], best.theta[0]
+    inverse = float(best.weights[0])
+    if abs(inverse) < _LIGHTEST:
+        inverse = np.copysign(_LIGHTEST, inverse)
+    mass, rate = 1 / inverse, float(best.theta[0])
     values = np.concatenate(([mass, rate * mass], best.weights[1 : count - 1] * -mass))
     slope = best.slopes[0]
     driven = best.weights[: count - 1] @ best.columns[: count - 1]

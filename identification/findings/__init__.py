@@ -84,7 +84,7 @@ def judge(
         *excitation(trajectory, balance, regression, chosen, delay),
         *place(trajectory, balance, chosen),
         *hand(trajectory, balance, chosen),
-        *heldout(trajectory, balance),
+        *heldout(trajectory, balance, chosen),
         *lateness(trajectory, delay),
         *mass_unit(trajectory, chosen.value("mass")),
     )

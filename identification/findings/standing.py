@@ -60,6 +60,8 @@ def _held(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool_
     # Over spans long enough for the noise of a reading not to count as speed.
     span = max(1, place.size // 200)
     speed = float(np.sqrt(np.mean((place[span:] - place[:-span]) ** 2))) / span
+    if speed == 0:  # a cycle of exactly this span
+        return np.zeros(place.size - 1, dtype=np.bool_)
     width = 2 * (int(max(_FEWEST, _FURTHER * STILL * fine / speed)) // 2) + 1
     if width >= _LONGEST * place.size:
         return np.zeros(place.size - 1, dtype=np.bool_)

@@ -41,10 +41,10 @@ class _Plausible:
     wrong: str
 
 
-#: A gantry of 5 m; a hand throws at 10 to 20 m/s. A shaft of 20 000 rpm turns at 2 100 rad/s, and
+#: A gantry of 20 m; a hand throws at 10 to 20 m/s. A shaft of 20 000 rpm turns at 2 100 rad/s, and
 #: a log of 1 000 turns is long.
 _PLAUSIBLE = {
-    "linear": _Plausible(travel=5.0, speed=20.0, unit="m", wrong="millimetres or counts"),
+    "linear": _Plausible(travel=20.0, speed=20.0, unit="m", wrong="millimetres or counts"),
     "rotary": _Plausible(travel=6000.0, speed=2500.0, unit="rad", wrong="degrees or counts"),
 }
 #: A mass, kg, or inertia, kg·m², that is no handle's: a forging press, and a fly's wing.

@@ -22,8 +22,9 @@ _FEWEST_PERIODS = 8.0
 _FEWEST_SAMPLES = 20.0
 #: Points of the grid in a period of the highest frequency; peaks between them are under 1 %.
 _POINTS = 24.0
-#: The velocity at a turn is as well known as readings over this many of the shortest periods tell.
-_WINDOW = 1.0
+#: The velocity at a turn is as well known as readings over this part of the shortest period tell:
+#: with less care, turns become so slow that output error no longer reaches the bound.
+_WINDOW = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -132,7 +132,7 @@ def _told(quantity: Quantity | None, unit: str) -> str:
     if quantity is None:
         return "not told"
     half = (quantity.high - quantity.low) / 2
-    share = f" ({half / abs(quantity.value):.2g} of it)" if quantity.value else ""
+    share = f" ({100 * half / abs(quantity.value):.2g} %)" if quantity.value else ""
     return f"{quantity.value:.5g} ± {half:.2g} {unit}{share}"
 
 

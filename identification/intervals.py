@@ -32,7 +32,9 @@ _SHORTEST_PART = 2
 #: Turning points of friction, forces that change between samples and the solver itself are good to
 #: this part of the force. Without it the interval of a noise-free log would shrink to rounding.
 UNKNOWN_FORCE = 3e-6
-#: Singular values this much smaller than the largest are rounding.
+#: Singular values this much smaller than the largest are rounding: of a sum that lost a block ...
+_SINGULAR = 1e-12
+#: ... and at all.
 _NOTHING = 1e-30
 
 
@@ -151,7 +153,9 @@ def _norms(columns: FloatArray) -> FloatArray:
 
 def _inverse(normal: FloatArray, *, symmetric: bool = True) -> FloatArray:
     """Pseudo-inverse of square matrices, shape (..., p, p); finite for columns alike, too."""
-    return np.asarray(np.linalg.pinv(normal, hermitian=symmetric), dtype=np.float64)
+    return np.asarray(
+        np.linalg.pinv(normal, rcond=_SINGULAR, hermitian=symmetric), dtype=np.float64
+    )
 
 
 def half_width(estimate: Estimate, name: str, confidence: float = 0.95) -> float:

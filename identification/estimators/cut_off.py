@@ -96,7 +96,9 @@ def _passed(frequency: FloatArray, candidates: FloatArray, powers: FloatArray) -
 
     Powers are first gathered in bins far narrower than the distance of two candidates.
     """
-    edges = np.exp(np.linspace(np.log(candidates[0] / 100), np.log(frequency[-1]), _BINS))
+    edges: FloatArray = (
+        candidates[0] / 100 * (100 * frequency[-1] / candidates[0]) ** np.linspace(0, 1, _BINS)
+    )
     where = np.searchsorted(edges, frequency[1:])
     centre = np.concatenate((edges[:1], np.sqrt(edges[1:] * edges[:-1]), edges[-1:]))
     gathered = np.stack([np.bincount(where, power[1:], minlength=centre.size) for power in powers])

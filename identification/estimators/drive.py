@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from identification.estimators.held import Commands, Held
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.least_squares import Regression
+from identification.estimators.rows import Signals
 
 FloatArray = NDArray[np.float64]
 
@@ -47,6 +48,17 @@ class Drive:
             terms=table.held_terms(table.motion),
             moving=table.motion.moving,
             steps=table.signals.steps,
+            delay=delay,
+        )
+
+    @classmethod
+    def bare(cls, signals: Signals, delay: float | None) -> Drive:
+        """The force alone, as if the device never stood."""
+        return cls(
+            commands=signals.commands,
+            terms=(),
+            moving=np.ones(signals.speed.size),
+            steps=signals.steps,
             delay=delay,
         )
 

@@ -158,7 +158,7 @@ class Coasting:
             from scipy.signal import lfilter
 
             return lfilter([1.0], [1.0, -float(self.whole.decay)], np.concatenate(([start], added)))
-        return carried(self.whole.decay, added[None], [start])[0]
+        return carried(self.whole.decay, [added], [start])[0]
 
     def position(self, gain: Gain, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Position and velocity at n samples from rest at zero, or from a start velocity."""
@@ -173,14 +173,14 @@ class Coasting:
         return self.position(Gain(velocity=added, distance=moved))[0]
 
 
-def carried(decay: FloatArray, added: FloatArray, start: Sequence[float]) -> FloatArray:
+def carried(decay: FloatArray, added: Sequence[FloatArray], start: Sequence[float]) -> FloatArray:
     """Velocities at n samples where every interval leaves its own part of the one before.
 
     A bidiagonal system, solved as such: it knows no growth that would have to be divided out.
 
     Args:
         decay: shape (n - 1,).
-        added: what the intervals add, shape (columns, n - 1).
+        added: what the intervals add, shape (n - 1,) for each column.
         start: velocity at the first sample, one for each column.
 
     Returns:
@@ -191,5 +191,7 @@ def carried(decay: FloatArray, added: FloatArray, start: Sequence[float]) -> Flo
     band = np.ones((2, decay.size + 1), order="F")
     band[1, :-1] = -decay
     right = np.empty((decay.size + 1, len(start)), order="F")
-    right[0], right[1:] = start, added.T
+    right[0] = start
+    for index, column in enumerate(added):
+        right[1:, index] = column
     return dtbtrs(band, right, uplo="L", diag="U")[0].T

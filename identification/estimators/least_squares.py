@@ -6,7 +6,6 @@ the force alike, so what it does to them cancels.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +18,7 @@ from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
 from identification.estimators.motion import Motion, first_look, refined
 from identification.estimators.rows import FIRST, Signals, of_rows
-from identification.estimators.terms import terms
+from identification.estimators.terms import others, terms
 from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
 from identification.trajectory import Trajectory
@@ -120,16 +119,6 @@ class Regression:
         """The terms beside mass and damping, unfiltered, for a direction of motion."""
         return terms(self.model, motion, self.signals.position, self.signals.steps).columns
 
-    def others(self, values: Mapping[str, float]) -> FloatArray:
-        """Mean over each interval of all terms but Coulomb friction, as if nothing stood, N."""
-        columns = self.held_terms(self.motion.released())
-        named = zip(self.model.parameters[2:], columns, strict=True)
-        total = np.zeros(self.signals.speed.size)
-        for name, held in named:
-            if name != "coulomb_friction":
-                total += values[name] * held.mean()
-        return total
-
     def _with_terms(self) -> Regression:
         found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
         columns = [self.filtered(each) for each in found.columns]
@@ -190,7 +179,7 @@ class Regression:
             motion = refined(
                 table.motion,
                 signals.speed,
-                applied - table.others(values),
+                applied - others(self.model, table.motion, signals.position, signals.steps, values),
                 steps=signals.steps,
                 kernel=self.low_pass.kernel,
                 mass=values["mass"],

@@ -9,7 +9,7 @@ residual then shows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from identification.estimators import least_squares
 from identification.estimators.delay import find_delay
 from identification.estimators.drive import Drive
+from identification.estimators.held import unknown_intervals
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.linear import explained, unit_columns
 from identification.estimators.model import Estimate, Model
 from identification.estimators.output_error_turns import Fitted, Turns
+from identification.estimators.rows import Signals
 from identification.estimators.separable import physical, solve
 from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
@@ -33,6 +35,11 @@ _FIRST_LOOK = 10
 #: Friction this many standard deviations large decides where the device turns; less is taken for
 #: noise, and the direction of motion as measured.
 _RUBBING = 3.0
+#: A residual further from white than this may come from a search that went astray.
+_DOUBTED = 0.05
+#: A log longer than this is begun with its first so many samples: the whole then takes one or two
+#: steps.
+_LONG = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +112,10 @@ def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estim
     Returns:
         Estimate with the residual in position.
     """
+    if model.coulomb and len(trajectory) > _LONG:
+        long = _from_section(trajectory, model, delay)
+        if long is not None:
+            return long
     start = find_delay(trajectory, model).value if delay is None else delay
     return fit(least_squares.prepare(trajectory, model, start), delay, start=start)
 
@@ -118,9 +129,53 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         start: where the search for the delay begins, s.
     """
     first = start if delay is None else delay
-    found = _projected(table, delay, first)
-    if table.model.coulomb and _rubs(table, found):
-        found = _turning(table, delay, first) or found
+    found = None
+    if table.model.coulomb:
+        values, standing = table.solve(first), table.motion.moving[0] == 0
+        found = _turning(table, values, delay, first, standing=bool(standing))
+    if found is None or not _rubs(table, found) or whiteness(found.residual) > _DOUBTED:
+        projected = _projected(table, delay, first)
+        if found is None or not _rubs(table, projected) or projected.cost < found.cost:
+            found = projected
+    return _estimate(table, found, delay)
+
+
+def _from_section(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate | None:
+    """The fit of a long log, begun where its first part ends up; None if that has no friction."""
+    part = replace(
+        trajectory,
+        time=trajectory.time[:_LONG],
+        force=trajectory.force[:_LONG],
+        position=trajectory.position[:_LONG],
+        reference=None,
+    )
+    begun = estimate(part, model, delay)
+    if not begun.value("coulomb_friction") > _RUBBING * begun.deviation("coulomb_friction"):
+        return None
+    signals = Signals.of(trajectory)
+    log = _Log(
+        signals=signals,
+        model=model,
+        known=unknown_intervals(signals.steps, begun.delay),
+        mean_speed=begun.mean_speed,
+    )
+    found = _turning(log, begun.values, delay, begun.delay, standing=False)
+    return None if found is None else _estimate(log, found, delay)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Log:
+    """As much of a regression as the fit with turns needs."""
+
+    signals: Signals
+    model: Model
+    known: int
+    mean_speed: float
+
+
+def _estimate(
+    table: _Log | least_squares.Regression, found: Fitted, delay: float | None
+) -> Estimate:
     size, fitted = len(table.model.parameters), int(delay is None)
     values, jacobian, residual = found.values[:size], found.jacobian, found.residual
     around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
@@ -128,7 +183,7 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
     return Estimate(
         method="output-error",
         model=table.model,
-        delay=float(found.values[size]) if fitted else first,
+        delay=float(found.values[size]) if delay is None else delay,
         delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
         values=values,
         covariance=around.covariance[:size, :size],
@@ -146,6 +201,8 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
 
 def _rubs(table: least_squares.Regression, found: Fitted) -> bool:
     """Whether there is friction to speak of, without which nothing turns."""
+    if not table.model.coulomb:
+        return False
     at = table.model.parameters.index("coulomb_friction")
     unit, norms = unit_columns(found.jacobian.T)
     inverse = np.linalg.pinv(unit.T @ unit, hermitian=True)
@@ -153,14 +210,26 @@ def _rubs(table: least_squares.Regression, found: Fitted) -> bool:
     return bool(found.values[at] > _RUBBING * np.sqrt(variance * inverse[at, at]) / norms[at])
 
 
-def _turning(table: least_squares.Regression, delay: float | None, first: float) -> Fitted | None:
-    """The fit whose turns are those of its own simulation, from least squares on."""
-    signals = table.signals
-    position = signals.position - np.mean(signals.position)
-    moving = table.motion.moving[0] > 0
-    speed = float(np.mean(signals.speed[:_FIRST_LOOK])) if moving else 0.0
-    start = [*table.solve(first), *([first] if delay is None else []), speed, position[0]]
-    return Turns(table=table, drive=Drive.of(table, delay), position=position).fit(np.array(start))
+def _turning(
+    log: _Log | least_squares.Regression,
+    values: FloatArray,
+    delay: float | None,
+    first: float,
+    *,
+    standing: bool,
+) -> Fitted | None:
+    """The fit whose turns are those of its own simulation, from values of the parameters on."""
+    signals = log.signals
+    turns = Turns(
+        signals=signals,
+        model=log.model,
+        drive=Drive.bare(signals, delay),
+        known=log.known,
+        mean_speed=log.mean_speed,
+    )
+    speed = 0.0 if standing else float(np.mean(signals.speed[:_FIRST_LOOK]))
+    fitted = [first] if delay is None else []
+    return turns.fit(np.array([*values, *fitted, speed, signals.position[0]]))
 
 
 def _projected(table: least_squares.Regression, delay: float | None, first: float) -> Fitted:

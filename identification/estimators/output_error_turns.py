@@ -18,8 +18,11 @@ from numpy.typing import NDArray
 from identification.estimators.drive import Drive
 from identification.estimators.held import Held
 from identification.estimators.held_response import Coasting, Gain, carried
-from identification.estimators.least_squares import Regression
+from identification.estimators.model import Model
+from identification.estimators.motion import Motion
+from identification.estimators.rows import Signals
 from identification.estimators.stick_slip import Path, Way, path
+from identification.estimators.terms import others, terms
 
 FloatArray = NDArray[np.float64]
 
@@ -49,6 +52,11 @@ class Fitted:
     jacobian: FloatArray
     residual: FloatArray
     converged: bool
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residual @ self.residual)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,14 +94,18 @@ class Turns:
     """The problem of one log.
 
     Attributes:
-        table: prepared regression with Coulomb friction in its model.
-        drive: inputs; its delay is None if it is fitted.
-        position: about its mean, m, shape (n,).
+        signals: of the log.
+        model: with Coulomb friction.
+        drive: the force; its delay is None if it is fitted.
+        known: first sample after intervals that feel only logged forces.
+        mean_speed: s of the model, m/s.
     """
 
-    table: Regression
+    signals: Signals
+    model: Model
     drive: Drive
-    position: FloatArray
+    known: int
+    mean_speed: float
 
     def fit(self, start: FloatArray) -> Fitted | None:
         """The best fit; None if friction or mass vanish at the start.
@@ -104,17 +116,20 @@ class Turns:
         best = self._simulated(start)
         if best is None:
             return None
-        jacobian, converged = self._jacobian(best), False
+        jacobian, fresh, converged = self._jacobian(best), True, False
         for _ in range(_MOST_STEPS):
             move, gain = _step(jacobian, best.residual)
             converged = gain <= _CONVERGED**2
             if converged:
                 break
+            # A Jacobian is the dear part, and one step old it is still good enough to end with.
+            if not fresh:
+                jacobian, fresh = self._jacobian(best), True
+                continue
             trial = self._improved(best, move)
             if trial is None:
                 break
-            best = trial
-            jacobian = self._jacobian(best)
+            best, fresh = trial, False
         return Fitted(
             values=best.values, jacobian=jacobian, residual=best.residual, converged=converged
         )
@@ -130,33 +145,33 @@ class Turns:
         return float(values[-3]) if self.drive.delay is None else self.drive.delay
 
     def _simulated(self, values: FloatArray) -> _Simulated | None:
-        table, steps = self.table, self.drive.steps
-        known = dict(zip(table.model.parameters, values.tolist(), strict=False))
+        model, steps = self.model, self.drive.steps
+        known = dict(zip(model.parameters, values.tolist(), strict=False))
         mass, friction = known["mass"], known["coulomb_friction"]
         delay, (least, most) = self._delay(values), self.drive.delays
         if not (mass > 0 and friction > 0 and least <= delay <= most):
             return None
         # The asymmetry is in the ways; its column is about the mean speed, which leaves an offset.
         asymmetry, known["damping_asymmetry"] = known.get("damping_asymmetry", 0.0), 0.0
-        known["force_offset"] = known.get("force_offset", 0.0) - asymmetry * table.mean_speed
+        known["force_offset"] = known.get("force_offset", 0.0) - asymmetry * self.mean_speed
         ways = tuple(
             Coasting.at((known["damping"] + side) / mass, steps)
-            for side in ((asymmetry, -asymmetry) if table.model.directional else (0.0,))
+            for side in ((asymmetry, -asymmetry) if model.directional else (0.0,))
         )
         force = self.drive.commands.after(delay)
-        others = table.others(known)
-        resisting = Held.constant(others, steps)
+        # Without an asymmetry no other term leans on the direction.
+        anyway = Motion.always(self.drive.moving.size, steps)
+        plain = replace(model, directional=False)
+        rest = others(plain, anyway, self.signals.position, steps, known)
+        resisting = Held.constant(rest, steps)
         driven = [
-            Way(
-                device=way,
-                free=way.speed((way.gain(force).velocity - way.gain(resisting).velocity) / mass),
-            )
+            Way.of(way, way.speed((way.gain(force).velocity - way.gain(resisting).velocity) / mass))
             for way in ways
         ]
         along = path(
             driven[0],
             driven[-1],
-            force.mean() - others,
+            force.mean() - rest,
             mass=mass,
             friction=friction,
             start=float(values[-2]),
@@ -171,13 +186,13 @@ class Turns:
             gained = point.by_way(partial(_distance, held))
             moved = moved + weight / mass * gained
         simulated = float(values[-1]) + np.concatenate(([0.0], np.cumsum(moved)))
-        residual = (self.position - simulated)[table.known :]
+        residual = (self.signals.position - simulated)[self.known :]
         return replace(point, residual=residual) if np.all(np.isfinite(residual)) else None
 
     def _jacobian(self, point: _Simulated) -> FloatArray:
-        values, along, names = point.values, point.along, self.table.model.parameters
+        values, along, names = point.values, point.along, self.model.parameters
         mass, moving = float(values[0]), along.motion.moving
-        intervals = self.position.size - 1
+        intervals = moving.size
         added: dict[str, FloatArray] = {}
         # What the forces add, and its derivative by p where the device moves that way.
         net, by_rate = np.zeros((2, 2, intervals))
@@ -188,25 +203,29 @@ class Turns:
         rates = point.by_way(lambda way: np.full(intervals, way.rate))
         added["mass"] = net - rates / mass * by_rate
         added["damping"] = by_rate / mass
-        for name, held in zip(names[2:], self.table.held_terms(along.motion), strict=True):
+        found = terms(self.model, along.motion, self.signals.position, self.drive.steps)
+        for name, held in zip(names[2:], found.columns, strict=True):
             added[name] = -point.by_way(partial(_gain, held)) / mass
-        if self.table.model.directional:
+        if self.model.directional:
             side = np.where(along.forward, 1.0, -1.0)
             constant = added["force_offset"]
-            added["damping_asymmetry"] = side * added["damping"] - self.table.mean_speed * constant
+            added["damping_asymmetry"] = side * added["damping"] - self.mean_speed * constant
         if self.drive.delay is None:
             later = point.by_way(partial(_later, self.drive, self._delay(values)))
             added["delay"] = later * moving / mass
         added["start"] = np.zeros((2, intervals))
-        stack = np.stack(list(added.values()))
+        names = tuple(added)
         decay = point.by_way(lambda way: np.broadcast_to(way.whole.decay, moving.shape))
-        start = [*([0.0] * (len(stack) - 1)), 1.0]
-        speeds = carried(decay * along.kept, stack[:, 0], start)
         whole = point.by_way(lambda way: np.broadcast_to(way.whole.speed, moving.shape))
-        jacobian = np.ones((len(stack) + 1, intervals + 1))
-        jacobian[:-1, 0] = 0.0
-        np.cumsum(whole * speeds[:, :-1] + stack[:, 1], axis=1, out=jacobian[:-1, 1:])
-        return jacobian[:, self.table.known :]
+        start = [*([0.0] * (len(names) - 1)), 1.0]
+        speeds = carried(decay * along.kept, [added[name][0] for name in names], start)
+        jacobian = np.empty((len(names) + 1, intervals + 1))
+        jacobian[-1], jacobian[:-1, 0] = 1.0, 0.0
+        for row, name in enumerate(names):
+            moved = whole * speeds[row, :-1]
+            moved += added[name][1]
+            np.cumsum(moved, out=jacobian[row, 1:])
+        return jacobian[:, self.known :]
 
 
 def _pair(gain: Gain) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,30 @@ def terms(model: Model, motion: Motion, position: FloatArray, steps: float | Flo
         columns.append(Held.constant(_middle(np.sin(position)) * moving, steps))
         columns.append(Held.constant(_middle(np.cos(position)) * moving, steps))
     return Terms(columns=tuple(columns), mean_speed=mean_speed)
+
+
+def others(
+    model: Model,
+    motion: Motion,
+    position: FloatArray,
+    steps: float | FloatArray,
+    values: Mapping[str, float],
+) -> FloatArray:
+    """Mean over each interval of all terms but Coulomb friction, as if nothing stood, N.
+
+    Args:
+        model: which terms.
+        motion: direction of motion; that it may stand is left out.
+        position: m, shape (n,).
+        steps: of the log, s.
+        values: of the parameters by name.
+    """
+    columns = terms(model, motion.released(), position, steps).columns
+    total = np.zeros(motion.moving.size)
+    for name, held in zip(model.parameters[2:], columns, strict=True):
+        if name != "coulomb_friction" and values[name] != 0:
+            total += values[name] * held.mean()
+    return total
 
 
 def _middle(column: FloatArray) -> FloatArray:

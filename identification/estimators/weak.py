@@ -5,7 +5,9 @@ Modeling & Simulation 19, 2021, p. 1474). White noise of position passes through
 forces unknown to the log add to it; together they make the covariance of the tested rows, banded
 and known but for the ratio of the two, which is chosen by likelihood. Noise is in the columns as
 well, so they are computed from the position less the part of the residual that is its noise: then
-the estimate is that of largest likelihood under the tested equations, without bias.
+the estimate is that of largest likelihood under the tested equations, without bias. A test function
+looks ahead as well as back: where unlogged forces return through a controller, the delay is to be
+stated, or found by another method.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ HEADROOM = 4.0
 #: ... most of its power, that is.
 _MOST = 0.999
 #: Highest half-power frequency, part of the sampling rate.
-_HIGHEST = 0.2
+_HIGHEST = 0.1
 #: At least this many test functions, or there are too few to compare.
 _FEWEST = 60
 #: Frequencies, in parts of the half-power one, below which unlogged forces rule the covariance.
@@ -80,10 +82,14 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         best.columns, residual, len(best.columns), signal=force, instruments=best.instruments
     )
     size = best.values.size
-    notes = (
-        f"{force.size} test functions, half power at {frequency:.3g} Hz",
-        f"unlogged forces rule below {best.corner:.2g} Hz",
-    )
+    notes = [f"{force.size} test functions, half power at {frequency:.3g} Hz"]
+    if best.corner > 0:
+        notes.append(f"unlogged forces rule below {best.corner:.2g} Hz")
+        if delay is None:
+            # They come back through a controller, and the windows look ahead.
+            notes.append("the delay is right in open loop only")
+    if not best.settled:
+        notes.append("the solutions did not settle")
     return Estimate(
         method="weak",
         model=table.model,
@@ -99,7 +105,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         condition=around.condition,
         inflation=around.inflation[:size],
         mean_speed=table.mean_speed,
-        notes=notes if best.settled else (*notes, "the solutions did not settle"),
+        notes=tuple(notes),
     )
 
 

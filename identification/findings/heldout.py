@@ -21,9 +21,8 @@ _PARTS = 4
 DOUBTED = 0.05
 #: ... beyond this the parts are not of one device.
 REFUSED = 0.15
-#: ... and by this many standard deviations of the prediction itself, or the rest says too little:
-#: with few blocks of unlike motion, a jackknife is off by a factor of two.
-_SIGMAS = 6.0
+#: ... and by this many standard deviations of the prediction itself, or the rest says too little.
+_SIGMAS = 4.0
 #: Part of a window that goes one way more than the other; less is a stop or a turn.
 _MOVING = 0.5
 #: Blocks of each part, left out in turn for that standard deviation.
@@ -32,8 +31,7 @@ _BLOCKS = 8
 
 def heldout(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
     """``heldout-misfit``: the device changed while it was logged, or the model is wrong."""
-    blocks = _Blocks.of(balance, chosen)
-    missed = [blocks.miss(part) for part in range(_PARTS)]
+    missed = [_Blocks.of(balance, chosen, part).miss(part) for part in range(_PARTS)]
     worst = int(np.argmax(missed))
     share = missed[worst] / float(np.std(balance.force))
     if share < DOUBTED:
@@ -69,15 +67,18 @@ class _Blocks:
     counts: FloatArray
 
     @classmethod
-    def of(cls, balance: Balance, chosen: Estimate) -> _Blocks:
+    def of(cls, balance: Balance, chosen: Estimate, part: int) -> _Blocks:
+        """With the rows of one part that move no faster than the rest: others are extrapolated."""
         # A term that the estimate does without would only follow chance where the rest is slow.
         terms = balance.plant if chosen.model.directional else balance.plant[:, :-1]
         columns, _ = unit_columns(np.column_stack((terms, balance.carried)))
         # Friction of a device at rest is whatever the force is, and predicts nothing.
         moving = np.abs(balance.direction) > _MOVING
-        rows = [
-            each[moving[each]] for each in np.array_split(np.arange(len(balance)), _PARTS * _BLOCKS)
-        ]
+        split = np.array_split(np.arange(len(balance)), _PARTS * _BLOCKS)
+        rest = np.concatenate([rows for i, rows in enumerate(split) if i // _BLOCKS != part])
+        for column in (balance.acceleration, balance.velocity):
+            moving &= np.abs(column) <= np.max(np.abs(column[rest]))
+        rows = [each[moving[each]] for each in split]
         return cls(
             normal=np.stack([columns[each].T @ columns[each] for each in rows]),
             right=np.stack([columns[each].T @ balance.force[each] for each in rows]),

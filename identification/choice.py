@@ -18,7 +18,12 @@ DISAGREEMENT = 3.0
 
 
 def noise_explains(workshop: Workshop) -> str | None:
-    """A sentence if position noise explains what output error leaves, or None."""
+    """A sentence if position noise explains what output error leaves, or None.
+
+    Gravity is taken at the measured position, and what noise does to it is a force of its own.
+    """
+    if workshop.model.gravity != "none":
+        return None
     simulated = workshop.fit("output-error")
     if not is_coloured(simulated.residual):
         return "its residual is white in every octave"
@@ -66,8 +71,8 @@ def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
     apart = disagreement(predicted, regression)
     if predicted.value("mass") > 0 and not apart:
         return predicted, (
-            "innovations, because the residual of output error is coloured: forces act that the "
-            "log does not know"
+            "innovations, because forces act that the log does not know: position noise does not "
+            "explain what output error leaves"
         )
     reason = (
         f"because innovations say {apart}: the friction or another force is not what the model has"

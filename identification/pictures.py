@@ -11,14 +11,14 @@ import numpy as np
 
 from identification.device import Device
 from identification.estimators import least_squares
-from identification.estimators.model import Model
+from identification.estimators.model import Gravity, Model
 from identification.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def fit_picture(trajectory: Trajectory, device: Device) -> Figure:
+def fit_picture(trajectory: Trajectory, device: Device, *, delay: float | None = None) -> Figure:
     """Position, and the force applied beside the force that the device's numbers explain.
 
     Both forces went through the filter of the least-squares estimator. What is left between them is
@@ -27,13 +27,16 @@ def fit_picture(trajectory: Trajectory, device: Device) -> Figure:
     Args:
         trajectory: a log of the device.
         device: as identified; nothing is fitted here.
+        delay: s, with which its numbers were found; None takes the device's, which is at least one
+            sample.
     """
     from matplotlib.figure import Figure
 
-    model = Model(coulomb=device.coulomb_friction.value > 0, offset=True)
-    table = least_squares.prepare(trajectory, model, device.delay.value)
-    values = [getattr(device, name).value for name in model.parameters]
-    applied = table.force(device.delay.value)
+    late = device.delay.value if delay is None else delay
+    model = _model(device)
+    table = least_squares.prepare(trajectory, model, late)
+    values = [_value(device, name) for name in model.parameters]
+    applied = table.force(late)
     explained = table.columns @ np.array(values)
     time = trajectory.time[table.first :][: applied.size]
     length, force = ("m", "N") if device.motion == "linear" else ("rad", "N·m")
@@ -42,7 +45,7 @@ def fit_picture(trajectory: Trajectory, device: Device) -> Figure:
     top.plot(trajectory.time, trajectory.position, lw=1)
     top.set_ylabel(f"position, {length}")
     middle.plot(time, applied, lw=2, color="0.7", label="applied")
-    middle.plot(time, explained, lw=1, color="tab:green", label="m·q̈ + b·q̇ + Fc·sign(q̇) + f0")
+    middle.plot(time, explained, lw=1, color="tab:green", label="explained by the model")
     middle.set_ylabel(f"force, {force}")
     middle.legend(loc="upper right", fontsize=8)
     bottom.plot(time, applied - explained, lw=0.8, color="tab:orange")
@@ -54,3 +57,25 @@ def fit_picture(trajectory: Trajectory, device: Device) -> Figure:
         f"{np.std(applied - explained) / np.std(applied):.1%} of the force"
     )
     return figure
+
+
+def _model(device: Device) -> Model:
+    """The terms a device file states."""
+    rubs = device.coulomb_friction.value > 0
+    gravity: Gravity = "none"
+    if device.gravity is not None:
+        gravity = "pendulum"
+    elif device.position_stiffness is not None:
+        gravity = "proportional"
+    directional = rubs and device.damping_by_direction is not None
+    return Model(coulomb=rubs, offset=True, directional=directional, gravity=gravity)
+
+
+def _value(device: Device, parameter: str) -> float:
+    """A parameter of the model as the file states it."""
+    damping, weight = device.damping_by_direction, device.gravity
+    if parameter == "damping_asymmetry" and damping is not None:
+        return (damping.forward.value - damping.backward.value) / 2
+    if parameter.startswith("gravity_") and weight is not None:
+        return weight.sine.value if parameter == "gravity_sine" else weight.cosine.value
+    return float(getattr(device, parameter).value)

@@ -44,7 +44,7 @@ def _hardware(fleet: Fleet, member: int) -> Hardware:
     return Hardware(
         sample_time=quantity(float(rig.sample_time[member])),
         delay=quantity(float(rig.delay[member])),
-        encoder_resolution=float(rig.encoder_resolution[member]),
+        encoder_resolution=quantity(float(rig.encoder_resolution[member])),
         force_limit=ForceLimit(continuous=1e6, peak=1e6),
     )
 

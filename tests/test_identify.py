@@ -37,7 +37,7 @@ HARDWARE = Hardware(
     name="homerehab",
     sample_time=quantity(STEP),
     delay=quantity(STEP),
-    encoder_resolution=COUNT,
+    encoder_resolution=quantity(COUNT),
     force_limit=ForceLimit(continuous=14.0, peak=28.0),
 )
 NAMES = ("mass", "damping", "coulomb_friction", "force_offset")

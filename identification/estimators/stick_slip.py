@@ -66,7 +66,7 @@ class Way:
         """With tables for even steps, which spare an exponential for each turn."""
         if isinstance(device.steps, np.ndarray):
             return cls(device=device, free=free, left=np.empty(0), lost=np.empty(0))
-        left, lost = _decay(device.rate, device.steps * np.arange(1, _TABLE + 1))
+        left, lost = _decay(device.rate, device.steps * np.arange(1.0, _TABLE + 1))
         return cls(device=device, free=free, left=left, lost=lost)
 
     def after(

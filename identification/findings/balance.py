@@ -43,6 +43,8 @@ _NOISE_SHARE = 1e-3
 #: Of the acceleration's mean square left by the narrowest quiet window, a wider one may lose this
 #: part: what little moves faster is left to the noise.
 _LOST = 0.02
+#: Part of a window that goes one way more than the other; less is a stop or a turn.
+_MOVING = 0.5
 #: A window with an interval longer than this part of its half-width does not know its motion.
 _LONGEST_INTERVAL = 0.5
 
@@ -84,6 +86,11 @@ class Balance:
             self.velocity * self.direction,
         )
         return np.stack(columns, axis=1)
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Rows in motion: at rest friction is whatever the force is, and says nothing."""
+        return np.abs(self.direction) > _MOVING
 
     @property
     def carried(self) -> FloatArray:

@@ -24,7 +24,7 @@ _SLOWEST = 0.01
 #: Length of the pieces of the spectrum, s: bands of 2.5 Hz hold several lines.
 _PIECE = 2.0
 #: The rest is this many times stronger in the band of tremor than beside it, ...
-PEAK = 2.5
+PEAK = 1.7
 #: ... its power there is this part of the force's own, or it is what a force excited there leaves
 #: behind, ...
 _UNDRIVEN = 0.04

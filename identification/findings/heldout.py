@@ -23,8 +23,6 @@ DOUBTED = 0.05
 REFUSED = 0.15
 #: ... and by this many standard deviations of the prediction itself, or the rest says too little.
 _SIGMAS = 4.0
-#: Part of a window that goes one way more than the other; less is a stop or a turn.
-_MOVING = 0.5
 #: Blocks of each part, left out in turn for that standard deviation.
 _BLOCKS = 8
 
@@ -72,8 +70,7 @@ class _Blocks:
         # A term that the estimate does without would only follow chance where the rest is slow.
         terms = balance.plant if chosen.model.directional else balance.plant[:, :-1]
         columns, _ = unit_columns(np.column_stack((terms, balance.carried)))
-        # Friction of a device at rest is whatever the force is, and predicts nothing.
-        moving = np.abs(balance.direction) > _MOVING
+        moving = balance.moving
         split = np.array_split(np.arange(len(balance)), _PARTS * _BLOCKS)
         rest = np.concatenate([rows for i, rows in enumerate(split) if i // _BLOCKS != part])
         for column in (balance.acceleration, balance.velocity):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from identification.errors import Finding
 from identification.estimators.linear import solve
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance
+from identification.findings.balance import Balance, left_over
 from identification.intervals import half_width
 from identification.trajectory import Trajectory
 
@@ -84,27 +84,39 @@ def _carried_force(balance: Balance) -> FloatArray:
 
 
 def position_force(balance: Balance) -> tuple[float, FloatArray]:
-    """How much of what the estimate's terms leave over position explains where it was not fitted.
+    """How much of what the estimate's terms leave over position explains.
+
+    Both where it was fitted and where it was not count, and the smaller share is taken: a part of
+    the log that is faster than the rest is told badly without position, too.
 
     Returns:
         Share of the mean square, at most 1; its force at each row, N, mean zero.
     """
+    moving = balance.moving
     powers = powers_of(balance.position)
-    plant = np.column_stack((balance.plant, balance.carried))
-    both = np.column_stack((plant, powers))
-    part_of = np.arange(len(balance)) * _PARTS // len(balance)
+    plant = np.column_stack((balance.plant, balance.carried))[moving]
+    both = np.column_stack((plant, powers[moving]))
+    right = balance.force[moving]
+    if len(both) < _PARTS * both.shape[1]:
+        return 0.0, np.zeros(len(balance))
+    part_of = np.arange(len(both)) * _PARTS // len(both)
     without = within = 0.0
     for part in range(_PARTS):
         rest = part_of != part
         for columns in (plant, both):
-            weights = solve(columns[rest], balance.force[rest])
-            square = float(np.sum((balance.force - columns @ weights)[~rest] ** 2))
+            weights = solve(columns[rest], right[rest])
+            square = float(np.sum((right - columns @ weights)[~rest] ** 2))
             if columns is plant:
                 without += square
             else:
                 within += square
-    force = powers @ solve(both, balance.force)[plant.shape[1] :]
-    return (1 - within / without if without > 0 else 0.0), force - np.mean(force)
+    force = powers @ solve(both, right)[plant.shape[1] :]
+    left, fuller = (left_over(columns, right) for columns in (plant, both))
+    kept = max(
+        within / without if without > 0 else 1.0,
+        float(fuller @ fuller) / float(left @ left) if np.any(left) else 1.0,
+    )
+    return 1 - kept, force - np.mean(force)
 
 
 def powers_of(position: FloatArray) -> FloatArray:

@@ -36,8 +36,9 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
             from identification import fit_picture
             from tune.pictures import profile_picture
 
-            trajectory = found.logs[0].trajectory
-            session.draw(Path("identification.png"), fit_picture(trajectory, found.device))
+            fit = found.logs[0]
+            picture = fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)
+            session.draw(Path("identification.png"), picture)
             session.draw(Path("profile.png"), profile_picture(profile))
 
     run_command("demo", action, as_json=json, quiet=quiet)

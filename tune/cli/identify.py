@@ -100,4 +100,12 @@ def identified(
     session.found(result.findings)
     session.say(device_table(result.device))
     session.say(f"method: {result.method}; {result.reason}")
+    for fit in result.logs:
+        for other in fit.others:
+            session.say(
+                f"{fit.trajectory.source}, {other.method}: mass {other.value('mass'):.5g}, "
+                f"damping {other.value('damping'):.5g}"
+            )
+        for sentence in fit.structure.sentences if fit.structure else ():
+            session.say(f"{fit.trajectory.source}: {sentence}")
     return result

@@ -67,18 +67,26 @@ def device_table(device: Device) -> Table:
     for heading in ("quantity", "value", "95 % interval", "unit", "half-width"):
         side = "left" if heading in {"quantity", "unit"} else "right"
         table.add_column(heading, justify=side, no_wrap=True)
-    for label, quantity, unit in (
+    rows: list[tuple[str, Quantity, str]] = [
         ("mass m", device.mass, units["mass"]),
         ("damping b", device.damping, units["damping"]),
         ("Coulomb friction Fc", device.coulomb_friction, units["force"]),
         ("force offset f0", device.force_offset, units["force"]),
+    ]
+    for what, pair, unit in (
+        ("damping", device.damping_by_direction, units["damping"]),
+        ("Coulomb friction", device.friction_by_direction, units["force"]),
     ):
-        table.add_row(
-            label,
-            *_with_interval(quantity),
-            unit,
-            _relative(quantity),
-        )
+        if pair is not None:
+            rows += [(f"{what} forward", pair.forward, unit)]
+            rows += [(f"{what} backward", pair.backward, unit)]
+    if device.position_stiffness is not None:
+        rows.append(("force by position k", device.position_stiffness, units["stiffness"]))
+    if device.gravity is not None:
+        rows.append(("gravity, sine", device.gravity.sine, units["force"]))
+        rows.append(("gravity, cosine", device.gravity.cosine, units["force"]))
+    for label, quantity, unit in rows:
+        table.add_row(label, *_with_interval(quantity), unit, _relative(quantity))
     return table
 
 

@@ -1,0 +1,130 @@
+"""What identify makes of ten families of logs: the right method, and intervals that cover."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+
+import numpy as np
+import pytest
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+
+from datasets_synthetic import FAMILIES, POSE_FACTORS, family_named, poses
+from identification import Trajectory, identify
+from identification.intervals import quantile
+from identification.one_log import LogFit, fit_log
+
+Array = NDArray[np.float64]
+NAMES = ("mass", "damping")
+
+#: Forces that the log does not know, or gravity at a noisy position, ask for innovations.
+EXPECTED = {
+    name: "innovations" if name in {"closed-loop-force-noise", "offset-gravity"} else "output-error"
+    for name in FAMILIES
+}
+#: Methods a family is compared with; least squares and instruments are never near in white noise.
+RIVALS = ("output-error", "innovations", "weak", "instruments", "least-squares")
+
+
+def fitted(name: str, trajectory: Trajectory, method: str = "auto") -> LogFit:
+    return fit_log(trajectory, family_named(name).hardware, method)
+
+
+def errors(name: str, fits: list[LogFit]) -> tuple[Array, Array]:
+    """Errors of mass and damping, and their 95 % half-widths, shape (logs, 2) each."""
+    truth = family_named(name).truth
+    found = np.array([[fit.estimate.value(key) - truth[key] for key in NAMES] for fit in fits])
+    half = np.array(
+        [[quantile(fit.estimate) * fit.estimate.deviation(key) for key in NAMES] for fit in fits]
+    )
+    return found, half
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_each_family_gets_its_method_its_terms_and_its_truth(name: str) -> None:
+    fits = [fitted(name, log) for log in family_named(name).logs(range(3))]
+    method, _ = Counter(fit.method for fit in fits).most_common(1)[0]
+    assert method == EXPECTED[name]
+    error, half = errors(name, fits)
+    # 2.2 half-widths of a 95 % interval: once in 100 000 for each of sixty numbers.
+    assert np.all(np.abs(error) <= 2.2 * half)
+    assert np.all(half <= 0.1 * np.array([family_named(name).truth[key] for key in NAMES]))
+    for fit in fits:
+        model = fit.estimate.model
+        assert model.directional == (name == "directional-friction")
+        assert model.gravity == ("pendulum" if name == "offset-gravity" else "none")
+
+
+def test_friction_by_direction_reaches_the_device() -> None:
+    family = family_named("directional-friction")
+    device = identify(family.logs([7])[0]).device
+    truth = family.truth
+    damping, friction = device.damping_by_direction, device.friction_by_direction
+    assert damping is not None
+    assert friction is not None
+    for side, found in ((1.0, damping.forward), (-1.0, damping.backward)):
+        assert found.value == pytest.approx(
+            truth["damping"] + side * truth["damping_asymmetry"], rel=0.01
+        )
+    # The offset of the truth is part of what friction differs by.
+    for side, found in ((1.0, friction.forward), (-1.0, friction.backward)):
+        asymmetry = truth["coulomb_asymmetry"] + truth["force_offset"]
+        assert found.value == pytest.approx(truth["coulomb_friction"] + side * asymmetry, rel=0.03)
+
+
+def covers_every_pose(seed: int) -> bool:
+    mass = identify(poses(seed)).device.mass
+    truth = family_named("open-loop-white").truth["mass"]
+    return all(mass.low <= factor * truth <= mass.high for factor in POSE_FACTORS)
+
+
+def test_the_envelope_holds_every_pose() -> None:
+    # 95 % promised: fewer than 6 of 8 would happen once in 6 000 times.
+    assert sum(covers_every_pose(seed) for seed in range(8)) >= 6
+
+
+@pytest.mark.long
+def test_the_envelope_holds_every_pose_in_95_of_100() -> None:
+    count = 400
+    hits = sum(
+        Parallel(n_jobs=os.cpu_count())(
+            delayed(covers_every_pose)(seed) for seed in range(100, 100 + count)
+        )
+    )
+    print(f"envelope: {hits} of {count}")
+    assert hits >= count * 0.95 - 2 * np.sqrt(count * 0.95 * 0.05)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FAMILIES)
+def test_intervals_cover(name: str) -> None:
+    """Coverage of at least 93 % over many seeds; above 97 % only where it is printed and known."""
+    count = int(os.environ.get("HAPTUNE_SEEDS", "400"))
+    logs = family_named(name).logs(range(1000, 1000 + count))
+    fits = Parallel(n_jobs=os.cpu_count())(delayed(fitted)(name, log) for log in logs)
+    error, half = errors(name, list(fits))
+    coverage = np.mean(np.abs(error) <= half, axis=0)
+    truth = np.array([family_named(name).truth[key] for key in NAMES])
+    rmse = np.sqrt(np.mean((error / truth) ** 2, axis=0))
+    print(f"{name}: coverage m {coverage[0]:.3f} b {coverage[1]:.3f}, rmse {rmse}")
+    assert np.all(coverage >= 0.93 - 2 * np.sqrt(0.93 * 0.07 / count))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FAMILIES)
+def test_auto_is_near_the_best_single_method(name: str) -> None:
+    """RMSE of mass and damping together within 20 % of the best single method's, same logs."""
+    count = int(os.environ.get("HAPTUNE_SEEDS", "200"))
+    logs = family_named(name).logs(range(count))
+    truth = np.array([family_named(name).truth[key] for key in NAMES])
+    rmse: dict[str, Array] = {}
+    for method in ("auto", *RIVALS):
+        fits = Parallel(n_jobs=os.cpu_count())(delayed(fitted)(name, log, method) for log in logs)
+        error, _ = errors(name, list(fits))
+        rmse[method] = np.sqrt(np.mean((error / truth) ** 2, axis=0))
+        print(f"{name}, {method}: {rmse[method]}")
+    product = {method: float(np.prod(each)) for method, each in rmse.items()}
+    best = min(product[method] for method in RIVALS)
+    # Two ratios, and the sampling error of each over the seeds.
+    assert product["auto"] <= 1.2**2 * best * (1 + 2 * np.sqrt(2 / count))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +31,12 @@ RIVALS = ("output-error", "innovations", "weak", "instruments", "least-squares")
 
 def fitted(name: str, trajectory: Trajectory, method: str = "auto") -> LogFit:
     return fit_log(trajectory, family_named(name).hardware, method)
+
+
+def at_once(jobs: Iterable[Any]) -> list[Any]:
+    """Results of joblib's delayed calls, on all processors."""
+    results: Any = Parallel(n_jobs=os.cpu_count())(jobs)
+    return list(results)
 
 
 def errors(name: str, fits: list[LogFit]) -> tuple[Array, Array]:
@@ -87,11 +95,7 @@ def test_the_envelope_holds_every_pose() -> None:
 @pytest.mark.long
 def test_the_envelope_holds_every_pose_in_95_of_100() -> None:
     count = 400
-    hits = sum(
-        Parallel(n_jobs=os.cpu_count())(
-            delayed(covers_every_pose)(seed) for seed in range(100, 100 + count)
-        )
-    )
+    hits = sum(at_once(delayed(covers_every_pose)(seed) for seed in range(100, 100 + count)))
     print(f"envelope: {hits} of {count}")
     assert hits >= count * 0.95 - 2 * np.sqrt(count * 0.95 * 0.05)
 
@@ -102,8 +106,8 @@ def test_intervals_cover(name: str) -> None:
     """Coverage of at least 93 % over many seeds; above 97 % only where it is printed and known."""
     count = int(os.environ.get("HAPTUNE_SEEDS", "400"))
     logs = family_named(name).logs(range(1000, 1000 + count))
-    fits = Parallel(n_jobs=os.cpu_count())(delayed(fitted)(name, log) for log in logs)
-    error, half = errors(name, list(fits))
+    fits = at_once(delayed(fitted)(name, log) for log in logs)
+    error, half = errors(name, fits)
     coverage = np.mean(np.abs(error) <= half, axis=0)
     truth = np.array([family_named(name).truth[key] for key in NAMES])
     rmse = np.sqrt(np.mean((error / truth) ** 2, axis=0))
@@ -120,8 +124,8 @@ def test_auto_is_near_the_best_single_method(name: str) -> None:
     truth = np.array([family_named(name).truth[key] for key in NAMES])
     rmse: dict[str, Array] = {}
     for method in ("auto", *RIVALS):
-        fits = Parallel(n_jobs=os.cpu_count())(delayed(fitted)(name, log, method) for log in logs)
-        error, _ = errors(name, list(fits))
+        fits = at_once(delayed(fitted)(name, log, method) for log in logs)
+        error, _ = errors(name, fits)
         rmse[method] = np.sqrt(np.mean((error / truth) ** 2, axis=0))
         print(f"{name}, {method}: {rmse[method]}")
     product = {method: float(np.prod(each)) for method, each in rmse.items()}

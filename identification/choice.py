@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.estimators.model import Estimate, Model
-from identification.estimators.noise import finest_reading
+from identification.estimators.noise import encoder_count
 from identification.estimators.shaping import is_coloured
 from identification.workshop import Workshop
 
@@ -27,10 +27,9 @@ def noise_explains(workshop: Workshop) -> str | None:
     simulated = workshop.fit("output-error")
     if not is_coloured(simulated.residual):
         return "its residual is white in every octave"
-    trajectory = workshop.trajectory
-    count = finest_reading(trajectory.position, trajectory.force)
-    counts = float(np.sqrt(np.mean(simulated.residual**2))) / count
-    if counts <= ENCODER_RESIDUAL:
+    count = encoder_count(workshop.trajectory.position)
+    counts = float(np.sqrt(np.mean(simulated.residual**2))) / (count or np.inf)
+    if 0 < counts <= ENCODER_RESIDUAL:
         return (
             f"its residual is {counts:.2f} encoder counts rms (at most {ENCODER_RESIDUAL:g}), no "
             "more than rounding"
@@ -77,10 +76,17 @@ def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
     reason = (
         f"because innovations say {apart}: the friction or another force is not what the model has"
     )
-    instrumental = workshop.refit("instruments", model)
-    apart = disagreement(instrumental, regression)
-    if apart and instrumental.value("mass") > 0 and workshop.has_reference:
-        return instrumental, f"instruments, {reason}, and least squares {apart}: it is biased"
+    if workshop.has_reference:
+        # What follows a set-point is free of the noise that a feedback puts into the force.
+        instrumental = workshop.refit("instruments", model)
+        if predicted.value("mass") > 0 and not disagreement(predicted, instrumental):
+            return predicted, (
+                f"innovations, which instruments confirm: {apart} of least squares, which noise "
+                "in the force biases"
+            )
+        apart = disagreement(instrumental, regression)
+        if apart and instrumental.value("mass") > 0:
+            return instrumental, f"instruments, {reason}, and instruments {apart}"
     return regression, f"least squares, {reason}"
 
 

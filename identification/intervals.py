@@ -31,7 +31,7 @@ FINEST_PARTS = 1024
 _SHORTEST_PART = 2
 #: Turning points of friction, forces that change between samples and the solver itself are good to
 #: this part of the force. Without it the interval of a noise-free log would shrink to rounding.
-UNKNOWN_FORCE = 3e-6
+UNKNOWN_FORCE = 2e-5
 #: Singular values this much smaller than the largest are rounding: of a sum that lost a block ...
 _SINGULAR = 1e-12
 #: ... and at all.

@@ -65,7 +65,7 @@ def slow(seed: int) -> Three:
     force = [
         20.0 * 0.05 * 2 * np.pi * hertz * (np.sin(2 * np.pi * hertz * _TIME + seed))
         + 20.0 * 0.02 * 2 * np.pi * hertz * np.cos(2 * np.pi * 1.7 * hertz * _TIME)
-        for hertz in (1.0, 0.4, 0.2)
+        for hertz in (1.0, 0.25, 0.12)
     ]
     return _three(rig, np.stack(force), seed, Faults(position_noise=2e-5, force_noise=0.05))
 

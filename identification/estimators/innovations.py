@@ -19,10 +19,11 @@ from identification.estimators import least_squares
 from identification.estimators.delay import find_delay
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.least_squares import CUT_OFF_RANGE
 from identification.estimators.linear import explained
 from identification.estimators.linear import solve as solved
 from identification.estimators.model import Estimate, Model
-from identification.estimators.separable import physical, solve
+from identification.estimators.separable import Solution, physical, solve
 from identification.estimators.shaping import is_coloured, whitener
 from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
@@ -207,6 +208,7 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         order = [*range(size), size + 2, size, size + 1, *range(size + 3, len(jacobian))]
         jacobian = jacobian[order]
     around = spread(jacobian, best.residual, size + fitted, signal=values[0] * jacobian[0])
+    leaning = _leaning(table, problem, best, first)
     notes = [
         f"moving average 1 {best.theta[1]:+.4f} {best.theta[2]:+.4f} "
         + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
@@ -218,7 +220,7 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         delay=float(best.theta[3]) if fitted else first,
         delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
         values=values,
-        covariance=around.covariance[:size, :size],
+        covariance=around.covariance[:size, :size] + np.outer(leaning, leaning),
         degrees_of_freedom=around.degrees_of_freedom,
         residual=best.residual,
         residual_unit="position",
@@ -229,6 +231,22 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         mean_speed=table.mean_speed,
         notes=tuple(notes),
     )
+
+
+def _leaning(
+    table: least_squares.Regression, problem: _Problem, best: Solution, delay: float
+) -> FloatArray:
+    """Half of what another filter for the direction of motion changes, one more deviation.
+
+    Where a noisy position turns is in doubt by part of a sample, which blocks of one log share.
+    """
+    model = table.model
+    if not model.coulomb:
+        return np.zeros(len(model.parameters))
+    wider = table.at_cut_off(CUT_OFF_RANGE * table.cut_off.frequency).refined(delay)
+    other = replace(problem, drive=Drive.of(table.with_motion(wider.motion), problem.drive.delay))
+    values, _ = physical(solve(other, best.theta), len(model.parameters))
+    return (values - physical(best, len(model.parameters))[0]) / 2
 
 
 def _start(problem: _Problem, rate: float, delay: float) -> FloatArray:

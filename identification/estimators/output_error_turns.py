@@ -158,6 +158,9 @@ class Turns:
             Coasting.at((known["damping"] + side) / mass, steps)
             for side in ((asymmetry, -asymmetry) if model.directional else (0.0,))
         )
+        slowest, fastest = self.drive.rates
+        if not all(slowest <= way.rate <= fastest for way in ways):
+            return None
         force = self.drive.commands.after(delay)
         # Without an asymmetry no other term leans on the direction.
         anyway = Motion.always(self.drive.moving.size, steps)

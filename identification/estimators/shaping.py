@@ -21,6 +21,8 @@ _FEWEST_LINES = 8
 _GRID = 1 << 15
 #: The filter ends where what follows has less than this part of its energy.
 _NEGLIGIBLE = 1e-8
+#: A spectrum is taken to reach no deeper than this part of its peak.
+_SILENT = 1e-12
 #: Probability that an octave of a white residual is taken for coloured.
 _CHANCE = 1e-4
 #: An octave may be off by this part without a loss that matters: it costs its square in variance.
@@ -73,7 +75,8 @@ def whitener(residual: FloatArray) -> FloatArray:
     """
     from scipy.fft import irfft, rfft
 
-    level = np.log(smoothed(spectrum(residual)))
+    power = smoothed(spectrum(residual))
+    level = np.log(np.maximum(power, _SILENT * max(float(power.max()), np.finfo(float).tiny)))
     place = np.linspace(0, level.size, _GRID // 2 + 1)
     grid = np.interp(place, np.arange(1, level.size + 1), level)
     cepstrum = irfft(grid, _GRID)

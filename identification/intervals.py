@@ -10,11 +10,14 @@ correlation inside a block, and however unevenly the blocks excite the device, i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.model import Estimate
+if TYPE_CHECKING:
+    # Estimators import this module.
+    from identification.estimators.model import Estimate
 
 FloatArray = NDArray[np.float64]
 

@@ -66,8 +66,8 @@ def identify(
         trajectory: a log, or several of one axis; several give the envelope.
         hardware: what is known of the device. A delay it states is honoured, 0 included; what it
             does not state is taken from the logs, with a warning.
-        method: "auto" takes output error if its residual is white, else filtered least squares;
-            or "least-squares" or "output-error".
+        method: "auto" believes output error where position noise explains its residual, else the
+            most efficient method that a more robust one does not contradict; or one of METHODS.
         allow: codes of findings that are not to refuse a log; recorded with the device.
 
     Raises:

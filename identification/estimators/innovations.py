@@ -16,16 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators import least_squares
+from identification.estimators.answer import answer
 from identification.estimators.delay import find_delay
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.least_squares import CUT_OFF_RANGE
-from identification.estimators.linear import explained
 from identification.estimators.linear import solve as solved
 from identification.estimators.model import Estimate, Model
 from identification.estimators.separable import Solution, physical, solve
 from identification.estimators.shaping import is_coloured, whitener
-from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
 from identification.trajectory import Trajectory
 
@@ -208,28 +207,24 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         order = [*range(size), size + 2, size, size + 1, *range(size + 3, len(jacobian))]
         jacobian = jacobian[order]
     around = spread(jacobian, best.residual, size + fitted, signal=values[0] * jacobian[0])
-    leaning = _leaning(table, problem, best, first)
     notes = [
         f"moving average 1 {best.theta[1]:+.4f} {best.theta[2]:+.4f} "
         + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
     ]
     notes += [] if best.converged else ["the search ended before it settled"]
-    return Estimate(
-        method="innovations",
-        model=table.model,
-        delay=float(best.theta[3]) if fitted else first,
-        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
-        values=values,
-        covariance=around.covariance[:size, :size] + np.outer(leaning, leaning),
-        degrees_of_freedom=around.degrees_of_freedom,
+    return answer(
+        "innovations",
+        table.model,
+        values,
+        around,
+        delay=float(best.theta[3]) if delay is None else delay,
+        fitted=delay is None,
+        signal=best.target,
         residual=best.residual,
-        residual_unit="position",
-        explained=explained(best.target, best.residual),
-        whiteness=whiteness(best.residual),
-        condition=around.condition,
-        inflation=around.inflation[:size],
+        unit="position",
         mean_speed=table.mean_speed,
         notes=tuple(notes),
+        leaning=_leaning(table, problem, best, first),
     )
 
 

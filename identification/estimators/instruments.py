@@ -15,17 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.answer import answer
 from identification.estimators.delay import find_delay
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import Commands, Held
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.least_squares import Regression, prepare
-from identification.estimators.linear import explained, unit_columns
+from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate, Model
 from identification.estimators.motion import Motion
 from identification.estimators.rows import Kinematics
 from identification.estimators.terms import terms
-from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
 from identification.trajectory import Trajectory
 
@@ -88,20 +88,16 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         best.columns.T, residual, size + fits_delay, signal=force, instruments=best.tests.T
     )
     notes = (source.note, table.cut_off.reason)
-    return Estimate(
-        method="instruments",
-        model=table.model,
+    return answer(
+        "instruments",
+        table.model,
+        best.values,
+        around,
         delay=best.delay,
-        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fits_delay else None,
-        values=best.values,
-        covariance=around.covariance[:size, :size],
-        degrees_of_freedom=around.degrees_of_freedom,
+        fitted=fits_delay,
+        signal=force,
         residual=residual,
-        residual_unit="force",
-        explained=explained(force, residual),
-        whiteness=whiteness(residual),
-        condition=around.condition,
-        inflation=around.inflation[:size],
+        unit="force",
         mean_speed=table.mean_speed,
         notes=notes if best.settled else (*notes, "the instruments did not settle"),
     )

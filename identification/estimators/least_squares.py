@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.answer import answer
 from identification.estimators.cut_off import CutOff, choose_cut_off
 from identification.estimators.held import Held, unknown_intervals
-from identification.estimators.linear import explained, unit_columns
+from identification.estimators.linear import unit_columns
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
 from identification.estimators.motion import Motion, first_look, refined
 from identification.estimators.rows import FIRST, Signals, of_rows
 from identification.estimators.terms import others, terms
-from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
 from identification.trajectory import Trajectory
 
@@ -263,19 +263,17 @@ def fit(table: Regression, delay: float) -> Estimate:
         f"at half the cut-off mass is {low[0]:.5g} and damping {low[1]:.5g}",
         f"at twice the cut-off mass is {high[0]:.5g} and damping {high[1]:.5g}",
     )
-    return Estimate(
-        method="least-squares",
-        model=table.model,
+    return answer(
+        "least-squares",
+        table.model,
+        values,
+        around,
         delay=delay,
-        values=values,
-        covariance=around.covariance + np.outer(leaning, leaning),
-        degrees_of_freedom=around.degrees_of_freedom,
+        fitted=False,
+        signal=force,
         residual=residual,
-        residual_unit="force",
-        explained=explained(force, residual),
-        whiteness=whiteness(residual),
-        condition=around.condition,
-        inflation=around.inflation,
+        unit="force",
         mean_speed=table.mean_speed,
         notes=notes,
+        leaning=leaning,
     )

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators import least_squares
+from identification.estimators.answer import answer
 from identification.estimators.delay import find_delay
 from identification.estimators.drive import Drive
 from identification.estimators.held import unknown_intervals
 from identification.estimators.held_response import Coasting, Gain
-from identification.estimators.linear import explained, unit_columns
+from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate, Model
 from identification.estimators.output_error_turns import Fitted, Turns
 from identification.estimators.rows import Signals
@@ -180,20 +181,16 @@ def _estimate(
     values, jacobian, residual = found.values[:size], found.jacobian, found.residual
     around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
     position = table.signals.position[table.known :]
-    return Estimate(
-        method="output-error",
-        model=table.model,
+    return answer(
+        "output-error",
+        table.model,
+        values,
+        around,
         delay=float(found.values[size]) if delay is None else delay,
-        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
-        values=values,
-        covariance=around.covariance[:size, :size],
-        degrees_of_freedom=around.degrees_of_freedom,
+        fitted=delay is None,
+        signal=position - np.mean(position),
         residual=residual,
-        residual_unit="position",
-        explained=explained(position - np.mean(position), residual),
-        whiteness=whiteness(residual),
-        condition=around.condition,
-        inflation=around.inflation[:size],
+        unit="position",
         mean_speed=table.mean_speed,
         notes=() if found.converged else ("the search ended before it settled",),
     )

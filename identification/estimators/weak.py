@@ -14,14 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.estimators.answer import answer
 from identification.estimators.delay import find_delay
 from identification.estimators.drive import MOST_SAMPLES
 from identification.estimators.least_squares import Regression, prepare
-from identification.estimators.linear import explained
 from identification.estimators.low_pass import width_of
 from identification.estimators.model import Estimate, Model
 from identification.estimators.weak_rows import Solution, TestedRows
-from identification.estimators.whiteness import whiteness
 from identification.intervals import spread
 from identification.trajectory import Trajectory
 
@@ -81,7 +80,6 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     around = spread(
         best.columns, residual, len(best.columns), signal=force, instruments=best.instruments
     )
-    size = best.values.size
     notes = [f"{force.size} test functions, half power at {frequency:.3g} Hz"]
     if best.corner > 0:
         notes.append(f"unlogged forces rule below {best.corner:.2g} Hz")
@@ -90,22 +88,19 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
             notes.append("the delay is right in open loop only")
     if not best.settled:
         notes.append("the solutions did not settle")
-    return Estimate(
-        method="weak",
-        model=table.model,
+    return answer(
+        "weak",
+        table.model,
+        best.values,
+        around,
         delay=best.delay,
-        delay_deviation=float(np.sqrt(around.covariance[size, size])) if delay is None else None,
-        values=best.values,
-        covariance=around.covariance[:size, :size],
-        degrees_of_freedom=around.degrees_of_freedom,
-        residual=residual * tested.scale(best),
-        residual_unit="force",
-        explained=explained(force, residual),
-        whiteness=whiteness(residual),
-        condition=around.condition,
-        inflation=around.inflation[:size],
+        fitted=delay is None,
+        signal=force,
+        residual=residual,
+        unit="force",
         mean_speed=table.mean_speed,
         notes=tuple(notes),
+        scale=tested.scale(best),
     )
 
 

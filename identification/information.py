@@ -13,13 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.intervals import NORMAL_95, UNKNOWN_FORCE
 from identification.planning.response import Response
 from identification.planning.stick_slip import Answer, Guess, answer, sensitivities
 
 FloatArray = NDArray[np.float64]
-
-#: Half-width of the 95 % interval of a normal variable, in standard deviations.
-NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,10 +27,18 @@ class Prediction:
     Attributes:
         motion: of the guessed device, without noise.
         covariance: of mass and damping, shape (2, 2).
+        doubt: what identify adds to it for forces no log knows better (intervals.UNKNOWN_FORCE).
     """
 
     motion: Answer
     covariance: FloatArray
+    doubt: FloatArray
+
+    @property
+    def stated(self) -> tuple[float, float]:
+        """Half-widths of mass and damping as identify will state them, the doubt included."""
+        mass, damping = NORMAL_95 * np.sqrt(np.diag(self.covariance + self.doubt))
+        return float(mass), float(damping)
 
     @property
     def mass(self) -> float:
@@ -89,7 +95,10 @@ def predict(
     unit = table / norms
     inverse = np.asarray(np.linalg.pinv(unit.T @ unit, hermitian=True), dtype=np.float64)
     covariance = (inverse / np.outer(norms, norms))[:2, :2]
-    return Prediction(motion=motion, covariance=covariance)
+    power = float(np.sum((guess.mass * table[:, 0]) ** 2))
+    return Prediction(
+        motion=motion, covariance=covariance, doubt=UNKNOWN_FORCE**2 * power * covariance
+    )
 
 
 def _smooth_sensitivities(force: FloatArray, guess: Guess, step: float) -> FloatArray:

@@ -115,9 +115,9 @@ class ExcitationSpec(Document):
         return tuple(dict.fromkeys([middle, *ends]))  # pyright: ignore[reportReturnType]
 
 
-def load_excitation(path: Path) -> ExcitationSpec:
+def load_excitation(path: str | Path) -> ExcitationSpec:
     """Read and validate excitation.yaml. Raises InvalidInputError."""
-    return load_document(ExcitationSpec, path)
+    return load_document(ExcitationSpec, Path(path))
 
 
 def _ends(guess: Quantity) -> tuple[float, ...]:

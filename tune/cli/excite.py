@@ -96,12 +96,16 @@ def prediction_line(plan: Excitation) -> str:
     """The interval predicted for both, and what the prediction rests on."""
     spec = plan.spec
     mass, damping = _UNITS[spec.motion]
+    stated = plan.best.prediction.stated
     parts = [
-        f"{name} {guess:g} ± {half:.3g} {unit}" + (f" ({half / guess:.2g})" if guess else "")
-        for name, guess, half, unit in (
-            ("mass", spec.mass.value, plan.mass, mass),
-            ("damping", spec.damping.value, plan.damping, damping),
+        f"{name} {guess:g} ± {half:.3g} {unit} (stated as ± {whole:.3g})"
+        for name, guess, half, whole, unit in (
+            ("mass", spec.mass.value, plan.mass, stated[0], mass),
+            ("damping", spec.damping.value, plan.damping, stated[1], damping),
         )
     ]
     method = "output error" if spec.force_noise == 0 else "the innovations method"
-    return f"predicted 95 % intervals: {', '.join(parts)}; {method} reaches them"
+    return (
+        f"predicted 95 % intervals: {', '.join(parts)}; noise alone lets {method} reach the first, "
+        "identify states the second, as it trusts no force beyond 2e-5 of it"
+    )

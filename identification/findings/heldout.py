@@ -20,7 +20,7 @@ _PARTS = 4
 #: A prediction may miss by this part of the rms force more than a fit of the part itself does; ...
 DOUBTED = 0.05
 #: ... beyond this the parts are not of one device.
-REFUSED = 0.15
+REFUSED = 0.25
 #: ... and by this many standard deviations of the prediction itself, or the rest says too little.
 _SIGMAS = 4.0
 #: Blocks of each part, left out in turn for that standard deviation.

@@ -23,6 +23,8 @@ _PARTS = 4
 LEAST_GAIN = 0.3
 #: The rms force of position is at least this part of the rms force.
 LEAST_SHARE = 0.02
+#: A shift of mass or damping by less than this part is beyond what these coarse rows can tell.
+MATTERS = 0.05
 _REMEDY = (
     "Level or counterbalance the axis, take off springs and cables, or subtract the known force of "
     "gravity from the force column."
@@ -56,14 +58,16 @@ def _uncarried(
     trajectory: Trajectory, balance: Balance, chosen: Estimate, gain: float, force: FloatArray
 ) -> Finding:
     shifts = _shifts(balance, chosen)
-    refused = any(moved > width for _, moved, width in shifts)
+    refused = any(
+        moved > max(width, MATTERS * abs(chosen.value(name))) for name, moved, width in shifts
+    )
     told = ", ".join(f"{name} by {moved:.3g} (± {width:.2g})" for name, moved, width in shifts)
     return Finding(
         code="gravity",
         severity="refusal" if refused else "warning",
         seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel, explains "
         f"{gain:.0%} of what the other terms leave over in {trajectory.source}; it shifts {told}",
-        needed="shifts within the intervals" if refused else f"below {LEAST_SHARE:.0%}",
+        needed=f"shifts below {MATTERS:.0%}" if refused else f"below {LEAST_SHARE:.0%}",
         remedy=_REMEDY,
     )
 

@@ -24,7 +24,7 @@ CHANGES = 0.02
 #: Part of the log spent so above which friction is doubted, and above which too little motion is
 #: left to tell mass and damping.
 DOUBTED = 0.25
-REFUSED = 0.6
+REFUSED = 0.9
 
 
 def standing(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from identification.estimators import least_squares
 from identification.estimators.answer import answer
-from identification.estimators.delay import find_delay
-from identification.estimators.drive import Drive
+from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import unknown_intervals
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.linear import unit_columns
@@ -117,8 +116,11 @@ def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estim
         long = _from_section(trajectory, model, delay)
         if long is not None:
             return long
-    start = find_delay(trajectory, model).value if delay is None else delay
-    return fit(least_squares.prepare(trajectory, model, start), delay, start=start)
+    most = MOST_SAMPLES * trajectory.sample_time if delay is None else delay
+    table = least_squares.prepare(trajectory, model, most, refine=False)
+    # The delay enters smoothly; the usual one is near enough to begin with.
+    first = trajectory.sample_time if delay is None else delay
+    return _fit(table, delay, first, refined=False)
 
 
 def fit(table: least_squares.Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
@@ -129,13 +131,19 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         delay: as for estimate.
         start: where the search for the delay begins, s.
     """
-    first = start if delay is None else delay
+    return _fit(table, delay, start if delay is None else delay, refined=True)
+
+
+def _fit(
+    table: least_squares.Regression, delay: float | None, first: float, *, refined: bool
+) -> Estimate:
     found = None
     if table.model.coulomb:
         values, standing = table.solve(first), table.motion.moving[0] == 0
         found = _turning(table, values, delay, first, standing=bool(standing))
     if found is None or not _rubs(table, found) or whiteness(found.residual) > _DOUBTED:
-        projected = _projected(table, delay, first)
+        settled = table if refined else table.refined(first)
+        projected = _projected(settled, delay, first)
         if found is None or not _rubs(table, projected) or projected.cost < found.cost:
             found = projected
     return _estimate(table, found, delay)

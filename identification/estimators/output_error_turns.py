@@ -31,7 +31,7 @@ _MOST_STEPS = 15
 #: Times a step that makes the fit worse is halved before it is given up.
 _MOST_HALVINGS = 8
 #: The search ends when a step is shorter than this part of the standard deviation along it.
-_CONVERGED = 0.03
+_CONVERGED = 0.05
 #: Directions this much weaker than the strongest carry nothing but rounding.
 _NOTHING = 1e-13
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.errors import InvalidInputError
+from identification.intervals import NORMAL_95
 from identification.quantities import Quantity
 
 #: Probability that the simultaneous box holds every identified quantity.
 BOX_CONFIDENCE = 0.999
-#: Half-width of a 95 % interval of a normal variable, in standard deviations.
-_Z95 = 1.959963984540054
 #: Degrees of freedom from which Hotelling's T² is χ² to six digits.
 _MANY = 1e6
 
@@ -54,7 +53,7 @@ def widening(count: int, freedom: float, confidence: float) -> float:
             f"degrees_of_freedom is {freedom:g} for {count} parameters",
             "Identify from a longer log",
         )
-    return float(radius) / _Z95
+    return float(radius) / NORMAL_95
 
 
 def widened(quantity: Quantity, factor: float) -> tuple[float, float]:

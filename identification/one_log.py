@@ -67,12 +67,13 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     regression = workshop.fit("least-squares")
     chosen, reason = choose(workshop, method)
     chosen = without_noise(workshop, chosen)
+    delay = _delay(workshop, chosen)
     return LogFit(
         trajectory=trajectory,
         estimate=chosen,
         others=tuple(each for each in workshop.fitted if each.method != chosen.method),
-        delay=_delay(workshop, chosen),
-        findings=judge(trajectory, regression, chosen, delay=_delay(workshop, chosen)),
+        delay=delay,
+        findings=judge(trajectory, regression, chosen, delay=delay),
         reason=reason,
         structure=structure,
     )

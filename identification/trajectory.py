@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -93,6 +93,11 @@ class Trajectory:
         if furthest <= EVEN * step or furthest <= _ROUNDING * _printed_digit(self.time, step):
             return step
         return np.diff(self.time)
+
+    def part(self, rows: slice) -> Trajectory:
+        """Consecutive rows as a log of their own."""
+        columns = {name: column[rows] for name, column in self.columns()}
+        return replace(self, **columns)
 
     def __len__(self) -> int:
         return self.time.size

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     """The delay, 0 to MOST_SAMPLES samples, at which least squares leaves the smallest residual.
 
     Delaying a force and adding damping look alike in a log of a single frequency; then the
-    deviation is large, and so becomes the interval of the damping (``Estimate.with_delay``).
+    deviation is large, and so becomes the interval of the damping (workshop.py).
 
     Args:
         trajectory: the log.
@@ -58,8 +58,9 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE
     # The rough scan needs no more than a part of a long log.
     first = max(0, (len(trajectory) - _ROUGH) // 2)
-    section = slice(first, first + _ROUGH)
-    part = table if len(trajectory) <= _ROUGH else _table(_cut(trajectory, section), model)
+    part = table
+    if len(trajectory) > _ROUGH:
+        part = _table(trajectory.part(slice(first, first + _ROUGH)), model)
     costs, best = np.empty(0), 0.0
     for _ in range(_ROUNDS):
         costs = _costs(part, grid)
@@ -89,16 +90,6 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
 def _table(trajectory: Trajectory, model: Model) -> least_squares.Regression:
     most = MOST_SAMPLES * trajectory.sample_time
     return least_squares.prepare(trajectory, model, most, refine=False)
-
-
-def _cut(trajectory: Trajectory, section: slice) -> Trajectory:
-    return replace(
-        trajectory,
-        time=trajectory.time[section],
-        force=trajectory.force[section],
-        position=trajectory.position[section],
-        reference=None,
-    )
 
 
 def _costs(table: least_squares.Regression, samples: FloatArray) -> FloatArray:

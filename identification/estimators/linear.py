@@ -26,3 +26,22 @@ def explained(signal: FloatArray, residual: FloatArray) -> float:
     """Share of the mean square of a signal that is not in the residual; 0 without a signal."""
     power = float(signal @ signal)
     return 1 - float(residual @ residual) / power if power > 0 else 0.0
+
+
+def gauss_newton(
+    slopes: FloatArray, residual: FloatArray, nothing: float
+) -> tuple[FloatArray, float]:
+    """The Gauss-Newton step of a fit, and what it gains in units of the variance of a residual.
+
+    Args:
+        slopes: derivative of the fit by each parameter, shape (k, rows).
+        residual: what the fit leaves, shape (rows,).
+        nothing: directions this much weaker than the strongest carry nothing but rounding.
+    """
+    normal = slopes @ slopes.T
+    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    right = slopes @ residual / size
+    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=nothing, hermitian=True)
+    move = inverse @ right
+    cost = max(float(residual @ residual), np.finfo(float).tiny)
+    return move / size, float(move @ right) * residual.size / cost

@@ -9,7 +9,7 @@ residual then shows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,14 +151,7 @@ def _fit(
 
 def _from_section(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate | None:
     """The fit of a long log, begun where its first part ends up; None if that has no friction."""
-    part = replace(
-        trajectory,
-        time=trajectory.time[:_LONG],
-        force=trajectory.force[:_LONG],
-        position=trajectory.position[:_LONG],
-        reference=None,
-    )
-    begun = estimate(part, model, delay)
+    begun = estimate(trajectory.part(slice(_LONG)), model, delay)
     if not begun.value("coulomb_friction") > _RUBBING * begun.deviation("coulomb_friction"):
         return None
     signals = Signals.of(trajectory)

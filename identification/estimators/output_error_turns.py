@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from identification.estimators.drive import Drive
 from identification.estimators.held import Held
 from identification.estimators.held_response import Coasting, Gain, carried
+from identification.estimators.linear import gauss_newton
 from identification.estimators.model import Model
 from identification.estimators.motion import Motion
 from identification.estimators.rows import Signals
@@ -118,7 +119,7 @@ class Turns:
             return None
         jacobian, fresh, converged = self._jacobian(best), True, False
         for _ in range(_MOST_STEPS):
-            move, gain = _step(jacobian, best.residual)
+            move, gain = gauss_newton(jacobian, best.residual, _NOTHING)
             converged = gain <= _CONVERGED**2
             if converged:
                 break
@@ -152,7 +153,7 @@ class Turns:
         if not (mass > 0 and friction > 0 and least <= delay <= most):
             return None
         # The asymmetry is in the ways; its column is about the mean speed, which leaves an offset.
-        asymmetry, known["damping_asymmetry"] = known.get("damping_asymmetry", 0.0), 0.0
+        asymmetry = known.get("damping_asymmetry", 0.0)
         known["force_offset"] = known.get("force_offset", 0.0) - asymmetry * self.mean_speed
         ways = tuple(
             Coasting.at((known["damping"] + side) / mass, steps)
@@ -214,7 +215,8 @@ class Turns:
             constant = added["force_offset"]
             added["damping_asymmetry"] = side * added["damping"] - self.mean_speed * constant
         if self.drive.delay is None:
-            later = point.by_way(partial(_later, self.drive, self._delay(values)))
+            delay = self._delay(values)
+            later = point.by_way(lambda way: _pair(self.drive.slope_by_delay(way, delay)))
             added["delay"] = later * moving / mass
         added["start"] = np.zeros((2, intervals))
         names = tuple(added)
@@ -248,23 +250,7 @@ def _slope(held: Held, way: Coasting) -> FloatArray:
     return _pair(way.slope_by_rate(held))
 
 
-def _later(drive: Drive, delay: float, way: Coasting) -> FloatArray:
-    force = drive.commands.after(delay)
-    return _pair(way.slope_by_delay(force, float(drive.commands.value[0])))
-
-
 def _coasting_slope(way: Coasting) -> FloatArray:
     """Slope by p of what is left of a velocity and of the distance coasted, (2, 1 or n - 1)."""
     whole = way.whole
     return np.stack((np.atleast_1d(whole.decay_slope), np.atleast_1d(whole.speed_slope)))
-
-
-def _step(jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, float]:
-    """The Gauss-Newton step, and what it gains in units of the variance of a residual."""
-    normal = jacobian @ jacobian.T
-    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-    right = jacobian @ residual / size
-    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=_NOTHING, hermitian=True)
-    move = inverse @ right
-    cost = max(float(residual @ residual), np.finfo(float).tiny)
-    return move / size, float(move @ right) * residual.size / cost

@@ -13,6 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.linear import gauss_newton
+
 FloatArray = NDArray[np.float64]
 
 #: Steps of Gauss-Newton; from least squares it converges in three to five.
@@ -107,17 +109,11 @@ def solve(problem: Separable, start: FloatArray) -> Solution:
     slopes = problem.slopes(theta, best.weights, best.residual)
     for _ in range(_MOST_STEPS):
         across = slopes - best.project(slopes) @ best.columns
-        normal = across @ across.T
-        size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-        unit = normal / np.outer(size, size)
-        right = (across @ best.residual) / size
-        move = _inverse(unit) @ right
-        # What the step gains, in units of the variance of a residual.
-        gain = float(move @ right) * best.residual.size / max(best.cost, np.finfo(float).tiny)
+        move, gain = gauss_newton(across, best.residual, _NOTHING)
         if gain <= _CONVERGED**2:
             converged = True
             break
-        found = _improved(problem, theta, move / size, best.cost)
+        found = _improved(problem, theta, move, best.cost)
         if found is None:
             break
         theta, best = found

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from identification.device import Hardware
 from identification.errors import Finding, InvalidInputError
+from identification.estimators.held import LOST
 from identification.findings.balance import balance_of
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
-#: A step longer than this many median steps has lost a sample.
-LOST = 1.5
 #: Part of the samples lost above which the force of the others is no longer what acted: ...
 MOST_LOST = 0.2
 #: ... and below which a warning is enough, unless one gap alone hides the motion: at the typical

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
-from identification.findings.sampling import LOST
+from identification.estimators.held import LOST
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

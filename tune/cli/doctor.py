@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tune.cli.identify import read_log
 from tune.cli.options import (
     Allow,
     Axis,
@@ -24,17 +25,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from identification import Examination, Finding, Quantity
-
-_UNITS = {
-    "linear": {"length": "m", "speed": "m/s", "force": "N", "mass": "kg", "damping": "N·s/m"},
-    "rotary": {
-        "length": "rad",
-        "speed": "rad/s",
-        "force": "N·m",
-        "mass": "kg·m²",
-        "damping": "N·m·s/rad",
-    },
-}
 
 
 def doctor(
@@ -60,7 +50,6 @@ def doctor(
             LogRefusedError,
             examine,
             load_document,
-            load_trajectory,
         )
 
         columns = LogColumns(
@@ -79,12 +68,7 @@ def doctor(
             try:
                 with session.progress() as say:
                     say(f"examining {path.name}")
-                    trajectory = load_trajectory(
-                        path,
-                        columns,
-                        motion="linear" if known is None else known.motion,
-                        axis=columns.axis or (None if known is None else known.axis),
-                    )
+                    trajectory = read_log(path, columns, known)
                     seen = examine(trajectory, hardware=known, allow=allow or [])
             except LogRefusedError as error:  # the columns are no log at all
                 findings += error.findings
@@ -106,7 +90,9 @@ def _table(seen: Examination) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    units = _UNITS[seen.motion]
+    from tune.cli.tables import UNITS
+
+    units = UNITS[seen.motion]
     table = Table(title=seen.source, title_justify="left", box=SIMPLE_HEAD)
     table.add_column("seen in the log", no_wrap=True)
     table.add_column("value", no_wrap=True)

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from identification import Excitation
 
-_UNITS = {"linear": ("kg", "N·s/m"), "rotary": ("kg·m²", "N·m·s/rad")}
-
 
 def excite(
     spec: Annotated[Path, typer.Argument(help="Limits and guesses; see 'haptune new excitation'.")],
@@ -67,7 +65,10 @@ def excitation_table(plan: Excitation) -> Table:
     from rich.table import Table
 
     spec = plan.spec
-    mass, damping = _UNITS[spec.motion]
+    from tune.cli.tables import UNITS
+
+    units = UNITS[spec.motion]
+    mass, damping = units["mass"], units["damping"]
     table = Table(
         title=f"{spec.name}, axis {spec.axis}: {spec.duration:g} s, least 95 % intervals "
         "any estimator can reach; the first is played",
@@ -95,7 +96,10 @@ def excitation_table(plan: Excitation) -> Table:
 def prediction_line(plan: Excitation) -> str:
     """The interval predicted for both, and what the prediction rests on."""
     spec = plan.spec
-    mass, damping = _UNITS[spec.motion]
+    from tune.cli.tables import UNITS
+
+    units = UNITS[spec.motion]
+    mass, damping = units["mass"], units["damping"]
     stated = plan.best.prediction.stated
     parts = [
         f"{name} {guess:g} ± {half:.3g} {unit} (stated as ± {whole:.3g})"

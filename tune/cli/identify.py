@@ -26,7 +26,7 @@ from tune.cli.options import (
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
-    from identification import Identification, LogColumns
+    from identification import Hardware, Identification, LogColumns, Trajectory
 
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
@@ -70,6 +70,18 @@ def identify(
     run_command("identify", action, as_json=json, quiet=quiet)
 
 
+def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Trajectory:
+    """One log, of the motion and axis of its hardware; shared with doctor."""
+    from identification import load_trajectory
+
+    return load_trajectory(
+        path,
+        columns,
+        motion="linear" if hardware is None else hardware.motion,
+        axis=columns.axis or (None if hardware is None else hardware.axis),
+    )
+
+
 def identified(
     session: Session,
     logs: list[Path],
@@ -79,22 +91,14 @@ def identified(
     allow: list[str],
 ) -> Identification:
     """Read logs, identify and show the result; shared with calibrate and demo."""
-    from identification import Hardware, load_document, load_trajectory
+    from identification import Hardware, load_document
     from identification import identify as estimate
     from tune.cli.tables import device_table
 
     known = None if hardware is None else load_document(Hardware, hardware)
     with session.progress() as say:
         say("reading logs")
-        trajectories = [
-            load_trajectory(
-                path,
-                columns,
-                motion="linear" if known is None else known.motion,
-                axis=columns.axis or (None if known is None else known.axis),
-            )
-            for path in logs
-        ]
+        trajectories = [read_log(path, columns, known) for path in logs]
         say("identifying")
         result = estimate(trajectories, hardware=known, method=method.value, allow=allow)
     session.found(result.findings)

@@ -12,15 +12,30 @@ if TYPE_CHECKING:
     from identification import Device, Quantity
     from tune.profile import Certificate, SafeProfile
 
-_UNITS = {
-    "linear": {"stiffness": "N/m", "damping": "N·s/m", "mass": "kg", "force": "N"},
-    "rotary": {"stiffness": "N·m/rad", "damping": "N·m·s/rad", "mass": "kg·m²", "force": "N·m"},
+#: Units of each motion by quantity.
+UNITS = {
+    "linear": {
+        "stiffness": "N/m",
+        "damping": "N·s/m",
+        "mass": "kg",
+        "force": "N",
+        "length": "m",
+        "speed": "m/s",
+    },
+    "rotary": {
+        "stiffness": "N·m/rad",
+        "damping": "N·m·s/rad",
+        "mass": "kg·m²",
+        "force": "N·m",
+        "length": "rad",
+        "speed": "rad/s",
+    },
 }
 
 
 def elements_table(profile: SafeProfile) -> Table:
     """One row an effect: value, perceived steps, gain and delay margin, ripple, what binds."""
-    units = _UNITS[profile.device.motion]
+    units = UNITS[profile.device.motion]
     loop = profile.loop
     filters = ", ".join(
         f"{name} {cutoff:g} Hz"
@@ -61,7 +76,7 @@ def elements_table(profile: SafeProfile) -> Table:
 
 def device_table(device: Device) -> Table:
     """Identified quantities with their 95 % intervals."""
-    units = _UNITS[device.motion]
+    units = UNITS[device.motion]
     title = f"{device.name}, axis {device.axis}"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
     for heading in ("quantity", "value", "95 % interval", "unit", "half-width"):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from importlib import import_module
+from importlib.util import find_spec
 
 import numpy as np
 from flint import arb
@@ -10,11 +12,13 @@ from flint import arb
 from benchmarks.row import Row, best_seconds
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune.effects import Effects
-from tune.loop import Filters, Loop
+from tune.loop import Filters, Loop, ModeNumbers
 from tune.stability import largest, verdict
 
 _POINTS = 1_000_000
 _FEW = 20_000
+#: Points for a library that judges one at a time.
+_SINGLE = 300
 
 
 def rows() -> Iterator[Row]:
@@ -53,13 +57,7 @@ def rows() -> Iterator[Row]:
         seconds=best_seconds(lambda: verdict(many, effects), 2) / _POINTS,
         error="same criterion, running error bounds",
     )
-    filtered = Loop.dimensionless(0.01, 1, 0.7, 0.8)
-    part = Effects(stiffness=alpha[:100_000], damping=beta[:100_000], mass=gamma[:100_000])
-    yield Row(
-        what="verdict, filters and delay, degree 6",
-        seconds=best_seconds(lambda: verdict(filtered, part), 3) / 100_000,
-        error="same criterion, running error bounds",
-    )
+    yield from _degree_ten(rng)
     homerehab = Loop.from_numbers(
         mass=3.0,
         damping=10.0,
@@ -71,6 +69,80 @@ def rows() -> Iterator[Row]:
         what="largest stiffness, one loop of degree 6",
         seconds=best_seconds(lambda: largest(homerehab, "stiffness", Effects(damping=10.0)), 20),
         error="1e-9 against 120-digit roots (tests)",
+    )
+
+
+def _degree_ten(rng: np.random.Generator) -> Iterator[Row]:
+    """A mode, two samples of delay and two second-order filters, against other people's ways."""
+    sample_time, stiffness, mode = 1e-3, 3.0 * (2 * np.pi * 80.0) ** 2, (80.0, 0.02, 0.3)
+    velocity, acceleration = 60.0, 40.0
+    loop = Loop.from_numbers(
+        mass=3.0,
+        damping=10.0,
+        sample_time=sample_time,
+        delay_samples=2,
+        modes=(
+            ModeNumbers(
+                frequency_hz=mode[0], damping_ratio=mode[1], at_encoder=mode[2], at_handle=-0.5
+            ),
+        ),
+        filters=Filters(velocity_hz=velocity, velocity_order=2, acceleration_hz=acceleration),
+    )
+    K, B, M = rng.uniform([[0], [-50], [-2]], [[9e3], [2e3], [20]], (3, _POINTS))
+    effects = Effects(stiffness=K, damping=B, mass=M)
+    ours = best_seconds(lambda: verdict(loop, effects), 3) / _POINTS
+    few = Effects(stiffness=K[:_FEW], damping=B[:_FEW], mass=M[:_FEW])
+    coefficients = loop.polynomial(few)[0]
+    degree = loop.degree
+
+    def eigenvalues() -> np.ndarray:  # type: ignore[type-arg]
+        companion = np.zeros((_FEW, degree, degree))
+        companion[:, 0, :] = (-coefficients[-2::-1] / coefficients[-1]).T
+        companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+        return np.max(np.linalg.eigvals(companion).real, axis=1)
+
+    other = best_seconds(eigenvalues, 2) / _FEW
+    answers = verdict(loop, few)
+    differ = int(np.sum((eigenvalues() < 0) != (answers > 0)))
+    yield Row(
+        what="verdict, million points, one loop of degree 10",
+        seconds=ours,
+        error=f"{int(np.sum(verdict(loop, effects) == 0))} undecided",
+        against=f"{other / ours:.0f} times faster than eigvals",
+    )
+    yield Row(
+        what="the same by stacked numpy.linalg.eigvals in w",
+        seconds=other,
+        error=f"differs in {differ} of {_FEW}",
+    )
+    if find_spec("control") is None:
+        return
+    control = import_module("control")
+    plant = control.tf([1], [3.0, 10.0, 0]) + control.tf(
+        [mode[2] ** 2], [3.0, 2 * mode[1] * np.sqrt(3.0 * stiffness), stiffness]
+    )
+    held = control.sample_system(plant, sample_time) * control.tf([1], [1, 0, 0], sample_time)
+    v, a = (float(np.exp(-2 * np.pi * f * sample_time)) for f in (velocity, acceleration))
+    speed = control.tf(
+        np.array([1, -1, 0]) * (1 - v) ** 2 / sample_time, np.poly([v, v]), sample_time
+    )
+    rate = control.tf(
+        np.array([1, -2, 1]) * (1 - a) ** 2 / sample_time**2, np.poly([a, a]), sample_time
+    )
+
+    def one_by_one() -> list[bool]:
+        return [
+            bool(np.max(np.abs(control.feedback(held, k + b * speed + m * rate).poles())) < 1)
+            for k, b, m in zip(K[:_SINGLE], B[:_SINGLE], M[:_SINGLE], strict=True)
+        ]
+
+    theirs = best_seconds(one_by_one, 1) / _SINGLE
+    differ = int(np.sum(np.array(one_by_one()) != (answers[:_SINGLE] > 0)))
+    yield Row(
+        what=f"the same by python-control {control.__version__}, point by point",
+        seconds=theirs,
+        error=f"differs in {differ} of {_SINGLE}",
+        against=f"ours {theirs / ours:.0f} times faster",
     )
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.members import chosen
+from datasets_synthetic.wall import Wall
+
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,14 +19,21 @@ class Controller:
     """Virtual effects about position zero; numbers, or arrays of shape (batch,).
 
     Attributes:
-        stiffness: K, N/m (N·m/rad).
-        damping: B, N·s/m (N·m·s/rad), on the backward difference of the measured position.
-        mass: M, kg (kg·m²), on the double backward difference.
+        stiffness: K, N/m (N·m/rad), any sign.
+        damping: B, N·s/m (N·m·s/rad), any sign, on the estimated velocity.
+        mass: M, kg (kg·m²), any sign, on the estimated acceleration.
         velocity_cutoff: fc of the velocity filter, Hz; infinite means no filter.
         acceleration_cutoff: fc of the acceleration filter, Hz; infinite means no filter.
+        velocity_order: poles of the velocity filter, 1 or 2.
+        acceleration_order: poles of the acceleration filter, 1 or 2.
+        damping_ratio: ζ of filters with two poles, above 0 and at most 1; 1 is two equal poles.
+        velocity_window: n samples over which the velocity is (q[k] - q[k-n])/(n·T) instead of the
+            backward difference, without any filter; 1 is the backward difference itself.
+        wall: where the effects act, or None for everywhere.
 
-    A filtered velocity is (1-a)(z-1)/(T(z-a)) with a = exp(-2π·fc·T), a filtered acceleration the
-    square of the same expression with its own fc. Both start from rest at the first reading.
+    Velocity is the backward difference (z-1)/(T·z) and acceleration its square, each through its
+    low-pass: (1-a)·z/(z-a) with a = exp(-2π·fc·T), or (1-t+p)·z²/(z²-t·z+p) with the poles
+    exp(-2π·fc·T·(ζ ± j·√(1-ζ²))). Both start from rest at the first reading.
     """
 
     stiffness: float | FloatArray = 0.0
@@ -30,12 +41,51 @@ class Controller:
     mass: float | FloatArray = 0.0
     velocity_cutoff: float | FloatArray = np.inf
     acceleration_cutoff: float | FloatArray = np.inf
+    velocity_order: int | IntArray = 1
+    acceleration_order: int | IntArray = 2
+    damping_ratio: float | FloatArray = 1.0
+    velocity_window: int | IntArray = 1
+    wall: Wall | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("velocity_order", "acceleration_order"):
+            if not np.all(np.isin(getattr(self, name), (1, 2))):
+                raise ValueError(f"{name} must be 1 or 2, not {getattr(self, name)}")
+        ratio, window = np.asarray(self.damping_ratio), np.asarray(self.velocity_window)
+        if not np.all((ratio > 0) & (ratio <= 1)):
+            raise ValueError(f"damping_ratio must be above 0 and at most 1, not {ratio}")
+        if not np.all(window >= 1):
+            raise ValueError(f"velocity_window must be 1 sample or more, not {window}")
+        if np.any((window > 1) & np.isfinite(self.velocity_cutoff)):
+            raise ValueError(
+                "a moving window has no velocity filter besides: leave one of them out"
+            )
 
     def size(self) -> int:
-        """Number of members the gains and cut-offs describe."""
-        return np.broadcast(
-            self.stiffness, self.damping, self.mass, self.velocity_cutoff, self.acceleration_cutoff
-        ).size
+        """Number of members the effects describe."""
+        sizes = [np.size(getattr(self, name)) for name in _FIELDS]
+        return max(sizes + ([] if self.wall is None else self.wall.sizes()))
+
+    def members(self, which: NDArray[np.intp]) -> Controller:
+        """The effects of these members; a value that all share stays one value."""
+        fields: dict[str, FloatArray | IntArray] = {
+            name: chosen(getattr(self, name), which) for name in _FIELDS
+        }
+        fields |= {name: fields[name].astype(np.int64) for name in _WHOLE}
+        wall = None if self.wall is None else self.wall.members(which)
+        return replace(self, wall=wall, **fields)  # pyright: ignore[reportArgumentType]
+
+
+_WHOLE = ("velocity_order", "acceleration_order", "velocity_window")
+_FIELDS = (
+    "stiffness",
+    "damping",
+    "mass",
+    "velocity_cutoff",
+    "acceleration_cutoff",
+    "damping_ratio",
+    *_WHOLE,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,44 +116,3 @@ class Servo:
     def size(self) -> int:
         """Number of members it describes."""
         return max(np.atleast_2d(self.reference).shape[0], self.regulator().size())
-
-
-class ControlLaw:
-    """A Controller at work: one call a sample, remembering what its filters need."""
-
-    __slots__ = (
-        "_acceleration",
-        "_acceleration_pole",
-        "_controller",
-        "_last",
-        "_sample_time",
-        "_slope",
-        "_velocity",
-        "_velocity_pole",
-    )
-
-    def __init__(self, controller: Controller, sample_time: FloatArray) -> None:
-        self._controller = controller
-        self._sample_time = sample_time
-        self._velocity_pole = np.exp(-2 * np.pi * controller.velocity_cutoff * sample_time)
-        self._acceleration_pole = np.exp(-2 * np.pi * controller.acceleration_cutoff * sample_time)
-        self._last: FloatArray | None = None
-        self._velocity = self._slope = self._acceleration = np.zeros_like(sample_time)
-
-    def force(self, reading: FloatArray) -> FloatArray:
-        """-(K·q + B·velocity + M·acceleration) for this sample's reading (m), N, shape (batch,)."""
-        change = 0.0 if self._last is None else (reading - self._last) / self._sample_time
-        self._last = reading
-        pole = self._velocity_pole
-        self._velocity = pole * self._velocity + (1 - pole) * change
-        pole = self._acceleration_pole
-        slope = pole * self._slope + (1 - pole) * change
-        change_of_slope = (slope - self._slope) / self._sample_time
-        self._acceleration = pole * self._acceleration + (1 - pole) * change_of_slope
-        self._slope = slope
-        gains = self._controller
-        return -(
-            gains.stiffness * reading
-            + gains.damping * self._velocity
-            + gains.mass * self._acceleration
-        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from datasets_synthetic.rig import Rig
+from datasets_synthetic.vibration import Vibration
 from identification import Device, load_device
 
 
@@ -23,6 +24,16 @@ def rig_of(device: Device) -> Rig:
         delay=device.delay.value,
         encoder_resolution=0.0 if resolution is None else resolution.value,
         force_limit=np.inf if limit is None else limit.peak,
+        current_lag=0.0 if device.current_lag is None else device.current_lag.value,
+        modes=tuple(
+            Vibration(
+                frequency_hz=mode.frequency_hz.value,
+                damping_ratio=mode.damping_ratio.value,
+                at_encoder=mode.at_encoder,
+                at_handle=mode.at_handle,
+            )
+            for mode in device.modes
+        ),
         name=device.name,
         axis=device.axis,
         motion=device.motion,

@@ -53,6 +53,13 @@ class Field:
             return spring
         return spring + self.sine * np.sin(position) + self.cosine * np.cos(position)
 
+    def stored(self, position: FloatArray) -> FloatArray:
+        """Energy per unit mass at these positions (m), m²/s²; zero at zero."""
+        spring = 0.5 * self.stiffness * position**2
+        if not self.curved:
+            return spring
+        return spring + self.sine * (1 - np.cos(position)) + self.cosine * np.sin(position)
+
     def members(self, which: NDArray[np.intp]) -> Field:
         """The field of these members."""
         return Field(

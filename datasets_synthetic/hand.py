@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.members import chosen
 from datasets_synthetic.noise import Sources, band_noise
 
 FloatArray = NDArray[np.float64]
@@ -19,7 +20,7 @@ WANDER_BAND = (0.1, 1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hand:
-    """Mass, damper and spring that move with the device; numbers, or arrays of shape (batch,).
+    """Mass, damper and spring that move with the handle; numbers, or arrays of shape (batch,).
 
     The spring and the damper are fixed to ground, the spring at the rest position.
 
@@ -41,8 +42,11 @@ class Hand:
 
     def sizes(self) -> list[int]:
         """Number of members each field describes."""
-        fields = (self.mass, self.damping, self.stiffness, self.rest, self.tremor, self.wander)
-        return [np.size(field) for field in fields]
+        return [np.size(getattr(self, name)) for name in _FIELDS]
+
+    def members(self, which: NDArray[np.intp]) -> Hand:
+        """The hands on these members; a value that all share stays a number."""
+        return Hand(**{name: chosen(getattr(self, name), which) for name in _FIELDS})
 
     def push(self, sources: Sources, stamps: FloatArray) -> FloatArray | None:
         """Force of tremor and voluntary motion (its spring at zero apart), N, shape (n, batch).
@@ -58,3 +62,6 @@ class Hand:
         wander = band_noise(sources, "wander", moved, WANDER_BAND, stamps)
         parts = [part for part in (tremor, wander) if part is not None]
         return sum(parts[1:], start=parts[0]) if parts else None
+
+
+_FIELDS = ("mass", "damping", "stiffness", "rest", "tremor", "wander")

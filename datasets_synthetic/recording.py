@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +13,27 @@ from identification import Trajectory
 
 FloatArray = NDArray[np.float64]
 Motion = Literal["linear", "rotary"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """True motion at the samples; arrays read-only, shape (batch, n).
+
+    Attributes:
+        handle: where the handle is, m (rad).
+        speed: of the handle, m/s (rad/s).
+        energy: of motion, springs and gravity, the hand's included, J.
+    """
+
+    handle: FloatArray
+    speed: FloatArray
+    energy: FloatArray
+
+    @classmethod
+    def of(cls, seen: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> Truth:
+        """From handle, speed and energy at each sample, each shape (batch,)."""
+        handle, speed, energy = (frozen(np.stack(each, axis=1)) for each in zip(*seen, strict=True))
+        return cls(handle=handle, speed=speed, energy=energy)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +50,7 @@ class Recording:
         stamps: true instants of uneven samples, s, shape (batch, n), or None for even ones.
         reference: what a servo followed, m (rad), shape (batch, n), or None.
         kept: which rows reached the log, shape (batch, n), or None for all.
+        truth: the true motion, where it was watched.
     """
 
     sample_time: FloatArray
@@ -39,6 +62,7 @@ class Recording:
     stamps: FloatArray | None = None
     reference: FloatArray | None = None
     kept: NDArray[np.bool_] | None = None
+    truth: Truth | None = None
 
     @property
     def batch(self) -> int:

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from datasets_synthetic.recording import Motion, frozen
+from datasets_synthetic.vibration import Vibration
 
 FloatArray = NDArray[np.float64]
 
 _POSITIVE = frozenset({"mass", "sample_time", "force_limit"})
-_NOT_NEGATIVE = frozenset({"coulomb_friction", "delay", "encoder_resolution"})
+_NOT_NEGATIVE = frozenset({"coulomb_friction", "delay", "encoder_resolution", "current_lag"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, init=False)
@@ -34,6 +35,9 @@ class Rig:
         stiffness: k of a spring to ground, relaxed at zero, N/m (N·m/rad), any sign.
         gravity_sine: gs, N (N·m).
         gravity_cosine: gc, N (N·m).
+        current_lag: time constant of the current loop, s, not negative; the force the actuator
+            gives follows the delayed command with it.
+        modes: vibration of the mechanism beside the rigid coordinate q; () is a rigid device.
         name: of the device, for messages.
         axis: name of the axis.
         motion: "linear" or "rotary".
@@ -42,6 +46,8 @@ class Rig:
     the upper sign for q̇ > 0. At rest the pull must exceed the friction of its own sense. Since
     (Fc ± c)·sign(q̇) is Fc·sign(q̇) + c whatever the direction, at rest too, no motion can tell c
     from f0: only their sum shows.
+
+    With modes q is the rigid coordinate, on which friction and field act, and mass the whole mass.
 
     The constructor takes numbers or arrays of shape (batch,) and broadcasts them.
 
@@ -62,6 +68,8 @@ class Rig:
     stiffness: FloatArray
     gravity_sine: FloatArray
     gravity_cosine: FloatArray
+    current_lag: FloatArray
+    modes: tuple[Vibration, ...]
     name: str
     axis: str
     motion: Motion
@@ -82,6 +90,8 @@ class Rig:
         stiffness: ArrayLike = 0.0,
         gravity_sine: ArrayLike = 0.0,
         gravity_cosine: ArrayLike = 0.0,
+        current_lag: ArrayLike = 0.0,
+        modes: tuple[Vibration, ...] = (),
         name: str = "device",
         axis: str = "x",
         motion: Motion = "linear",
@@ -100,6 +110,7 @@ class Rig:
             "stiffness": stiffness,
             "gravity_sine": gravity_sine,
             "gravity_cosine": gravity_cosine,
+            "current_lag": current_lag,
         }
         arrays = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in given.values()]
         for key, array in zip(given, np.broadcast_arrays(*arrays), strict=True):
@@ -117,6 +128,10 @@ class Rig:
                 f"coulomb_asymmetry must not exceed coulomb_friction, "
                 f"{self.coulomb_friction[uneven][0]:g}, not {self.coulomb_asymmetry[uneven][0]:g}"
             )
+        sizes = {size for mode in modes for size in mode.sizes()} - {1, self.mass.size}
+        if sizes:
+            raise ValueError(f"modes must be of {self.mass.size} devices or of 1, not {sizes}")
+        object.__setattr__(self, "modes", tuple(modes))
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "motion", motion)
@@ -130,10 +145,12 @@ class Rig:
         """The devices at these indices, as a batch of their own."""
         chosen = np.asarray(which)
         columns = {name: getattr(self, name)[chosen] for name in _COLUMNS}
-        return replace(self, **columns)
+        modes = tuple(mode.members(chosen) for mode in self.modes)
+        return replace(self, **columns, modes=modes)
 
 
-_COLUMNS = tuple(item.name for item in fields(Rig) if item.name not in {"name", "axis", "motion"})
+_OTHERS = {"name", "axis", "motion", "modes"}
+_COLUMNS = tuple(item.name for item in fields(Rig) if item.name not in _OTHERS)
 
 
 def _out_of_range(key: str, array: FloatArray) -> NDArray[np.bool_]:

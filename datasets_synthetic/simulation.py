@@ -1,7 +1,8 @@
 """The simulator: true devices in continuous time, sampled and held as their controller sees them.
 
-Independent by design: it integrates by its own means (motion.py) and shares no algebra with what
-identifies or tunes. A whole batch of devices runs in one loop over time.
+Independent by design: it integrates by its own means (motion.py for a rigid device, propagation.py
+for one with vibration modes or a current lag) and shares no algebra with what identifies or tunes.
+A whole batch of devices runs in one loop over time.
 
 What happens at the instant t of a sample: the encoder is read (noise added, then rounded to a
 count), the controller computes its force, the force limit clips it, the log takes down all three.
@@ -18,13 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.clock import Clock
-from datasets_synthetic.controller import ControlLaw, Controller, Servo
+from datasets_synthetic.controller import Controller, Servo
 from datasets_synthetic.faults import Faults
-from datasets_synthetic.field import Field
+from datasets_synthetic.flexible import FlexibleMover
 from datasets_synthetic.hand import Hand
-from datasets_synthetic.motion import LARGEST_STEP, Drag, advance
+from datasets_synthetic.law import ControlLaw
+from datasets_synthetic.members import per_member
+from datasets_synthetic.motion import LARGEST_STEP
+from datasets_synthetic.movers import Loads, Mover, RigidMover
 from datasets_synthetic.noise import Sources, coloured_noise, scatter, white_noise
-from datasets_synthetic.recording import Recording, frozen
+from datasets_synthetic.recording import Recording, Truth, frozen
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.sampling import read_encoder
 from datasets_synthetic.timetable import EvenTimetable, Timetable, UnevenTimetable
@@ -43,6 +47,8 @@ def simulate(
     seed: int | Sequence[int] = 0,
     position: float | FloatArray = 0.0,
     velocity: float | FloatArray = 0.0,
+    push: FloatArray | None = None,
+    watch: bool = False,
     largest_step: float = LARGEST_STEP,
 ) -> Recording:
     """Run a batch of devices for n samples.
@@ -63,7 +69,11 @@ def simulate(
             numpy's SeedSequence, the first of them the same as that of a single run.
         position: at t = 0, m (rad), a number or shape (batch,).
         velocity: at t = 0, m/s (rad/s), a number or shape (batch,).
-        largest_step: largest |h·p| of one integration step h; see motion.py for the error.
+        push: of a hand on the handle, besides its impedance, held over each sample and not delayed,
+            N (N·m), shape (n,) or (batch, n), or None.
+        watch: whether the true motion is recorded too.
+        largest_step: largest |h·p| of one integration step h of a rigid device; see motion.py for
+            the error.
 
     Returns:
         One log a member. A loop that grows without bound ends in values that are not finite,
@@ -72,29 +82,31 @@ def simulate(
     faults, hand, clock = faults or Faults(), hand or Hand(), clock or Clock()
     seeds = tuple(int(each) for each in np.atleast_1d(seed))
     command = np.atleast_2d(np.asarray(force, dtype=np.float64))
+    pushed = None if push is None else np.atleast_2d(np.asarray(push, dtype=np.float64))
     sizes = [rig.batch, command.shape[0], np.size(position), np.size(velocity), len(seeds)]
     sizes += [*faults.sizes(), *hand.sizes(), *clock.sizes()]
-    sizes += [controller.size()] if controller is not None else []
+    sizes += [1 if controller is None else controller.size(), 1 if pushed is None else len(pushed)]
     batch = max(sizes)
     if any(size not in {1, batch} for size in sizes):
         raise ValueError(f"batch sizes must agree or be 1, not {sizes}")
     samples = command.shape[1]
-    column = partial(_column, batch=batch)
+    column = partial(per_member, batch=batch)
 
-    mass = column(rig.mass) + column(hand.mass)
-    drag = _drag(rig, hand, mass)
     limit, resolution = column(rig.force_limit), column(rig.encoder_resolution)
-    offset = column(rig.force_offset) - column(hand.stiffness) * column(hand.rest)
     sample_time = clock.nominal(column(rig.sample_time))
     sources = Sources(seeds, batch)
     stamps = clock.stamps(sample_time, samples, sources)
-    timetable: Timetable
-    if clock.even:
-        timetable = EvenTimetable(column(rig.delay), sample_time, drag.fastest(), largest_step)
-    else:
-        timetable = UnevenTimetable(column(rig.delay), stamps, drag.fastest(), largest_step)
+    loads = _loads(sources, faults, hand, stamps, pushed)
+    start = column(position) + scatter(sources, column(faults.start_spread))
+    flexible = bool(rig.modes) or bool(np.any(rig.current_lag))
+    kind = FlexibleMover if flexible else RigidMover
+    mover: Mover = kind(rig, hand, loads, start, column(velocity))
+    timetable: Timetable = (
+        EvenTimetable(column(rig.delay), sample_time, mover.rate(), largest_step)
+        if clock.even
+        else UnevenTimetable(column(rig.delay), stamps, mover.rate(), largest_step)
+    )
     noise = white_noise(sources, "position", column(faults.position_noise), samples)
-    disturbance = _disturbance(sources, faults, hand, stamps)
     reference = None
     if isinstance(controller, Servo):
         followed = np.atleast_2d(np.asarray(controller.reference, dtype=np.float64))
@@ -113,19 +125,19 @@ def simulate(
     commands[lead:] = np.clip(command.T, -limit, limit) if law is None else command.T
     sent = commands.ravel()  # a view: row by row, one member after the other
     readings = np.empty((samples, batch))
-    q = column(position) + scatter(sources, column(faults.start_spread))
-    v = column(velocity)
+    seen: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(samples):
+            q = mover.measured()
             readings[k] = reading = read_encoder(q if noise is None else q + noise[k], resolution)
+            if watch:
+                seen.append((mover.handle(), mover.speed(), mover.energy()))
             if law is not None:
                 now = lead + k
                 commands[now] = np.clip(commands[now] + law.force(reading), -limit, limit)
-            resisted = offset if disturbance is None else offset - disturbance[k]
+            mover.begin(k)
             for part in timetable.parts(k):
-                pull = (sent.take(part.place) - resisted) / mass
-                for _ in range(part.steps):
-                    q, v = advance(q, v, pull, drag, part.step)
+                mover.move(sent.take(part.place), part)
     return Recording(
         sample_time=frozen(sample_time),
         force=frozen(commands[lead:].T),
@@ -136,45 +148,35 @@ def simulate(
         stamps=None if clock.even else frozen(stamps.T),
         reference=None if reference is None else frozen(reference),
         kept=clock.kept(batch, samples, sources),
+        truth=Truth.of(seen) if watch else None,
     )
 
 
-def _column(values: float | FloatArray, batch: int) -> FloatArray:
-    """One value a member, an array of its own, shape (batch,)."""
-    return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), (batch,)))
-
-
-def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:
-    """Friction and field of the device with the hand on it, per unit of their common mass."""
-    column = partial(_column, batch=mass.size)
-    return Drag.of(
-        mass=mass,
-        damping=column(rig.damping) + column(hand.damping),
-        coulomb_friction=column(rig.coulomb_friction),
-        damping_asymmetry=column(rig.damping_asymmetry),
-        coulomb_asymmetry=column(rig.coulomb_asymmetry),
-        field=Field.of(
-            mass=mass,
-            stiffness=column(rig.stiffness) + column(hand.stiffness),
-            gravity_sine=column(rig.gravity_sine),
-            gravity_cosine=column(rig.gravity_cosine),
-        ),
-    )
-
-
-def _disturbance(
-    sources: Sources, faults: Faults, hand: Hand, stamps: FloatArray
-) -> FloatArray | None:
-    """Force that acts but is not logged, N (N·m), shape (n, batch), or None for none."""
+def _loads(
+    sources: Sources,
+    faults: Faults,
+    hand: Hand,
+    stamps: FloatArray,
+    pushed: FloatArray | None,
+) -> Loads:
+    """Forces that act but are not logged."""
     samples, batch = stamps.shape
-
-    column = partial(_column, batch=batch)
-    parts = (
+    column = partial(per_member, batch=batch)
+    if pushed is not None and pushed.shape[1] != samples:
+        raise ValueError(f"push has {pushed.shape[1]} samples, force {samples}: give as many")
+    device = (
         white_noise(sources, "force", column(faults.force_noise), samples),
         coloured_noise(
             sources, column(faults.coloured_force), column(faults.correlation_time), stamps
         ),
-        hand.push(sources, stamps),
     )
+    handle = (
+        hand.push(sources, stamps),
+        None if pushed is None else np.broadcast_to(pushed.T, (samples, batch)),
+    )
+    return Loads(device=_sum(device), handle=_sum(handle))
+
+
+def _sum(parts: tuple[FloatArray | None, ...]) -> FloatArray | None:
     there = [part for part in parts if part is not None]
     return sum(there[1:], start=there[0]) if there else None

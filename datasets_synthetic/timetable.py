@@ -28,11 +28,13 @@ class Part:
             force of each member stands, shape (batch,).
         steps: number of integration steps.
         step: length of one, s, shape (batch,); zero for a member that has no such part.
+        kind: parts of the same kind have the same steps; None where every part differs.
     """
 
     place: NDArray[np.int64]
     steps: int
     step: FloatArray
+    kind: int | None = None
 
 
 class Timetable(Protocol):
@@ -69,7 +71,8 @@ class EvenTimetable:
         """The parts of the interval that starts at this sample."""
         gone = sample * self._batch
         return [
-            Part(place=first + gone, steps=steps, step=step) for first, steps, step in self._first
+            Part(place=first + gone, steps=steps, step=step, kind=kind)
+            for kind, (first, steps, step) in enumerate(self._first)
         ]
 
 

@@ -99,6 +99,7 @@ if TYPE_CHECKING:
     from identification.logs import (
         load_trajectory as load_trajectory,
     )
+    from identification.mechanism import Mode as Mode
     from identification.one_axis import (
         Identification as Identification,
     )
@@ -117,6 +118,9 @@ if TYPE_CHECKING:
     )
     from identification.plant import (
         Plant as Plant,
+    )
+    from identification.quantities import (
+        AnyQuantity as AnyQuantity,
     )
     from identification.quantities import (
         Quantity as Quantity,
@@ -149,6 +153,7 @@ _HOMES = {
     "hardware": "ForceLimit Hardware",
     "known_devices": "load_device named_devices",
     "logs": "LogColumns load_trajectory",
+    "mechanism": "Mode",
     "one_axis": "Identification identify",
     "one_log": "LogFit",
     "pictures": "fit_picture",
@@ -156,13 +161,14 @@ _HOMES = {
     "planning.picture": "excitation_picture",
     "planning.spec": "ExcitationSpec load_excitation",
     "plant": "Plant",
-    "quantities": "Quantity quantity",
+    "quantities": "AnyQuantity Quantity quantity",
     "trajectory": "Trajectory",
     "writing": "write_bytes write_text",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
 __all__ = [
+    "AnyQuantity",
     "Box",
     "ByDirection",
     "Covariance",
@@ -182,6 +188,7 @@ __all__ = [
     "LogFit",
     "LogRecord",
     "LogRefusedError",
+    "Mode",
     "NotWrittenError",
     "Plant",
     "Quantity",

@@ -15,6 +15,8 @@ ENCODER_RESIDUAL = 0.295
 #: Distance of a residual's cumulated spectrum from white up to which the intervals of output error
 #: still hold, although an octave is in excess: what the model misses is then small beside noise.
 NEARLY_WHITE = 0.025
+#: ... or this over the root of half its rows, which white noise exceeds once in a hundred times.
+WHITE_BY_CHANCE = 1.63
 #: Two methods disagree if they differ by more than this many standard deviations of the difference
 #: (Hausman, Econometrica 46, 1978, p. 1251); the wider of the two intervals is taken for it.
 DISAGREEMENT = 3.0
@@ -54,18 +56,37 @@ def choose(workshop: Workshop, method: str) -> tuple[Estimate, str]:
         return regression, "least squares, because it gives no positive mass to start others from"
     if method != "auto":
         return workshop.fit(method), f"{method.replace('-', ' ')} as asked"
+    return _under_gravity(workshop) if workshop.model.gravity != "none" else _evident(workshop)
+
+
+def _evident(workshop: Workshop) -> tuple[Estimate, str]:
+    """Output error where position noise explains what it leaves, or nearly so."""
     sentence = noise_explains(workshop)
     if sentence is not None:
         return workshop.fit("output-error"), f"output error, because {sentence}"
     chosen, reason = robust(workshop, workshop.model)
     simulated = workshop.fit("output-error")
-    mild = simulated.whiteness <= NEARLY_WHITE and workshop.model.gravity == "none"
+    chance = WHITE_BY_CHANCE / np.sqrt(simulated.residual.size / 2)
+    mild = simulated.whiteness <= max(NEARLY_WHITE, chance)
     if mild and _doubt(simulated) < _doubt(chosen) and not disagreement(simulated, chosen):
         return simulated, (
             f"output error, because its residual is only {simulated.whiteness:.2f} from white and "
             f"its intervals, which carry that, are narrower than those of {chosen.method}"
         )
     return chosen, reason
+
+
+def _under_gravity(workshop: Workshop) -> tuple[Estimate, str]:
+    """Weak form where position noise explains all, as it knows what gravity makes of that noise."""
+    tested = workshop.fit("weak")
+    explained = not tested.open_loop_only and not is_coloured(tested.residual)
+    regression = workshop.fit("least-squares")
+    if explained and tested.value("mass") > 0 and not disagreement(tested, regression):
+        return tested, (
+            "weak form, because noise of the position at which gravity is taken explains its "
+            "residual"
+        )
+    return robust(workshop, workshop.model)
 
 
 def _doubt(estimate: Estimate) -> float:

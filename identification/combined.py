@@ -65,6 +65,8 @@ def device_from(
             else resolution.model_copy(update={"source": "hardware"})
         ),
         force_limit=hardware.force_limit or _force_limit(fits),
+        modes=hardware.modes,
+        current_lag=hardware.current_lag,
         covariance=_covariance(fits),
         logs=tuple(records),
         damping_by_direction=_by_direction(fits, "damping"),

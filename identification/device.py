@@ -12,6 +12,7 @@ from identification.box import BOX_CONFIDENCE, Box, widened, widened_positive, w
 from identification.documents import Document
 from identification.evidence import Covariance, LogRecord
 from identification.hardware import SHORTEST_STEP, ForceLimit, Hardware
+from identification.mechanism import MOST_MODES, Mode
 from identification.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
 from identification.trajectory import Motion
 
@@ -24,6 +25,7 @@ __all__ = [
     "Gravity",
     "Hardware",
     "LogRecord",
+    "Mode",
     "Quantity",
     "quantity",
 ]
@@ -79,6 +81,8 @@ class Device(Document):
         delay: s, from command to measurement; left out: one sample time.
         encoder_resolution: m, one count at the handle.
         force_limit: N at the handle.
+        modes: vibration of the mechanism, beside the rigid mass.
+        current_lag: s, time constant of the current loop; left out: none.
         damping_by_direction: b for q̇ > 0 and for q̇ < 0, where a log told them apart.
         friction_by_direction: Fc, not negative, for q̇ > 0 and for q̇ < 0.
         position_stiffness: k, N/m, of a force k·q towards zero; negative pushes away from it.
@@ -101,6 +105,8 @@ class Device(Document):
     delay: AnyQuantity
     encoder_resolution: PositiveQuantity | None = None
     force_limit: ForceLimit | None = None
+    modes: tuple[Mode, ...] = Field(default=(), max_length=MOST_MODES)
+    current_lag: PositiveQuantity | None = None
     damping_by_direction: ByDirection | None = None
     friction_by_direction: ByDirection | None = None
     position_stiffness: AnyQuantity | None = None

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from identification.documents import Document
+from identification.mechanism import MOST_MODES, Mode
 from identification.quantities import LARGEST, AnyQuantity, PositiveQuantity, Source
 from identification.trajectory import Motion
 
@@ -39,6 +40,8 @@ class Hardware(Document):
         delay: s, from command to measurement.
         encoder_resolution: m (rad), one count at the handle.
         force_limit: N (N·m) at the handle.
+        modes: vibration of the mechanism.
+        current_lag: s, time constant of the current loop, if it is slow.
     """
 
     schema_: Literal["haptune/hardware/1"] = Field(default="haptune/hardware/1", alias="schema")
@@ -49,6 +52,8 @@ class Hardware(Document):
     delay: AnyQuantity | None = None
     encoder_resolution: PositiveQuantity | None = None
     force_limit: ForceLimit | None = None
+    modes: tuple[Mode, ...] = Field(default=(), max_length=MOST_MODES)
+    current_lag: PositiveQuantity | None = None
 
     @model_validator(mode="after")
     def _sane(self) -> Hardware:

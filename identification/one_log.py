@@ -60,10 +60,7 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         method: "auto" or a key of estimators.METHODS.
     """
     stated = None if hardware is None else hardware.delay
-    workshop = Workshop.of(trajectory, distinguishable(trajectory), stated)
-    model, structure = widened(workshop)
-    if model != workshop.model:
-        workshop = Workshop.of(trajectory, model, stated)
+    workshop, structure = widened(Workshop.of(trajectory, distinguishable(trajectory), stated))
     regression = workshop.fit("least-squares")
     chosen, reason = choose(workshop, method)
     chosen = without_noise(workshop, chosen)

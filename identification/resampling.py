@@ -11,6 +11,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.intervals import UNKNOWN_FORCE
+
 FloatArray = NDArray[np.float64]
 
 #: Blocks a log is cut into: a block of a usual log outlasts the filter many times, and the
@@ -19,9 +21,6 @@ BLOCKS = 60
 #: Correlation of neighbouring blocks above this is taken as this: beyond it sixty blocks cannot
 #: tell a slow disturbance from a constant.
 MOST_CORRELATED = 0.9
-#: No log knows its forces better than this part of them: a quartz clock is off by 3e-5. Without
-#: it a noise-free log would be certain of rounding errors.
-UNKNOWN_FORCE = 3e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

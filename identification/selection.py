@@ -18,6 +18,9 @@ LEAST_RETURN = 0.01
 #: A friction term smaller than its own standard deviation is left out. A higher hurdle would move
 #: mass and damping by more than their intervals where the term is real.
 ASKED_FOR = 1.0
+#: Friction cannot be negative. Down to this many deviations below zero it is nothing but chance;
+#: below that something else is wrong, and it stays for all to see.
+NEGATIVE_BY_CHANCE = 3.0
 #: Sine and cosine of the position are told from a straight line over this range, rad.
 WIDE_SWING = 0.5
 
@@ -29,8 +32,8 @@ def distinguishable(trajectory: Trajectory) -> Model:
     return Model(coulomb=bool(min(forth, back) >= LEAST_RETURN * (forth + back)))
 
 
-def widened(workshop: Workshop) -> tuple[Model, Structure | None]:
-    """The model with those further terms that pay for themselves, and what the sceptic says.
+def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
+    """The log with those further terms that pay for themselves, and what the sceptic says.
 
     Nothing is added where position noise explains all. Otherwise direction-dependent friction and
     gravity are fitted as well, and a term stays if the square of its value over its deviation
@@ -38,16 +41,16 @@ def widened(workshop: Workshop) -> tuple[Model, Structure | None]:
     Statistics 6, 1978, p. 461), and if sparse regression on resampled halves of the log asks for
     it too (structure.py). The deviation is robust, so colour does not buy a term.
     """
-    model = workshop.model
+    model, trajectory = workshop.model, workshop.trajectory
     plausible = workshop.fit("least-squares").value("mass") > 0
     if plausible and noise_explains(workshop) is not None:
-        return model, None
+        return workshop, None
     gravity: Gravity = "proportional"
-    trajectory = workshop.trajectory
     if trajectory.motion == "rotary" and np.ptp(trajectory.position) > WIDE_SWING:
         gravity = "pendulum"
     largest = replace(model, directional=model.coulomb and model.offset, gravity=gravity)
-    estimate, _ = robust(workshop, largest)
+    wide = workshop.widened(largest)
+    estimate, _ = robust(wide, largest)
     paying = {
         names: _pays(estimate, names)
         for names in (("damping_asymmetry",), largest.of_gravity)
@@ -56,19 +59,20 @@ def widened(workshop: Workshop) -> tuple[Model, Structure | None]:
     # A controller looks like a spring against the motion: only a weight may turn the sign of mass.
     weight = gravity == "pendulum" or estimate.value("position_stiffness") > 0
     if not any(paying.values()) or not (plausible or (estimate.value("mass") > 0 and weight)):
-        return model, None
-    sceptic = _sceptic(workshop)
+        return workshop, None
+    sceptic = _sceptic(wide)
     asked = [
         name
         for names, pays in paying.items()
         for name in names
         if pays and (sceptic is None or set(names) & set(sceptic.asked))
     ]
-    return replace(
+    found = replace(
         model,
         directional="damping_asymmetry" in asked,
         gravity=gravity if set(largest.of_gravity) <= set(asked) else "none",
-    ), sceptic
+    )
+    return workshop if found == model else wide.narrowed(found), sceptic
 
 
 def _sceptic(workshop: Workshop) -> Structure | None:
@@ -102,9 +106,8 @@ def without_noise(workshop: Workshop, estimate: Estimate) -> Estimate:
     keep: dict[str, bool] = {}
     for field, name in (("coulomb", "coulomb_friction"), ("offset", "force_offset")):
         value, deviation = estimate.value(name), estimate.deviation(name)
-        # Friction cannot be negative; an offset can.
-        size = value if field == "coulomb" else abs(value)
-        noise = -ASKED_FOR * deviation <= size < ASKED_FOR * deviation
+        lowest = -NEGATIVE_BY_CHANCE if field == "coulomb" else -ASKED_FOR
+        noise = lowest * deviation <= value < ASKED_FOR * deviation
         keep[field] = getattr(model, field) and not noise
     reduced = replace(model, coulomb=keep["coulomb"], offset=keep["offset"])
     if reduced == model:

@@ -65,6 +65,17 @@ class Workshop:
         table = least_squares.prepare(trajectory, model, room, refine=False).refined(delay)
         return cls(trajectory=trajectory, table=table, stated=stated, found=found)
 
+    def widened(self, model: Model) -> Workshop:
+        """The same log with more terms: without them delay and direction may have gone astray."""
+        return Workshop.of(self.trajectory, model, self.stated)
+
+    def narrowed(self, model: Model) -> Workshop:
+        """The same log with fewer terms, which the delay does not miss."""
+        if model == self.model:
+            return self
+        table = self.table.with_model(model).refined(self.delay)
+        return replace(self, table=table, made={})
+
     @property
     def delay(self) -> float:
         """Stated or found, s."""

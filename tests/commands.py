@@ -15,7 +15,7 @@ from unittest import mock
 from tune.cli.app import run
 
 SPRING = "elements: {wall: {stiffness: max}}\n"
-#: What --json prints, whatever happens; a message is added where there is one.
+#: What --json prints, whatever happens; a message and details are added where there are any.
 RESULT_KEYS = {"schema", "command", "status", "exit_code", "findings", "outputs"}
 
 
@@ -32,7 +32,7 @@ class Ended:
         """The one JSON object on standard output; anything else there is an error."""
         found: dict[str, Any] = json.loads(self.out)
         assert self.out.count("\n") == 1
-        assert RESULT_KEYS <= set(found) <= RESULT_KEYS | {"message"}
+        assert RESULT_KEYS <= set(found) <= RESULT_KEYS | {"message", "details"}
         assert found["schema"] == "haptune/result/1"
         assert found["exit_code"] == self.code
         return found

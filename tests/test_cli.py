@@ -19,10 +19,16 @@ COMMANDS = {
     "--hardware --allow --json --quiet",
     "identify": "--output --time --force --position --reference --force-gain --position-gain "
     "--axis --hardware --allow --method --dry-run --json --quiet",
-    "tune": "--output --margin --dry-run --json --quiet",
+    "tune": "--output --margin --candidates --dry-run --json --quiet",
     "calibrate": "--scene --output --time --force --position --reference --force-gain "
-    "--position-gain --axis --hardware --allow --method --margin --dry-run --json --quiet",
+    "--position-gain --axis --hardware --allow --method --margin --candidates --dry-run --json "
+    "--quiet",
+    "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
+    "--acceleration-filter --margin --json --quiet",
     "check": "--json --quiet",
+    "verify": "--element --gain --release --time --force --position --force-gain --position-gain "
+    "--axis --picture --json --quiet",
+    "export": "--to --output --dry-run --json --quiet",
     "excite": "--output --picture --dry-run --json --quiet",
     "simulate": "--output --seed --json --quiet",
 }

@@ -136,13 +136,12 @@ def test_turns_inside_intervals_are_exact(grid: str) -> None:
     np.testing.assert_allclose(held.triangle(), triangle, rtol=1e-11, atol=1e-15)
 
 
-def test_since_and_times_keep_the_column() -> None:
+def test_times_keeps_the_column() -> None:
     force = np.random.default_rng(3).standard_normal(SAMPLES)
     factor = np.random.default_rng(4).standard_normal(SAMPLES - 1)
     for steps in GRIDS.values():
         held = Commands.of(force, steps).after(1.7e-3)
         np.testing.assert_allclose(held.times(factor).mean(), factor * held.mean(), rtol=1e-13)
-        np.testing.assert_allclose(held.since(7).mean(), held.mean()[7:], rtol=1e-13)
 
 
 @pytest.mark.parametrize("grid", GRIDS)

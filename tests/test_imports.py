@@ -49,7 +49,7 @@ def test_tune_imports_public_names_of_identification_only(path: Path) -> None:
         if package == "identification":
             assert rest in identification.__all__, f"{path} reaches into {name}"
         if package == "datasets_synthetic":
-            assert path.name in {"demo.py", "simulate.py"}, f"{path} imports {name}"
+            assert path.name in {"demo.py", "rehearse.py", "simulate.py"}, f"{path} imports {name}"
 
 
 @pytest.mark.parametrize("path", _files("datasets_synthetic"), ids=str)

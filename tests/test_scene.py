@@ -89,8 +89,7 @@ def test_what_no_element_can_be(words: str, element: dict[str, Any]) -> None:
 #: what the refusal must say, other keys of the scene
 KEYS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("at least 1", {"elements": {}}),
-    ("not modelled yet", {"hand": {"mass": 1.0}}),
-    ("not modelled yet", {"hand": "free-to-rigid"}),
+    ("free-to-rigid", {"hand": "soft"}),
     ("'conservative', 'balanced' or 'firm'", {"margin": "thin"}),
     ("a frequency in Hz, free or none", {"loop": {"velocity_filter_hz": "fast"}}),
     ("a frequency in Hz, free or none", {"loop": {"acceleration_filter_hz": [50]}}),

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tune.certificate.check import CheckReport, check
+    from tune.damping_margin import least_damping_ratio, slowest_decay
+    from tune.delay_search import DelayMargin, delay_margin
     from tune.effects import Effects
     from tune.errors import (
         CheckFailedError,
@@ -18,60 +20,84 @@ if TYPE_CHECKING:
         TuneError,
     )
     from tune.loop import Filters, Loop
+    from tune.margins import LoopMargins, margins_of
     from tune.optimisation import optimise
-    from tune.passivity import damping_needed
+    from tune.passivity import Passivity, damping_needed
     from tune.perception import PerceptionTable, Study, default_table, perceived_steps
     from tune.pictures import profile_picture
     from tune.profile import SafeProfile, load_profile
-    from tune.ripple import force_ripple
+    from tune.response_margins import DiskMargin, disk_margin, phase_margin
+    from tune.ripple import CountJump, count_jump, force_ripple, handle_vibration
     from tune.scene import Element, Scene, load_scene
     from tune.stability import gain_interval, is_stable, largest, safe_gain, stable_gains, verdict
+    from tune.vibration import ThresholdCurve, default_thresholds, felt_vibration
 
 __all__ = [
     "CheckFailedError",
     "CheckReport",
+    "CountJump",
+    "DelayMargin",
+    "DiskMargin",
     "Effects",
     "Element",
     "Filters",
     "Loop",
     "LoopError",
+    "LoopMargins",
     "NoFeasibleEffectError",
+    "Passivity",
     "PerceptionTable",
     "SafeProfile",
     "Scene",
     "Study",
+    "ThresholdCurve",
     "TuneError",
     "check",
+    "count_jump",
     "damping_needed",
     "default_table",
+    "default_thresholds",
+    "delay_margin",
+    "disk_margin",
+    "felt_vibration",
     "force_ripple",
     "gain_interval",
+    "handle_vibration",
     "is_stable",
     "largest",
+    "least_damping_ratio",
     "load_profile",
     "load_scene",
+    "margins_of",
     "optimise",
     "perceived_steps",
+    "phase_margin",
     "profile_picture",
     "safe_gain",
+    "slowest_decay",
     "stable_gains",
     "verdict",
 ]
 
 _HOMES = {
     "certificate.check": "CheckReport check",
+    "damping_margin": "least_damping_ratio slowest_decay",
+    "delay_search": "DelayMargin delay_margin",
     "effects": "Effects",
     "errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
     "loop": "Filters Loop",
+    "margins": "LoopMargins margins_of",
     # Not optimise.py: a submodule of that name would take the place of the function.
     "optimisation": "optimise",
-    "passivity": "damping_needed",
+    "passivity": "Passivity damping_needed",
     "pictures": "profile_picture",
     "perception": "PerceptionTable Study default_table perceived_steps",
     "profile": "SafeProfile load_profile",
-    "ripple": "force_ripple",
+    "response_margins": "DiskMargin disk_margin phase_margin",
+    "ripple": "CountJump count_jump force_ripple handle_vibration",
     "scene": "Element Scene load_scene",
     "stability": "gain_interval is_stable largest safe_gain stable_gains verdict",
+    "vibration": "ThresholdCurve default_thresholds felt_vibration",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

@@ -8,20 +8,26 @@ each interval between neighbours once. No iteration over s, no grid.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.criterion import UNIT, VerdictArray, routh
+from tune.criterion import ULPS, UNIT, VerdictArray, routh
 
 FloatArray = NDArray[np.float64]
+#: -A/B at w = jv without expanded products: v of shape (candidates, *shape).
+Ratio = Callable[[FloatArray], NDArray[np.complex128]]
 
 #: Roots x this far off the real axis, relative to their size, are still tried: a touching pair
 #: leaves the axis by the square root of the rounding error. A false one costs one more verdict.
 _NEARLY_REAL = 1e-3
 #: Newton steps on (x, s); each doubles the digits that the eigenvalues left (six or more).
 _POLISHES = 4
+#: Newton steps on v by the ratio, the part of v they look ahead for its slope, and the part they
+#: may go: the coefficients of the polynomials have found v to better than that.
+_REFINEMENTS, _AHEAD, _NEAR = 3, 1e-6, 1e-3
 #: Neighbouring crossings closer than this, relative, are one.
 _SAME = 64 * UNIT
 
@@ -39,7 +45,11 @@ class Intervals(NamedTuple):
 
 
 def stable_intervals(
-    fixed: FloatArray, varied: FloatArray, fixed_size: FloatArray, varied_size: FloatArray
+    fixed: FloatArray,
+    varied: FloatArray,
+    fixed_size: FloatArray,
+    varied_size: FloatArray,
+    ratio: Ratio | None = None,
 ) -> Intervals:
     """All intervals of s in (0, ∞) on which fixed + s·varied has every root in Re w < 0.
 
@@ -48,6 +58,7 @@ def stable_intervals(
         varied: B, same shape.
         fixed_size: absolute sums behind A, for the rounding bounds of the verdict.
         varied_size: the same for B.
+        ratio: -A/B on the axis, from factors; the crossings then have its digits.
 
     Returns:
         Ends of shape (intervals, *shape), ascending in s.
@@ -55,7 +66,12 @@ def stable_intervals(
     shape = fixed.shape[1:]
     parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
     sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
-    points = _candidates(parts[0], parts[1])
+    # Up to here A + s·B is A, for all that rounding leaves of it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike = np.where(sizes[1] > 0, sizes[0] / sizes[1], np.inf).min(axis=0)
+    points = _candidates(parts[0], parts[1], _flattened(ratio, shape))
+    points[points <= ULPS * UNIT * alike] = np.inf
+    points.sort(axis=0)
     edges = np.concatenate([np.zeros((1, points.shape[1])), points])
     after = np.concatenate([points, np.full((1, points.shape[1]), np.inf)])
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
@@ -98,8 +114,14 @@ def _merged(
     return low[:used], high[:used]
 
 
-def _candidates(fixed: FloatArray, varied: FloatArray) -> FloatArray:
-    """Every s > 0 at which a crossing may happen, sorted, inf where unused; (candidates, loops)."""
+def _flattened(ratio: Ratio | None, shape: tuple[int, ...]) -> Ratio | None:
+    if ratio is None:
+        return None
+    return lambda v: ratio(v.reshape(-1, *shape)).reshape(v.shape)
+
+
+def _candidates(fixed: FloatArray, varied: FloatArray, ratio: Ratio | None) -> FloatArray:
+    """Every s > 0 at which a crossing may happen, inf where unused; (candidates, loops)."""
     even = [_in_x(part[0::2]) for part in (fixed, varied)]
     odd = [_in_x(part[1::2]) for part in (fixed, varied)]
     resultant = _times(even[0], odd[1])
@@ -112,11 +134,27 @@ def _candidates(fixed: FloatArray, varied: FloatArray) -> FloatArray:
     s = _gain_at(x, even, odd)
     for _ in range(_POLISHES):
         x, s = _newton(x, s, even, odd)
+    if ratio is not None and s.size:
+        s = _refined(x, s, ratio)
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = -fixed[[0, -1]] / varied[[0, -1]]
     points = np.concatenate([s, ends])
     points[~((points > 0) & np.isfinite(points))] = np.inf
-    return np.sort(points, axis=0)
+    return points
+
+
+def _refined(x: FloatArray, s: FloatArray, ratio: Ratio) -> FloatArray:
+    """s where the ratio becomes real, by Newton's method on v; unchanged where that leads away."""
+    with np.errstate(all="ignore"):
+        start = np.sqrt(np.where(x > 0, x, np.nan))
+        v = start.copy()
+        for _ in range(_REFINEMENTS):
+            slope = np.imag(ratio(v * (1 + _AHEAD)) - ratio(v * (1 - _AHEAD))) / (2 * _AHEAD * v)
+            v -= np.imag(ratio(v)) / slope
+        value = ratio(v)
+        good = (np.abs(v - start) <= _NEAR * start) & (np.abs(np.imag(value)) <= _NEAR * np.abs(s))
+        good &= np.abs(np.real(value) - s) <= _NEAR * np.abs(s)
+        return np.where(good, np.real(value), s)
 
 
 def _in_x(part: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -30,6 +31,13 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
     nyquist = 0.5 / job.device.sample_time.high
 
+    kind = Filters(
+        velocity_order=scene.loop.velocity_filter_order,
+        acceleration_order=scene.loop.acceleration_filter_order,
+        damping_ratio=scene.loop.filter_damping_ratio,
+        velocity_window=scene.loop.velocity_window_samples if "damping" in wishes else None,
+    )
+
     def options(cutoff: Cutoff, effect: str) -> tuple[float | None, ...]:
         if effect not in wishes or cutoff == "none":
             return (None,)
@@ -38,10 +46,12 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
         assert isinstance(cutoff, float)
         return (cutoff,)
 
-    velocity = options(scene.loop.velocity_filter_hz, "damping")
+    velocity: tuple[float | None, ...] = (None,)
+    if kind.velocity_window is None:
+        velocity = options(scene.loop.velocity_filter_hz, "damping")
     acceleration = options(scene.loop.acceleration_filter_hz, "mass")
     if len(velocity) * len(acceleration) == 1:
-        return Filters(velocity_hz=velocity[0], acceleration_hz=acceleration[0])
+        return replace(kind, velocity_hz=velocity[0], acceleration_hz=acceleration[0])
     scores: dict[Filters, float] = {}
     known: dict[tuple[tuple[str, ...], Filters], float] = {}
     for v, a in product(velocity, acceleration):
@@ -49,14 +59,15 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
         total = 0.0
         for elements in groups(scene):
             used = {effect for name in elements for effect in scene.elements[name].wishes()}
-            own = Filters(
+            own = replace(
+                kind,
                 velocity_hz=v if "damping" in used else None,
                 acceleration_hz=a if "mass" in used else None,
             )
             if used & {"damping", "mass"} and (elements, own) not in known:
                 known[elements, own] = _score(job, elements, own)
             total += known.get((elements, own), 0.0)
-        scores[Filters(velocity_hz=v, acceleration_hz=a)] = total
+        scores[replace(kind, velocity_hz=v, acceleration_hz=a)] = total
     best = max(scores.values())
     good = [filters for filters, score in scores.items() if score >= _GOOD_ENOUGH * best]
     return max(good, key=lambda f: (f.acceleration_hz or np.inf, f.velocity_hz or np.inf))

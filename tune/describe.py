@@ -54,7 +54,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
     """Why effects cannot be played even at the least size, by label; empty where all can."""
     low = np.array([unknown.low for unknown in problem.unknowns])
     reasons: dict[str, str] = {}
-    weakest = float(problem.region.damping.min())
+    weakest = problem.region.box.damping[0]
     gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
     for index, unknown in enumerate(problem.unknowns):
         alone = np.zeros_like(low)
@@ -71,7 +71,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
                 f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
                 "its damping would hold this effect. Take a longer log, or add damping"
             )
-        elif len(problem.unknowns) == 1 and not stable_with_margin(problem, low, gain, extra):
+        elif len(problem.unknowns) == 1 and not stable_with_margin(problem, low, gain):
             reasons[unknown.label] = (
                 f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
                 f"{extra} extra samples of delay"
@@ -82,7 +82,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
 def _helped(problem: Problem, index: int) -> bool:
     """True where a positive damper of the same element is there to hold the effect."""
     unknown = problem.unknowns[index]
-    return problem.region.damping.min() == 0 and any(
+    return problem.region.box.damping[0] == 0 and any(
         other.element == unknown.element and other.effect == "damping" and other.sign > 0
         for other in problem.unknowns
     )
@@ -110,7 +110,7 @@ def element_profile(
             steps[unknown.effect] = rounded(unknown.steps(float(sizes[index])), 4)
             limited[unknown.effect] = binding(problem, sizes, index)
     moments = [m for m in problem.moments if name in m.elements and any(m.members)]
-    gains = [worst_gain(problem, m, sizes, 0) for m in moments]
+    gains = [worst_gain(problem, m, sizes, late=False) for m in moments]
     delays = [extra_delay(problem, m, sizes, _DELAY_CAP) for m in moments]
     own = [m for m in problem.moments if m.elements == (name,)]
     noise = ripple(problem, own[0], sizes) if own else None
@@ -122,7 +122,7 @@ def element_profile(
         perceived_steps=steps,
         margins=Margins(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
-            extra_delay_samples=float(min([*delays, _DELAY_CAP])),
+            extra_delay_samples=float(np.floor(10 * min([*delays, _DELAY_CAP])) / 10),
             passive=_passive(problem, values),
         ),
         ripple=None if noise is None else rounded(noise, 4),
@@ -133,15 +133,15 @@ def element_profile(
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:
     filters = problem.filters
-    if problem.region.delays != (0,) or filters.velocity_hz or filters.acceleration_hz:
+    if problem.region.box.delay[1] or filters.velocity_hz or filters.acceleration_hz:
         return "not-applicable"
     needed = damping_needed(
         values["stiffness"],
         values["damping"],
         values["mass"],
-        float(problem.region.sample_time.max()),
+        problem.region.box.sample_time[1],
     )
-    return bool(problem.region.damping.min() > needed)
+    return bool(problem.region.box.damping[0] > needed)
 
 
 def skipped_parts(device: Device, scene: Scene, filters: Filters) -> tuple[str, ...]:
@@ -156,4 +156,8 @@ def skipped_parts(device: Device, scene: Scene, filters: Filters) -> tuple[str, 
         skipped.append("ripple: the encoder resolution is not known")
     if device.force_limit is None:
         skipped.append("force: the force limit is not known")
-    return (*skipped, "hand", "modes")
+    if scene.hand == "none":
+        skipped.append("hand")
+    if not device.modes:
+        skipped.append("modes")
+    return tuple(skipped)

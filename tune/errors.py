@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tune.profile import WorstPoint
+
 
 class TuneError(Exception):
     """Base of every error this package raises on purpose."""
@@ -20,8 +25,14 @@ class NoFeasibleEffectError(TuneError):
 
 
 class CheckFailedError(TuneError):
-    """A profile the independent check does not pass. Attributes: failures."""
+    """A profile the independent check does not pass.
 
-    def __init__(self, failures: tuple[str, ...]) -> None:
+    Attributes:
+        failures: sentences, one for each.
+        points: where it is unstable; empty where no point was found.
+    """
+
+    def __init__(self, failures: tuple[str, ...], points: tuple[WorstPoint, ...] = ()) -> None:
         self.failures = failures
+        self.points = points
         super().__init__("check failed: " + "; ".join(failures))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.effects import EFFECT_NAMES, Effects
+from tune.loop import LONGEST_DELAY
 from tune.problem import Moment, Problem
 from tune.ripple import force_ripple
 from tune.stability import safe_gain, stable_values
@@ -19,32 +20,71 @@ FloatArray = NDArray[np.float64]
 CLOSE = 1e-9
 #: Halvings in a search along one coordinate: 2^-50 of the range.
 _HALVINGS = 50
+#: Samples to which a delay margin is looked for; it is claimed in tenths.
+_DELAY_STEP = 0.01
+_SAME_DELAY = 1e-9
 
 
-def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, extra: int) -> float:
+def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: bool = True) -> float:
     """Largest g such that every gain in (0, g) is stable at every corner and delay.
 
     Args:
         problem: loops and margin.
         moment: the elements felt.
         sizes: of the unknowns, shape (unknowns,).
-        extra: samples of delay added to the device's, 0 to the margin's.
+        late: with the margin's extra delay, or at the device's own delay alone.
     """
     effects = problem.effects(moment, sizes)
-    return min(
-        float(np.min(safe_gain(problem.loops[delay], effects))) for delay in problem.delays(extra)
-    )
+    loops = problem.late if late else problem.present
+    return min(float(np.min(safe_gain(loop, effects))) for loop in loops)
 
 
-def extra_delay(problem: Problem, moment: Moment, sizes: FloatArray, most: int) -> int:
-    """Largest number of extra samples of delay at which every gain in (0, 1] is stable, to most."""
+def weakest(
+    problem: Problem, sizes: FloatArray, *, broken: bool = False
+) -> Iterator[tuple[int, int]]:
+    """(loop of ``problem.late``, column) of the least margin of each moment and loop.
+
+    Args:
+        problem: loops and margin.
+        sizes: of the unknowns.
+        broken: only where the margin is not kept.
+    """
+    found: set[tuple[int, int]] = set()
+    for moment in problem.moments:
+        effects = problem.effects(moment, sizes)
+        for place, loop in enumerate(problem.late):
+            gains = safe_gain(loop, effects)
+            column = int(np.argmin(gains))
+            if not broken or not gains[column] > problem.margin.gain * (1 + CLOSE):
+                found.add((place, column))
+    yield from sorted(found)
+
+
+def extra_delay(problem: Problem, moment: Moment, sizes: FloatArray, most: int) -> float:
+    """Extra samples of delay up to which every gain in (0, 1] is stable at every corner; to most.
+
+    Looked for at whole samples and, in the first that fails, halved to a hundredth; what lies
+    between is for the certificate to prove.
+    """
     effects = problem.effects(moment, sizes)
-    last = problem.region.delays[-1]
-    for extra in range(most + 1):
-        loop = problem.region.loop(last + extra, problem.filters)
-        if float(np.min(safe_gain(loop, effects))) <= 1 + CLOSE:
-            return extra - 1
-    return most
+
+    def holds(extra: float) -> bool:
+        return all(
+            float(np.min(safe_gain(late.loop, effects))) > 1 + CLOSE
+            for late in problem.region.loops(problem.filters, extra)
+            if abs(late.beyond - extra) < _SAME_DELAY
+        )
+
+    box = problem.region.box
+    most = min(most, int(LONGEST_DELAY - box.delay[1] / box.sample_time[0]))
+    whole = next((extra for extra in range(1, most + 1) if not holds(extra)), None)
+    if whole is None:
+        return float(most)
+    low, high = whole - 1.0, float(whole)
+    while high - low > _DELAY_STEP:
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
 
 
 def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
@@ -68,13 +108,9 @@ def allowed(problem: Problem, sizes: FloatArray) -> bool:
     """True where forces, ripple and stability with the whole margin all hold, exactly."""
     return (
         forces_allowed(problem, sizes)
-        and stable_with_margin(problem, sizes, problem.margin.gain, _extra(problem))
+        and stable_with_margin(problem, sizes, problem.margin.gain)
         and ripple_allowed(problem, sizes)
     )
-
-
-def _extra(problem: Problem) -> int:
-    return problem.margin.extra_delay_samples
 
 
 def forces_allowed(problem: Problem, sizes: FloatArray) -> bool:
@@ -100,10 +136,13 @@ def ripple_allowed(problem: Problem, sizes: FloatArray) -> bool:
     return True
 
 
-def stable_with_margin(problem: Problem, sizes: FloatArray, gain: float, extra: int) -> bool:
-    """True where every moment is stable for every gain in (0, gain] with up to ``extra`` delay."""
+def stable_with_margin(
+    problem: Problem, sizes: FloatArray, gain: float, *, late: bool = True
+) -> bool:
+    """True where every moment is stable for every gain in (0, gain], late or not."""
     return all(
-        worst_gain(problem, moment, sizes, extra) > gain * (1 + CLOSE) for moment in problem.moments
+        worst_gain(problem, moment, sizes, late=late) > gain * (1 + CLOSE)
+        for moment in problem.moments
     )
 
 
@@ -111,7 +150,7 @@ def largest_allowed(problem: Problem, sizes: FloatArray, index: int) -> float:
     """The largest size of one unknown that every limit allows, the others as given."""
     high = problem.unknowns[index].high
     force = _largest(problem, sizes, index, lambda x: forces_allowed(problem, x))
-    stable = largest_stable(problem, sizes, index, problem.margin.gain, _extra(problem))
+    stable = largest_stable(problem, sizes, index, problem.margin.gain)
     least = min(force, stable, high)
     return min(
         least, _largest(problem, sizes, index, lambda x: ripple_allowed(problem, x), top=least)
@@ -129,9 +168,9 @@ def bounds_of(problem: Problem, sizes: FloatArray, index: int) -> dict[str, floa
     gain = problem.margin.gain
     bounds = {
         "force": _largest(problem, sizes, index, lambda x: forces_allowed(problem, x)),
-        "stability": largest_stable(problem, sizes, index, 1.0, 0),
-        "gain-margin": largest_stable(problem, sizes, index, gain, 0),
-        "delay-margin": largest_stable(problem, sizes, index, gain, _extra(problem)),
+        "stability": largest_stable(problem, sizes, index, 1.0, late=False),
+        "gain-margin": largest_stable(problem, sizes, index, gain, late=False),
+        "delay-margin": largest_stable(problem, sizes, index, gain),
     }
     least = min(*bounds.values(), unknown.high)
     bounds["ripple"] = _largest(
@@ -146,7 +185,7 @@ def bounds_of(problem: Problem, sizes: FloatArray, index: int) -> dict[str, floa
 
 
 def largest_stable(
-    problem: Problem, sizes: FloatArray, index: int, gain: float, extra: int
+    problem: Problem, sizes: FloatArray, index: int, gain: float, *, late: bool = True
 ) -> float:
     """Largest size of one unknown, others as given, stable for every gain in (0, gain]; or inf.
 
@@ -169,10 +208,8 @@ def largest_stable(
             }
         )
         base = 0.0 if len(moment.members[place]) == 1 else _value(effects, place)
-        for delay in problem.delays(extra):
-            low, high = stable_values(
-                problem.loops[delay], unknown.effect, others, sign=unknown.sign
-            )
+        for loop in problem.late if late else problem.present:
+            low, high = stable_values(loop, unknown.effect, others, sign=unknown.sign)
             # Intervals in the total of this effect, of which ``base`` belongs to other elements.
             start = unknown.sign * gain * base
             inside = (low <= max(start, 0.0)) & (high > start)
@@ -181,13 +218,13 @@ def largest_stable(
     trial = sizes.copy()
     boundless = answer >= unknown.high
     trial[index] = unknown.high if boundless else max(answer, 0.0) * (1 - 4 * CLOSE)
-    if trial[index] <= 0 or stable_with_margin(problem, trial, gain, extra):
+    if trial[index] <= 0 or stable_with_margin(problem, trial, gain, late=late):
         return float("inf") if boundless else float(trial[index])
     return _largest(
         problem,
         sizes,
         index,
-        lambda x: stable_with_margin(problem, x, gain, extra),
+        lambda x: stable_with_margin(problem, x, gain, late=late),
         top=float(trial[index]),
     )
 

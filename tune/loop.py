@@ -7,48 +7,34 @@ and nothing cancels however small δ = bT/m is. Stable means all its roots lie i
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification import Device, Plant
+from identification import Device
 from tune.effects import Effects
 from tune.errors import LoopError
+from tune.factors import Factors
+from tune.filters import Filters, Law, combined, first_order_velocity, law_of, twofold_acceleration
+from tune.hand import Hand
+from tune.held_plant import LONGEST_DELAY, WHOLE, HeldPlant, general, ideal, split_delay
+from tune.mechanism import HandNumbers, ModeNumbers, grip_of, vibration_of
+from tune.polynomials import padded
 
 FloatArray = NDArray[np.float64]
 
-#: A delay within this part of a sample of a whole number is that number; clocks are not better.
-WHOLE = 1e-6
-#: Samples. From 23 on, doubles no longer hold the coefficients of the polynomial in w and every
-#: verdict would be no; a loop that late is refused instead.
-LONGEST_DELAY = 22
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Filters:
-    """First-order low-passes of the estimated velocity and acceleration; None is no filter.
-
-    Velocity is (1-a)(z-1)/(T(z-a)) with a = exp(-2π·f·T); acceleration is the square of that
-    expression with its own cut-off. Without a filter a = 0: plain backward differences.
-
-    Attributes:
-        velocity_hz: cut-off of the velocity estimate, Hz, or None.
-        acceleration_hz: cut-off of the acceleration estimate, Hz, or None.
-    """
-
-    velocity_hz: float | None = None
-    acceleration_hz: float | None = None
-
-    def poles(self, sample_time: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """(velocity, acceleration) poles a = exp(-2π·f·T), of the shape of sample_time (s)."""
-        step = np.asarray(sample_time, dtype=np.float64)
-
-        def pole(cutoff: float | None) -> FloatArray:
-            return np.zeros_like(step) if cutoff is None else np.exp(-2 * np.pi * cutoff * step)
-
-        return pole(self.velocity_hz), pole(self.acceleration_hz)
+__all__ = [
+    "LONGEST_DELAY",
+    "WHOLE",
+    "Filters",
+    "HandNumbers",
+    "Loop",
+    "ModeNumbers",
+    "Terms",
+    "Transfer",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,52 +48,97 @@ class Terms:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Transfer:
+    """Plant and control law apart, for transfer functions other than the stability polynomial.
+
+    Each is (its degree+1, *shape), ascending in w. Position from force is (T²/m) times
+    plant_numerator/plant_denominator, the delay included; force from position is -(m/T²) times
+    (alpha·α + beta·β + gamma·γ)/law_denominator. Hence the terms of the loop: free is
+    plant_denominator·law_denominator, that of each effect plant_numerator times its numerator.
+
+    Attributes:
+        plant_numerator: of the measured position.
+        plant_denominator: of both positions.
+        handle_numerator: of the position of the handle.
+        law_denominator: of the control law.
+        alpha: numerator of the stiffness.
+        beta: numerator of the damping.
+        gamma: numerator of the mass.
+    """
+
+    plant_numerator: FloatArray
+    plant_denominator: FloatArray
+    handle_numerator: FloatArray
+    law_denominator: FloatArray
+    alpha: FloatArray
+    beta: FloatArray
+    gamma: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Loop:
-    """A device, its delay and its filters as a polynomial in w, waiting for K, B and M.
+    """A device, its delay, filters and hand as a polynomial in w, waiting for K, B and M.
 
     Attributes:
         terms: coefficients by effect, ascending in w.
         sizes: the same with every factor taken absolutely; rounding errors scale with these.
-        controller: the control law over its denominator: α, β, γ numerators of force from
-            position, and as ``free`` the plant's denominator with the delay; for transfer
-            functions other than the stability polynomial.
+        transfer: plant and control law apart.
         scales: (T²/m, T/m, 1/m): what turns (K, B, M) into (α, β, γ), each of the loop's shape.
+        held: a spring of the hand holds the position; without one the pole at z = 1 is free
+            motion, and is left out of the judgement where no virtual spring is there either.
+        factors: the same unexpanded, where known; it makes limits of lightly damped loops exact.
     """
 
     terms: Terms
     sizes: Terms
-    controller: Terms
+    transfer: Transfer
     scales: tuple[FloatArray, FloatArray, FloatArray]
+    held: bool = False
+    factors: Factors | None = None
 
     @classmethod
     def from_parts(
         cls,
         device: Device,
         filters: Filters | None = None,
-        hand: None = None,
+        hand: Hand | None = None,
         *,
-        extra_delay_samples: int = 0,
+        extra_delay_samples: float = 0.0,
     ) -> Loop:
         """The loop of a device at its best estimate.
 
         Args:
-            device: mass, damping, sample time and delay are read.
+            device: mass, damping, sample time, delay, modes and current lag are read.
             filters: of velocity and acceleration; None is plain backward differences.
-            hand: an attached hand is not modelled yet; only None is accepted.
-            extra_delay_samples: whole samples on top of the device's delay.
+            hand: attached at the handle, at its best estimate; None is the device alone.
+            extra_delay_samples: on top of the device's delay.
 
         Raises:
-            LoopError: a hand, or a delay that is not a whole number of samples.
+            LoopError: a delay that is negative or too long.
         """
-        if hand is not None:
-            raise LoopError(f"hand {hand!r} is not modelled yet; give None, the device alone")
-        samples = whole_samples(device.delay.value, device.sample_time.value)
         return cls.from_numbers(
             mass=device.mass.value,
             damping=device.damping.value,
             sample_time=device.sample_time.value,
-            delay_samples=samples + extra_delay_samples,
+            delay_samples=device.delay.value / device.sample_time.value + extra_delay_samples,
             filters=filters,
+            modes=tuple(
+                ModeNumbers(
+                    frequency_hz=mode.frequency_hz.value,
+                    damping_ratio=mode.damping_ratio.value,
+                    at_encoder=mode.at_encoder,
+                    at_handle=mode.at_handle,
+                )
+                for mode in device.modes
+            ),
+            hand=None
+            if hand is None
+            else HandNumbers(
+                mass=hand.mass.value,
+                damping=hand.damping.value,
+                stiffness=hand.stiffness.value,
+            ),
+            current_lag=0.0 if device.current_lag is None else device.current_lag.value,
         )
 
     @classmethod
@@ -117,20 +148,54 @@ class Loop:
         mass: ArrayLike,
         damping: ArrayLike,
         sample_time: ArrayLike,
-        delay_samples: int = 0,
+        delay_samples: ArrayLike = 0.0,
         filters: Filters | None = None,
+        modes: Sequence[ModeNumbers] = (),
+        hand: HandNumbers | None = None,
+        current_lag: ArrayLike = 0.0,
     ) -> Loop:
-        """Loops for arrays of mass (kg), damping (N·s/m) and sample time (s), broadcast."""
-        m, b, T = np.broadcast_arrays(*(np.asarray(x, float) for x in (mass, damping, sample_time)))
+        """Loops for numbers or arrays, broadcast.
+
+        Args:
+            mass: m, kg, positive.
+            damping: b, N·s/m.
+            sample_time: T, s, positive.
+            delay_samples: any number from 0 on; in an array all lie within one sample.
+            filters: of velocity and acceleration; None is plain backward differences.
+            modes: vibration of the mechanism.
+            hand: at the handle; None is the device alone.
+            current_lag: time constant of the actuator, s.
+
+        Raises:
+            LoopError: a mass, sample time, delay, mode, hand or lag that cannot be.
+        """
+        given = [mass, damping, sample_time, delay_samples, current_lag]
+        given += [number for mode in modes for number in mode.numbers()]
+        given += () if hand is None else hand.numbers()
+        m, b, T, delay, lag, *rest = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
         if not (np.all(m > 0) and np.all(T > 0)):
             raise LoopError(f"mass and sample time must be positive, not {m.min():g}, {T.min():g}")
-        poles = (filters or Filters()).poles(T)
-        loop = cls.dimensionless(b * T / m, delay_samples, *poles)
-        return cls(
-            terms=loop.terms,
-            sizes=loop.sizes,
-            controller=loop.controller,
+        samples, fraction = split_delay(delay)
+        if not np.all(lag >= 0):
+            raise LoopError(f"current_lag must not be negative, not {lag.min():g} s")
+        vibrations = [vibration_of(rest[4 * k : 4 * k + 4], T) for k in range(len(modes))]
+        grip = None if hand is None else grip_of(rest[-3:], m, T)
+        delta = b * T / m
+        if fraction is None and not vibrations and grip is None and not np.any(lag):
+            plant = ideal(delta, samples)
+        else:
+            plant = general(
+                delta,
+                samples,
+                fraction,
+                modes=vibrations,
+                grip=grip,
+                lag=lag / T if np.any(lag) else None,
+            )
+        return replace(
+            _closed(plant, law_of(filters or Filters(), T), delta),
             scales=(T * T / m, T / m, 1 / m),
+            held=grip is not None and bool(np.any(grip.stiffness > 0)),
         )
 
     @classmethod
@@ -142,24 +207,19 @@ class Loop:
         acceleration_pole: ArrayLike = 0.0,
     ) -> Loop:
         """The loop in (δ, α, β, γ): stiffness, damping and mass of its effects are α, β, γ."""
-        if delay_samples < 0:
-            raise LoopError(f"delay must not be negative, not {delay_samples} samples")
-        if delay_samples > LONGEST_DELAY:
-            raise LoopError(
-                f"delay is {delay_samples} samples, at most {LONGEST_DELAY} can be judged"
-            )
         delta, av, aa = np.broadcast_arrays(
             *(np.asarray(x, float) for x in (delta, velocity_pole, acceleration_pole))
         )
-        plant = Plant.at(delta)
-        one = np.ones_like(delta)
-        terms, controller = _assemble(plant, delay_samples, av, aa, _signed)
-        return cls(
-            terms=terms,
-            sizes=_assemble(plant, delay_samples, av, aa, np.abs)[0],
-            controller=controller,
-            scales=(one, one, one),
-        )
+        samples, fraction = split_delay(np.asarray(delay_samples, float))
+        assert fraction is None
+        law = combined(first_order_velocity(av, 1 - av), twofold_acceleration(aa, 1 - aa))
+        return _closed(ideal(delta, samples), law, delta)
+
+    @property
+    def controller(self) -> Terms:
+        """The law's numerators, padded to one length, and as ``free`` the plant's denominator."""
+        parts = self.transfer
+        return _terms(parts.plant_denominator, parts.alpha, parts.beta, parts.gamma)
 
     @property
     def degree(self) -> int:
@@ -185,15 +245,36 @@ class Loop:
         )
 
 
-def whole_samples(delay: float, sample_time: float) -> int:
-    """A delay in s as a whole number of samples. Raises LoopError when it is not one."""
-    samples = delay / sample_time
-    if abs(samples - round(samples)) > WHOLE * max(1.0, samples):
-        raise LoopError(
-            f"delay {delay:g} s is {samples:g} samples of {sample_time:g} s; only whole samples "
-            f"are modelled yet. Use {np.ceil(samples) * sample_time:g} s, the next longer one"
-        )
-    return round(samples)
+def _closed(plant: HeldPlant, law: Law, delta: FloatArray) -> Loop:
+    """The loop of a plant and a law, in (α, β, γ)."""
+    laws = (law.alpha, law.beta, law.gamma)
+    terms = [plant.denominator.times(law.denominator), *(plant.numerator.times(x) for x in laws)]
+    one = np.ones_like(delta)
+
+    def shaped(part: FloatArray) -> FloatArray:
+        return part.reshape(len(part), *(1,) * (one.ndim - part.ndim + 1), *part.shape[1:]) * one
+
+    return Loop(
+        terms=_terms(*(shaped(term.value) for term in terms)),
+        sizes=_terms(*(shaped(term.size) for term in terms)),
+        transfer=Transfer(
+            plant_numerator=shaped(plant.numerator.value),
+            plant_denominator=shaped(plant.denominator.value),
+            handle_numerator=shaped(plant.handle.value),
+            law_denominator=shaped(law.denominator.value),
+            alpha=shaped(law.alpha.value),
+            beta=shaped(law.beta.value),
+            gamma=shaped(law.gamma.value),
+        ),
+        scales=(one, one, one),
+        factors=Factors(
+            early=plant.early,
+            late=plant.late,
+            blocks=tuple((top.value, bottom.value) for top, bottom in plant.blocks),
+            velocity=law.velocity.values(),
+            acceleration=law.acceleration.values(),
+        ),
+    )
 
 
 def _combine(terms: Terms, values: tuple[FloatArray | None, ...]) -> FloatArray:
@@ -212,64 +293,7 @@ def _lift(coefficients: FloatArray, dimensions: int) -> FloatArray:
     return coefficients.reshape(coefficients.shape[0], *(1,) * missing, *coefficients.shape[1:])
 
 
-def _signed(values: FloatArray) -> FloatArray:
-    return values
-
-
-def _assemble(
-    plant: Plant,
-    delay: int,
-    av: FloatArray,
-    aa: FloatArray,
-    read: Callable[[FloatArray], FloatArray],
-) -> tuple[Terms, Terms]:
-    """(loop, controller) of docs/theory.md, 1: ideal plant, delay, two filter poles.
-
-    2w·[(1-ε)+(1+ε)w]·(1+w)^d·D + (ψ+χw)(1-w)^(1+d)·[α·D + β·(1-av)·2w·D/Dv + γ·(1-aa)²·4w²·D/Da²]
-    with Dv = (1-av)+(1+av)w, Da likewise, and D their least common multiple Da²·Dv, or Da² where
-    the two poles are one and the same.
-    """
-
-    def line(constant: FloatArray, slope: FloatArray) -> FloatArray:
-        return read(np.stack([constant, slope]))
-
-    zero, one = np.zeros_like(av), np.ones_like(av)
-    w = line(zero, 2 * one)
-    velocity, acceleration = line(1 - av, 1 + av), line(1 - aa, 1 + aa)
-    shared = np.array_equal(av, aa)
-    without_velocity = [acceleration] if shared else [acceleration, acceleration]
-    without_acceleration = [] if shared else [velocity]
-    denominator = _product(acceleration, acceleration, *without_acceleration)
-    plant_denominator = _product(w, line(plant.loss, 1 + plant.epsilon), *[line(one, one)] * delay)
-    laws = (
-        denominator,
-        _product(*without_velocity, w) * (1 - av),
-        _product(*without_acceleration, w, w) * (1 - aa) ** 2,
-    )
-    held = _product(line(plant.psi, plant.chi), *[line(one, -one)] * (1 + delay))
-    return (
-        _terms(_product(plant_denominator, denominator), *(_product(held, law) for law in laws)),
-        _terms(plant_denominator, *laws),
-    )
-
-
 def _terms(*parts: FloatArray) -> Terms:
     length = max(len(part) for part in parts)
-    free, alpha, beta, gamma = (_padded(part, length) for part in parts)
+    free, alpha, beta, gamma = (padded(part, length) for part in parts)
     return Terms(free=free, alpha=alpha, beta=beta, gamma=gamma)
-
-
-def _product(*factors: FloatArray) -> FloatArray:
-    """Product of polynomials along the first axis."""
-    total = factors[0]
-    for factor in factors[1:]:
-        grown = np.zeros((len(total) + len(factor) - 1, *total.shape[1:]))
-        for power, coefficient in enumerate(factor):
-            grown[power : power + len(total)] += total * coefficient
-        total = grown
-    return total
-
-
-def _padded(part: FloatArray, length: int) -> FloatArray:
-    missing = length - len(part)
-    return np.concatenate([part, np.zeros((missing, *part.shape[1:]))]) if missing else part

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from identification import Device, as_stored
 from tune.climb import SAME
 from tune.cutoffs import choose_filters
 from tune.describe import element_profile, skipped_parts
-from tune.errors import NoFeasibleEffectError
+from tune.errors import CheckFailedError, NoFeasibleEffectError
+from tune.hand import hand_of
 from tune.loop import Filters
 from tune.perception import PerceptionTable, default_table
 from tune.problem import Job
 from tune.profile import Design, LoopProfile, MarginProfile, SafeProfile
+from tune.region import Spot
 from tune.scene import MARGINS, Scene
 from tune.solve import Solved, groups, solve
 
 Progress = Callable[[str], None]
+
+#: Proposals after the first, each warned by what the check said of the one before.
+_MOST_ATTEMPTS = 4
+#: Margin beyond the one asked for, relative, where a proof came too close to the edge; ten times
+#: more each time.
+_SLACK = 1e-3
 
 
 def optimise(
@@ -43,25 +52,60 @@ def optimise(
     say = progress or _silent
     job = Job.of(as_stored(device), scene, table or default_table())
     filters = choose_filters(job, say)
+    for attempt in range(_MOST_ATTEMPTS + 1):
+        design = _proposed(job, filters, say)
+        say("certifying")
+        try:
+            certificate = certify(design)
+        except CheckFailedError as error:
+            if attempt == _MOST_ATTEMPTS:
+                raise
+            job = _warned(job, error)
+            continue
+        profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
+        return as_stored(profile).signed()
+    raise AssertionError("the last attempt returns or raises")
+
+
+def _proposed(job: Job, filters: Filters, say: Progress) -> Design:
+    """The largest effects of every group, as they will be stored."""
     solutions: list[Solved] = []
-    for number, elements in enumerate(groups(scene), start=1):
-        say(f"tuning {', '.join(elements)} ({number} of {len(groups(scene))})")
+    together = groups(job.scene)
+    for number, elements in enumerate(together, start=1):
+        say(f"tuning {', '.join(elements)} ({number} of {len(together)})")
         solutions.append(solve(job, elements, filters))
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
     if all(not solved.problem.unknowns for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
-    say("certifying")
-    design = as_stored(_design(job, filters, solutions, dropped))
-    profile = SafeProfile.model_validate({**dict(design), "certificate": certify(design)})
-    return as_stored(profile).signed()
+    return as_stored(design_of(job, filters, solutions, dropped))
 
 
-def _design(
+def _warned(job: Job, error: CheckFailedError) -> Job:
+    """The job with the points at which its proposal was unstable; with more slack if none was."""
+    spots = tuple(
+        Spot(
+            mass=point.mass,
+            damping=point.damping,
+            sample_time=point.sample_time,
+            delay=point.delay_samples * point.sample_time,
+            modes=tuple((mode.frequency_hz, mode.damping_ratio) for mode in point.modes),
+            current_lag=point.current_lag or 0.0,
+            hand=point.hand and (point.hand.mass, point.hand.damping, point.hand.stiffness),
+        )
+        for point in error.points
+    )
+    if not spots:
+        return replace(job, slack=max(_SLACK, 10 * job.slack))
+    return replace(job, region=replace(job.region, found=job.region.found + spots))
+
+
+def design_of(
     job: Job,
     filters: Filters,
     solutions: Sequence[Solved],
     dropped: dict[str, str],
 ) -> Design:
+    """What was chosen for every element, with its margins and why it is no larger, uncertified."""
     device, scene = job.device, job.scene
     elements = {
         name: element_profile(device, scene, solved.problem, solved.sizes, name, solved.dropped)
@@ -88,7 +132,12 @@ def _design(
             extra_delay_samples=device.delay.value / device.sample_time.value,
             velocity_filter_hz=filters.velocity_hz,
             acceleration_filter_hz=filters.acceleration_hz,
+            velocity_filter_order=filters.velocity_order,
+            acceleration_filter_order=filters.acceleration_order,
+            filter_damping_ratio=filters.damping_ratio,
+            velocity_window_samples=filters.velocity_window,
         ),
+        hand=hand_of(scene.hand, device.motion),
         margin=MarginProfile(name=scene.margin, **dict(MARGINS[scene.margin])),
         elements={name: elements[name] for name in scene.elements if name in elements},
         together=tuple(tuple(group) for group in scene.together),

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Box, Device
+from identification import Device
 from tune.effects import EFFECT_NAMES, EffectName, Effects
-from tune.errors import LoopError
-from tune.loop import LONGEST_DELAY, Filters, Loop
+from tune.hand import hand_of
+from tune.loop import Filters, Loop
 from tune.perception import PerceptionTable, perceived_steps, references, value_at_steps
+from tune.region import Region
 from tune.scene import MARGINS, Margin, Scene, Wish
+from tune.stacking import stacked
 
 FloatArray = NDArray[np.float64]
 
@@ -61,6 +62,15 @@ class Unknown:
         """Perceived steps of a size."""
         return perceived_steps(self.sign * size, self.reference, self.weber)
 
+    @property
+    def goal(self) -> float:
+        """Steps of a wanted value, 0 where as much as possible is wanted."""
+        return self.steps(self.high) if self.wish.kind == "value" else 0.0
+
+    def height(self, size: float) -> float:
+        """What is raised: the steps, for a wanted value how many it falls short of, negative."""
+        return self.steps(size) - self.goal
+
     def size_at(self, steps: float) -> float:
         """The size that is perceived as so many steps."""
         return self.sign * value_at_steps(steps, self.reference, self.weber, self.sign)
@@ -92,64 +102,13 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Region:
-    """Everything a profile must hold for: corners of the box and whole delays.
-
-    Attributes:
-        mass: kg, shape (corners,).
-        damping: N·s/m, shape (corners,).
-        sample_time: s, shape (corners,).
-        delays: whole samples the device's delay may be, without any extra.
-    """
-
-    mass: FloatArray
-    damping: FloatArray
-    sample_time: FloatArray
-    delays: tuple[int, ...]
-
-    @classmethod
-    def of(cls, box: Box) -> Region:
-        """Corners of the box, each once; a delay between two samples stands for both.
-
-        Raises:
-            LoopError: a delay too long for its margin to be judged.
-        """
-        corners = np.array(list(dict.fromkeys(product(box.mass, box.damping, box.sample_time))))
-        first = int(np.floor(box.delay[0] / box.sample_time[1] + 1e-6))
-        last = int(np.ceil(box.delay[1] / box.sample_time[0] - 1e-6))
-        most = LONGEST_DELAY - max(margin.extra_delay_samples for margin in MARGINS.values())
-        if last > most:
-            raise LoopError(
-                f"delay: up to {box.delay[1]:g} s is {last} samples of {box.sample_time[0]:g} s, "
-                f"at most {most} can be tuned. State the sample time of the haptic loop and the "
-                "true delay, or tune for a longer sample time"
-            )
-        return cls(
-            mass=corners[:, 0],
-            damping=corners[:, 1],
-            sample_time=corners[:, 2],
-            delays=tuple(range(first, last + 1)),
-        )
-
-    def loop(self, delay: int, filters: Filters) -> Loop:
-        """The loops of all corners at one delay, shape (corners,)."""
-        return Loop.from_numbers(
-            mass=self.mass,
-            damping=self.damping,
-            sample_time=self.sample_time,
-            delay_samples=delay,
-            filters=filters,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
     """Unknowns of elements that share moments, and everything that bounds them.
 
     Attributes:
-        loops: by delay in samples, from the shortest to the longest with the extra, each of the
-            corners of the region.
-        nominal: the device at its best estimate, for the ripple.
+        present: loops of the corners of the region at every delay the device may have.
+        late: the same with up to the margin's extra delay as well.
+        nominal: the device alone at its best estimate and longest delay, for the ripple.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -157,7 +116,8 @@ class Problem:
     margin: Margin
     region: Region
     filters: Filters
-    loops: dict[int, Loop]
+    present: tuple[Loop, ...]
+    late: tuple[Loop, ...]
     nominal: Loop
     limits: Limits
 
@@ -169,24 +129,30 @@ class Problem:
         ]
         return Effects(stiffness=total[0], damping=total[1], mass=total[2])
 
-    def delays(self, extra: int) -> tuple[int, ...]:
-        """Every whole delay of the device with up to ``extra`` more samples."""
-        return tuple(range(self.region.delays[0], self.region.delays[-1] + extra + 1))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """What is to be tuned: a scene on a device, with what is perceptible and where it must hold."""
+    """What is to be tuned: a scene on a device, with what is perceptible and where it must hold.
+
+    Attributes:
+        device: as it is stored.
+        scene: what is wanted.
+        table: Weber fractions and thresholds.
+        region: that must be safe.
+        slack: part of the margin that is kept on top of it.
+    """
 
     device: Device
     scene: Scene
     table: PerceptionTable
     region: Region
+    slack: float = 0.0
 
     @classmethod
     def of(cls, device: Device, scene: Scene, table: PerceptionTable) -> Job:
         """The job over the device's simultaneous box."""
-        region = Region.of(device.simultaneous_box())
+        extra = max(margin.extra_delay_samples for margin in MARGINS.values())
+        region = Region.of(device, hand_of(scene.hand, device.motion), extra=extra)
         return cls(device=device, scene=scene, table=table, region=region)
 
 
@@ -207,6 +173,8 @@ def pose(
     """
     device, scene, region = job.device, job.scene, job.region
     margin = MARGINS[scene.margin]
+    if job.slack:
+        margin = margin.model_copy(update={"gain": margin.gain * (1 + job.slack)})
     unknowns = tuple(
         _unknown(job, element, effect, margin)
         for element in elements
@@ -219,21 +187,17 @@ def pose(
         if set(subset) <= set(elements) and any(u.element in subset for u in unknowns)
     )
     limit = device.force_limit
-    last = region.delays[-1] + margin.extra_delay_samples
+    loops = region.loops(filters, margin.extra_delay_samples)
+    later = (device.delay.high - device.delay.value) / device.sample_time.value
     return Problem(
         unknowns=unknowns,
         moments=moments,
         margin=margin,
         region=region,
         filters=filters,
-        loops={d: region.loop(d, filters) for d in range(region.delays[0], last + 1)},
-        nominal=Loop.from_numbers(
-            mass=device.mass.value,
-            damping=device.damping.value,
-            sample_time=device.sample_time.value,
-            delay_samples=region.delays[-1],
-            filters=filters,
-        ),
+        present=_side_by_side([one.loop for one in loops if not one.beyond]),
+        late=_side_by_side([one.loop for one in loops]),
+        nominal=Loop.from_parts(device, filters, extra_delay_samples=later),
         limits=Limits(
             continuous_force=None if limit is None else limit.continuous,
             peak_force=None if limit is None else limit.peak,
@@ -245,6 +209,12 @@ def pose(
     )
 
 
+def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:
+    """One loop of all that are free and one of all that a hand holds."""
+    alike = [[loop for loop in loops if loop.held == held] for held in (False, True)]
+    return tuple(stacked(group) for group in alike if group)
+
+
 def _unknown(job: Job, element: str, effect: EffectName, margin: Margin) -> Unknown:
     device, scene, table, region = job.device, job.scene, job.table, job.region
     given = scene.elements[element]
@@ -253,8 +223,8 @@ def _unknown(job: Job, element: str, effect: EffectName, margin: Margin) -> Unkn
     high = BOUNDLESS * reference if wish.high is None else abs(wish.high)
     if wish.sign < 0:
         # The bare device must keep the same margin downwards: M >= -m_low/g, B >= -b_low/g.
-        lowest = {"mass": region.mass, "damping": region.damping}[effect].min()
-        most = min(float(lowest) / margin.gain, (1 - REMAINS) * reference)
+        lowest = {"mass": region.box.mass[0], "damping": region.box.damping[0]}[effect]
+        most = min(lowest / margin.gain, (1 - REMAINS) * reference)
         high = most if wish.high is None else min(high, most)
     low = wish.low if wish.kind == "range" and wish.low else NOTHING * reference
     return Unknown(

@@ -12,7 +12,8 @@ from pydantic import Field, model_validator
 
 from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
 from tune.errors import CheckFailedError
-from tune.scene import LARGEST_GROUP, Margin, MarginName, Motion
+from tune.hand import Hand
+from tune.scene import LARGEST_GROUP, LONGEST_WINDOW, Margin, MarginName, Motion
 
 LimitedBy = Literal[
     "stability",
@@ -31,14 +32,28 @@ _SCHEMA = "haptune/profile/1"
 class LoopProfile(Document):
     """The loop the controller must run: period, delay beyond an immediate loop, the very filters.
 
-    Cut-offs are those of first-order low-passes with a = exp(-2π·f·T), evaluated at the sample
-    rate and reset when an element is entered; absent means plain backward differences.
+    Filters are those of docs/theory.md, 1, evaluated at the sample rate and reset when an element
+    is entered; without a cut-off or a window an estimate is a plain backward difference.
+
+    Attributes:
+        sample_time: s.
+        extra_delay_samples: the device's delay in samples, need not be whole.
+        velocity_filter_hz: cut-off, Hz.
+        acceleration_filter_hz: cut-off, Hz.
+        velocity_filter_order: 1 or 2 poles.
+        acceleration_filter_order: 1 or 2 poles.
+        filter_damping_ratio: of second-order filters.
+        velocity_window_samples: velocity over the last n samples instead of a filter.
     """
 
     sample_time: float
     extra_delay_samples: float
     velocity_filter_hz: float | None = None
     acceleration_filter_hz: float | None = None
+    velocity_filter_order: Literal[1, 2] = 1
+    acceleration_filter_order: Literal[1, 2] = 2
+    filter_damping_ratio: float = Field(default=1.0, gt=0, le=1)
+    velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
 
 
 class Margins(Document):
@@ -81,6 +96,7 @@ class Design(Document):
     device: Device
     scene: str
     loop: LoopProfile
+    hand: Hand | None = None
     margin: MarginProfile
     elements: dict[str, ElementProfile]
     together: tuple[tuple[str, ...], ...] = ()
@@ -105,31 +121,102 @@ class Design(Document):
         return tuple(sorted(found, key=len))
 
 
+class ModePlace(Document):
+    """One vibration mode at one point: Hz, damping ratio."""
+
+    frequency_hz: float
+    damping_ratio: float
+
+
+class HandPlace(Document):
+    """One grip at one point: kg, N·s/m, N/m."""
+
+    mass: float
+    damping: float
+    stiffness: float
+
+
 class WorstPoint(Document):
-    """The point at which the slowest pole was found, at the full gain of the margin."""
+    """The point at which the slowest pole was found, at the full gain of the margin.
+
+    Attributes:
+        elements: felt together.
+        mass: kg.
+        damping: N·s/m.
+        sample_time: s.
+        delay_samples: the whole delay, with the extra; need not be whole.
+        modes: in the order of the device's.
+        current_lag: s; None for none.
+        hand: None for the device alone.
+        gain: of all effects.
+        pole_radius: largest modulus of a pole.
+    """
 
     elements: tuple[str, ...]
     mass: float
     damping: float
     sample_time: float
-    delay_samples: int
+    delay_samples: float
+    modes: tuple[ModePlace, ...] = ()
+    current_lag: float | None = None
+    hand: HandPlace | None = None
     gain: float
     pole_radius: float
 
 
+class ModeBox(Document):
+    """Intervals of one vibration mode: Hz, damping ratio."""
+
+    frequency_hz: tuple[float, float]
+    damping_ratio: tuple[float, float]
+
+
+class HandBox(Document):
+    """Intervals of the grip: kg, N·s/m, N/m."""
+
+    mass: tuple[float, float]
+    damping: tuple[float, float]
+    stiffness: tuple[float, float]
+
+
 class Certificate(Document):
-    """What was re-checked, how, over which region, and what it takes for granted."""
+    """What was re-checked, how, over which region, and what it takes for granted.
+
+    Attributes:
+        method: in words.
+        confidence: of the box of mass and damping.
+        mass: kg, and so on: the region, every combination of which is proved stable.
+        delay: of the device, s.
+        delay_samples: the same in samples, over the interval of the sample time.
+        modes: in the order of the device's.
+        current_lag: None for none.
+        hand: None for the device alone; with a hand the device alone is proved beside it.
+        gain: every gain in (0, gain].
+        extra_delay_samples: on top of the device's delay, any part of it.
+        points: judged one by one in many digits.
+        cells: excluded one by one, of which the proof is made.
+        interior: by moment; nothing but "proved" is ever written.
+        worst: found by search over all moments.
+        assumes: what the proof takes for granted.
+        not_assessed: what it leaves out.
+        versions: of what computed it.
+    """
 
     method: str
     confidence: float
     mass: tuple[float, float]
     damping: tuple[float, float]
     sample_time: tuple[float, float]
-    delay_samples: tuple[int, int]
+    delay: tuple[float, float]
+    delay_samples: tuple[float, float]
+    modes: tuple[ModeBox, ...] = ()
+    current_lag: tuple[float, float] | None = None
+    hand: HandBox | None = None
     gain: float
-    extra_delay_samples: int
+    extra_delay_samples: float
     points: int
-    interior: dict[str, Literal["proved", "corners-only"]]
+    cells: int
+    interior: dict[str, Literal["proved"]]
     worst: WorstPoint
     assumes: tuple[str, ...]
     not_assessed: tuple[str, ...]

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_v
 
 from identification import Document, load_document
 from tune.effects import EFFECT_NAMES, EffectName
+from tune.hand import AnyHand
 from tune.perception import PerceptionTable, default_table
 
 MarginName = Literal["conservative", "balanced", "firm"]
@@ -17,6 +18,8 @@ MarginName = Literal["conservative", "balanced", "firm"]
 LARGEST_GROUP = 5
 #: SI units; whatever is felt, and how, lies far inside. Beyond, formulas overflow.
 SMALLEST, LARGEST = 1e-9, 1e9
+#: Samples of a moving window; each raises the degree of the loop by one.
+LONGEST_WINDOW = 20
 
 
 class Margin(Document):
@@ -53,7 +56,7 @@ class Wish(Document):
             raise ValueError(f"min {self.low:g} exceeds max {self.high:g}")
         if self.kind == "range" and self.low is not None and self.low < 0:
             raise ValueError(f"a range starts at zero or above, not at {self.low:g}")
-        if self.kind == "value" and self.high == 0:
+        if self.kind in {"value", "range"} and self.high == 0:
             raise ValueError("0 asks for nothing; leave the effect out")
         return self
 
@@ -167,10 +170,23 @@ Cutoff = Annotated[
 
 
 class LoopFreedom(Document):
-    """Filter cut-offs shared by all elements: a frequency in Hz, ``none``, or ``free``."""
+    """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
+
+    Attributes:
+        velocity_filter_hz: cut-off of the low-pass behind the backward difference.
+        acceleration_filter_hz: likewise behind the double difference.
+        velocity_filter_order: 1 or 2 poles.
+        acceleration_filter_order: 1 or 2 poles.
+        filter_damping_ratio: of second-order filters; 1 is two equal poles, 0.7071 Butterworth.
+        velocity_window_samples: velocity over the last n samples instead of a low-pass.
+    """
 
     velocity_filter_hz: Cutoff = "free"
     acceleration_filter_hz: Cutoff = "free"
+    velocity_filter_order: Literal[1, 2] = 1
+    acceleration_filter_order: Literal[1, 2] = 2
+    filter_damping_ratio: float = Field(default=1.0, ge=0.1, le=1)
+    velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
 
     @model_validator(mode="after")
     def _positive(self) -> LoopFreedom:
@@ -180,6 +196,11 @@ class LoopFreedom(Document):
                 raise ValueError(
                     f"{name} must lie in {SMALLEST:g} to {LARGEST:g}, not {value:g} Hz"
                 )
+        if self.velocity_window_samples is not None and isinstance(self.velocity_filter_hz, float):
+            raise ValueError(
+                f"velocity_window_samples: {self.velocity_window_samples} takes the place of a "
+                f"velocity filter; leave out velocity_filter_hz: {self.velocity_filter_hz:g}"
+            )
         return self
 
 
@@ -188,7 +209,7 @@ class Scene(Document):
 
     schema_: Literal["haptune/scene/1"] = Field(default="haptune/scene/1", alias="schema")
     name: str = "scene"
-    hand: Annotated[Any, WithJsonSchema({"const": "none"})] = "none"
+    hand: AnyHand = "none"
     margin: MarginName = "balanced"
     loop: LoopFreedom = LoopFreedom()
     ripple_limit: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
@@ -198,11 +219,9 @@ class Scene(Document):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
-        if self.hand != "none":
-            raise ValueError(
-                f"hand: {self.hand!r} is not modelled yet; write hand: none and the profile says "
-                "that it holds for the device alone"
-            )
+        for name in self.elements:
+            if not name.strip() or not name.isprintable():
+                raise ValueError(f"an element is named {name!r}; give it a word")
         for group in self.together:
             unknown = [name for name in group if name not in self.elements]
             if unknown:

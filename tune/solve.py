@@ -39,8 +39,8 @@ class Solved:
     problem: Problem
     sizes: FloatArray
     dropped: dict[str, str]
-    method: str
-    disagreement: float
+    method: str = "as given"
+    disagreement: float = 0.0
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
@@ -78,14 +78,14 @@ def solve(
         if len(problem.unknowns) == 1:
             answer = closed_form(problem)
         else:
-            answer = climb(problem, _backends(second_opinion=second_opinion))
+            answer = climb(problem, backends(second_opinion=second_opinion))
         if answer.sizes is None:
             label = max(problem.unknowns, key=lambda unknown: unknown.level).label
             reason = {label: "no setting keeps every limit together with the other effects"}
             _refuse_broken_ranges(problem, reason)
             dropped |= reason
             continue
-        sizes = _settled(problem, answer.sizes)
+        sizes = settled(problem, answer.sizes)
         steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)]
         faint = int(np.argmin(steps))
         if steps[faint] < 1:
@@ -104,7 +104,8 @@ def solve(
         )
 
 
-def _backends(*, second_opinion: bool) -> list[Backend]:
+def backends(*, second_opinion: bool = True) -> list[Backend]:
+    """The solvers that propose, loaded when first needed."""
     from tune.backends.casadi_ import Ipopt
     from tune.backends.nlopt_ import Slsqp
 
@@ -122,7 +123,7 @@ def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
         raise NoFeasibleEffectError(broken)
 
 
-def _settled(problem: Problem, sizes: FloatArray) -> FloatArray:
+def settled(problem: Problem, sizes: FloatArray) -> FloatArray:
     """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
     caps = np.array([unknown.high for unknown in problem.unknowns])
     met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (

@@ -12,14 +12,16 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.criterion import Quartic, VerdictArray, routh
-from tune.crossings import Intervals, stable_intervals
+from tune.criterion import VerdictArray, routh
+from tune.crossings import Intervals, Ratio, stable_intervals
 from tune.effects import EFFECT_NAMES, EffectName, Effects
+from tune.factors import Factors
 from tune.loop import Loop, Terms
+from tune.quick import judge_of
 
 FloatArray = NDArray[np.float64]
-#: Points worked on at a time: the arrays of one block stay in the cache.
-_BLOCK = 16384
+#: Points from which it is worth while to set up a judge of many.
+_MANY = 64
 
 
 def verdict(loop: Loop, effects: Effects) -> VerdictArray:
@@ -37,7 +39,7 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
     shape = np.broadcast_shapes(
         loop.terms.free.shape[1:], *(value.shape for value in given if value is not None)
     )
-    if loop.terms.free.ndim > 1 or loop.degree != 4:
+    if loop.terms.free.ndim > 1 or (loop.degree != 4 and np.prod(shape) < _MANY):
         return _general(loop, effects, shape)
     present: dict[EffectName, FloatArray] = {
         name: np.broadcast_to(value, shape).reshape(-1)
@@ -45,15 +47,14 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
         if value is not None
     }
     result = np.empty(int(np.prod(shape)), dtype=np.int8)
-    judge = Quartic(
+    judge = judge_of(
         _table(loop, loop.terms, present),
         _table(loop, loop.sizes, present),
-        min(_BLOCK, max(result.size, 1)),
-        position_free=effects.position_free,
-    ).judge
-    for start in range(0, result.size, _BLOCK):
-        block = slice(start, start + _BLOCK)
-        judge(tuple(value[block] for value in present.values()), result[block])
+        position_free=effects.position_free and not loop.held,
+    )
+    for start in range(0, result.size, judge.block):
+        block = slice(start, start + judge.block)
+        judge.judge(tuple(value[block] for value in present.values()), result[block])
     open_ = np.flatnonzero(result == 0)
     if open_.size:
         rest = Effects(**{name: value[open_] for name, value in present.items()})
@@ -97,9 +98,13 @@ def stable_gains(loop: Loop, effects: Effects) -> Intervals:
     total, sizes = loop.polynomial(effects)
     free = _like(loop.terms.free, total)
     free_size = _like(loop.sizes.free, total)
-    start = 1 if effects.position_free else 0
+    start = 1 if effects.position_free and not loop.held else 0
     return stable_intervals(
-        free[start:], (total - free)[start:], free_size[start:], (sizes - free_size)[start:]
+        free[start:],
+        (total - free)[start:],
+        free_size[start:],
+        (sizes - free_size)[start:],
+        None if loop.factors is None else _ratio(loop, loop.factors, Effects(), effects),
     )
 
 
@@ -143,18 +148,40 @@ def stable_values(
     term = (loop.terms.alpha, loop.terms.beta, loop.terms.gamma)[index]
     size = (loop.sizes.alpha, loop.sizes.beta, loop.sizes.gamma)[index]
     scale = loop.scales[index]
-    start = 1 if others.stiffness is None and name != "stiffness" else 0
+    free = others.stiffness is None and name != "stiffness" and not loop.held
+    start = 1 if free else 0
     return stable_intervals(
         base[start:],
         sign * _like(term * scale, base)[start:],
         base_size[start:],
         _like(size * scale, base)[start:],
+        None
+        if loop.factors is None
+        else _ratio(loop, loop.factors, Effects(**given), Effects(**{name: float(sign)})),
     )
+
+
+def _ratio(loop: Loop, factors: Factors, fixed: Effects, varied: Effects) -> Ratio:
+    """-(1 + G·C)/(G·C') on the axis, C the law of what is fixed and C' of what varies."""
+
+    def ratio(v: FloatArray) -> NDArray[np.complex128]:
+        plant, laws = factors.plant(v), factors.laws(v)
+
+        def law(effects: Effects) -> NDArray[np.complex128]:
+            total = np.zeros(v.shape, dtype=np.complex128)
+            for value, part in zip(loop.dimensionless_effects(effects), laws, strict=True):
+                if value is not None:
+                    total += value * part
+            return total
+
+        return -(1 + plant * law(fixed)) / (plant * law(varied))
+
+    return ratio
 
 
 def _general(loop: Loop, effects: Effects, shape: tuple[int, ...]) -> VerdictArray:
     coefficients, sizes = loop.polynomial(effects)
-    start = 1 if effects.position_free else 0
+    start = 1 if effects.position_free and not loop.held else 0
     return np.broadcast_to(routh(coefficients[start:], sizes[start:]), shape)
 
 

@@ -96,8 +96,8 @@ def _costs(table: least_squares.Regression, samples: FloatArray) -> FloatArray:
     """Sum of squared residuals of the best fit at each delay, in samples."""
     basis, _ = np.linalg.qr(unit_columns(table.columns)[0])
     step = table.signals.step
-    forces = [table.force(each * step) for each in samples]
-    return np.array([float(np.sum((f - basis @ (basis.T @ f)) ** 2)) for f in forces])
+    forces = table.forces([float(each) * step for each in samples])
+    return np.sum((forces - forces @ basis @ basis.T) ** 2, axis=1)
 
 
 def _lowest(grid: FloatArray, costs: FloatArray) -> float:

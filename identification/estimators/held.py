@@ -98,25 +98,6 @@ class Held:
         of_jump = factor if self.interval is None else factor[self.interval]
         return replace(self, level=self.level * factor, change=self.change * of_jump)
 
-    def since(self, first: int) -> Held:
-        """The column from one interval on."""
-        if first == 0:
-            return self
-        steps = self.steps[first:] if isinstance(self.steps, np.ndarray) else self.steps
-        if self.interval is None:
-            kept, interval = np.s_[first:], None
-        else:
-            kept = self.interval >= first
-            interval = self.interval[kept] - first
-        left = self.left[kept] if isinstance(self.left, np.ndarray) else self.left
-        return Held(
-            steps=steps,
-            level=self.level[first:],
-            change=self.change[kept],
-            left=left,
-            interval=interval,
-        )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Commands:

@@ -6,6 +6,7 @@ the force alike, so what it does to them cancels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +28,8 @@ FloatArray = NDArray[np.float64]
 
 #: Times the direction of motion is refined by the fitted model at most; ...
 REFINEMENTS = 20
-#: ... it has settled when friction changes by less than this part.
+#: ... it has settled when friction comes within this part of what it was before: at the last step,
+#: or some steps ago, if turns flip between neighbouring intervals for ever.
 SETTLED = 1e-4
 #: The cut-off is divided and multiplied by this to see whether the estimate leans on it; half of
 #: the difference is one more standard deviation.
@@ -121,7 +123,7 @@ class Regression:
 
     def _with_terms(self) -> Regression:
         found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
-        columns = [self.filtered(each) for each in found.columns]
+        triangles = [of_rows(each.triangle()) for each in found.columns]
         step, kernel = self.signals.step, self.low_pass.kernel
         # Noise of a reading, as the second and the central difference pass it on.
         second = np.convolve(kernel, [1.0, -2.0, 1.0]) / step**2
@@ -132,7 +134,11 @@ class Regression:
             attenuation[self.model.parameters.index("damping_asymmetry")] = attenuation[1]
         return replace(
             self,
-            friction=np.stack(columns, 1) if columns else np.empty((len(self.kinematics), 0)),
+            friction=(
+                self.low_pass(np.stack(triangles))[:, self.known :].T
+                if triangles
+                else np.empty((len(self.kinematics), 0))
+            ),
             attenuation=self.signals.noise**2 * attenuation,
             mean_speed=found.mean_speed,
         )
@@ -147,7 +153,13 @@ class Regression:
 
     def force(self, delay: float) -> FloatArray:
         """The filtered force with a delay in s, shape (rows,)."""
-        return self.filtered(self.held_force(delay).times(self.motion.moving))
+        return self.forces([delay])[0]
+
+    def forces(self, delays: Sequence[float]) -> FloatArray:
+        """The same for several delays, shape (delays, rows)."""
+        acting = [self.held_force(delay).times(self.motion.moving) for delay in delays]
+        unfiltered = np.stack([of_rows(each.triangle()) for each in acting])
+        return self.low_pass(unfiltered)[:, self.known :]
 
     def solve(self, delay: float) -> FloatArray:
         """Parameters, shape (p,): least squares, less what noise adds to the squares of columns.
@@ -166,16 +178,16 @@ class Regression:
             return self
         signals = self.signals
         applied = self.held_force(delay).mean()
-        table, last = self, np.inf
+        table, before = self, np.empty(0)
         for _ in range(REFINEMENTS):
             values = dict(zip(self.model.parameters, table.solve(delay), strict=True))
             friction = values["coulomb_friction"]
             if friction <= 0:
                 # Without friction nothing holds the device still, however slowly it moves.
                 return table.with_motion(table.motion.released())
-            if values["mass"] <= 0 or abs(friction - last) < SETTLED * friction:
+            if values["mass"] <= 0 or np.any(np.abs(friction - before) < SETTLED * friction):
                 break
-            last = friction
+            before = np.append(before, friction)
             motion = refined(
                 table.motion,
                 signals.speed,

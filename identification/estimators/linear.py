@@ -39,7 +39,9 @@ def gauss_newton(
         nothing: directions this much weaker than the strongest carry nothing but rounding.
     """
     normal = slopes @ slopes.T
-    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    size = np.sqrt(np.diag(normal))
+    # A parameter that changes nothing does not move.
+    size = np.where(size > 0, size, 1.0)
     right = slopes @ residual / size
     inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=nothing, hermitian=True)
     move = inverse @ right

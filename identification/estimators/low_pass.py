@@ -60,7 +60,8 @@ class LowPass:
         return self.kernel.size // 2
 
     def __call__(self, column: FloatArray) -> FloatArray:
-        """The filtered column, shape (n - 2·half,)."""
+        """The filtered column, shape (..., n) to (..., n - 2·half)."""
         from scipy.signal import oaconvolve
 
-        return oaconvolve(column, self.kernel, mode="valid")
+        kernel = self.kernel if column.ndim == 1 else self.kernel[None]
+        return oaconvolve(column, kernel, mode="valid", axes=-1)

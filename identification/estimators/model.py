@@ -76,6 +76,8 @@ class Estimate:
         condition: condition number of the unit-norm columns.
         inflation: shape (p,): variance inflation of each parameter by the other columns.
         mean_speed: s of the model, m/s; 0 where friction does not differ by direction.
+        open_loop_only: whether forces that were not logged would bias the fitted delay if they
+            came back through a controller.
         notes: sentences on choices made on the way, such as the cut-off.
     """
 
@@ -93,6 +95,7 @@ class Estimate:
     inflation: FloatArray
     delay_deviation: float | None = None
     mean_speed: float = 0.0
+    open_loop_only: bool = False
     notes: tuple[str, ...] = ()
 
     @property

@@ -222,7 +222,8 @@ class Turns:
         names = tuple(added)
         decay = point.by_way(lambda way: np.broadcast_to(way.whole.decay, moving.shape))
         whole = point.by_way(lambda way: np.broadcast_to(way.whole.speed, moving.shape))
-        start = [*([0.0] * (len(names) - 1)), 1.0]
+        # A device that stands at the start does not heed a small velocity.
+        start = [*([0.0] * (len(names) - 1)), float(moving[0])]
         speeds = carried(decay * along.kept, [added[name][0] for name in names], start)
         jacobian = np.empty((len(names) + 1, intervals + 1))
         jacobian[-1], jacobian[:-1, 0] = 1.0, 0.0

@@ -23,6 +23,9 @@ _GRID = 1 << 15
 _NEGLIGIBLE = 1e-8
 #: A spectrum is taken to reach no deeper than this part of its peak.
 _SILENT = 1e-12
+#: Lines of a tapered spectrum are correlated with their neighbours, by 4/9 and 1/36: so many of
+#: them are independent, each of two squares.
+_INDEPENDENT = 1 / (1 + 2 * (4 / 9 + 1 / 36))
 #: Probability that an octave of a white residual is taken for coloured.
 _CHANCE = 1e-4
 #: An octave may be off by this part without a loss that matters: it costs its square in variance.
@@ -57,8 +60,7 @@ def is_coloured(residual: FloatArray) -> bool:
     end = power.size
     while end > 0:
         start = end // 2 if end > 2 * _FEWEST_LINES else 0
-        # A tapered spectrum has two thirds as many independent lines, each of two squares.
-        freedom = 2 * (end - start) * 2 / 3
+        freedom = 2 * (end - start) * _INDEPENDENT
         chance = float(chdtri(freedom, _CHANCE)) / freedom
         if float(np.mean(power[start:end])) > mean * max(chance, 1 + _HARMLESS):
             return True

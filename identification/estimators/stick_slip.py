@@ -9,6 +9,7 @@ Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, sec
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,12 +116,15 @@ def path(
         moving[at : turn + 1] = 1.0
         if turn == count:
             break
-        before, beyond = abs(speed[turn]), abs(speed[turn + 1])
-        fraction[turn] = before / (before + beyond)
+        step, stopping = float(steps[turn]), float(pull[turn]) - sign * friction
+        used = _time_to_stop(float(speed[turn]), stopping / mass, way.device.rate)
+        used = min(used, step)
+        fraction[turn] = used / step
         if abs(pull[turn]) > friction:
-            starting = pull[turn] + sign * friction
-            kept[turn] = starting / (pull[turn] - sign * friction)
-            speed[turn + 1] = starting / mass * (1 - fraction[turn]) * steps[turn]
+            starting = float(pull[turn]) + sign * friction
+            kept[turn] = starting / stopping
+            way = backward if sign > 0 else forward
+            speed[turn + 1] = starting / mass * _braked(step - used, way.device.rate)
             sign = late[turn] = -sign
         else:  # static friction then balances the pull
             kept[turn] = speed[turn + 1] = 0.0
@@ -130,6 +134,19 @@ def path(
     direction = Held.turning(early, late, fraction, forward.device.steps)
     motion = Motion(direction=direction.times(moving), moving=moving)
     return Path(motion=motion, forward=early > 0, speed=speed, kept=kept)
+
+
+def _time_to_stop(speed: float, acceleration: float, rate: float) -> float:
+    """When damping and a force against the motion have used up a speed, s."""
+    if speed == 0:
+        return 0.0
+    undamped = -speed / acceleration
+    return math.log1p(rate * undamped) / rate if rate != 0 else undamped
+
+
+def _braked(time: float, rate: float) -> float:
+    """Velocity over acceleration that a force gives from rest in a time, s."""
+    return -math.expm1(-rate * time) / rate if rate != 0 else time
 
 
 def _decay(rate: float, since: FloatArray) -> tuple[FloatArray, FloatArray]:

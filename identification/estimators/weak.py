@@ -12,6 +12,8 @@ stated, or found by another method.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.estimators.answer import answer
@@ -80,15 +82,16 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     around = spread(
         best.columns, residual, len(best.columns), signal=force, instruments=best.instruments
     )
+    # Unlogged forces come back through a controller, and the windows look ahead.
+    open_loop_only = best.corner > 0 and delay is None
     notes = [f"{force.size} test functions, half power at {frequency:.3g} Hz"]
     if best.corner > 0:
         notes.append(f"unlogged forces rule below {best.corner:.2g} Hz")
-        if delay is None:
-            # They come back through a controller, and the windows look ahead.
-            notes.append("the delay is right in open loop only")
+    if open_loop_only:
+        notes.append("the delay is right in open loop only")
     if not best.settled:
         notes.append("the solutions did not settle")
-    return answer(
+    found = answer(
         "weak",
         table.model,
         best.values,
@@ -102,6 +105,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         notes=tuple(notes),
         scale=tested.scale(best),
     )
+    return replace(found, open_loop_only=open_loop_only)
 
 
 def _half_power(table: Regression) -> float:

@@ -18,14 +18,20 @@ class Stage:
     """One step of the lexicographic climb.
 
     Attributes:
-        active: 1 for unknowns whose steps must reach the common height t, shape (unknowns,).
-        floors: steps that must be kept, shape (unknowns,).
-        weights: of (steps..., t) in what is maximised, shape (unknowns + 1,).
+        active: 1 for unknowns that must reach the common height t, shape (unknowns,).
+        floors: heights that must be kept, shape (unknowns,).
+        weights: of (heights..., t) in what is maximised, shape (unknowns + 1,).
+        start: t to begin with.
     """
 
     active: FloatArray
     floors: FloatArray
     weights: FloatArray
+    start: float = 0.0
+
+
+#: Least and largest height a solver looks at, steps.
+HEIGHTS = (-1e3, 1e3)
 
 
 class Backend(Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.backends import Stage
+from tune.backends import HEIGHTS, Stage
 from tune.backends.program import Program
 
 FloatArray = NDArray[np.float64]
@@ -25,10 +25,10 @@ class Ipopt:
         parameters = np.concatenate([program.parameters, stage.active, stage.floors, stage.weights])
         inside = np.clip(start - _RETREAT, program.lower, program.upper)
         answer = program.functions.ipopt(
-            x0=np.append(inside, 0.0),
+            x0=np.append(inside, stage.start),
             p=parameters,
-            lbx=np.append(program.lower, -1.0),
-            ubx=np.append(program.upper, 1e3),
+            lbx=np.append(program.lower, HEIGHTS[0]),
+            ubx=np.append(program.upper, HEIGHTS[1]),
             lbg=-np.inf,
             ubg=0.0,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.backends import Stage
+from tune.backends import HEIGHTS, Stage
 from tune.backends.program import Program
 
 FloatArray = NDArray[np.float64]
@@ -52,8 +52,8 @@ class Slsqp:
 
         size = int(functions.constraints.numel_out(0))
         solver = nlopt.opt(nlopt.LD_SLSQP, count + 1)
-        solver.set_lower_bounds(np.append(program.lower, -1.0))
-        solver.set_upper_bounds(np.append(program.upper, 1e3))
+        solver.set_lower_bounds(np.append(program.lower, HEIGHTS[0]))
+        solver.set_upper_bounds(np.append(program.upper, HEIGHTS[1]))
         solver.set_min_objective(objective)
         solver.add_inequality_mconstraint(constraints, np.full(size, 1e-9))
         solver.set_maxeval(_EVALUATIONS)
@@ -61,7 +61,7 @@ class Slsqp:
         solver.set_xtol_rel(1e-12)
         z: FloatArray | None = None
         try:
-            z = np.asarray(solver.optimize(np.append(start, 0.0)), dtype=np.float64)
+            z = np.asarray(solver.optimize(np.append(start, stage.start)), dtype=np.float64)
         except Exception:  # noqa: BLE001 - its classes differ between versions; None says it failed
             z = None
         if best and (z is None or best[0][0] < objective(z, np.empty(0))):

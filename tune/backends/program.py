@@ -2,11 +2,12 @@
 
 Unknowns are the logarithms y of the sizes and a common height t. Every constraint reads g <= 0:
 Routh ratios below one and coefficients positive at each corner, delay and moment at the full gain,
-forces, ripple, and steps_i >= floor_i + active_i·t.
+forces, ripple, and height_i >= floor_i + active_i·t.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -20,6 +21,8 @@ from tune.ripple import ripple_energy
 from tune.routh_table import product, routh_ratios
 
 FloatArray = NDArray[np.float64]
+#: (loop of ``problem.late``, column): one corner at one delay, with the hand or without.
+Scenario = tuple[int, int]
 
 #: The program keeps this much more than asked, relative, so that solvers, which end on or a little
 #: beyond the boundary, end inside; it costs as much in optimality.
@@ -33,16 +36,14 @@ class Structure:
     Attributes:
         signs: of the unknowns.
         moments: members by effect of each moment.
-        degrees: of the loop polynomial, one for each delay.
-        corners: number of corners.
+        shapes: (degree, scenarios, position held by the hand) of the loops.
         laws: degree of the control law, for the ripple; 0 without an encoder.
         forces: (sustained limited, peak limited).
     """
 
     signs: tuple[int, ...]
     moments: tuple[tuple[tuple[int, ...], ...], ...]
-    degrees: tuple[int, ...]
-    corners: int
+    shapes: tuple[tuple[int, int, bool], ...]
     laws: int
     forces: tuple[bool, bool]
 
@@ -73,25 +74,35 @@ class Program:
     upper: FloatArray
 
 
-def program_of(problem: Problem) -> Program:
-    """The program of a problem; compiles it if no problem of its structure came before."""
+def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
+    """The program of a problem; compiles it if no problem of its structure came before.
+
+    Args:
+        problem: with all its corners.
+        scenarios: those of them that the solver is shown, as (loop of ``problem.late``, column).
+            Their number is rounded up to a power of two, so that structures are met again.
+    """
     limits = problem.limits
-    delays = problem.delays(problem.margin.extra_delay_samples)
+    columns = [
+        _rounded_up([column for place, column in scenarios if place == index])
+        for index in range(len(problem.late))
+    ]
+    shown = [(loop, chosen) for loop, chosen in zip(problem.late, columns, strict=True) if chosen]
     ripple = limits.encoder_resolution is not None
     structure = Structure(
         signs=tuple(unknown.sign for unknown in problem.unknowns),
         moments=tuple(moment.members for moment in problem.moments),
-        degrees=tuple(problem.loops[delay].degree for delay in delays),
-        corners=problem.region.mass.size,
+        shapes=tuple((loop.degree, len(chosen), loop.held) for loop, chosen in shown),
         laws=problem.nominal.degree if ripple else 0,
         forces=(limits.continuous_force is not None, limits.peak_force is not None),
     )
     numbers: list[FloatArray] = [
         np.array([u.reference for u in problem.unknowns]),
         np.array([1 / np.log1p(u.weber) for u in problem.unknowns]),
+        np.array([u.goal for u in problem.unknowns]),
     ]
     gain = problem.margin.gain * (1 + INSIDE)
-    numbers += [_table(problem.loops[delay], gain) for delay in delays]
+    numbers += [_table(loop, gain)[:, :, chosen] for loop, chosen in shown]
     if ripple and limits.encoder_resolution is not None:
         nominal = problem.nominal
         unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple
@@ -110,6 +121,14 @@ def program_of(problem: Problem) -> Program:
         lower=np.log([unknown.low for unknown in problem.unknowns]),
         upper=np.log([unknown.high for unknown in problem.unknowns]),
     )
+
+
+def _rounded_up(columns: list[int]) -> list[int]:
+    """Filled up to a power of two with the last one."""
+    if not columns:
+        return []
+    size = 1 << (len(columns) - 1).bit_length()
+    return columns + columns[-1:] * (size - len(columns))
 
 
 def _parts(terms: Terms) -> FloatArray:
@@ -145,21 +164,23 @@ def _compiled(structure: Structure) -> Functions:
 
     stage = [ca.SX.sym(name, size) for name, size in (("a", count), ("f", count), ("w", count + 1))]
     sizes = [ca.exp(y[i]) for i in range(count)]
-    reference, per_step = take(count), take(count)
-    steps = [
-        sign * ca.log1p(sign * size / ref) * unit
-        for sign, size, ref, unit in zip(structure.signs, sizes, reference, per_step, strict=True)
+    reference, per_step, goals = take(count), take(count), take(count)
+    heights = [
+        sign * ca.log1p(sign * size / ref) * unit - goal
+        for sign, size, ref, unit, goal in zip(
+            structure.signs, sizes, reference, per_step, goals, strict=True
+        )
     ]
     totals = [
         [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
         for members in structure.moments
     ]
     constraints: list[Any] = []
-    for degree in structure.degrees:
-        table = take(4, degree + 1, structure.corners)
+    for degree, corners, held in structure.shapes:
+        table = take(4, degree + 1, corners)
         for total in totals:
-            for corner in range(structure.corners):
-                coefficients = _polynomial(table[:, :, corner], total)
+            for corner in range(corners):
+                coefficients = _polynomial(table[:, :, corner], total, drop=not held)
                 constraints += [-c for c in coefficients]
                 constraints += [ratio - 1 for ratio in routh_ratios(coefficients)]
     if structure.laws:
@@ -180,10 +201,10 @@ def _compiled(structure: Structure) -> Functions:
         if structure.forces[1]:
             chosen = [i for m in members for i in m]
             constraints.append(sum(sizes[i] * r for i, r in zip(chosen, peak, strict=True)) - 1)
-    for i, height in enumerate(steps):
+    for i, height in enumerate(heights):
         constraints.append(stage[1][i] + stage[0][i] * t - height)
     z, p = ca.vertcat(y, t), ca.vertcat(*taken, *stage)
-    f = -ca.dot(stage[2], ca.vertcat(*steps, t))
+    f = -ca.dot(stage[2], ca.vertcat(*heights, t))
     g = ca.vertcat(*constraints)
     options = {
         "print_time": False,

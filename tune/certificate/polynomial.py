@@ -1,41 +1,35 @@
-"""The closed loop in z, as printed, in ball arithmetic."""
+"""The closed loop in z in ball arithmetic."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flint import arb, arb_poly, ctx
+from flint import arb, arb_poly
 
-#: Bits of every ball. The printed plant loses 2·log2(1/δ) of them: 80 at δ = 1e-12.
-BITS = 400
+from tune.certificate.plant import sampled_plant
+from tune.certificate.point import HandPoint, ModePoint, Point, Setting
+from tune.certificate.precision import BITS, precision
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
-    """One way the device may be: kg, N·s/m, s, whole samples of delay."""
-
-    mass: float
-    damping: float
-    sample_time: float
-    delay_samples: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
-    """What the controller plays: N/m, N·s/m, kg, and filter cut-offs in Hz or None."""
-
-    stiffness: float
-    damping: float
-    mass: float
-    velocity_filter_hz: float | None
-    acceleration_filter_hz: float | None
+__all__ = [
+    "BITS",
+    "ClosedLoop",
+    "HandPoint",
+    "Law",
+    "ModePoint",
+    "Point",
+    "Setting",
+    "closed_loop",
+    "law_of",
+    "precision",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoop:
     """D(z) + s·N(z), whose roots are the poles when all effects are multiplied by s.
 
-    Where no spring acts, the pole z = 1 of free motion has been divided out of both.
+    Where no spring acts, of the effects or of the hand, the pole z = 1 of free motion has been
+    divided out of both.
 
     Attributes:
         open: D.
@@ -48,56 +42,107 @@ class ClosedLoop:
     integrates: bool
 
 
-def closed_loop(point: Point, setting: Setting) -> ClosedLoop:
-    """Equation (37) with a delay of d samples and filtered velocity and acceleration.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """Force from position, numerator over denominator, in z.
 
-    Velocity (1-a)(z-1)/(T(z-a)), acceleration ((1-a)(z-1)/(T(z-a)))², a = exp(-2π·f·T), a = 0
-    without a filter. The plant is b²/m·(z-1)(z-ε) under z(ε-1+δ) + 1-(1+δ)ε, and T²/(2m)·(z+1)
-    over (z-1)² where b = 0. Only denominators of effects that act are multiplied through.
+    Attributes:
+        numerator: divided by z - 1 where ``vanishes``.
+        denominator: of the estimates that are used.
+        vanishes: without a spring the law has a zero at z = 1.
     """
-    with _precision():
-        m, b, T = arb(point.mass), arb(point.damping), arb(point.sample_time)
-        z, one = arb_poly([0, 1]), arb_poly([1])
-        step = z - one
-        if point.damping == 0:
-            decay = arb(1)
-            plant = arb_poly([1, 1]) * (T * T / (2 * m))
-        else:
-            delta = b * T / m
-            decay = (-delta).exp()
-            numerator = arb_poly([1 - (1 + delta) * decay, decay - 1 + delta])
-            plant = numerator * (m / (b * b))
-        av, aa = (_pole(f, T) for f in (setting.velocity_filter_hz, setting.acceleration_filter_hz))
-        behind_velocity = z - av if setting.damping else one
-        behind_acceleration = (z - aa) * (z - aa) if setting.mass else one
-        rate = (1 - av) / T
-        rate_of_rate = ((1 - aa) / T) ** 2
-        spring = behind_velocity * behind_acceleration * arb(setting.stiffness)
-        damper = behind_acceleration * (arb(setting.damping) * rate)
-        inertia = behind_velocity * (arb(setting.mass) * rate_of_rate)
-        denominator = z**point.delay_samples * (z - decay) * behind_velocity * behind_acceleration
-        if setting.stiffness:
-            law = spring + damper * step + inertia * step * step
-            return ClosedLoop(open=denominator * step, feedback=plant * law, integrates=True)
-        law = damper + inertia * step
-        return ClosedLoop(open=denominator, feedback=plant * law, integrates=point.damping == 0)
+
+    numerator: arb_poly
+    denominator: arb_poly
+    vanishes: bool
 
 
-def _pole(cutoff: float | None, sample_time: arb) -> arb:
+def closed_loop(point: Point, setting: Setting) -> ClosedLoop:
+    """Plant and law put together, at one point.
+
+    The plain plant is equation (37) as printed; any other comes from the exponential of its matrix.
+    """
+    with precision():
+        plant = sampled_plant(point)
+        law = law_of(setting, point.sample_time)
+        z_less_one = arb_poly([-1, 1])
+        denominator = plant.denominator * law.denominator
+        feedback = plant.numerator * law.numerator
+        if not law.vanishes:
+            if plant.integrates:
+                denominator = denominator * z_less_one
+            return ClosedLoop(open=denominator, feedback=feedback, integrates=plant.integrates)
+        if not plant.integrates:
+            return ClosedLoop(open=denominator, feedback=feedback * z_less_one, integrates=False)
+        # With b = 0 free motion has z = 1 twice; the law's zero takes one of them away.
+        damped = point.damping != 0 or (point.hand is not None and point.hand.damping != 0)
+        return ClosedLoop(open=denominator, feedback=feedback, integrates=not damped)
+
+
+def law_of(setting: Setting, sample_time: float) -> Law:
+    """K + B·velocity + M·acceleration; only denominators of effects that act are there."""
+    T = arb(sample_time)
+    z, one = arb_poly([0, 1]), arb_poly([1])
+    step = z - one
+    velocity_top, velocity_bottom = _velocity(setting, T) if setting.damping else (one, one)
+    acceleration_top, acceleration_bottom = (
+        _acceleration(setting, T) if setting.mass else (one, one)
+    )
+    damper = velocity_top * acceleration_bottom * arb(setting.damping)
+    inertia = step * acceleration_top * velocity_bottom * arb(setting.mass)
+    denominator = velocity_bottom * acceleration_bottom
+    if setting.stiffness:
+        spring = denominator * arb(setting.stiffness)
+        return Law(
+            numerator=spring + step * (damper + inertia), denominator=denominator, vanishes=False
+        )
+    return Law(numerator=damper + inertia, denominator=denominator, vanishes=True)
+
+
+def _velocity(setting: Setting, T: arb) -> tuple[arb_poly, arb_poly]:
+    """(numerator without its factor z - 1, denominator) of the velocity estimate."""
+    if setting.velocity_window:
+        n = setting.velocity_window
+        return arb_poly([1 / (n * T)] * n), arb_poly([0] * n + [1])
+    top, bottom = _filter(
+        setting.velocity_filter_hz, setting.velocity_filter_order, setting.filter_damping_ratio, T
+    )
+    # (z - 1)/(Tz) takes away one z of the filter's numerator, where it has one.
+    return _over_z(top, bottom, 1, T)
+
+
+def _acceleration(setting: Setting, T: arb) -> tuple[arb_poly, arb_poly]:
+    """(numerator without its factor (z - 1)², denominator) of the acceleration estimate."""
+    top, bottom = _filter(
+        setting.acceleration_filter_hz,
+        setting.acceleration_filter_order,
+        setting.filter_damping_ratio,
+        T,
+    )
+    return _over_z(top, bottom, 2, T * T)
+
+
+def _over_z(
+    top: tuple[arb, int], bottom: arb_poly, power: int, scale: arb
+) -> tuple[arb_poly, arb_poly]:
+    gain, powers = top
+    shared = min(powers, power)
+    numerator = arb_poly([0] * (powers - shared) + [gain / scale])
+    return numerator, bottom * arb_poly([0] * (power - shared) + [1])
+
+
+def _filter(
+    cutoff: float | None, order: int, ratio: float, T: arb
+) -> tuple[tuple[arb, int], arb_poly]:
+    """((gain, powers of z), denominator) of a low-pass."""
     if cutoff is None:
-        return arb(0)
-    return (arb.pi() * (-2 * cutoff) * sample_time).exp()
-
-
-class _precision:  # noqa: N801 - reads as a phrase: with _precision()
-    """Balls of BITS bits inside, whatever the caller had outside."""
-
-    def __enter__(self) -> None:
-        self._outside = ctx.prec
-        ctx.prec = BITS
-
-    def __exit__(self, *_: object) -> None:
-        ctx.prec = self._outside
-
-
-precision = _precision
+        return (arb(1), 0), arb_poly([1])
+    rate = arb.pi() * (-2 * cutoff) * T
+    if order == 1:
+        a = rate.exp()
+        return (1 - a, 1), arb_poly([-a, 1])
+    zeta = arb(ratio)
+    turn = -rate * (1 - zeta * zeta).sqrt() if ratio < 1 else arb(0)
+    trace = 2 * (rate * zeta).exp() * turn.cos()
+    product = (2 * rate * zeta).exp()
+    return (1 - trace + product, 2), arb_poly([product, -trace, 1])

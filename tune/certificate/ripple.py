@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 from flint import arb_poly
 
-from tune.certificate.polynomial import Point, Setting, closed_loop, precision
+from tune.certificate.forms import ComplexArray, FloatArray
+from tune.certificate.plant import sampled_plant
+from tune.certificate.point import Point, Setting
+from tune.certificate.polynomial import law_of
+from tune.certificate.precision import precision
 
 #: Points on the half circle. The integrand is smooth; the mean converges like r^points for a
 #: slowest pole of radius r, and the number is raised until two agree.
@@ -17,19 +21,28 @@ _AGREE = 1e-6
 def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> float:
     """Force ripple, N rms, from white quantisation noise of variance resolution²/12.
 
-    With no spring, loop and law share the pole z = 1 of free motion, which the closed loop has had
-    divided out; the law then vanishes there like z - 1 does.
+    Where nothing holds the position and there is no spring, plant and law share z = 1, which is
+    divided out. Polynomials are moved to powers of z - 1 before they become doubles: at low
+    frequency those of z cancel.
     """
     with precision():
-        loop = closed_loop(point, setting)
-        full = _floats(loop.open + loop.feedback)
-        # C/(1+GC) is D·C/(D + N) where N = D·G·C.
-        open_ = _floats(loop.open)
+        plant, law = sampled_plant(point), law_of(setting, point.sample_time)
+        zero = arb_poly([-1, 1])
+        top = law.numerator * plant.denominator
+        bottom = law.denominator * plant.denominator
+        fed_back = law.numerator * plant.numerator
+        if plant.integrates or law.vanishes:
+            top = top * zero
+        if plant.integrates and not law.vanishes:
+            bottom = bottom * zero
+        if law.vanishes and not plant.integrates:
+            fed_back = fed_back * zero
+        numerator, denominator = (_moved(p) for p in (top, bottom + fed_back))
     value, count = np.nan, _FEWEST
     while count <= _MOST:
         angle = (np.arange(count) + 0.5) * (np.pi / count)
-        z = np.exp(1j * angle)
-        response = _law(point, setting, z) * np.polyval(open_, z) / np.polyval(full, z)
+        away: ComplexArray = np.expm1(1j * angle)
+        response = np.polyval(numerator, away) / np.polyval(denominator, away)
         previous, count = value, count * 4
         value = float(np.sqrt(np.mean(np.abs(response) ** 2) / 12) * resolution)
         if abs(value - previous) <= _AGREE * value:
@@ -37,15 +50,6 @@ def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> 
     return value
 
 
-def _law(point: Point, setting: Setting, z: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-    def pole(cutoff: float | None) -> float:
-        return 0.0 if cutoff is None else float(np.exp(-2 * np.pi * cutoff * point.sample_time))
-
-    av, aa = pole(setting.velocity_filter_hz), pole(setting.acceleration_filter_hz)
-    rate = (1 - av) * (z - 1) / (point.sample_time * (z - av))
-    rate_of_rate = ((1 - aa) * (z - 1) / (point.sample_time * (z - aa))) ** 2
-    return setting.stiffness + setting.damping * rate + setting.mass * rate_of_rate
-
-
-def _floats(polynomial: arb_poly) -> np.ndarray:  # type: ignore[type-arg]
-    return np.array([float(c) for c in polynomial.coeffs()][::-1])
+def _moved(polynomial: arb_poly) -> FloatArray:
+    """Descending coefficients in powers of z - 1."""
+    return np.array([float(c) for c in polynomial(arb_poly([1, 1])).coeffs()][::-1])

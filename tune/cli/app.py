@@ -7,7 +7,20 @@ from typing import Annotated
 
 import typer
 
-from tune.cli import calibrate, check, demo, doctor, excite, identify, new, simulate, tune
+from tune.cli import (
+    audit,
+    calibrate,
+    check,
+    demo,
+    doctor,
+    excite,
+    export,
+    identify,
+    new,
+    simulate,
+    tune,
+    verify,
+)
 from tune.cli.session import EXIT_INTERRUPTED, EXIT_USAGE, prepare_streams, report_usage
 
 #: What every complaint about options and arguments derives from; typer does not export it.
@@ -32,7 +45,10 @@ for _name, _command, _summary in (
     ("identify", identify.identify, "Logs to device.yaml."),
     ("tune", tune.tune, "Device and scene to profile.yaml."),
     ("calibrate", calibrate.calibrate, "Logs and scene to profile.yaml: the main job."),
+    ("audit", audit.audit, "Are these gains safe on a device, and if not, why."),
     ("check", check.check, "Re-compute a profile by another path."),
+    ("verify", verify.verify, "A low-gain log of the device against its profile."),
+    ("export", export.export, "A profile as files for a controller."),
     ("excite", excite.excite, "Plan a force that tells mass and damping best."),
     ("simulate", simulate.simulate, "Rehearse: a simulated log of a known device."),
 ):

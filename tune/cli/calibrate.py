@@ -11,6 +11,7 @@ from tune.cli.identify import identified
 from tune.cli.options import (
     Allow,
     Axis,
+    Candidates,
     DryRun,
     Force,
     ForceGain,
@@ -46,6 +47,7 @@ def calibrate(
     allow: Allow = None,
     method: MethodOption = Method.auto,
     margin: MarginOption = None,
+    candidates: Candidates = False,
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -67,7 +69,7 @@ def calibrate(
         )
         wish = wanted(scene, margin)
         found = identified(session, logs, columns, hardware, method, allow or [])
-        profile = tuned(session, found.device, wish)
+        profile = tuned(session, found.device, wish, compare=candidates)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
 
     run_command("calibrate", action, as_json=json, quiet=quiet)

@@ -71,5 +71,7 @@ def hardware_of(name: str) -> str:
         delay=device.delay,
         encoder_resolution=device.encoder_resolution,
         force_limit=device.force_limit,
+        modes=device.modes,
+        current_lag=device.current_lag,
     )
     return to_yaml(to_mapping(hardware), f"Hardware of the known device {name}; check it on yours.")

@@ -65,6 +65,9 @@ MarginOption = Annotated[
     Optional[MarginChoice],  # noqa: UP045
     typer.Option("--margin", help="Margin instead of the scene's."),
 ]
+Candidates = Annotated[
+    bool, typer.Option("--candidates", help="Show all three margins side by side.")
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Only errors.")]

@@ -51,6 +51,7 @@ class Session:
         quiet: only errors.
         findings: about logs, in the order found.
         outputs: files written.
+        details: what a command computed, by name; in the JSON result where there is any.
     """
 
     command: str
@@ -58,6 +59,7 @@ class Session:
     quiet: bool
     findings: list[dict[str, str]] = field(default_factory=list[dict[str, str]])
     outputs: list[str] = field(default_factory=list[str])
+    details: dict[str, object] = field(default_factory=dict[str, object])
 
     def say(self, text: Any) -> None:
         """Print a text or a rich renderable for people."""
@@ -146,7 +148,7 @@ class Session:
     def finish(self, code: int, message: str = "") -> int:
         """Print how it ended and return the exit code."""
         if self.as_json:
-            result = {
+            result: dict[str, object] = {
                 "schema": "haptune/result/1",
                 "command": self.command,
                 "status": _STATUS[code],
@@ -154,6 +156,8 @@ class Session:
                 "findings": self.findings,
                 "outputs": self.outputs,
             }
+            if self.details:
+                result["details"] = self.details
             if message:
                 result["message"] = message
             _out(json.dumps(result) + "\n")

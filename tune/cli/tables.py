@@ -10,7 +10,10 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from identification import Device, Quantity
-    from tune.profile import Certificate, SafeProfile
+    from tune.candidates import Candidate, CandidateEffect
+    from tune.discrimination import Estimate
+    from tune.profile import Certificate, LoopProfile, SafeProfile
+    from tune.scene import MarginName
 
 #: Units of each motion by quantity.
 UNITS = {
@@ -36,18 +39,9 @@ UNITS = {
 def elements_table(profile: SafeProfile) -> Table:
     """One row an effect: value, perceived steps, gain and delay margin, ripple, what binds."""
     units = UNITS[profile.device.motion]
-    loop = profile.loop
-    filters = ", ".join(
-        f"{name} {cutoff:g} Hz"
-        for name, cutoff in (
-            ("velocity", loop.velocity_filter_hz),
-            ("acceleration", loop.acceleration_filter_hz),
-        )
-        if cutoff is not None
-    )
     table = Table(
         title=f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}; "
-        f"filters: {filters or 'none'}",
+        f"filters: {_filters(profile.loop)}",
         title_justify="left",
         box=SIMPLE_HEAD,
     )
@@ -72,6 +66,94 @@ def elements_table(profile: SafeProfile) -> Table:
                 reason,
             )
     return table
+
+
+def _filters(loop: LoopProfile) -> str:
+    parts = [
+        f"{name} {cutoff:g} Hz"
+        for name, cutoff in (
+            ("velocity", loop.velocity_filter_hz),
+            ("acceleration", loop.acceleration_filter_hz),
+        )
+        if cutoff is not None
+    ]
+    if loop.velocity_window_samples is not None:
+        parts.insert(0, f"velocity over {loop.velocity_window_samples} samples")
+    return ", ".join(parts) or "none"
+
+
+def candidates_table(
+    found: tuple[Candidate, ...], rows: tuple[CandidateEffect, ...], chosen: MarginName
+) -> Table:
+    """Three rows an effect, one for each margin; the recommended one is marked by a star."""
+    profiles = [candidate.profile for candidate in found if candidate.profile is not None]
+    units = UNITS[profiles[0].device.motion] if profiles else {}
+    place = f"{profiles[0].scene} on {profiles[0].device.name}, " if profiles else ""
+    table = Table(
+        title=f"{place}three margins (* recommended, > chosen)",
+        title_justify="left",
+        box=SIMPLE_HEAD,
+    )
+    for heading in ("effect", "margin", "value", "steps", "gain", "delay", "ripple", "limited by"):
+        numeric = heading not in {"effect", "margin", "limited by"}
+        table.add_column(
+            heading,
+            justify="right" if numeric else "left",
+            no_wrap=heading != "effect",
+            overflow="fold",
+        )
+    marks = {
+        candidate.margin: f"{'>' if candidate.margin == chosen else ' '} {candidate.margin}"
+        f"{' *' if candidate.recommended else ''}"
+        for candidate in found
+    }
+    before = ""
+    for row in rows:
+        label = f"{row.element} {row.effect}"
+        table.add_row(
+            "" if label == before else label,
+            marks[row.margin],
+            f"{row.value:.6g} {units[row.effect]}" if row.value else "-",
+            _steps(row.steps),
+            f"{row.gain:.4g}",
+            f"+{row.extra_delay_samples:g} T",
+            "-" if row.ripple is None else f"{row.ripple:.2g} {units['force']}",
+            row.limited_by,
+        )
+        before = label
+    return table
+
+
+def candidates_lines(
+    found: tuple[Candidate, ...], rows: tuple[CandidateEffect, ...]
+) -> tuple[str, ...]:
+    """What each margin demands and which filters it took, or why nothing can be played with it."""
+    from tune.scene import MARGINS
+
+    lines: list[str] = []
+    for candidate in found:
+        margin = MARGINS[candidate.margin]
+        demand = (
+            f"{candidate.margin}: every gain up to {margin.gain:g}, "
+            f"{margin.extra_delay_samples} extra sample"
+            f"{'' if margin.extra_delay_samples == 1 else 's'} of delay; "
+        )
+        result = (
+            str(candidate.error)
+            if candidate.profile is None
+            else f"filters: {_filters(candidate.profile.loop)}"
+        )
+        lines.append(demand + result)
+    sizes = [{(r.element, r.effect): r.value for r in rows if r.margin == c.margin} for c in found]
+    if rows and all(other == sizes[0] for other in sizes):
+        lines.append("the same effects with every margin: here the conservative one costs nothing")
+    return tuple(lines)
+
+
+def _steps(steps: Estimate) -> str:
+    if steps.low is None or steps.high is None or steps.value == 0:
+        return f"{steps.value:.3g}"
+    return f"{steps.value:.3g} ({steps.low:.2g} to {steps.high:.2g})"
 
 
 def device_table(device: Device) -> Table:

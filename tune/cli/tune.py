@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tune.cli.options import DryRun, Json, MarginChoice, MarginOption, ProfileOut, Quiet
+from tune.cli.options import (
+    Candidates,
+    DryRun,
+    Json,
+    MarginChoice,
+    MarginOption,
+    ProfileOut,
+    Quiet,
+)
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
     from identification import Device
+    from tune.candidates import Candidate, CandidateEffect
     from tune.perception import PerceptionTable
     from tune.profile import SafeProfile
     from tune.scene import Scene
@@ -23,6 +32,7 @@ def tune(
     scene: Annotated[Path, typer.Argument(help="scene.yaml")],
     output: ProfileOut = Path("profile.yaml"),
     margin: MarginOption = None,
+    candidates: Candidates = False,
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -33,7 +43,7 @@ def tune(
         from identification import load_device
 
         session.target(output, scene, Path(device))
-        profile = tuned(session, load_device(device), wanted(scene, margin))
+        profile = tuned(session, load_device(device), wanted(scene, margin), compare=candidates)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
 
     run_command("tune", action, as_json=json, quiet=quiet)
@@ -57,16 +67,80 @@ def wanted(scene_file: Path, margin: MarginChoice | None) -> Wanted:
     return Wanted(scene=scene, table=perception_of(scene, scene_file.parent))
 
 
-def tuned(session: Session, device: Device, wish: Wanted) -> SafeProfile:
-    """Tune, show the result and return it; shared with calibrate and demo."""
+def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = False) -> SafeProfile:
+    """Tune, show the result and return it; shared with calibrate and demo.
+
+    Args:
+        session: of the command.
+        device: to tune for.
+        wish: what is to be felt.
+        compare: tune with all three margins and show them side by side.
+    """
+    from tune.cli.rehearse import refuse_restless
     from tune.cli.tables import certificate_lines, elements_table
     from tune.optimisation import optimise
 
-    with session.progress() as say:
-        profile = optimise(device, wish.scene, table=wish.table, progress=say)
-    session.say(elements_table(profile))
+    if compare:
+        profile = _chosen(session, device, wish)
+    else:
+        with session.progress() as say:
+            profile = optimise(device, wish.scene, table=wish.table, progress=say)
+        session.say(elements_table(profile))
     for note in profile.notes:
         session.say(note)
     for line in certificate_lines(profile.certificate):
         session.say(line)
+    with session.progress() as say:
+        refuse_restless(profile, say)
+    session.say("rehearsed in simulation with quantiser, friction, force limit and a wall: settles")
     return profile
+
+
+def _chosen(session: Session, device: Device, wish: Wanted) -> SafeProfile:
+    """The candidate with the scene's margin, after all three were shown.
+
+    Raises:
+        NoFeasibleEffectError: this margin allows nothing the scene asks for.
+        CheckFailedError: what it allows was not certified.
+    """
+    from tune.candidates import candidates, compared
+    from tune.cli.tables import candidates_lines, candidates_table
+
+    with session.progress() as say:
+        found = candidates(device, wish.scene, table=wish.table, progress=say)
+    rows = compared(found, wish.table)
+    session.details["candidates"] = [
+        _plain(candidate, [row for row in rows if row.margin == candidate.margin])
+        for candidate in found
+    ]
+    session.say(candidates_table(found, rows, wish.scene.margin))
+    for line in candidates_lines(found, rows):
+        session.say(line)
+    chosen = next(candidate for candidate in found if candidate.margin == wish.scene.margin)
+    if chosen.profile is None:
+        assert chosen.error is not None
+        raise chosen.error
+    return chosen.profile
+
+
+def _plain(candidate: Candidate, rows: list[CandidateEffect]) -> dict[str, object]:
+    """One candidate as it stands in the JSON result."""
+    profile = candidate.profile
+    return {
+        "margin": candidate.margin,
+        "recommended": candidate.recommended,
+        "reason": None if candidate.error is None else str(candidate.error),
+        "loop": None if profile is None else profile.loop.model_dump(mode="json"),
+        "effects": [
+            {key: item for key, item in asdict(row).items() if key not in {"margin", "steps"}}
+            | {"steps": {key: _short(item) for key, item in asdict(row.steps).items()}}
+            for row in rows
+        ],
+    }
+
+
+def _short(number: float | None) -> float | None:
+    """Four digits, as profiles state steps: the interval is no better known."""
+    from identification import rounded
+
+    return None if number is None else rounded(number, 4)

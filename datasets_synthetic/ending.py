@@ -1,0 +1,133 @@
+"""How a run ended: at rest, in an oscillation that lasts, or in one that grows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Verdict = Literal["settles", "keeps-oscillating", "diverges"]
+
+#: The last two parts of a run that are compared, each so long; what came before is the beginning.
+_PART = 0.3
+#: An amplitude below this part of that before it is dying out, ...
+_DIES = 0.9
+#: ... and one above this multiple of it growing.
+_GROWS = 1.1
+#: Travel below this multiple of the amplitude is what an oscillation leaves of a straight line.
+_MORE = 3.0
+#: Amplitudes below this part of what is allowed are rounding and said to be none.
+_NOTHING = 1e-6
+#: Slow motion taken off each part: a polynomial of this degree, so that what creeps to its rest is
+#: no oscillation.
+_DEGREE = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Allowed:
+    """What may be left at the end of a run.
+
+    Attributes:
+        counts: amplitude of the readings, and travel if nothing pushes, in counts.
+        force: amplitude of the force, N (N·m).
+        pushed: whether something pushes to the end: then steady travel is no fault.
+    """
+
+    counts: float
+    force: float
+    pushed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending:
+    """The end of one run.
+
+    Attributes:
+        verdict: "settles", "keeps-oscillating" (or keeps moving) or "diverges".
+        at_rest: whether all that is left is allowed.
+        counts: amplitude of the readings at the end, in counts: √2 times the rms of what is left
+            without slow motion.
+        force: likewise of the force, N (N·m).
+        reason: half a sentence.
+    """
+
+    verdict: Verdict
+    at_rest: bool
+    counts: float
+    force: float
+    reason: str
+
+
+def endings(
+    position: FloatArray, force: FloatArray, count: float, allowed: Allowed
+) -> list[Ending]:
+    """The end of every run, position (m) and force (N) of shape (batch, n)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        parts = _parts(position) / count
+        moved, pulled = _amplitudes(parts), _amplitudes(_parts(force))
+        travel = _travel(parts)
+        travel = np.where(travel > _MORE * moved, travel, 0.0)
+    return [_ending(*each, allowed) for each in zip(moved, pulled, travel, strict=True)]
+
+
+def _ending(counts: FloatArray, force: FloatArray, travel: FloatArray, allowed: Allowed) -> Ending:
+    """From what is left in the two last parts, before and after, each shape (2,)."""
+    left = [(counts, allowed.counts), (force, allowed.force)]
+    # Steady travel under a push is at rest in this sense; travel that gains is not.
+    gains = travel[1] > _GROWS * travel[0]
+    left += [(travel, allowed.counts)] if gains or not allowed.pushed else []
+    over = [pair for pair, most in left if pair[1] > most]
+    lasting = [pair for pair in over if pair[1] >= _DIES * pair[0]]
+    size = f"{_shown(counts[1], allowed.counts)} counts and "
+    size += f"{_shown(force[1], allowed.force)} of force"
+    limits = f"{allowed.counts:g} counts and {allowed.force:.3g} of force are allowed"
+    verdict: Verdict = "settles"
+    if not all(np.all(np.isfinite(pair)) for pair in (counts, force, travel)):
+        verdict, reason = "diverges", "the motion grew without bound"
+    elif not over:
+        reason = f"ends with {size}; {limits}"
+    elif not lasting:
+        reason = f"still dying out, from {counts[0]:.3g} counts to {size}"
+    elif lasting[0] is travel:
+        verdict = "diverges" if gains else "keeps-oscillating"
+        reason = f"moves on by {travel[1]:.3g} counts, after {travel[0]:.3g} as long before"
+    elif any(pair[1] > _GROWS * pair[0] for pair in lasting):
+        verdict = "diverges"
+        reason = f"still growing, from {counts[0]:.3g} counts to {size}; {limits}"
+    else:
+        verdict, reason = "keeps-oscillating", f"keeps oscillating with {size}; {limits}"
+    return Ending(
+        verdict=verdict,
+        at_rest=verdict == "settles" and not over,
+        counts=float(counts[1]),
+        force=float(force[1]),
+        reason=reason,
+    )
+
+
+def _parts(values: FloatArray) -> FloatArray:
+    """The last two parts of each run, shape (batch, 2, length)."""
+    length = int(_PART * values.shape[1])
+    return values[:, values.shape[1] - 2 * length :].reshape(values.shape[0], 2, length)
+
+
+def _amplitudes(parts: FloatArray) -> FloatArray:
+    """Amplitude in each part without slow motion, shape (batch, 2)."""
+    place = np.linspace(-1, 1, parts.shape[2])
+    slow, _ = np.linalg.qr(np.polynomial.legendre.legvander(place, _DEGREE))
+    left = parts - (parts @ slow) @ slow.T
+    return np.sqrt(2 * np.mean(left**2, axis=2))
+
+
+def _travel(parts: FloatArray) -> FloatArray:
+    """How far the straight line through each part goes, shape (batch, 2)."""
+    place = np.linspace(-1, 1, parts.shape[2])
+    return np.abs(2 * (parts @ place) / (place @ place))
+
+
+def _shown(amplitude: float, allowed: float) -> str:
+    """To three digits, rounding errors as none."""
+    return "0" if amplitude < _NOTHING * allowed else f"{amplitude:.3g}"

@@ -1,0 +1,133 @@
+"""What moves in a simulation, from one sample to the next: a rigid device, or a mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datasets_synthetic.field import Field
+from datasets_synthetic.hand import Hand
+from datasets_synthetic.members import per_member
+from datasets_synthetic.motion import Drag, advance
+from datasets_synthetic.rig import Rig
+from datasets_synthetic.timetable import Part
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loads:
+    """Unlogged forces, held over each sample, N (N·m), shape (n, batch); None for none.
+
+    Attributes:
+        device: on the rigid coordinate.
+        handle: of a hand, besides its mass, damper and spring.
+    """
+
+    device: FloatArray | None
+    handle: FloatArray | None
+
+
+class Mover(Protocol):
+    """A batch of devices in motion; every array shape (batch,)."""
+
+    def rate(self) -> FloatArray:
+        """The fastest rate that the steps of a timetable have to resolve, 1/s."""
+        ...
+
+    def begin(self, sample: int) -> None:
+        """The unlogged forces are now those of this sample."""
+        ...
+
+    def move(self, acting: FloatArray, part: Part) -> None:
+        """Moves on over one part of a sample interval, under the command that acts in it, N."""
+        ...
+
+    def measured(self) -> FloatArray:
+        """Where the encoder is, m (rad)."""
+        ...
+
+    def handle(self) -> FloatArray:
+        """Where the handle is, m (rad)."""
+        ...
+
+    def speed(self) -> FloatArray:
+        """Of the handle, m/s (rad/s)."""
+        ...
+
+    def energy(self) -> FloatArray:
+        """Of motion, springs and gravity, the hand's included, J."""
+        ...
+
+
+class RigidMover:
+    """A rigid mass with friction, in a field or free; see motion.py."""
+
+    __slots__ = ("_drag", "_forces", "_mass", "_offset", "_q", "_resisted", "_v")
+
+    def __init__(
+        self, rig: Rig, hand: Hand, loads: Loads, position: FloatArray, velocity: FloatArray
+    ) -> None:
+        column = partial(per_member, batch=position.size)
+        self._mass = column(rig.mass) + column(hand.mass)
+        self._drag = _drag(rig, hand, self._mass)
+        self._offset = column(rig.force_offset) - column(hand.stiffness) * column(hand.rest)
+        there = [load for load in (loads.device, loads.handle) if load is not None]
+        self._forces = sum(there[1:], start=there[0]) if there else None
+        self._resisted = self._offset
+        self._q, self._v = position, velocity
+
+    def rate(self) -> FloatArray:
+        """The fastest rate that the steps of a timetable have to resolve, 1/s."""
+        return self._drag.fastest()
+
+    def begin(self, sample: int) -> None:
+        """The unlogged forces are now those of this sample."""
+        if self._forces is not None:
+            self._resisted = self._offset - self._forces[sample]
+
+    def move(self, acting: FloatArray, part: Part) -> None:
+        """Moves on over one part of a sample interval, under the command that acts in it, N."""
+        pull = (acting - self._resisted) / self._mass
+        for _ in range(part.steps):
+            self._q, self._v = advance(self._q, self._v, pull, self._drag, part.step)
+
+    def measured(self) -> FloatArray:
+        """Where the encoder is, m (rad)."""
+        return self._q
+
+    def handle(self) -> FloatArray:
+        """Where the handle is, m (rad)."""
+        return self._q
+
+    def speed(self) -> FloatArray:
+        """Of the handle, m/s (rad/s)."""
+        return self._v
+
+    def energy(self) -> FloatArray:
+        """Of motion, springs and gravity, the hand's included, J."""
+        energy = 0.5 * self._mass * self._v**2
+        field = self._drag.field
+        return energy if field is None else energy + self._mass * field.stored(self._q)
+
+
+def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:
+    """Friction and field of the device with the hand on it, per unit of their common mass."""
+    column = partial(per_member, batch=mass.size)
+    return Drag.of(
+        mass=mass,
+        damping=column(rig.damping) + column(hand.damping),
+        coulomb_friction=column(rig.coulomb_friction),
+        damping_asymmetry=column(rig.damping_asymmetry),
+        coulomb_asymmetry=column(rig.coulomb_asymmetry),
+        field=Field.of(
+            mass=mass,
+            stiffness=column(rig.stiffness) + column(hand.stiffness),
+            gravity_sine=column(rig.gravity_sine),
+            gravity_cosine=column(rig.gravity_cosine),
+        ),
+    )

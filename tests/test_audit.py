@@ -1,0 +1,116 @@
+"""``haptune audit``: the paper's own setting, what makes it unfit, and the nearest safe values."""
+
+from __future__ import annotations
+
+import pytest
+from flint import arb
+
+from identification import load_device
+from tests.commands import haptune
+from tests.reference import reference_loop, stable_by_roots
+from tune.audit import audit
+from tune.effects import Effects
+from tune.loop import Filters
+
+PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")
+FILTERED = ("--velocity-filter", "30", "--acceleration-filter", "30")
+
+
+def test_the_papers_own_setting_is_safe_with_filters() -> None:
+    ended = haptune("audit", "homerehab", *PAPER, *FILTERED)
+    assert ended.code == 0, ended.err
+    assert "delay 1 sample" in ended.out
+    assert "gain margin" in ended.out
+    assert "extra delay, samples" in ended.out
+    assert "N rms" in ended.out
+    assert "safe with margin balanced" in ended.out
+
+
+def test_without_filters_the_encoder_is_why_it_is_not_fit() -> None:
+    ended = haptune("audit", "homerehab", *PAPER)
+    assert ended.code == 6
+    assert "the encoder makes the force ripple by 4.19 rms" in ended.err
+    assert "Filter velocity and acceleration" in ended.err
+
+
+def test_a_spring_too_stiff_ends_in_6_with_the_nearest_safe_value() -> None:
+    ended = haptune(
+        "audit", "homerehab", "--stiffness", "30000", "--damping", "0", "--mass", "0", "--json"
+    )
+    assert ended.code == 6
+    details = ended.result["details"]
+    assert {fault["limit"] for fault in details["faults"]} == {"stability", "force"}
+    assert details["nearest"] == {"stiffness": pytest.approx(1400.0)}
+    assert "nearest safe values: --stiffness 1400" in ended.err
+
+
+def test_the_nearest_safe_values_are_safe_and_near() -> None:
+    device = load_device("homerehab")
+    wanted = Effects(stiffness=1000.0, damping=10.0, mass=1.0)
+    found = audit(device, wanted)
+    assert found.nearest is not None
+    again = audit(device, found.nearest)
+    assert again.safe
+    assert again.certificate is not None
+    K, B, M = (float(value) for value in found.nearest.arrays() if value is not None)
+    assert 100 < K <= 1000
+    assert 1 < B <= 10
+    assert 0 < M < 0.1  # at 6 N of ripple a kilogram, 0.1 N is all but reached by 0.02 kg
+
+
+def test_the_gain_margin_is_that_of_the_roots() -> None:
+    """The device is known exactly but for the box of its mass and damping: the worst corner."""
+    device = load_device("homerehab")
+    box = device.simultaneous_box()
+    found = audit(device, Effects(stiffness=2000.0))
+    T = device.sample_time.value
+    for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        corners = [
+            stable_by_roots(
+                reference_loop(b * T / m, 2000.0 * T * T / m, 0, 0, delay=1).at(
+                    arb(found.gain * share)
+                )
+            )
+            for m in box.mass
+            for b in box.damping
+        ]
+        assert all(corners) == stable
+
+
+def test_further_delay_becomes_part_of_the_device() -> None:
+    device = load_device("homerehab")
+    gains = Effects(stiffness=1000.0, damping=10.0)
+    near = audit(device, gains, filters=Filters(velocity_hz=50.0))
+    late = audit(device, gains, filters=Filters(velocity_hz=50.0), extra_delay_samples=1.5)
+    assert late.design.device.delay.value == pytest.approx(0.0025)
+    assert late.gain < near.gain
+    assert near.margins is not None
+    assert late.margins is not None
+    assert near.margins.delay.every_gain - late.margins.delay.every_gain == pytest.approx(
+        1.5, abs=1e-6
+    ) or near.margins.delay.every_gain == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "all are zero"),
+        (("--stiffness", "-5"), "never stable"),
+        (("--stiffness", "nan"), "no finite number"),
+        (("--stiffness", "100", "--velocity-filter", "0"), "no cut-off"),
+        (("--stiffness", "100", "--extra-delay-samples", "-2"), "less than no delay"),
+    ],
+)
+def test_nonsense_is_a_usage_error(options: tuple[str, ...], words: str) -> None:
+    ended = haptune("audit", "homerehab", *options)
+    assert ended.code == 2
+    assert words in ended.err
+
+
+def test_less_mass_and_damping_can_be_audited() -> None:
+    found = audit(load_device("homerehab"), Effects(damping=-3.9))
+    assert found.safe
+    over = audit(load_device("homerehab"), Effects(damping=-6.0))
+    assert [fault.limit for fault in over.faults] == ["gain-margin"]
+    lowest = load_device("homerehab").simultaneous_box().damping[0]
+    assert over.gain == pytest.approx(lowest / 6, rel=0.02)  # the delay takes a little off

@@ -1,0 +1,178 @@
+"""Standard trials: what settles, what keeps oscillating and what diverges, each for its reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from datasets_synthetic import Controller, Hand, Rehearsal, Rig, Vibration, named_rig, rehearse
+from datasets_synthetic.ending import Allowed, endings
+
+T = 0.001
+HOMEREHAB = named_rig("homerehab")
+FILTERED: dict[str, Any] = {"velocity_cutoff": 30.0, "acceleration_cutoff": 30.0}
+ALLOWED = Allowed(counts=3.0, force=1.0)
+#: The paper's own setting.
+PAPER = Controller(stiffness=1000.0, damping=10.0, mass=1.0, **FILTERED)
+
+
+def play(rig: Rig, controller: Controller, **changes: Any) -> Rehearsal:
+    """With short trials, so that those that need it are played for three seconds."""
+    return rehearse(rig, controller, **{"duration": 1.0, **changes})
+
+
+def of(rehearsal: Rehearsal, name: str) -> set[str]:
+    """Verdicts of the trials of this name."""
+    found = {trial.verdict for trial in rehearsal.trials if trial.name == name}
+    assert found
+    return set(found)
+
+
+def test_the_papers_setting_settles_held_or_not_with_friction_or_without() -> None:
+    found = play(HOMEREHAB, PAPER, hand=Hand(mass=0.3, damping=5.0, stiffness=300.0))
+    assert found.settles
+    assert {(trial.held, trial.rubbing) for trial in found.trials} == {
+        (False, True),
+        (True, True),
+        (False, False),
+        (True, False),
+    }
+    assert len(found.trials) == 6 * 4
+    assert all(trial.reason.endswith(".") for trial in found.trials)
+
+
+def test_negative_mass_and_damping_survive_a_push_at_the_force_limit() -> None:
+    lighter = Controller(stiffness=500.0, damping=-5.0, mass=-1.0, **FILTERED)
+    found = play(HOMEREHAB, lighter)
+    assert of(found, "sustained push") == {"settles"}
+    assert found.settles
+
+
+def test_too_much_negative_damping_drifts_away_and_is_vetoed() -> None:
+    """-12 N·s/m on 10: friction holds a small start, without it any speed grows."""
+    found = play(HOMEREHAB, Controller(stiffness=100.0, damping=-12.0, **FILTERED))
+    small = [trial for trial in found.trials if trial.name == "small start"]
+    assert {trial.rubbing: trial.verdict == "settles" for trial in small} == {
+        True: True,
+        False: False,
+    }
+    assert not found.settles
+
+
+def test_a_device_that_runs_away_without_ringing_is_vetoed() -> None:
+    """No spring, -12 N·s/m on 10: the speed grows smoothly until the force limit ends it."""
+    found = play(HOMEREHAB, Controller(damping=-12.0, velocity_cutoff=100.0))
+    assert not found.settles
+    frictionless = [trial for trial in found.vetoes if not trial.rubbing]
+    assert {"push", "small start"} <= {trial.name for trial in frictionless}
+    assert any("moves on by" in trial.reason for trial in frictionless)
+
+
+def test_a_spring_far_too_stiff_is_vetoed_with_numbers() -> None:
+    """The force limit keeps the oscillation bounded, friction hides it from a small start."""
+    found = play(HOMEREHAB, Controller(stiffness=30_000.0))
+    assert of(found, "release") == {"keeps-oscillating"}
+    worst = found.vetoes[0]
+    assert worst.verdict == "diverges"  # a fall from near the wall gains energy
+    assert "times the energy of the one before" in worst.reason
+    release = next(trial for trial in found.vetoes if trial.name == "release")
+    assert release.force > 28.0  # all of it, back and forth
+    assert release.counts > 100
+    assert "3 counts and 0.28 of force are allowed" in release.reason
+    assert any(trial.verdict == "settles" for trial in found.trials if trial.rubbing)
+
+
+def test_without_a_force_limit_it_grows_without_bound() -> None:
+    found = play(replace(HOMEREHAB, force_limit=np.inf), Controller(stiffness=60_000.0), push=28.0)
+    assert of(found, "release") == {"diverges"}
+    assert "grew without bound" in found.vetoes[0].reason or "growing" in found.vetoes[0].reason
+
+
+def test_unfiltered_mass_keeps_shaking_within_a_count() -> None:
+    """M/T² times a count is 6 N: less than a count of motion, newtons of force, for ever."""
+    rough = replace(PAPER, velocity_cutoff=np.inf, acceleration_cutoff=np.inf)
+    found = rehearse(HOMEREHAB, rough)
+    shaking = [trial for trial in found.vetoes if trial.name in {"wall", "near wall"}]
+    assert shaking
+    for trial in shaking:
+        assert trial.verdict == "keeps-oscillating"
+        assert trial.counts < 3
+        assert 1 < trial.force < 28
+        assert not trial.rubbing
+    assert play(HOMEREHAB, rough, force_allowed=20.0).settles  # what is allowed is the caller's
+
+
+def test_modes_and_lag_are_rehearsed_too() -> None:
+    """A mode that the spring alone leaves stable and that the same spring and damper excites."""
+    mode = Vibration(frequency_hz=60.0, damping_ratio=0.005, at_encoder=1.5, at_handle=-0.7)
+    soft = replace(HOMEREHAB, coulomb_friction=0.0, modes=(mode,), current_lag=3e-4)
+    quiet = play(soft, Controller(stiffness=500.0, damping=5.0, **FILTERED))
+    loud = play(soft, Controller(stiffness=500.0, damping=300.0, **FILTERED))
+    assert quiet.settles
+    assert of(loud, "release") <= {"keeps-oscillating", "diverges"}
+
+
+@pytest.mark.parametrize("name", ["stylus", "knob", "emps"])
+def test_a_tenth_of_the_limit_settles_on_every_device(name: str) -> None:
+    rig = named_rig(name)
+    m, b = float(rig.mass[0]), float(rig.damping[0])
+    modest = Controller(stiffness=0.1 * b / (1.5 * T), damping=2 * b, mass=0.2 * m, **FILTERED)
+    assert play(rig, modest).settles
+
+
+def test_endings_of_known_signals() -> None:
+    time = np.linspace(0, 3, 3000)
+    wave = np.sin(2 * np.pi * 30 * time)
+    signals = {
+        "still": 0 * time,
+        "creeping": np.exp(-time),
+        "coming to rest": 900 * np.exp(-time),
+        "coasting": 20 * time,
+        "running away": np.exp(2 * time),
+        "small": 2.9 * wave,
+        "lasting": 5 * wave,
+        "dying": 50 * np.exp(-time) * wave,
+        "growing": 5 * np.exp(time) * wave,
+        "gone": np.where(time < 2, wave, np.inf),
+    }
+    with np.errstate(invalid="ignore"):
+        found = endings(np.stack(list(signals.values())), np.zeros((10, 3000)), 1.0, ALLOWED)
+    by_name = dict(zip(signals, found, strict=True))
+    assert {name: each.verdict for name, each in by_name.items()} == {
+        "still": "settles",
+        "creeping": "settles",
+        "coming to rest": "settles",
+        "coasting": "keeps-oscillating",
+        "running away": "diverges",
+        "small": "settles",
+        "lasting": "keeps-oscillating",
+        "dying": "settles",
+        "growing": "diverges",
+        "gone": "diverges",
+    }
+    assert by_name["lasting"].counts == pytest.approx(5.0, rel=3e-3)
+    assert by_name["still"].at_rest
+    assert not by_name["dying"].at_rest
+    assert not by_name["coming to rest"].at_rest
+    moving = np.stack([20 * time, np.exp(2 * time)])
+    pushed = endings(moving, 0 * moving, 1.0, replace(ALLOWED, pushed=True))
+    assert [each.verdict for each in pushed] == ["settles", "diverges"]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: rehearse(Rig(mass=[1.0, 2.0], damping=1.0, sample_time=T), PAPER), "at a time"),
+        (lambda: rehearse(Rig(mass=1.0, damping=1.0, sample_time=T), PAPER), "or a reach"),
+        (
+            lambda: rehearse(Rig(mass=1.0, damping=1.0, sample_time=T), PAPER, reach=0.01),
+            "no force_limit: give it one, or a push",
+        ),
+    ],
+)
+def test_what_cannot_be_rehearsed_is_refused(make: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()

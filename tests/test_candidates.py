@@ -1,0 +1,215 @@
+"""Three margins side by side, against the roots of the closed loop in z."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import exp, log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from datasets_synthetic import bundled
+from identification import Device, load_device
+from tests.commands import files, haptune
+from tune.candidates import Candidate, candidates, compared
+from tune.errors import CheckFailedError, NoFeasibleEffectError
+from tune.optimisation import optimise
+from tune.perception import PerceptionTable, default_table
+from tune.profile import SafeProfile, load_profile
+from tune.scene import MarginName, Scene
+
+#: gain and further samples of delay, as the README promises them
+PROMISED: dict[MarginName, tuple[float, int]] = {
+    "conservative": (3.0, 2),
+    "balanced": (2.0, 1),
+    "firm": (1.5, 1),
+}
+WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
+
+
+def _scene(elements: dict[str, Any] = WALL, **more: Any) -> Scene:
+    return Scene.model_validate({"elements": elements, **more})
+
+
+@pytest.fixture(scope="module")
+def device() -> Device:
+    """HomeRehab without the limits that would hide stability."""
+    return load_device("homerehab").model_copy(
+        update={"force_limit": None, "encoder_resolution": None}
+    )
+
+
+@pytest.fixture(scope="module")
+def said() -> list[str]:
+    """Sentences of progress while the walls were tuned."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def walls(device: Device, said: list[str]) -> tuple[Candidate, ...]:
+    """The margin that the scene names is not looked at."""
+    return candidates(device, _scene(margin="firm"), progress=said.append)
+
+
+def _radius(stiffness: float, mass: float, damping: float, samples: int) -> float:
+    """Largest pole of a spring on m·q̈ + b·q̇ = F, held for 1 ms, so many samples late."""
+    step = 1e-3
+    tau, pole = mass / damping, exp(-damping * step / mass)
+    plant = np.array([step - tau * (1 - pole), tau * (1 - pole) - step * pole]) / damping
+    bare = np.polymul([1.0, -1.0], [1.0, -pole])
+    late = np.concatenate([bare, np.zeros(samples)])
+    return float(np.abs(np.roots(np.polyadd(late, stiffness * plant))).max())
+
+
+def _stiffness(candidate: Candidate) -> float:
+    assert candidate.profile is not None
+    return candidate.profile.elements["wall"].stiffness
+
+
+def test_each_candidate_is_as_stiff_as_its_own_margin_allows(
+    device: Device, walls: tuple[Candidate, ...]
+) -> None:
+    box = device.simultaneous_box()
+    assert [candidate.margin for candidate in walls] == list(PROMISED)
+    for candidate in walls:
+        gain, extra = PROMISED[candidate.margin]
+        late = 1 + extra  # HomeRehab itself is one sample late
+
+        def worst(stiffness: float, late: int = late) -> float:
+            return max(_radius(stiffness, m, b, late) for m, b in product(box.mass, box.damping))
+
+        limit = gain * _stiffness(candidate)
+        assert worst(limit) < 1
+        # Effects are rounded to six digits; delay is kept at the gain of the margin.
+        assert worst(limit * 1.001) > 1
+    assert _stiffness(walls[0]) < _stiffness(walls[1]) < _stiffness(walls[2])
+
+
+def test_balanced_is_recommended(walls: tuple[Candidate, ...]) -> None:
+    assert [candidate.margin for candidate in walls if candidate.recommended] == ["balanced"]
+
+
+def test_a_margin_that_allows_nothing_says_why_and_the_others_stand(
+    device: Device, walls: tuple[Candidate, ...]
+) -> None:
+    between = (_stiffness(walls[0]) * _stiffness(walls[1])) ** 0.5
+    scene = _scene({"wall": {"stiffness": {"min": between, "max": 1e5}}})
+    conservative, balanced, firm = candidates(device, scene)
+    assert conservative.profile is None
+    assert isinstance(conservative.error, NoFeasibleEffectError)
+    assert "its range starts at" in str(conservative.error)
+    assert _stiffness(balanced) == pytest.approx(_stiffness(walls[1]), rel=1e-4)
+    assert firm.error is None
+    assert {row.margin for row in compared((conservative, balanced, firm))} == {"balanced", "firm"}
+
+
+def test_a_candidate_that_is_not_certified_is_told_like_any_other(
+    device: Device, walls: tuple[Candidate, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    profiles = {candidate.margin: candidate.profile for candidate in walls}
+
+    def fails_when_firm(device: Device, scene: Scene, **more: Any) -> SafeProfile:
+        profile = profiles[scene.margin]
+        if scene.margin == "firm" or profile is None:
+            raise CheckFailedError(("an unstable corner",))
+        return profile
+
+    monkeypatch.setattr("tune.candidates.optimise", fails_when_firm)
+    *rest, firm = candidates(device, _scene())
+    assert all(candidate.profile is not None for candidate in rest)
+    assert str(firm.error) == "check failed: an unstable corner"
+
+
+@pytest.mark.usefixtures("walls")
+def test_every_sentence_of_progress_names_its_margin(said: list[str]) -> None:
+    for margin in PROMISED:
+        assert f"{margin} margin: certifying" in said
+    assert all(sentence.split(" margin: ")[0] in PROMISED for sentence in said)
+
+
+def test_rows_go_by_effect_with_steps_and_their_interval(device: Device) -> None:
+    content = default_table().model_dump(by_alias=True)
+    content["stiffness"] = {"value": 0.5, "low": 0.25, "high": 1.0, "source": "made up"}
+    table = PerceptionTable.model_validate(content)
+    profile = optimise(device, _scene({**WALL, "rail": {"stiffness": 500.0}}), table=table)
+    found = tuple(Candidate(margin=name, profile=profile, error=None) for name in PROMISED)
+    rows = compared(found, table)
+    assert [(row.element, row.margin) for row in rows] == list(product(("wall", "rail"), PROMISED))
+    rail = rows[-1].steps
+    # 500 N/m above 80 N/m, which 0.8 N of friction mask at 10 mm. Files keep four digits of steps.
+    height = log(580 / 80)
+    assert rail.value == pytest.approx(height / log(1.5), rel=1e-4)
+    assert rail.low == pytest.approx(height / log(2.0), rel=1e-4)
+    assert rail.high == pytest.approx(height / log(1.25), rel=1e-4)
+    assert rows[-1].limited_by == "wanted"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    # 14 N over 50 mm (table 1 of the paper): 280 N/m, far below what stability allows.
+    text = "elements: {wall: {stiffness: max, penetration: 0.05}}\n"
+    Path("scene.yaml").write_text(text, encoding="utf-8")
+
+
+@pytest.mark.usefixtures("here")
+def test_tune_shows_all_and_writes_the_margin_chosen() -> None:
+    ended = haptune("tune", "homerehab", "scene.yaml", "--margin", "firm", "--candidates")
+    assert ended.code == 0
+    table = ended.out.partition("conservative:")[0]
+    assert [table.count(margin) for margin in PROMISED] == [1, 1, 1]
+    assert "balanced *" in table
+    assert "> firm" in table
+    assert table.count("280 N/m") == 3
+    assert "here the conservative one costs nothing" in ended.out
+    written = load_profile(Path("profile.yaml"))
+    assert written.margin.name == "firm"
+    alone = haptune("tune", "homerehab", "scene.yaml", "--margin", "firm", "-o", "b.yaml", "--json")
+    assert "candidates" not in alone.result.get("details", {})
+    assert load_profile(Path("b.yaml")).digest == written.digest
+
+
+@pytest.mark.usefixtures("here")
+def test_json_gives_every_candidate() -> None:
+    result = haptune("tune", "homerehab", "scene.yaml", "--candidates", "--json").result
+    found = result["details"]["candidates"]
+    assert [entry["margin"] for entry in found] == list(PROMISED)
+    assert [entry["recommended"] for entry in found] == [False, True, False]
+    for entry in found:
+        (wall,) = entry["effects"]
+        assert (wall["element"], wall["effect"], wall["value"]) == ("wall", "stiffness", 280.0)
+        assert wall["limited_by"] == "force"
+    (wall,) = found[0]["effects"]
+    assert wall["steps"]["low"] < wall["steps"]["value"] < wall["steps"]["high"]
+    assert wall["gain"] >= 3
+    assert wall["extra_delay_samples"] >= 2
+    assert found[0]["reason"] is None
+    assert result["outputs"] == ["profile.yaml"]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_chosen_margin_without_a_profile_ends_as_it_does_alone() -> None:
+    Path("scene.yaml").write_text(
+        "elements: {wall: {stiffness: {min: 5000.0, max: 9000.0}}}\n", encoding="utf-8"
+    )
+    ended = haptune("tune", "homerehab", "scene.yaml", "--candidates", "--json")
+    assert ended.code == 5
+    assert [entry["effects"] for entry in ended.result["details"]["candidates"]] == [[], [], []]
+    assert "range starts at 5000" in ended.result["message"]
+    shown = haptune("tune", "homerehab", "scene.yaml", "--candidates")
+    assert shown.out.count("range starts at 5000") == 3
+    assert files() == {"scene.yaml"}
+
+
+@pytest.mark.usefixtures("here")
+def test_calibrate_compares_too() -> None:
+    log, hardware = (str(bundled(f"homerehab.{kind}")) for kind in ("csv", "hardware.yaml"))
+    ended = haptune(
+        "calibrate", log, "--hardware", hardware, "--scene", "scene.yaml",
+        "--method", "least-squares", "--candidates", "--json",
+    )  # fmt: skip
+    assert ended.code == 0
+    assert len(ended.result["details"]["candidates"]) == 3
+    assert load_profile(Path("profile.yaml")).margin.name == "balanced"

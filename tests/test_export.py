@@ -1,0 +1,328 @@
+"""Exported files say what the profile says, whatever its elements are called."""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from identification import InvalidInputError, to_mapping, to_yaml
+from tests.commands import files, haptune
+from tests.exported import LOOPS, changed, poles, renamed, tuned
+from tests.guard import compiler, compiles, write
+from tune.export import TARGETS, export
+from tune.export.names import identifiers
+from tune.profile import digest_of
+
+HOSTILE = (
+    ("while", "on", "int main(void) {return 1;}"),
+    ("a b", "a_b", "a-b"),
+    ("*/ #error out", "/* ?" + "?/", "\\"),
+    ('"quoted"', "Wänd\n#error new line", "壁"),
+    ("", " ", "\t\r\n"),
+    ("1e3", "0x10", "12:30:45"),
+    ("Wall", "WALL", "wall"),
+    ("x" * 5000, "x" * 5000 + "y", "x" * 39 + "_z"),
+    ("$tag", "${heading}", "%s\x00\u2028😀"),
+)
+
+
+@pytest.mark.parametrize("names", HOSTILE, ids=range(len(HOSTILE)))
+def test_hostile_names_are_harmless_everywhere(tmp_path: Path, names: tuple[str, ...]) -> None:
+    profile = renamed(*names)
+    words = identifiers(names)
+    assert len({*words.values()}) == len(names)
+    for word in words.values():
+        assert re.fullmatch(r"[a-z][a-z0-9_]{0,60}", word)
+        assert word not in {"while", "on", "null", "true", "no", "int"}
+    texts = {name: text for target in TARGETS for name, text in export(profile, target).items()}
+    write(texts, tmp_path)
+    assert compiles(tmp_path) == ""
+    assert all(text.isascii() for text in texts.values())
+    stated = json.loads(texts["haptune_profile.json"])
+    assert list(stated["elements"]) == list(names)
+    parameters = _ros2(texts["haptune_params.yaml"])
+    told = [item["name"] for item in parameters["elements"].values()]
+    assert told == [name[:60] for name in names]
+    assert parameters["together"] == {"group_1": [words[names[0]], words[names[1]]]}
+
+
+def _ros2(text: str) -> dict[str, Any]:
+    """The parameters as a reader of YAML 1.1 sees them."""
+    reader: Any = YAML(typ="safe", pure=True)
+    reader.version = (1, 1)
+    content = reader.load(text)
+    assert list(content) == ["haptune"]
+    assert list(content["haptune"]) == ["ros__parameters"]
+    return content["haptune"]["ros__parameters"]
+
+
+def _leaves(content: Any) -> Iterator[Any]:
+    if isinstance(content, dict):
+        for item in content.values():
+            yield from _leaves(item)
+    else:
+        yield content
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_ros2_parameters_are_what_they_seem(name: str) -> None:
+    profile = changed(**LOOPS[name])
+    tiny = profile.elements["cup"].model_copy(update={"mass": 1e-5, "damping": -2e22})
+    profile = profile.model_copy(update={"elements": {**profile.elements, "cup": tiny}})
+    text = export(profile, "ros2")["haptune_params.yaml"]
+    parameters = _ros2(text)
+    for leaf in _leaves(parameters):
+        assert type(leaf) in {int, float, str, list}
+        if isinstance(leaf, list):
+            assert leaf
+            assert {type(item) for item in leaf} == {str}  # pyright: ignore[reportUnknownVariableType]
+    # ROS 2 reads plain scalars by strtol, strtod and a list of words: no text may stay plain.
+    for line in text.splitlines():
+        value = line.partition(": ")[2]
+        if value and not line.startswith("#"):
+            assert re.fullmatch(r'"[^"]*"|\[("[^"]*"(, )?)+\]|\d+|-?\d+\.\d+(e[+-]\d+)?', value)
+    for element, stored in parameters["elements"].items():
+        told = profile.elements[element]
+        assert stored == {
+            "name": element,
+            "stiffness": told.stiffness,
+            "damping": told.damping,
+            "mass": told.mass,
+        }
+        assert all(type(stored[effect]) is float for effect in ("stiffness", "damping", "mass"))
+    assert parameters["digest"] == profile.digest
+    assert parameters["sample_time"] == 0.001
+    assert parameters["force_limit"] == {"continuous": 14.0, "peak": 28.0}
+    assert parameters["together"] == {"group_1": ["wall", "cup"]}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_json_states_the_coefficients_of_the_poles(name: str) -> None:
+    profile = changed(**LOOPS[name])
+    content = json.loads(export(profile, "json")["haptune_profile.json"])
+    assert content["digest"] == profile.digest
+    assert content["moments"] == [["wall"], ["cup"], ["rubber"], ["wall", "cup"]]
+    assert content["elements"]["wall"] == {"stiffness": 500.0, "damping": 10.0, "mass": 0.0}
+    assert content["force_limit"] == {"continuous": 14.0, "peak": 28.0}
+    assert content["margin"] == {"name": "balanced", "gain": 2.0, "extra_delay_samples": 1}
+    assert content["assumes"] == list(profile.certificate.assumes)
+    assert content["not_assessed"] == list(profile.certificate.not_assessed)
+    loop = profile.loop
+    for which, order, cutoff in (
+        ("velocity", loop.velocity_filter_order, loop.velocity_filter_hz),
+        ("acceleration", loop.acceleration_filter_order, loop.acceleration_filter_hz),
+    ):
+        stated = content[which]
+        if cutoff is None:
+            window = which == "velocity" and loop.velocity_window_samples
+            assert stated == ({"kind": "window", "samples": 7} if window else {"kind": "none"})
+            continue
+        below = poles(cutoff, order, loop.filter_damping_ratio)
+        assert [1.0, -stated["t"], stated["p"]][: below.size] == pytest.approx(below, rel=1e-14)
+        assert stated["g"] == pytest.approx(below.sum(), rel=1e-12)
+        assert stated["cutoff_hz"] == cutoff
+        if "a" in stated:
+            assert np.polyval(below, stated["a"]) == pytest.approx(0, abs=1e-15)
+
+
+def test_every_file_says_what_is_certified_and_what_is_not() -> None:
+    profile = tuned()
+    for target in TARGETS:
+        for name, text in export(profile, target).items():
+            words = " ".join(re.sub(r"[\n*#]|\\\w", " ", text).split())
+            assert profile.digest in words, name
+            assert "homerehab" in words
+            for sentence in (*profile.certificate.assumes, *profile.certificate.not_assessed):
+                assert sentence in words, name
+
+
+STUB = """\
+#pragma once
+#include <memory>
+namespace chai3d {
+struct cVector3d {
+    double x, y, z;
+    double dot(const cVector3d& o) const { return x * o.x + y * o.y + z * o.z; }
+    cVector3d operator*(double s) const { return cVector3d{x * s, y * s, z * s}; }
+};
+struct cMaterial {
+    double stiffness = -1, viscosity = -1, damping = -1;
+    void setStiffness(double v) { stiffness = v; }
+    void setViscosity(double v) { viscosity = v; }
+    void setDamping(double v) { damping = v; }
+};
+typedef std::shared_ptr<cMaterial> cMaterialPtr;
+}
+"""
+
+
+STUB_MAIN = """\
+#include "haptune_chai3d.hpp"
+#include <cstdio>
+int main()
+{
+    for (std::uint64_t element = 1; element <= 4; element <<= 1) {
+        auto material = std::make_shared<chai3d::cMaterial>();
+        bool whole = haptune::set_material(material, element);
+        std::printf("%d %g %g %g\\n", whole, material->stiffness, material->viscosity,
+            material->damping);
+    }
+    haptune::Axis axis(chai3d::cVector3d{0.0, 1.0, 0.0});
+    double place = axis.along(chai3d::cVector3d{5.0, 0.002, 5.0});
+    axis.enter(HAPTUNE_ELEMENT_WALL, 0, place, 0.001);
+    chai3d::cVector3d force = axis.force(HAPTUNE_ELEMENT_WALL, 0, place);
+    std::printf("%g %g %g %d\\n", force.x, force.y, force.z, (int)axis.status());
+}
+"""
+
+
+def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -> None:
+    texts = export(tuned(), "chai3d")
+    write({**texts, "chai3d.h": STUB, "main.cpp": STUB_MAIN}, tmp_path)
+    assert compiles(tmp_path) == ""
+    cxx = compiler("c++", "g++", "clang++")
+    subprocess.run(
+        [cxx, "-std=c++11", "-Wall", "-Wextra", "-Werror", "main.cpp", "haptune_guard.o"],
+        cwd=tmp_path,
+        check=True,
+    )
+    told = subprocess.run([tmp_path / "a.out"], capture_output=True, text=True, check=True).stdout
+    wall, cup, rubber, force = ([float(x) for x in line.split()] for line in told.splitlines())
+    assert wall == [0, 0, 0, 0]
+    assert cup == [0, 0, 0, 0]
+    assert rubber == [1, 700, 0, 0]
+    assert force == pytest.approx([0, -0.5, 0, 0])
+    assert "NOT certified" in texts["haptune_chai3d.hpp"]
+    assert {**export(tuned(), "c")}.items() <= texts.items()
+
+
+def test_a_rotary_axis_has_its_units_and_no_linear_materials() -> None:
+    device = tuned().device.model_copy(update={"motion": "rotary", "force_limit": None})
+    profile = tuned().model_copy(update={"device": device})
+    texts = export(profile, "chai3d")
+    assert "case HAPTUNE" not in texts["haptune_chai3d.hpp"]
+    assert "torque" in texts["haptune_chai3d.hpp"].lower()
+    assert "The force (N*m)" in texts["haptune_guard.h"]
+    assert "nothing is clamped" in " ".join(texts["haptune_guard.h"].split())
+    assert "force_limit" not in _ros2(export(profile, "ros2")["haptune_params.yaml"])
+    assert json.loads(export(profile, "json")["haptune_profile.json"])["force_limit"] is None
+
+
+def test_a_name_that_is_an_identifier_keeps_it() -> None:
+    assert identifiers(["A wall", "a_wall", "cup_2", "if", "If", "7"]) == {
+        "A wall": "a_wall_2",
+        "a_wall": "a_wall",
+        "cup_2": "cup_2",
+        "if": "element_if",
+        "If": "element_if_2",
+        "7": "element_7",
+    }
+
+
+def test_more_elements_than_bits_are_refused() -> None:
+    profile = tuned()
+    element = profile.elements["wall"]
+    many = {f"e{k}": element for k in range(65)}
+    profile = profile.model_copy(update={"elements": many, "together": ()})
+    with pytest.raises(InvalidInputError, match="has 65, a guard holds 64"):
+        export(profile, "c")
+    many.pop("e64")
+    text = export(profile.model_copy(update={"elements": many}), "c")["haptune_guard.c"]
+    assert "known = UINT64_C(0xffffffffffffffff);" in text
+
+
+ALL = {
+    "haptune_guard.c",
+    "haptune_guard.h",
+    "haptune_chai3d.hpp",
+    "haptune_params.yaml",
+    "haptune_profile.json",
+}
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("profile.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
+    return tmp_path
+
+
+def test_several_targets_are_written_atomically_with_backup_and_difference(here: Path) -> None:
+    ended = haptune("export", "profile.yaml", "--to", "ros2,c", "--to", "json", "--to", "chai3d")
+    assert (ended.code, ended.err) == (0, "")
+    assert files() == {"profile.yaml", *ALL}
+    for target in TARGETS:
+        for name, text in export(tuned(), target).items():
+            assert Path(name).read_text(encoding="utf-8") == text
+    Path("haptune_guard.c").write_text("int mine;\n", encoding="utf-8")
+    ended = haptune("export", "profile.yaml", "--to", "c")
+    assert "-int mine;" in ended.out
+    assert Path("haptune_guard.c.bak").read_text(encoding="utf-8") == "int mine;\n"
+
+
+def test_a_folder_and_json(here: Path) -> None:
+    Path("there").mkdir()
+    ended = haptune("export", "profile.yaml", "--to", "json", "-o", "there", "--json")
+    assert ended.result["outputs"] == [str(Path("there") / "haptune_profile.json")]
+    assert files() == {"profile.yaml", "there"}
+
+
+def test_a_dry_run_shows_and_writes_nothing(here: Path) -> None:
+    ended = haptune("export", "profile.yaml", "--to", "c", "--dry-run")
+    assert ended.code == 0
+    assert "double haptune_force(" in ended.out
+    assert files() == {"profile.yaml"}
+
+
+def _forged(where: str, value: Any) -> str:
+    """A profile whose digest is right and whose certificate is not."""
+    content = to_mapping(tuned())
+    *above, last = where.split(".")
+    functools.reduce(lambda part, key: part[key], above, content)[last] = value
+    content["digest"] = digest_of(content)
+    return to_yaml(content)
+
+
+@pytest.mark.parametrize(
+    ("code", "words", "arguments"),
+    [
+        (6, "was changed after it was certified", "changed.yaml --to c"),
+        (6, "unstable", "forged.yaml --to c,json"),
+        (2, "'matlab' is no target. Choose from ros2, c, chai3d, json", "profile.yaml --to matlab"),
+        (2, "'' is no target", "profile.yaml --to c,"),
+        (2, "--to", "profile.yaml"),
+        (2, "PROFILE", "--to c"),
+        (2, "one of the inputs", "haptune_profile.json --to json"),
+        (3, "No such file", "missing.yaml --to c"),
+        (3, "is not valid YAML", "torn.yaml --to c"),
+        (7, "there is no folder", "profile.yaml --to c -o absent"),
+        (7, "there is no folder", "profile.yaml --to c -o torn.yaml"),
+        (7, "it is a folder", "profile.yaml --to ros2,json -o full"),
+    ],
+)
+def test_a_refusal_has_its_code_and_writes_nothing(
+    here: Path, code: int, words: str, arguments: str
+) -> None:
+    text = tuned().to_yaml()
+    Path("haptune_profile.json").write_text(text, encoding="utf-8")
+    changed_text = text.replace("stiffness: 500.0", "stiffness: 501.0", 1)
+    Path("changed.yaml").write_text(changed_text, encoding="utf-8")
+    forged = _forged("elements.wall.damping", -50.0)
+    Path("forged.yaml").write_text(forged, encoding="utf-8")
+    Path("torn.yaml").write_text("{", encoding="utf-8")
+    (here / "full" / "haptune_profile.json").mkdir(parents=True)
+    before = {path: path.stat().st_mtime_ns for path in here.rglob("*")}
+    ended = haptune("export", *arguments.split(), "--json")
+    assert ended.code == code
+    assert words.lower() in ended.err.lower()
+    assert ended.result["outputs"] == []
+    assert {path: path.stat().st_mtime_ns for path in here.rglob("*")} == before

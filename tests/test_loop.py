@@ -1,0 +1,409 @@
+"""The general loop against 600-bit arithmetic, known tables, and what must not change it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb, arb_poly
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from identification import load_device
+from tests.general_loops import compare, draw_case, draw_ray, effects_at, loop_of, without_filters
+from tests.general_reference import GeneralCase, plant
+from tune.criterion import ULPS, UNIT
+from tune.effects import EFFECT_NAMES, Effects
+from tune.errors import LoopError
+from tune.hand import FREE_TO_RIGID
+from tune.loop import LONGEST_DELAY, Filters, HandNumbers, Loop, ModeNumbers
+from tune.stability import is_stable, largest, safe_gain, verdict
+
+MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)
+HAND = HandNumbers(mass=0.1, damping=5.0, stiffness=300.0)
+
+
+def _accept(tally: Counter[str], count: int) -> None:
+    assert tally["wrong"] == 0, tally
+    assert tally["wrong intervals"] == 0, tally
+    assert tally["intervals"] == count
+    assert tally["draw stable"] >= 0.3 * tally["draw"], tally
+    assert tally["near"] >= 1.5 * count, tally
+    assert tally["near stable"] >= 0.1 * tally["near"], tally
+    # 1e-9 from the boundary is meant to be decided, not merely not wrong.
+    assert tally["near undecided"] <= max(2, 2e-3 * tally["near"]), tally
+    assert tally["draw undecided"] <= 1e-3 * tally["draw"], tally
+
+
+def test_verdicts_and_margins_against_600_bits() -> None:
+    _accept(compare(150, seed=1), 150)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(25))
+def test_verdicts_and_margins_against_600_bits_long(seed: int) -> None:
+    _accept(compare(2_000, seed=100 + seed), 2_000)
+
+
+def _in_w(polynomial: arb_poly, degree: int) -> list[arb]:
+    """Coefficients of (1-w)^degree·p((1+w)/(1-w))."""
+    total = arb_poly([0])
+    for power, coefficient in enumerate(polynomial.coeffs()):
+        term = arb_poly([1, 1]) ** power * arb_poly([1, -1]) ** (degree - power)
+        total = total + coefficient * term
+    found = list(total.coeffs())
+    return found + [arb(0)] * (degree + 1 - len(found))
+
+
+def test_coefficients_are_right_to_a_few_units_of_their_sizes() -> None:
+    """What every verdict relies on: errors well below ULPS units of roundoff of the sizes."""
+    rng = np.random.default_rng(3)
+    worst = 0.0
+    for _ in range(60):
+        case = without_filters(draw_case(rng))
+        loop = loop_of(case)
+        numerator, denominator = plant(case)
+        degree = denominator.degree()
+        unit = arb(case.mass) / arb(case.sample_time) ** 2
+        square = arb_poly([0, 0, 1])  # of the two plain differences
+        for truth, value, size in (
+            (denominator * square, loop.terms.free, loop.sizes.free),
+            (numerator * square * unit, loop.terms.alpha, loop.sizes.alpha),
+        ):
+            exact = _in_w(truth, degree + 2)
+            errors = np.array(
+                [float(abs(arb(float(v)) - e).mid()) for v, e in zip(value, exact, strict=True)]
+            )
+            # A coefficient that is zero by structure is a ball around zero in the reference.
+            errors[errors < 1e-100] = 0.0
+            assert np.all(np.abs(value) <= size * (1 + 1e-12))
+            assert np.all(size[errors > 0] > 0)
+            worst = max(worst, float(np.max(errors / np.where(size > 0, size, 1.0))))
+    assert worst <= 0.5 * ULPS * UNIT
+
+
+HOMEREHAB: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("delay", "filters", "limits"),
+    [
+        (0, Filters(), (20_011, 6_013, 6.01)),
+        (1, Filters(), (6_673, 2_493, 3.71)),
+        (2, Filters(), (4_006, 1_615, 3.33)),
+        (0, Filters(velocity_hz=50.0, acceleration_hz=50.0), (20_011, 6_068, 38.7)),
+        (1, Filters(velocity_hz=50.0, acceleration_hz=50.0), (6_673, 2_148, 14.7)),
+        (1, Filters(velocity_hz=20.0, acceleration_hz=20.0), (6_673, 2_110, 34.1)),
+    ],
+)
+def test_known_limits_of_a_device_like_the_paper_s(
+    delay: int, filters: Filters, limits: tuple[float, float, float]
+) -> None:
+    loop = Loop.from_numbers(**HOMEREHAB, delay_samples=delay, filters=filters)
+    k, b, m = (float(largest(loop, name)) for name in EFFECT_NAMES)
+    assert (round(k), round(b)) == limits[:2]
+    assert f"{m:.3g}" == f"{limits[2]:.3g}"
+
+
+def test_a_window_of_15_ms_costs_most_of_the_damping() -> None:
+    loop = Loop.from_numbers(**HOMEREHAB, filters=Filters(velocity_window=15))
+    assert round(float(largest(loop, "damping"))) == 891
+
+
+def test_a_window_of_one_sample_is_the_plain_difference() -> None:
+    plain = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3)
+    window = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3, filters=Filters(velocity_window=1))
+    for name in EFFECT_NAMES:
+        assert float(largest(window, name)) == pytest.approx(float(largest(plain, name)), rel=1e-12)
+
+
+def test_two_equal_poles_are_the_limit_of_two_unequal_ones() -> None:
+    """ζ = 1 is built from lines, ζ < 1 from an oscillation."""
+    limits = [
+        float(
+            largest(
+                Loop.from_numbers(
+                    **HOMEREHAB,
+                    delay_samples=1,
+                    filters=Filters(
+                        velocity_hz=40.0,
+                        velocity_order=2,
+                        acceleration_hz=40.0,
+                        damping_ratio=ratio,
+                    ),
+                ),
+                "mass",
+                Effects(damping=20.0),
+            )
+        )
+        for ratio in (1.0, 1 - 1e-10)
+    ]
+    assert limits[0] == pytest.approx(limits[1], rel=1e-8)
+
+
+@pytest.mark.parametrize("hand", [None, HAND])
+@pytest.mark.parametrize("modes", [(), (MODE,)])
+@pytest.mark.parametrize("whole", [0, 1, 3])
+def test_limits_move_smoothly_through_whole_delays(
+    hand: HandNumbers | None, modes: tuple[ModeNumbers, ...], whole: int
+) -> None:
+    """A whole number of samples has factors of its own; a hair more or less gives the same."""
+
+    def limit(delay: float) -> float:
+        loop = Loop.from_numbers(
+            **HOMEREHAB, delay_samples=delay, hand=hand, modes=modes, current_lag=2e-4
+        )
+        return float(largest(loop, "stiffness", Effects(damping=5.0)))
+
+    at = limit(whole)
+    assert limit(whole + 1e-7) == pytest.approx(at, rel=1e-5)
+    if whole:
+        assert limit(whole - 1e-7) == pytest.approx(at, rel=1e-5)
+
+
+def test_an_array_may_reach_from_one_whole_delay_to_the_next() -> None:
+    delays = np.array([1.0, 1.25, 2.0])
+    together = largest(Loop.from_numbers(**HOMEREHAB, delay_samples=delays), "damping")
+    apart = [
+        float(largest(Loop.from_numbers(**HOMEREHAB, delay_samples=d), "damping")) for d in delays
+    ]
+    assert together == pytest.approx(apart, rel=1e-10)
+
+
+def test_nothing_added_changes_nothing() -> None:
+    """A mode the encoder does not see, a hand of nothing and a lag of nothing."""
+    bare = Loop.from_numbers(**HOMEREHAB, delay_samples=1)
+    unseen = replace(MODE, at_encoder=0.0)
+    nothing = HandNumbers(mass=0.0, damping=0.0, stiffness=0.0)
+    for other in (
+        Loop.from_numbers(**HOMEREHAB, delay_samples=1, modes=(unseen,)),
+        Loop.from_numbers(**HOMEREHAB, delay_samples=1, hand=nothing),
+        Loop.from_numbers(**HOMEREHAB, delay_samples=1, hand=nothing, modes=(unseen,)),
+        Loop.from_numbers(**HOMEREHAB, delay_samples=1, current_lag=1e-9),
+    ):
+        assert not other.held
+        for name in EFFECT_NAMES:
+            assert float(largest(other, name)) == pytest.approx(
+                float(largest(bare, name)), rel=1e-5
+            )
+
+
+def test_a_hand_on_a_rigid_device_adds_up_with_it() -> None:
+    """Without a spring and modes, a hand is more mass and damping."""
+    held = HandNumbers(mass=0.5, damping=7.0, stiffness=0.0)
+    together = Loop.from_numbers(mass=3.5, damping=17.0, sample_time=1e-3, delay_samples=0.7)
+    loop = Loop.from_numbers(**HOMEREHAB, delay_samples=0.7, hand=held)
+    for name in EFFECT_NAMES:
+        assert float(largest(loop, name)) == pytest.approx(
+            float(largest(together, name)), rel=1e-12
+        )
+
+
+def test_a_spring_of_the_hand_holds_the_position() -> None:
+    loop = Loop.from_numbers(**HOMEREHAB, delay_samples=1, hand=HAND)
+    assert loop.held
+    assert is_stable(loop, Effects(damping=5.0))
+    # A negative stiffness up to the hand's is stable; from there on it is not.
+    edge = float(np.asarray(HAND.stiffness))
+    assert is_stable(loop, Effects(stiffness=-edge * (1 - 1e-9), damping=5.0))
+    assert verdict(loop, Effects(stiffness=-edge * (1 + 1e-9), damping=5.0)) == -1
+
+
+@pytest.mark.parametrize("first", [0.3, 0.5, 0.7])
+def test_two_bodies_on_a_spring_are_a_rigid_mass_and_a_mode(first: float) -> None:
+    """The mode of two bodies against their own equations of motion, position from force."""
+    total, spring, damper, T = 2.0, 3e4, 4.0, 1e-3
+    one, two = first * total, (1 - first) * total
+    reduced = one * two / total
+    omega = np.sqrt(spring / reduced)
+    mode = ModeNumbers(
+        frequency_hz=omega / 2 / np.pi,
+        damping_ratio=damper / (2 * reduced * omega),
+        at_encoder=np.sqrt(two / one),
+        at_handle=-np.sqrt(one / two),
+    )
+    grip = HandNumbers(mass=0.2, damping=3.0, stiffness=500.0)
+    for hand in (None, grip):
+        loop = Loop.from_numbers(mass=total, damping=0.0, sample_time=T, modes=(mode,), hand=hand)
+        # [x1, x2, v1, v2] under a held force on the first body.
+        end_mass = two + (0.2 if hand else 0.0)
+        end_spring, end_damper = (500.0, 3.0) if hand else (0.0, 0.0)
+        a = np.array(
+            [
+                [0, 0, 1, 0],
+                [0, 0, 0, 1],
+                [-spring / one, spring / one, -damper / one, damper / one],
+                [
+                    spring / end_mass,
+                    -(spring + end_spring) / end_mass,
+                    damper / end_mass,
+                    -(damper + end_damper) / end_mass,
+                ],
+            ]
+        )
+        both = np.zeros((5, 5))
+        both[:4, :4], both[2, 4] = a * T, T / one
+        from scipy.linalg import expm
+
+        moved = expm(both)
+        for z in (1.02, np.exp(0.3j), np.exp(2.5j)):
+            states = np.linalg.solve(z * np.eye(4) - moved[:4, :4], moved[:4, 4])
+            w = (z - 1) / (z + 1)
+            parts = loop.transfer
+            below = np.polyval(parts.plant_denominator[::-1], w)
+            for state, top in ((0, parts.plant_numerator), (1, parts.handle_numerator)):
+                found = np.polyval(top[::-1], w) / below * T**2 / total
+                assert found == pytest.approx(states[state], rel=1e-9)
+
+
+def test_transfer_and_terms_belong_together() -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        loop = loop_of(draw_case(rng))
+        parts = loop.transfer
+        for term, factors in (
+            (loop.terms.free, (parts.plant_denominator, parts.law_denominator)),
+            (loop.terms.alpha, (parts.plant_numerator, parts.alpha)),
+            (loop.terms.beta, (parts.plant_numerator, parts.beta)),
+            (loop.terms.gamma, (parts.plant_numerator, parts.gamma)),
+        ):
+            product = np.convolve(*factors)
+            np.testing.assert_allclose(term[: len(product)], product, rtol=1e-13)
+            assert not np.any(term[len(product) :])
+
+
+def test_arrays_of_devices_are_judged_like_each_of_them() -> None:
+    rng = np.random.default_rng(9)
+    masses, hands = rng.uniform(0.5, 5, 6), 10 ** rng.uniform(1, 3, (4, 1))
+    many = Loop.from_numbers(
+        mass=masses,
+        damping=10.0,
+        sample_time=1e-3,
+        delay_samples=1.4,
+        modes=(MODE,),
+        hand=HandNumbers(mass=0.1, damping=5.0, stiffness=hands),
+    )
+    limits = largest(many, "stiffness", Effects(damping=5.0))
+    assert limits.shape == (4, 6)
+    for row in (0, 3):
+        for column in (0, 5):
+            single = Loop.from_numbers(
+                mass=masses[column],
+                damping=10.0,
+                sample_time=1e-3,
+                delay_samples=1.4,
+                modes=(MODE,),
+                hand=HandNumbers(mass=0.1, damping=5.0, stiffness=hands[row, 0]),
+            )
+            assert limits[row, column] == pytest.approx(
+                float(largest(single, "stiffness", Effects(damping=5.0))), rel=1e-10
+            )
+
+
+@settings(max_examples=50)
+@given(seed=st.integers(0, 10_000), unit=st.floats(1e-3, 1e3), time=st.floats(1e-2, 1e2))
+def test_units_scale_of_time_and_sign_of_a_mode_do_not_matter(
+    seed: int, unit: float, time: float
+) -> None:
+    """Grams for kilograms, another time unit, a mode counted the other way: the same physics."""
+    rng = np.random.default_rng(seed)
+    case = draw_case(rng)
+    k, b, m = draw_ray(rng, case)
+    plain = float(safe_gain(loop_of(case), effects_at((k, b, m), 1.0)))
+
+    def cut(chosen: tuple[str | float, ...]) -> tuple[str | float, ...]:
+        if chosen[0] != "low-pass":
+            return chosen
+        return (chosen[0], float(chosen[1]) / time, *chosen[2:])
+
+    other = GeneralCase(
+        mass=case.mass * unit,
+        damping=case.damping * unit / time,
+        sample_time=case.sample_time * time,
+        delay=case.delay,
+        modes=tuple((f / time, z, -e, -h) for f, z, e, h in case.modes),
+        hand=None
+        if case.hand is None
+        else (
+            case.hand[0] * unit,
+            case.hand[1] * unit / time,
+            case.hand[2] * unit / time**2,
+        ),
+        lag=case.lag * time,
+        velocity=cut(case.velocity),
+        acceleration=cut(case.acceleration),
+    )
+    ray = (
+        None if k is None else k * unit / time**2,
+        None if b is None else b * unit / time,
+        None if m is None else m * unit,
+    )
+    assert float(safe_gain(loop_of(other), effects_at(ray, 1.0))) == pytest.approx(plain, rel=1e-9)
+
+
+def test_from_parts_reads_the_device_and_the_hand() -> None:
+    device = load_device("homerehab")
+    hand = FREE_TO_RIGID["linear"]
+    filters = Filters(velocity_hz=50.0)
+    loop = Loop.from_parts(device, filters, hand, extra_delay_samples=0.25)
+    numbers = Loop.from_numbers(
+        mass=device.mass.value,
+        damping=device.damping.value,
+        sample_time=device.sample_time.value,
+        delay_samples=device.delay.value / device.sample_time.value + 0.25,
+        filters=filters,
+        hand=HandNumbers(
+            mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value
+        ),
+    )
+    assert loop.held
+    for mine, theirs in ((loop.terms, numbers.terms), (loop.sizes, numbers.sizes)):
+        np.testing.assert_array_equal(mine.free, theirs.free)
+        np.testing.assert_array_equal(mine.alpha, theirs.alpha)
+
+
+def test_a_quotient_that_should_be_whole_is_whole() -> None:
+    """0.0003/0.0001 is 2.9999999999999996 in doubles."""
+    quotient = 0.0003 / 0.0001
+    assert quotient < 3
+    exact = Loop.from_numbers(**HOMEREHAB, delay_samples=3)
+    assert Loop.from_numbers(**HOMEREHAB, delay_samples=quotient).degree == exact.degree
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"delay_samples": -1e-3}, "negative"),
+        ({"delay_samples": LONGEST_DELAY + 0.5}, "22"),
+        ({"delay_samples": np.array([0.5, 1.75])}, "whole part"),
+        ({"delay_samples": np.nan}, "delay"),
+        ({"mass": 0.0}, "mass"),
+        ({"current_lag": -1e-3}, "current_lag"),
+        ({"modes": (replace(MODE, frequency_hz=0.0),)}, "frequency"),
+        ({"modes": (replace(MODE, damping_ratio=-0.1),)}, "damping ratio"),
+        ({"hand": replace(HAND, mass=-0.1)}, "hand"),
+    ],
+)
+def test_what_cannot_be_is_refused(change: dict[str, object], words: str) -> None:
+    with pytest.raises(LoopError, match=words):
+        Loop.from_numbers(**{**HOMEREHAB, **change})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"velocity_hz": 0.0}, "velocity_hz"),
+        ({"acceleration_hz": np.inf}, "acceleration_hz"),
+        ({"velocity_order": 3}, "velocity_order"),
+        ({"damping_ratio": 0.0}, "damping_ratio"),
+        ({"damping_ratio": 1.5}, "damping_ratio"),
+        ({"velocity_window": 0}, "velocity_window"),
+        ({"velocity_window": 5, "velocity_hz": 30.0}, "exclude"),
+    ],
+)
+def test_filters_that_do_not_exist_are_refused(wrong: dict[str, float], words: str) -> None:
+    with pytest.raises(LoopError, match=words):
+        Filters(**wrong)  # type: ignore[arg-type]

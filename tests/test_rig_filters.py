@@ -1,0 +1,111 @@
+"""Filters of the simulated controller against scipy's, on readings that are noise alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter, tf2zpk
+
+from datasets_synthetic import Controller, Faults, Rig, simulate
+
+FloatArray = NDArray[np.float64]
+
+T = 0.001
+#: Held in place by friction, so that the reading is its noise.
+FIXED = Rig(mass=3.0, damping=10.0, sample_time=T, coulomb_friction=1e12)
+
+
+def heard(controller: Controller) -> tuple[FloatArray, FloatArray]:
+    """Readings from rest at zero, and the force the controller answered with."""
+    log = simulate(FIXED, np.zeros(400), controller=controller, faults=Faults(position_noise=1e-3))
+    return log.position[0], log.force[0]
+
+
+def through(reading: FloatArray, numerator: list[float], poles: list[complex]) -> FloatArray:
+    """The filter (in powers of 1/z) with these poles, at rest at the first reading before."""
+    moved = reading - reading[0]
+    return np.asarray(lfilter(numerator, np.real(np.poly(poles)), moved))
+
+
+def pair(cutoff: float, ratio: float) -> list[complex]:
+    angle = ratio + 1j * np.sqrt(1 - ratio**2)
+    return [complex(np.exp(-2 * np.pi * cutoff * T * turn)) for turn in (angle, np.conj(angle))]
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.7071, 0.2])
+def test_second_order_filters_have_the_stated_poles_and_gain_one(ratio: float) -> None:
+    controller = Controller(
+        damping=7.0,
+        mass=0.3,
+        velocity_cutoff=40.0,
+        acceleration_cutoff=25.0,
+        velocity_order=2,
+        damping_ratio=ratio,
+    )
+    q, force = heard(controller)
+    poles, others = pair(40.0, ratio), pair(25.0, ratio)
+    gain, other = (float(np.real(np.prod([1 - p for p in some]))) for some in (poles, others))
+    velocity = through(q, [gain / T, -gain / T], poles)
+    acceleration = through(q, [other / T**2, -2 * other / T**2, other / T**2], others)
+    expected = -(7.0 * velocity + 0.3 * acceleration)
+    np.testing.assert_allclose(force, expected, rtol=0, atol=1e-9 * np.ptp(expected))
+    # At the printed damping ratio the poles are those of scipy's matched prototype.
+    zeros, found, _ = tf2zpk([gain], np.real(np.poly(poles)))
+    assert zeros.size == 0
+    turn = np.log(found) / T
+    np.testing.assert_allclose(np.abs(turn), 2 * np.pi * 40.0, rtol=1e-6)
+    np.testing.assert_allclose(-turn.real / np.abs(turn), ratio, rtol=1e-6)
+
+
+def test_acceleration_through_one_pole() -> None:
+    q, force = heard(Controller(mass=0.3, acceleration_cutoff=25.0, acceleration_order=1))
+    pole = float(np.exp(-2 * np.pi * 25.0 * T))
+    gain = 1 - pole
+    expected = -0.3 * through(q, [gain / T**2, -2 * gain / T**2, gain / T**2], [pole])
+    np.testing.assert_allclose(force, expected, rtol=0, atol=1e-9 * np.ptp(expected))
+
+
+def test_moving_window_is_the_mean_slope() -> None:
+    q, force = heard(Controller(stiffness=10.0, damping=7.0, velocity_window=15))
+    before = np.concatenate([np.full(15, q[0]), q[:-15]])
+    expected = -10.0 * q - 7.0 * (q - before) / (15 * T)
+    np.testing.assert_allclose(force, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_two_equal_poles_are_the_cascade_of_first_order() -> None:
+    """The general section and the usual filter are two computations of one thing."""
+    usual = Controller(damping=7.0, mass=0.3, velocity_cutoff=40.0, acceleration_cutoff=25.0)
+    several = Controller(
+        damping=7.0,
+        mass=0.3,
+        velocity_cutoff=40.0,
+        acceleration_cutoff=25.0,
+        velocity_order=np.array([1, 2]),
+        acceleration_order=np.array([2, 1]),
+    )
+    noise = Faults(position_noise=1e-3)
+    one, two = (
+        simulate(FIXED, np.zeros(300), controller=each, faults=noise, seed=(3,)).force[0]
+        for each in (usual, several.members(np.array([0, 0])))
+    )
+    np.testing.assert_allclose(two, one, rtol=0, atol=1e-10 * np.ptp(one))
+    mixed = simulate(FIXED, np.zeros(300), controller=several, faults=noise, seed=(3, 3)).force
+    np.testing.assert_allclose(mixed[0], one, rtol=0, atol=1e-10 * np.ptp(one))
+    assert np.ptp(mixed[1] - one) > 0.1 * np.ptp(one)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"velocity_order": 3}, "velocity_order must be 1 or 2, not 3"),
+        ({"damping_ratio": 0.0}, "damping_ratio must be above 0 and at most 1, not 0"),
+        ({"velocity_window": 0}, "velocity_window must be 1 sample or more, not 0"),
+        ({"velocity_window": 9, "velocity_cutoff": 50.0}, "no velocity filter besides"),
+    ],
+)
+def test_impossible_filters_are_refused(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Controller(**wrong)

@@ -1,0 +1,110 @@
+"""Wrong scene files end in one sentence that names the file, the key and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from identification import InvalidInputError
+from tune.scene import load_scene
+
+WALL = "elements: {wall: {stiffness: max}}\n"
+#: what the sentence must say, and the file
+FILES: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("elements",), "name: nothing\n"),
+    (("elements", "valid dictionary"), "elements: []"),
+    (("elements.wall", "give a mapping of keys"), "elements: {wall: max}"),
+    (("elements.wall", "give a mapping of keys", "None"), "elements:\n  wall:\n"),
+    (("elements.wall.stiffnes", "did you mean stiffness"), "elements: {wall: {stiffnes: max}}"),
+    (
+        ("wall.stiffness", "give a number, max, min", "10 N/m"),
+        "elements: {wall: {stiffness: 10 N/m}}",
+    ),
+    (("wall.stiffness", "give a number, max, min", "'10'"), "elements: {wall: {stiffness: '10'}}"),
+    (("cup.mass", "give a number, max, min", "MAX"), "elements: {cup: {mass: MAX}}"),
+    (("cup.mass", "valid number", "'low'"), "elements: {cup: {mass: {min: low, max: 1.0}}}"),
+    (("cup.mass", "true and false"), "elements: {cup: {mass: {min: true, max: 1}}}"),
+    (("wall.stiffness", "0 asks for nothing"), "elements: {wall: {stiffness: -0.0}}"),
+    (("duplicate key", "stiffness"), "elements: {wall: {stiffness: max, stiffness: 3.0}}"),
+    (("wall.speed", "valid number", "fast"), "elements: {wall: {stiffness: max, speed: fast}}"),
+    (("wall.speed", "greater than", "-1"), "elements: {wall: {stiffness: max, speed: -1}}"),
+    (("wall.penetration", "less than"), "elements: {wall: {stiffness: max, penetration: 1e12}}"),
+    (("wall.priority", "valid integer"), "elements: {wall: {stiffness: max, priority: high}}"),
+    (("hand", "free-to-rigid", "3"), WALL + "hand: 3"),
+    (("hand.damping: is missing", "hand.stiffness: is missing"), WALL + "hand: {mass: 1}"),
+    (("hand", "must not be negative", "-1"), WALL + "hand: {mass: -1, damping: 1, stiffness: 1}"),
+    (
+        ("hand", "above zero over its interval", "0 to 2"),
+        WALL + "hand: {mass: 1, damping: 1, stiffness: {value: 1, low: 0, high: 2}}",
+    ),
+    (
+        ("hand.mass", "needs low <= value <= high"),
+        WALL + "hand: {mass: {value: 1, low: 2, high: 3}, damping: 1, stiffness: 1}",
+    ),
+    (("hand.grip", "no key known"), WALL + "hand: {mass: 1, damping: 1, stiffness: 1, grip: 2}"),
+    (("margin", "'balanced'", "Balanced"), WALL + "margin: Balanced"),
+    (("margin", "'balanced'", "seen: 2"), WALL + "margin: 2"),
+    (("loop", "give a mapping of keys", "free"), WALL + "loop: free"),
+    (
+        ("loop.velocity_filter", "did you mean velocity_filter_hz"),
+        WALL + "loop: {velocity_filter: 50}",
+    ),
+    (("velocity_filter_hz", "in Hz, free or none"), WALL + "loop: {velocity_filter_hz: null}"),
+    (("loop.velocity_filter_order", "1 or 2"), WALL + "loop: {velocity_filter_order: 3}"),
+    (("loop.acceleration_filter_order", "1 or 2"), WALL + "loop: {acceleration_filter_order: 0}"),
+    (("loop.filter_damping_ratio", "0.1"), WALL + "loop: {filter_damping_ratio: 0}"),
+    (("loop.filter_damping_ratio", "equal to 1"), WALL + "loop: {filter_damping_ratio: 1.1}"),
+    (("loop.velocity_window_samples", "to 1"), WALL + "loop: {velocity_window_samples: 0}"),
+    (("loop.velocity_window_samples", "to 20"), WALL + "loop: {velocity_window_samples: 21}"),
+    (
+        ("velocity_window_samples", "takes the place", "leave out velocity_filter_hz: 50"),
+        WALL + "loop: {velocity_window_samples: 5, velocity_filter_hz: 50}",
+    ),
+    (("ripple_limit", "valid number", "'none'"), WALL + "ripple_limit: none"),
+    (("perception", "valid string"), WALL + "perception: {stiffness: 0.2}"),
+    (("together", "'wall'"), WALL + "together: wall"),
+    (("together.0", "'wall'"), WALL + "together: [wall]"),
+    (("together needs two or more",), WALL + "together: [[]]"),
+    (("together", "seen: 3"), WALL + "together: [[wall, 3]]"),
+    (("schema is 'haptune/scene/2'", "'haptune/scene/1'"), "schema: haptune/scene/2\n" + WALL),
+    (("colour", "no key known"), WALL + "colour: red"),
+    (("name", "valid string"), WALL + "name: 3"),
+)
+
+
+@pytest.mark.parametrize(("words", "text"), FILES, ids=lambda value: str(value)[-60:])
+def test_a_wrong_scene_is_refused_in_a_sentence(
+    words: tuple[str, ...], text: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidInputError) as refused:
+        load_scene(path)
+    sentence = str(refused.value)
+    assert sentence.startswith(f"{path}: ")
+    assert "\n" not in sentence
+    for word in words:
+        assert word in sentence
+
+
+def test_every_mistake_of_a_file_is_named_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "margin: thin\nripple_limit: 0\nelements: {wall: {stiffness: min, speed: 0}, cup: {}}\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(InvalidInputError) as refused:
+        load_scene(path)
+    for key in ("margin", "ripple_limit", "elements.wall.speed", "elements.cup"):
+        assert f"{key}: " in str(refused.value)
+
+
+def test_numbers_that_mean_the_same_are_read_alike(tmp_path: Path) -> None:
+    """YAML 1.1 readers take 1e3 for text; written either way it is the same wish."""
+    path = tmp_path / "scene.yaml"
+    read: list[object] = []
+    for number in ("1000", "1000.0", "1.0e+3", "1_000"):
+        path.write_text(f"elements: {{wall: {{stiffness: {number}}}}}\n", encoding="utf-8")
+        read.append(load_scene(path).elements["wall"].stiffness)
+    assert all(wish == read[0] for wish in read)

@@ -1,0 +1,112 @@
+"""What a profile claims besides stability: forces, ripple, passivity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tune.certificate.passivity import damping_for_passivity, passive
+from tune.certificate.point import HandPoint, ModePoint, Point, Setting
+from tune.certificate.region import Region
+from tune.certificate.ripple import ripple_by_integration
+from tune.profile import Design
+
+#: A claimed number may differ from the recomputed one by this much, relative: both are printed.
+_AGREE = 1e-3
+#: A delay within this part of a sample of a whole number is that number; clocks are not better.
+_WHOLE = 1e-6
+#: Sample times of the interval at which a claim of passivity is looked at.
+_STEPS = 9
+
+
+def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
+    """Forces of the stated motions against the limits of the device."""
+    limit = design.device.force_limit
+    if limit is None:
+        return []
+    chosen = [design.elements[name] for name in moment]
+    sustained = sum(item.stiffness * item.motion.penetration for item in chosen)
+    peak = sustained + sum(
+        abs(item.damping) * item.motion.speed + abs(item.mass) * item.motion.acceleration
+        for item in chosen
+    )
+    return [
+        f"{' + '.join(moment)}: {words} force {seen:.6g} exceeds the limit {most:.6g}"
+        for words, seen, most in (
+            ("sustained", sustained, limit.continuous),
+            ("peak", peak, limit.peak),
+        )
+        if seen > most * (1 + 1e-9)
+    ]
+
+
+def ripple_failures(design: Design, moment: tuple[str, ...], setting: Setting) -> list[str]:
+    """Ripple at the best estimate and the longest delay, with a hand and without."""
+    resolution = design.device.encoder_resolution
+    if resolution is None:
+        return []
+    seen = max(
+        ripple_by_integration(point, setting, resolution.value) for point in _best_estimates(design)
+    )
+    where = " + ".join(moment)
+    failures: list[str] = []
+    if not seen <= design.ripple_limit * (1 + _AGREE):
+        failures.append(f"{where}: ripple {seen:.4g} exceeds the limit {design.ripple_limit:.4g}")
+    claimed = max((design.elements[name].ripple or 0.0 for name in moment), default=0.0)
+    if len(moment) == 1 and claimed < seen * (1 - _AGREE):
+        failures.append(f"{where}: claims a ripple of {claimed:.4g}, has {seen:.4g}")
+    return failures
+
+
+def _best_estimates(design: Design) -> list[Point]:
+    device = design.device
+    samples = device.delay.high / device.sample_time.value
+    whole = round(samples)
+    hands = [None] if design.hand is None else [None, design.hand]
+    return [
+        Point(
+            mass=device.mass.value,
+            damping=device.damping.value,
+            sample_time=device.sample_time.value,
+            delay_samples=float(whole) if abs(samples - whole) <= _WHOLE else samples,
+            modes=tuple(
+                ModePoint(
+                    frequency_hz=mode.frequency_hz.value,
+                    damping_ratio=mode.damping_ratio.value,
+                    at_encoder=mode.at_encoder,
+                    at_handle=mode.at_handle,
+                )
+                for mode in device.modes
+            ),
+            hand=hand
+            and HandPoint(
+                mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value
+            ),
+            current_lag=0.0 if device.current_lag is None else device.current_lag.value,
+        )
+        for hand in hands
+    ]
+
+
+def passivity_failures(
+    design: Design, moment: tuple[str, ...], setting: Setting, region: Region
+) -> list[str]:
+    """A claim of passivity, which is known for a rigid device and whole samples of delay."""
+    claimed = [name for name in moment if design.elements[name].margins.passive is True]
+    if len(moment) != 1 or not claimed:
+        return []
+    delays = {region.delay[i] / step for i in (0, 1) for step in region.sample_time}
+    whole = round(max(delays))
+    if region.modes or region.current_lag[1] or max(abs(d - whole) for d in delays) > _WHOLE:
+        return [
+            f"{claimed[0]}: claims passivity with a mode, a lag or a part of a sample of delay, "
+            "where it is not known"
+        ]
+    damping = region.damping[0]
+    for step in np.linspace(*region.sample_time, _STEPS):
+        if not passive(setting, damping, float(step), whole):
+            needed = damping_for_passivity(setting, float(step), whole)
+            return [
+                f"{claimed[0]}: claims passivity with a delay of {whole} samples, but a damping "
+                f"of {damping:.6g} is too little, {needed:.6g} is needed"
+            ]
+    return []

@@ -1,0 +1,121 @@
+"""One way the device, the hand and the loop may be, and what the controller plays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModePoint:
+    """One vibration mode.
+
+    Attributes:
+        frequency_hz: without damping, Hz.
+        damping_ratio: ζ.
+        at_encoder: e, participation at motor and encoder.
+        at_handle: h, participation where the hand holds.
+    """
+
+    frequency_hz: float
+    damping_ratio: float
+    at_encoder: float
+    at_handle: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HandPoint:
+    """One grip: kg, N·s/m, N/m."""
+
+    mass: float
+    damping: float
+    stiffness: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """One way everything may be.
+
+    Attributes:
+        mass: rigid mass, kg.
+        damping: N·s/m.
+        sample_time: s.
+        delay_samples: delay from command to measurement in samples, any real number from 0 on.
+        modes: vibration modes of the mechanism.
+        hand: the grip; None is no hand.
+        current_lag: time constant of the current loop, s; 0 is none.
+    """
+
+    mass: float
+    damping: float
+    sample_time: float
+    delay_samples: float
+    modes: tuple[ModePoint, ...] = ()
+    hand: HandPoint | None = None
+    current_lag: float = 0.0
+
+    @property
+    def plain(self) -> bool:
+        """A rigid mass on a damper, whole samples late: the plant of the printed equation."""
+        return (
+            not self.modes
+            and self.hand is None
+            and self.current_lag == 0
+            and self.delay_samples == int(self.delay_samples)
+        )
+
+    @property
+    def held(self) -> bool:
+        """A spring of the hand holds the position."""
+        return self.hand is not None and self.hand.stiffness > 0
+
+    def words(self) -> str:
+        """The point for people."""
+        parts = [
+            f"mass {self.mass:.6g}",
+            f"damping {self.damping:.6g}",
+            f"sample time {self.sample_time:.6g} s",
+            f"delay {self.delay_samples:.6g} samples",
+        ]
+        if self.current_lag:
+            parts.append(f"current lag {self.current_lag:.6g} s")
+        parts += [
+            f"mode at {mode.frequency_hz:.6g} Hz damped {mode.damping_ratio:.4g}"
+            for mode in self.modes
+        ]
+        if self.hand is not None:
+            parts.append(
+                f"hand of mass {self.hand.mass:.4g}, damping {self.hand.damping:.4g}, "
+                f"stiffness {self.hand.stiffness:.4g}"
+            )
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What the controller plays, by which estimates of velocity and acceleration.
+
+    Velocity (z-1)/(Tz) times a filter of order one, (1-a)z/(z-a), a = exp(-2π·f·T), or of order
+    two with the poles exp(-2π·f·T·(ζ ± j√(1-ζ²))), either of unit gain at z = 1; or the mean over
+    a window of n samples, (z^n - 1)/(nTz^n). Acceleration ((z-1)/(Tz))² times such a filter.
+
+    Attributes:
+        stiffness: N/m.
+        damping: N·s/m.
+        mass: kg.
+        velocity_filter_hz: cut-off, Hz, or None for no filter.
+        acceleration_filter_hz: cut-off, Hz, or None for no filter.
+        velocity_filter_order: 1 or 2.
+        acceleration_filter_order: 1 or 2.
+        filter_damping_ratio: ζ of filters of order two; at 1 both poles are the same.
+        velocity_window: samples of a window instead of a velocity filter.
+    """
+
+    stiffness: float
+    damping: float
+    mass: float
+    velocity_filter_hz: float | None
+    acceleration_filter_hz: float | None
+    velocity_filter_order: int = 1
+    acceleration_filter_order: int = 2
+    filter_damping_ratio: float = 1.0
+    velocity_window: int | None = None

@@ -1,0 +1,140 @@
+"""The loop at a frequency and all its aliases, over cells of everything not known exactly.
+
+A pole is on the unit circle at z = e^jθ where 1 + s·C·G = 0, with the sampled plant
+
+    G = (1 - e^-jθ) Σ P(S)·e^(-Sx)/S over S = j(θ + 2πk), all whole k,
+
+P the plant in continuous time, x the delay in samples: what a held force does at one frequency and
+at those that sampling cannot tell from it. P is a quotient of polynomials in S and in every
+parameter, whatever modes, hand and lag are there, and the delay is any real number. Multiplied by
+its denominator D at k = 0 the condition reads D + s·N = 0, almost straight in everything; farther
+aliases are sums of inverse powers and a bounded rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tune.certificate.forms import FloatArray, Form, Term, inverse, least_real, most
+from tune.certificate.mechanism import Mechanism, Scaled
+from tune.certificate.point import Setting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Response:
+    """D + s·N, whose zeros are poles on the unit circle.
+
+    Attributes:
+        fixed: D.
+        varied: N.
+        start: D with its zero at θ = 0 taken out, where a spring acts on a device that is free.
+        rising: where D is that of a free rigid mass on a damper, a lower bound of Im(N)/θ, or of
+            Re(N) where that zero is out; above zero, with a damper that is not negative, D + s·N
+            has no zero for any s > 0 however small. None elsewhere.
+    """
+
+    fixed: Form
+    varied: Form
+    start: Form
+    rising: FloatArray | None = None
+
+
+def respond(theta: Form, mechanism: Mechanism, setting: Setting) -> Response:
+    """The loop over cells of θ in [0, π] and of the mechanism."""
+    scaled = Scaled.of(mechanism)
+    s = theta * 1j
+    numerator, denominator = scaled.plant(s)
+    whole = denominator if mechanism.held else denominator * s
+    half_sinc = _sinc(theta * 0.5)
+    held_force = half_sinc * (theta * (mechanism.delay + 0.5)).turn()
+    aliases = scaled.folded(theta, mechanism.delay)
+    seen = held_force * (numerator + whole * s * aliases)
+    per_step = inverse(mechanism.sample_time)
+    rate = _rate(theta, half_sinc, mechanism.sample_time, per_step, setting)
+    if setting.stiffness:
+        law = s * rate + setting.stiffness
+    elif mechanism.held:
+        law = s * rate
+    else:
+        varied = seen * rate
+        rising = least_real(varied) if mechanism.free_and_rigid else None
+        return Response(fixed=denominator, varied=varied, start=denominator, rising=rising)
+    varied = law * seen
+    if mechanism.held:
+        return Response(fixed=whole, varied=varied, start=denominator)
+    rising = None
+    if mechanism.free_and_rigid:
+        # N = (K + jθ·rate)·sinc·e^(-jφ)·(1 + jθ·D·aliases) with φ = θ(x + 1/2): the imaginary part
+        # of what K is multiplied by is not below -φ - θ·|D·aliases|.
+        late = most(mechanism.delay + 0.5) + most(whole) * most(aliases)
+        rising = least_real(seen * rate) - setting.stiffness * late
+    return Response(fixed=whole, varied=varied, start=denominator * 1j, rising=rising)
+
+
+def _sinc(angle: Form) -> Form:
+    """sin(x)/x of a real form."""
+    x = angle.centre.real
+    small = np.abs(x) < 1e-4
+    safe = np.where(small, 1.0, x)
+    value = np.where(small, 1 - x * x / 6, np.sin(safe) / safe)
+    # The slope by its series below 0.1, where the quotient loses digits: next term 1e-15.
+    short = np.abs(x) < 0.1
+    other = np.where(short, 1.0, x)
+    slope = np.where(
+        short,
+        -x / 3 * (1 - x * x / 10 * (1 - x * x / 28 * (1 - x * x / 54))),
+        (np.cos(other) - np.sin(other) / other) / other,
+    )
+    return angle.of_real(value, slope, 1 / 3)
+
+
+def _rate(theta: Form, half_sinc: Form, step: Term, per_step: Term, setting: Setting) -> Term:
+    """(B·velocity + M·acceleration)/(jθ) per position."""
+    difference = (theta * 0.5).turn() * half_sinc
+    rate: Term = 0.0
+    if setting.damping:
+        if setting.velocity_window:
+            angle = theta * (setting.velocity_window / 2)
+            estimate = _sinc(angle) * angle.turn()
+        else:
+            estimate = difference * _low_pass(
+                theta,
+                step,
+                setting.velocity_filter_hz,
+                setting.velocity_filter_order,
+                setting.filter_damping_ratio,
+            )
+        rate = estimate * (per_step * setting.damping)
+    if setting.mass:
+        estimate = (difference * difference) * _low_pass(
+            theta,
+            step,
+            setting.acceleration_filter_hz,
+            setting.acceleration_filter_order,
+            setting.filter_damping_ratio,
+        )
+        rate = rate + estimate * (theta * 1j) * (per_step * per_step * setting.mass)
+    return rate
+
+
+def _low_pass(theta: Form, step: Term, cutoff: float | None, order: int, ratio: float) -> Term:
+    """Response of a filter with the poles exp(-2π·f·T) or exp(-2π·f·T·(ζ ± j√(1-ζ²)))."""
+    if cutoff is None:
+        return 1.0
+    if order == 1:
+        return _pole(theta, step, 2 * np.pi * cutoff)
+    turn = float(np.sqrt(max(0.0, 1 - ratio * ratio)))
+    first = _pole(theta, step, 2 * np.pi * cutoff * complex(ratio, turn))
+    if turn == 0:
+        return first * first
+    return first * _pole(theta, step, 2 * np.pi * cutoff * complex(ratio, -turn))
+
+
+def _pole(theta: Form, step: Term, rate: complex) -> Form:
+    """(1 - a)/(1 - a·e^-jθ) with a = exp(-rate·T)."""
+    exponent = theta * 1j + step * rate
+    known = not isinstance(step, Form)
+    top = -np.expm1(-rate * step) if known else 1.0 - (step * -rate).exponential()
+    return (1.0 - (exponent * -1.0).exponential()).inverse() * top

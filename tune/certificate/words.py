@@ -1,0 +1,52 @@
+"""What a certificate says it takes for granted, and what it leaves to others."""
+
+from __future__ import annotations
+
+from tune.profile import Design
+
+METHOD = (
+    "no pole can cross the unit circle anywhere in the box: excluded by subdivision with "
+    "first-order forms and bounds of the rest, over frequency and its aliases; poles at single "
+    "points isolated in 400-bit balls; a search for the worst point found none that contradicts"
+)
+ASSUMES = (
+    "constant sample time within its interval; a missed deadline counts as one extra sample",
+    "a linear loop: forces stay below the limit, the force of saturation is not relied on",
+    "elements and gains change slowly against the loop; switching is not part of the proof",
+    "the controller runs the very filters named, reset on contact",
+    "Coulomb friction gives no damping",
+    "everything within its interval, in any combination, and constant while the loop runs",
+)
+NO_HAND = "no hand: the device alone"
+WITH_HAND = (
+    "the device alone, and with any hand within the intervals: a mass, a damper and a spring to a "
+    "place that rests"
+)
+RIGID = "a rigid mechanism: no vibration mode is stated"
+WITH_MODES = "no vibration modes but those stated"
+NO_LAG = "no lag of the current loop but what the delay holds"
+POSITION_FORCE = (
+    "the device's own force that depends on position (position_stiffness, gravity): the certified "
+    "loop has none"
+)
+NOT_ASSESSED = (
+    "bounce on a one-sided wall, and sustained oscillation from quantiser and friction: the "
+    "simulator's part",
+)
+
+
+def assumptions(design: Design) -> tuple[str, ...]:
+    """What the proof takes for granted."""
+    device = design.device
+    return (
+        *ASSUMES,
+        NO_HAND if design.hand is None else WITH_HAND,
+        WITH_MODES if device.modes else RIGID,
+        *(() if device.current_lag is not None else (NO_LAG,)),
+    )
+
+
+def not_assessed(design: Design) -> tuple[str, ...]:
+    """What the proof leaves out."""
+    pushed = design.device.position_stiffness is not None or design.device.gravity is not None
+    return ((POSITION_FORCE,) if pushed else ()) + NOT_ASSESSED

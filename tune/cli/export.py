@@ -1,0 +1,61 @@
+"""``haptune export``: a profile as files for a controller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tune.cli.options import DryRun, Json, Quiet
+from tune.cli.session import Session, run_command
+
+if TYPE_CHECKING:
+    from tune.export import Target
+
+
+def export(
+    profile: Annotated[Path, typer.Argument(help="profile.yaml")],
+    to: Annotated[
+        list[str],
+        typer.Option("--to", metavar="TARGET", help="ros2, c, chai3d, json; several with commas."),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder that the files are written to.")
+    ] = Path(),
+    dry_run: DryRun = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Files for a controller, from a profile whose digest and certificate are checked first."""
+
+    def action(session: Session) -> None:
+        from tune.certificate.check import check as recheck
+        from tune.export import export as export_to
+
+        targets = _targets(to)
+        with session.progress() as say:
+            say("re-computing the certificate")
+            checked = recheck(profile).profile
+        files: dict[Path, str] = {}
+        for target in targets:
+            files |= {output / name: text for name, text in export_to(checked, target).items()}
+        for path in files:
+            session.target(path, profile)
+        for path, text in files.items():
+            session.write(path, text, dry_run=dry_run)
+
+    run_command("export", action, as_json=json, quiet=quiet)
+
+
+def _targets(given: list[str]) -> list[Target]:
+    """The targets of every --to, each once. Raises UsageError."""
+    from identification import UsageError
+    from tune.export import TARGETS
+
+    names = dict.fromkeys(name.strip() for each in given for name in each.split(","))
+    known: dict[str, Target] = {target: target for target in TARGETS}
+    for name in names:
+        if name not in known:
+            raise UsageError("--to", f"{name!r} is no target", f"Choose from {', '.join(TARGETS)}")
+    return [known[name] for name in names]

@@ -1,0 +1,144 @@
+"""What a profile predicts of free motion: the slowest mode of the loop, over the device's box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from identification import Device, quantity
+from tune.effects import Effects
+from tune.loop import Filters, Loop
+from tune.profile import LoopProfile
+
+#: Imaginary parts below this part of the modulus are rounding: the pole is real.
+_REAL = 1e-9
+#: A pole so near to w = -1, z = 0, is over within a sample: what a delay or a difference leaves.
+_GONE = 1e-6
+#: A mode that decays this many times faster than the slowest is over before anything is measured.
+_MUCH_FASTER = 4.0
+#: Part of the release a second mode of like decay may carry before the motion is no single mode.
+_SECOND_MODE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slowest:
+    """The mode in which a loop comes to rest.
+
+    Attributes:
+        frequency: damped, Hz; 0 where it does not oscillate.
+        decay: of its envelope exp(-decay·t), 1/s.
+        natural: modulus of the pole, rad/s.
+        next_decay: of the slowest among the other modes, 1/s; infinite where there is none.
+        nearness: of the slow mode to the other modes: its modulus over the least of theirs.
+        others: part of the response to a release that modes of like decay carry, relative.
+    """
+
+    frequency: float
+    decay: float
+    natural: float
+    next_decay: float
+    nearness: float
+    others: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction:
+    """Slowest mode at the best estimate, and its range over the corners of the device's box.
+
+    Attributes:
+        nominal: at the best estimate.
+        frequency: (low, high), Hz.
+        decay: (low, high), 1/s.
+        single: whether one mode, or two real poles, describes the motion at every corner.
+    """
+
+    nominal: Slowest
+    frequency: tuple[float, float]
+    decay: tuple[float, float]
+    single: bool
+
+
+def predict(device: Device, loop: LoopProfile, effects: Effects) -> Prediction:
+    """The free motion of a device, no hand on it, under effects at the gain they are played.
+
+    Args:
+        device: with its intervals.
+        loop: the filters that are run.
+        effects: single numbers.
+    """
+    box = device.simultaneous_box()
+    nominal = slowest(device, loop, effects)
+    corners = [
+        slowest(
+            device.model_copy(
+                update={
+                    "mass": quantity(mass),
+                    "damping": quantity(damping),
+                    "sample_time": quantity(step),
+                    "delay": quantity(delay),
+                }
+            ),
+            loop,
+            effects,
+        )
+        for mass, damping, step, delay in product(
+            *(sorted(set(side)) for side in (box.mass, box.damping, box.sample_time, box.delay))
+        )
+    ]
+    every = [nominal, *corners]
+    return Prediction(
+        nominal=nominal,
+        frequency=(min(m.frequency for m in every), max(m.frequency for m in every)),
+        decay=(min(m.decay for m in every), max(m.decay for m in every)),
+        single=max(mode.others for mode in every) <= _SECOND_MODE,
+    )
+
+
+def filters_of(loop: LoopProfile) -> Filters:
+    """The filters a profile names."""
+    return Filters(
+        velocity_hz=loop.velocity_filter_hz,
+        acceleration_hz=loop.acceleration_filter_hz,
+        velocity_order=loop.velocity_filter_order,
+        acceleration_order=loop.acceleration_filter_order,
+        damping_ratio=loop.filter_damping_ratio,
+        velocity_window=loop.velocity_window_samples,
+    )
+
+
+def slowest(
+    device: Device, loop: LoopProfile, effects: Effects, *, extra_delay_samples: int = 0
+) -> Slowest:
+    """The slowest mode of the loop at the best estimate of a device."""
+    built = Loop.from_parts(device, filters_of(loop), extra_delay_samples=extra_delay_samples)
+    closed, _ = built.polynomial(effects)
+    stiffness, _, _ = built.dimensionless_effects(effects)
+    w = np.asarray(np.roots((closed[1:] if effects.position_free else closed)[::-1]))
+    w = w[np.abs(1 + w) > _GONE].astype(np.complex128)
+    poles = 2 / device.sample_time.value * np.arctanh(w)
+    order = np.argsort(np.abs(poles))
+    w, poles = w[order], poles[order]
+    first = poles[0]
+    oscillates = abs(first.imag) > _REAL * abs(first)
+    if stiffness is None:
+        # Without a spring one real pole is the decay of speed; anything else is no single mode.
+        weights = np.ones(poles.size)
+    else:
+        spring = np.polynomial.polynomial.polyval(w, built.terms.alpha * stiffness)
+        slope = np.polynomial.polynomial.polyval(w, np.polynomial.polynomial.polyder(closed))
+        # Residues of the response to a jump of the place where the spring is relaxed.
+        weights = np.abs(spring / (slope * w * (1 - w)))
+    pair = len(poles) > 1 and not effects.position_free and poles[1].imag == 0
+    own = 2 if oscillates or pair else 1
+    other_decays = -poles.real[own:]
+    alike = other_decays < _MUCH_FASTER * -first.real
+    return Slowest(
+        frequency=float(abs(first.imag)) / (2 * np.pi) if oscillates else 0.0,
+        decay=-float(first.real),
+        natural=float(abs(first)),
+        next_decay=float(np.min(other_decays, initial=np.inf)),
+        nearness=float(np.max(abs(first) / np.abs(poles[own:]), initial=0.0)),
+        others=float(np.sum(weights[own:][alike]) / np.sum(weights[:own])),
+    )

@@ -79,69 +79,61 @@ def plant(case: GeneralCase) -> tuple[arb_poly, arb_poly]:
     encoder = [arb(1), *(arb(mode[2]) for mode in case.modes)]
     handle = [arb(1), *(arb(mode[3]) for mode in case.modes)]
     grip = [arb(x) for x in (case.hand or (0.0, 0.0, 0.0))]
-    mass, damp, spring = (
-        arb_mat([[grip[power] * handle[i] * handle[j] for j in range(count)] for i in range(count)])
-        for power in range(3)
-    )
-    for i in range(count):
-        mass[i, i] += m
-        if i == 0:
-            damp[i, i] += b
-        else:
-            omega = 2 * arb.pi() * arb(case.modes[i - 1][0])
-            damp[i, i] += 2 * arb(case.modes[i - 1][1]) * omega * m
-            spring[i, i] += omega**2 * m
-    inverse = mass.inv()
-    stiff, loss = inverse * spring, inverse * damp
+    omegas = [arb(0), *(2 * arb.pi() * arb(mode[0]) for mode in case.modes)]
+    ratios = [arb(0), *(arb(mode[1]) for mode in case.modes)]
+    losses = [b, *(2 * z * w * m for z, w in zip(ratios[1:], omegas[1:], strict=True))]
+
+    def matrix(own: list[arb], share: arb) -> arb_mat:
+        return arb_mat(
+            [
+                [share * handle[i] * handle[j] + (own[i] if i == j else 0) for j in range(count)]
+                for i in range(count)
+            ]
+        )
+
+    inverse = matrix([m] * count, grip[0]).inv()
+    loss = inverse * matrix(losses, grip[1])
+    stiff = inverse * matrix([w * w * m for w in omegas], grip[2])
     pull = inverse * arb_mat([[x] for x in encoder])
-    lagging = case.lag > 0
-    size = 2 * count + lagging
-    a, force = arb_mat(size, size), arb_mat(size, 1)
-    for i in range(count):
-        a[i, count + i] = arb(1)
-        for j in range(count):
-            a[count + i, j] = -stiff[i, j]
-            a[count + i, count + j] = -loss[i, j]
-        if lagging:
-            a[count + i, size - 1] = pull[i, 0]
-        else:
-            force[count + i, 0] = pull[i, 0]
+    zero, lagging = arb(0), case.lag > 0
+    # States: coordinates, their rates, and the force behind its lag.
+    rows = [
+        [arb(1) if j == count + i else zero for j in range(2 * count)] + [zero] * lagging
+        for i in range(count)
+    ]
+    rows += [
+        [-stiff[i, j] for j in range(count)]
+        + [-loss[i, j] for j in range(count)]
+        + [pull[i, 0]] * lagging
+        for i in range(count)
+    ]
+    force = [zero] * count + [zero if lagging else pull[i, 0] for i in range(count)]
     if lagging:
-        a[size - 1, size - 1] = -1 / arb(case.lag)
-        force[size - 1, 0] = 1 / arb(case.lag)
+        rows.append([zero] * (2 * count) + [-1 / arb(case.lag)])
+        force.append(1 / arb(case.lag))
     whole = int(case.delay)
     fraction = arb(case.delay) - whole
-    phi, full = _held(a, force, T)
-    _, new = _held(a, force, (1 - fraction) * T)
-    old = full - new
-    reading = arb_mat(1, size)
-    for i in range(count):
-        reading[0, i] = encoder[i]
-    bare = _characteristic(phi)
+    phi, full = _held(rows, force, T)
+    _, new = _held(rows, force, (1 - fraction) * T)
+    reading = arb_mat([[*encoder, *[zero] * (len(rows) - count)]])
+    bare = phi.charpoly()
     z = arb_poly([0, 1])
-    now = _characteristic(phi - new * reading) - bare
+    now = (phi - new * reading).charpoly() - bare
     if case.delay == whole:
         return now, bare * z**whole
-    before = _characteristic(phi - old * reading) - bare
+    before = (phi - (full - new) * reading).charpoly() - bare
     return now * z + before, bare * z ** (whole + 1)
 
 
-def _held(a: arb_mat, force: arb_mat, time: arb) -> tuple[arb_mat, arb_mat]:
-    size = a.nrows()
-    both = arb_mat(size + 1, size + 1)
-    for i in range(size):
-        for j in range(size):
-            both[i, j] = a[i, j] * time
-        both[i, size] = force[i, 0] * time
-    moved = both.exp()
+def _held(rows: list[list[arb]], force: list[arb], time: arb) -> tuple[arb_mat, arb_mat]:
+    """What a time does to the states, and a force of one held through it."""
+    size = len(rows)
+    both = [[x * time for x in [*row, f]] for row, f in zip(rows, force, strict=True)]
+    moved = arb_mat([*both, [arb(0)] * (size + 1)]).exp()
     return (
         arb_mat([[moved[i, j] for j in range(size)] for i in range(size)]),
         arb_mat([[moved[i, size]] for i in range(size)]),
     )
-
-
-def _characteristic(matrix: arb_mat) -> arb_poly:
-    return matrix.charpoly()
 
 
 def _velocity(case: GeneralCase, z: arb_poly) -> tuple[arb_poly, arb_poly]:

@@ -14,13 +14,20 @@ from hypothesis import strategies as st
 
 from identification import load_device
 from tests.general_loops import compare, draw_case, draw_ray, effects_at, loop_of, without_filters
-from tests.general_reference import GeneralCase, plant
+from tests.general_reference import (
+    GeneralCase,
+    crossings,
+    general_loop,
+    plant,
+    stable_by_jury,
+)
 from tune.criterion import ULPS, UNIT
 from tune.effects import EFFECT_NAMES, Effects
 from tune.errors import LoopError
+from tune.filters import LONGEST_WINDOW
 from tune.hand import FREE_TO_RIGID
 from tune.loop import LONGEST_DELAY, Filters, HandNumbers, Loop, ModeNumbers
-from tune.stability import is_stable, largest, safe_gain, verdict
+from tune.stability import is_stable, largest, safe_gain, stable_values, verdict
 
 MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)
 HAND = HandNumbers(mass=0.1, damping=5.0, stiffness=300.0)
@@ -46,6 +53,46 @@ def test_verdicts_and_margins_against_600_bits() -> None:
 @pytest.mark.parametrize("seed", range(25))
 def test_verdicts_and_margins_against_600_bits_long(seed: int) -> None:
     _accept(compare(2_000, seed=100 + seed), 2_000)
+
+
+def test_intervals_in_one_coordinate_end_where_600_bits_change_sides() -> None:
+    rng = np.random.default_rng(11)
+    ends = 0
+    for _ in range(60):
+        case = draw_case(rng)
+        k, b, m = draw_ray(rng, case)
+        others = Effects(stiffness=k, damping=b, mass=m)
+        name = EFFECT_NAMES[int(rng.integers(3))]
+        low, high = stable_values(loop_of(case), name, others)
+        for end in np.ravel([low, high]):
+            if not 0 < end < np.inf:
+                continue
+            sides: list[bool] = []
+            for factor in (1 - 1e-9, 1 + 1e-9):
+                # Absent effects stay absent: the pole of free motion is not asked for.
+                values = dict(zip(EFFECT_NAMES, (k, b, m), strict=True))
+                values[name] = float(end) * factor
+                reference = general_loop(case, *values.values())
+                sides.append(stable_by_jury(reference.at(arb(1))))
+            assert sides[0] != sides[1], (case, name, others, end)
+            ends += 1
+    assert ends > 40
+
+
+def test_what_only_a_mode_damps_is_right_to_six_digits() -> None:
+    """Neither device nor hand damped: a limit below a micronewton a metre."""
+    case = GeneralCase(
+        mass=0.8867971407624056,
+        damping=0.0,
+        sample_time=0.0004781793265835689,
+        delay=4.92123431421505,
+        modes=((921.7719055287816, 0.03217871237458136, 0.836262837133392, -0.4787695160788501),),
+        hand=(0.04449676578842037, 0.0, 111.86542948705485),
+        velocity=("low-pass", 21.023882775083973, 1, 1.0),
+    )
+    limit = float(crossings(general_loop(case, 1.0, None, None))[0].mid())
+    assert limit < 1e-6
+    assert float(largest(loop_of(case), "stiffness")) == pytest.approx(limit, rel=1e-6)
 
 
 def _in_w(polynomial: arb_poly, degree: int) -> list[arb]:
@@ -118,6 +165,28 @@ def test_a_window_of_one_sample_is_the_plain_difference() -> None:
     window = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3, filters=Filters(velocity_window=1))
     for name in EFFECT_NAMES:
         assert float(largest(window, name)) == pytest.approx(float(largest(plain, name)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("window", "delay"), [(LONGEST_WINDOW, 1.0), (15, 5.5), (1, LONGEST_DELAY)]
+)
+def test_the_longest_windows_and_delays_are_still_judged(window: int, delay: float) -> None:
+    """Degrees up to 65, against 600 bits."""
+    case = GeneralCase(
+        mass=3.0,
+        damping=10.0,
+        sample_time=1e-3,
+        delay=delay,
+        velocity=("window", float(window)),
+        modes=((80.0, 0.02, 0.5, -2.0),),
+        hand=(0.1, 5.0, 300.0),
+    )
+    limit = float(crossings(general_loop(case, None, 1.0, None))[0].mid())
+    loop = loop_of(case)
+    assert float(largest(loop, "damping")) == pytest.approx(limit, rel=1e-9)
+    factors = np.array([1e-3, 1 - 1e-6, 1 + 1e-6])
+    answers = verdict(loop, Effects(damping=limit * factors))
+    assert answers.tolist() == [1, 1, -1]
 
 
 def test_two_equal_poles_are_the_limit_of_two_unequal_ones() -> None:
@@ -271,7 +340,10 @@ def test_transfer_and_terms_belong_together() -> None:
             (loop.terms.gamma, (parts.plant_numerator, parts.gamma)),
         ):
             product = np.convolve(*factors)
-            np.testing.assert_allclose(term[: len(product)], product, rtol=1e-13)
+            largest_part = float(np.max(np.abs(product)))
+            np.testing.assert_allclose(
+                term[: len(product)], product, rtol=1e-13, atol=1e-13 * largest_part
+            )
             assert not np.any(term[len(product) :])
 
 
@@ -401,6 +473,7 @@ def test_what_cannot_be_is_refused(change: dict[str, object], words: str) -> Non
         ({"damping_ratio": 0.0}, "damping_ratio"),
         ({"damping_ratio": 1.5}, "damping_ratio"),
         ({"velocity_window": 0}, "velocity_window"),
+        ({"velocity_window": LONGEST_WINDOW + 1}, "velocity_window"),
         ({"velocity_window": 5, "velocity_hz": 30.0}, "exclude"),
     ],
 )

@@ -231,7 +231,7 @@ def test_devices_inside_the_box_are_stable_with_the_claimed_margins(seed: int) -
                 mass=rng.uniform(*box.mass),
                 damping=rng.uniform(*box.damping),
                 sample_time=step,
-                delay_samples=int(rng.integers(last, last + 2)),
+                delay_samples=float(rng.uniform(last, last + 1)),
             )
             assert judge(point, setting, 2.0).answer == "stable"
 

@@ -126,7 +126,7 @@ FORGED: tuple[tuple[str, Any, str], ...] = (
     ("elements.wall 2.margins.extra_delay_samples", 9.0, "claimed delay margin: unstable"),
     ("elements.wall 2.margins.extra_delay_samples", 1e9, "at most 64 judged"),
     ("device.delay", {"value": 0.001, "high": 1e6}, "at most 64 judged"),
-    ("elements.wall 2.margins.passive", True, "claims passivity with a delay"),
+    ("elements.wall 2.damping", 9.0, "claims passivity with a delay of 1 samples"),
     ("elements.wall 2.ripple", 1e-9, "claims a ripple"),
     ("elements.wall 2.stiffness", 0.0, "plays no effect"),
     ("ripple_limit", 1e-9, "exceeds the limit"),

@@ -116,5 +116,5 @@ def test_a_spot_found_later_joins_with_its_delay() -> None:
 
 
 def test_a_delay_that_cannot_be_judged_is_refused() -> None:
-    with pytest.raises(LoopError, match="21 samples of 0.001 s, at most 20 can be tuned"):
+    with pytest.raises(LoopError, match=r"21 samples of 0\.001 s, at most 20 can be tuned"):
         Region.of(_device(delay=0.021), None, extra=2)

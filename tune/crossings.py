@@ -27,7 +27,7 @@ _NEARLY_REAL = 1e-3
 _POLISHES = 4
 #: Newton steps on v by the ratio, the part of v they look ahead for its slope, and the part they
 #: may go: the coefficients of the polynomials have found v to better than that.
-_REFINEMENTS, _AHEAD, _NEAR = 3, 1e-6, 1e-3
+_REFINEMENTS, _AHEAD, _NEAR = 2, 1e-6, 1e-3
 #: Neighbouring crossings closer than this, relative, are one.
 _SAME = 64 * UNIT
 
@@ -149,8 +149,9 @@ def _refined(x: FloatArray, s: FloatArray, ratio: Ratio) -> FloatArray:
         start = np.sqrt(np.where(x > 0, x, np.nan))
         v = start.copy()
         for _ in range(_REFINEMENTS):
-            slope = np.imag(ratio(v * (1 + _AHEAD)) - ratio(v * (1 - _AHEAD))) / (2 * _AHEAD * v)
-            v -= np.imag(ratio(v)) / slope
+            places = np.concatenate([v, v * (1 + _AHEAD), v * (1 - _AHEAD)])
+            here, above, below = np.split(np.imag(ratio(places)), 3)
+            v -= here / (above - below) * (2 * _AHEAD * v)
         value = ratio(v)
         good = (np.abs(v - start) <= _NEAR * start) & (np.abs(np.imag(value)) <= _NEAR * np.abs(s))
         good &= np.abs(np.real(value) - s) <= _NEAR * np.abs(s)

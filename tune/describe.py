@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from tune.limits import (
     stable_with_margin,
     worst_gain,
 )
-from tune.loop import Filters
+from tune.loop import WHOLE, Filters
 from tune.passivity import damping_needed
 from tune.problem import Problem
 from tune.profile import ElementProfile, LimitedBy, Margins
@@ -132,16 +133,30 @@ def element_profile(
 
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:
-    filters = problem.filters
-    if problem.region.box.delay[1] or filters.velocity_hz or filters.acceleration_hz:
+    """Whether the device is passive with the least damping and every sample time of its box."""
+    region = problem.region
+    delays = [delay / step for delay in region.box.delay for step in region.box.sample_time]
+    whole = round(delays[0])
+    if region.modes or region.current_lag or any(abs(d - whole) > WHOLE for d in delays):
         return "not-applicable"
-    needed = damping_needed(
-        values["stiffness"],
-        values["damping"],
-        values["mass"],
-        problem.region.box.sample_time[1],
+    filters = replace(
+        problem.filters,
+        velocity_hz=problem.filters.velocity_hz if values["damping"] else None,
+        velocity_window=problem.filters.velocity_window if values["damping"] else None,
+        acceleration_hz=problem.filters.acceleration_hz if values["mass"] else None,
     )
-    return bool(problem.region.box.damping[0] > needed)
+    needed = max(
+        damping_needed(
+            values["stiffness"],
+            values["damping"],
+            values["mass"],
+            step,
+            filters,
+            delay_samples=whole,
+        )
+        for step in dict.fromkeys(region.box.sample_time)
+    )
+    return bool(region.box.damping[0] > needed)
 
 
 def skipped_parts(device: Device, scene: Scene, filters: Filters) -> tuple[str, ...]:

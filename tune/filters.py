@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import comb
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from tune.errors import LoopError
 from tune.polynomials import DIFFERENCE, LATE, ONE, Polynomial
 
+if TYPE_CHECKING:
+    from tune.profile import LoopProfile
+
 FloatArray = NDArray[np.float64]
+
+#: Samples. Each adds one to the degree; beyond some 80 doubles no longer hold the polynomial.
+LONGEST_WINDOW = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,13 +61,28 @@ class Filters:
         if not 0 < self.damping_ratio <= 1:
             raise LoopError(f"damping_ratio must be in (0, 1], not {self.damping_ratio:g}")
         if self.velocity_window is not None:
-            if self.velocity_window < 1:
-                raise LoopError(f"velocity_window must be 1 or more, not {self.velocity_window}")
+            if not 1 <= self.velocity_window <= LONGEST_WINDOW:
+                raise LoopError(
+                    f"velocity_window must be 1 to {LONGEST_WINDOW} samples, not "
+                    f"{self.velocity_window}"
+                )
             if self.velocity_hz is not None:
                 raise LoopError(
                     f"velocity_window {self.velocity_window} and velocity_hz {self.velocity_hz:g} "
                     "exclude each other; give one of them"
                 )
+
+
+def filters_of(loop: LoopProfile) -> Filters:
+    """The filters that a profile names."""
+    return Filters(
+        velocity_hz=loop.velocity_filter_hz,
+        acceleration_hz=loop.acceleration_filter_hz,
+        velocity_order=loop.velocity_filter_order,
+        acceleration_order=loop.acceleration_filter_order,
+        damping_ratio=loop.filter_damping_ratio,
+        velocity_window=loop.velocity_window_samples,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -216,12 +216,6 @@ class Loop:
         return _closed(ideal(delta, samples), law, delta)
 
     @property
-    def controller(self) -> Terms:
-        """The law's numerators, padded to one length, and as ``free`` the plant's denominator."""
-        parts = self.transfer
-        return _terms(parts.plant_denominator, parts.alpha, parts.beta, parts.gamma)
-
-    @property
     def degree(self) -> int:
         """Degree of the polynomial in w."""
         return self.terms.free.shape[0] - 1

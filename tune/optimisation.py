@@ -23,9 +23,8 @@ Progress = Callable[[str], None]
 
 #: Proposals after the first, each warned by what the check said of the one before.
 _MOST_ATTEMPTS = 4
-#: Margin beyond the one asked for, relative, where a proof came too close to the edge; ten times
-#: more each time.
-_SLACK = 1e-3
+#: Margin beyond the one asked for, relative, where a proof came too close to the edge.
+_SLACK = (1e-3, 1e-2)
 
 
 def optimise(
@@ -58,9 +57,10 @@ def optimise(
         try:
             certificate = certify(design)
         except CheckFailedError as error:
-            if attempt == _MOST_ATTEMPTS:
+            warned = _warned(job, error)
+            if warned is None or attempt == _MOST_ATTEMPTS:
                 raise
-            job = _warned(job, error)
+            job = warned
             continue
         profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
         return as_stored(profile).signed()
@@ -80,8 +80,11 @@ def _proposed(job: Job, filters: Filters, say: Progress) -> Design:
     return as_stored(design_of(job, filters, solutions, dropped))
 
 
-def _warned(job: Job, error: CheckFailedError) -> Job:
-    """The job with the points at which its proposal was unstable; with more slack if none was."""
+def _warned(job: Job, error: CheckFailedError) -> Job | None:
+    """The job with the points at which its proposal was unstable; with more slack if none was.
+
+    None where neither is left to try.
+    """
     spots = tuple(
         Spot(
             mass=point.mass,
@@ -95,7 +98,8 @@ def _warned(job: Job, error: CheckFailedError) -> Job:
         for point in error.points
     )
     if not spots:
-        return replace(job, slack=max(_SLACK, 10 * job.slack))
+        slack = next((more for more in _SLACK if more > job.slack), None)
+        return None if slack is None else replace(job, slack=slack)
     return replace(job, region=replace(job.region, found=job.region.found + spots))
 
 

@@ -8,15 +8,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tune.effects import Effects
-from tune.loop import Filters, Loop
+from tune.filters import filters_of
+from tune.loop import Loop
 from tune.profile import SafeProfile
+from tune.region import Region
 from tune.stability import largest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
 
 _UNITS = {
     "linear": {"stiffness": "N/m", "damping": "N·s/m", "mass": "kg"},
@@ -45,41 +50,30 @@ def profile_picture(profile: SafeProfile) -> Figure:
 
 def _region(axes: Axes, profile: SafeProfile) -> None:
     units = _UNITS[profile.device.motion]
-    filters = Filters(
-        velocity_hz=profile.loop.velocity_filter_hz,
-        acceleration_hz=profile.loop.acceleration_filter_hz,
-    )
-    device, certificate = profile.device, profile.certificate
-    delay = certificate.delay_samples[1]
-    nominal = Loop.from_numbers(
-        mass=device.mass.value,
-        damping=device.damping.value,
-        sample_time=device.sample_time.value,
-        delay_samples=delay,
-        filters=filters,
-    )
+    filters = filters_of(profile.loop)
+    certificate, extra = profile.certificate, profile.margin.extra_delay_samples
+    nominal = Loop.from_parts(profile.device, filters)
     most = 1.05 * float(largest(nominal, "damping"))
     grid = np.linspace(0, most, 400)
     effects = Effects(damping=grid)
     axes.fill_between(
         grid, largest(nominal, "stiffness", effects), color="0.9", label="stable, best estimate"
     )
-    corners = [(m, b) for m in certificate.mass for b in certificate.damping]
+    corners = Region.of(profile.device, profile.hand, extra=extra).loops(filters, extra)
 
-    def worst(gain: float, extra: int) -> np.ndarray:  # type: ignore[type-arg]
-        loop = Loop.from_numbers(
-            mass=np.array([[m] for m, _ in corners]),
-            damping=np.array([[b] for _, b in corners]),
-            sample_time=certificate.sample_time[1],
-            delay_samples=delay + extra,
-            filters=filters,
-        )
-        return np.min(largest(loop, "stiffness", Effects(damping=gain * grid)), axis=0) / gain
+    def worst(gain: float, beyond: float) -> FloatArray:
+        more = Effects(damping=gain * grid[:, None])
+        found = [
+            np.min(largest(late.loop, "stiffness", more), axis=-1)
+            for late in corners
+            if late.beyond <= beyond
+        ]
+        return np.min(found, axis=0) / gain
 
     axes.plot(grid, worst(1.0, 0), color="tab:orange", label="worst corner of the device's box")
     axes.fill_between(
         grid,
-        worst(certificate.gain, certificate.extra_delay_samples),
+        worst(certificate.gain, extra),
         color="tab:green",
         alpha=0.35,
         label="with the whole margin",

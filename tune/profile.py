@@ -57,12 +57,14 @@ class LoopProfile(Document):
 
 
 class Margins(Document):
-    """Margins of one element over every corner of the box and every moment it is part of.
+    """Margins of one element over the whole box and every moment it is part of.
 
     Attributes:
         gain: stable for every gain in (0, gain].
-        extra_delay_samples: further whole samples of delay at which every gain in (0, 1] is stable.
-        passive: passivity by its own condition, "not-applicable" with a delay or a filter.
+        extra_delay_samples: further delay, in tenths of a sample, up to which every gain in (0, 1]
+            is stable.
+        passive: passivity by its own condition; "not-applicable" with a mode, a current lag or a
+            part of a sample of delay.
     """
 
     gain: float

@@ -15,16 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.criterion import UNIT
 from tune.polynomials import Polynomial, padded
 
 FloatArray = NDArray[np.float64]
 
-UNIT = 2.0**-53
 #: Newton steps; each doubles the digits, and eigenvalues of graded polynomials may bring but four.
 _STEPS = 5
-#: By how much the sampled mechanism may move when the coefficients of the continuous one do,
-#: relative to its sizes: about one for slow poles, four for poles near z = -1.
-_COUPLED = 1.0
 #: Sweeps of equilibration; each halves the logarithms of what the rows differ by.
 _SWEEPS = 8
 
@@ -36,8 +33,8 @@ class Quadratic:
     Attributes:
         a: coefficient of s.
         b: constant.
-        blur: by how much more than rounding the product of all factors misses the polynomial, 1
-            or more.
+        blur: 1, and by how many units of roundoff of its terms the product of all factors misses
+            the polynomial; sizes of whatever is made of the factors grow by it.
     """
 
     a: FloatArray
@@ -105,9 +102,8 @@ def split_fractions(
 
 
 def _missed(rest: FloatArray, sizes: FloatArray) -> FloatArray:
-    """What the residual of each column and its rounding make of the sizes; nan where unsolved."""
-    parts = np.abs(rest) / (UNIT * sizes)
-    return _COUPLED + np.max(np.where(sizes == 0, 0.0, parts), axis=0)
+    """1 and the largest residual of each column in units of roundoff; nan where unsolved."""
+    return 1 + np.max(np.where(sizes == 0, 0.0, np.abs(rest) / (UNIT * sizes)), axis=0)
 
 
 def _factors(value: FloatArray, zeros: int) -> tuple[FloatArray, FloatArray]:

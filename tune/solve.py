@@ -13,7 +13,7 @@ from tune.backends import Backend
 from tune.climb import SAME, climb, closed_form
 from tune.describe import binding, reasons_for_nothing
 from tune.errors import NoFeasibleEffectError
-from tune.limits import allowed
+from tune.limits import allowed, largest_allowed
 from tune.loop import Filters
 from tune.problem import Job, Problem, pose
 from tune.scene import Scene
@@ -86,14 +86,9 @@ def solve(
             dropped |= reason
             continue
         sizes = settled(problem, answer.sizes)
-        steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)]
-        faint = int(np.argmin(steps))
-        if steps[faint] < 1:
-            unknown = problem.unknowns[faint]
-            dropped[unknown.label] = (
-                f"{unknown.sign * sizes[faint]:.4g} would be {steps[faint]:.2g} of a step a hand "
-                f"can tell, limited by {binding(problem, sizes, faint)}"
-            )
+        faint = _faint(problem, sizes)
+        if faint:
+            dropped |= faint
             continue
         return Solved(
             problem=problem,
@@ -102,6 +97,36 @@ def solve(
             method=" and ".join(answer.methods) or "start",
             disagreement=answer.disagreements,
         )
+
+
+def _faint(problem: Problem, sizes: FloatArray) -> dict[str, str]:
+    """Why effects are dropped that no hand could tell from nothing, by label.
+
+    Those that would not reach a step even alone; where each of them would, the faintest.
+    """
+    steps = [u.steps(float(size)) for u, size in zip(problem.unknowns, sizes, strict=True)]
+    if min(steps) >= 1:
+        return {}
+    low = np.array([unknown.low for unknown in problem.unknowns])
+    found: dict[str, str] = {}
+    for index, unknown in enumerate(problem.unknowns):
+        most = largest_allowed(problem, low, index)
+        if steps[index] < 1 and unknown.steps(most) < 1:
+            alone = low.copy()
+            alone[index] = most
+            found[unknown.label] = _too_little(problem, alone, index)
+    if not found:
+        index = int(np.argmin(steps))
+        found[problem.unknowns[index].label] = _too_little(problem, sizes, index)
+    return found
+
+
+def _too_little(problem: Problem, sizes: FloatArray, index: int) -> str:
+    unknown, size = problem.unknowns[index], float(sizes[index])
+    return (
+        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
+        f"limited by {binding(problem, sizes, index)}"
+    )
 
 
 def backends(*, second_opinion: bool = True) -> list[Backend]:

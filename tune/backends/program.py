@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.loop import Loop, Terms
+from tune.polynomials import padded
 from tune.problem import Problem
 from tune.ripple import ripple_energy
 from tune.routh_table import product, routh_ratios
@@ -145,8 +146,9 @@ def _table(loop: Loop, gain: float) -> FloatArray:
 def _law(loop: Loop, unit: float) -> FloatArray:
     """(4, degree+1): plant denominator, and the control law times ``unit``."""
     scales = np.array([1.0, *(unit * float(s) for s in loop.scales)])
-    law = _parts(loop.controller) * scales[:, None]
-    return np.pad(law, ((0, 0), (0, loop.degree + 1 - law.shape[1])))
+    parts = loop.transfer
+    rows = (parts.plant_denominator, parts.alpha, parts.beta, parts.gamma)
+    return np.stack([padded(row, loop.degree + 1) for row in rows]) * scales[:, None]
 
 
 @lru_cache(maxsize=64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Literal
 
@@ -40,6 +40,7 @@ class _Findings:
     """What was found so far."""
 
     failures: list[str]
+    unstable: list[WorstPoint] = field(default_factory=list[WorstPoint])
     worst: tuple[tuple[str, ...], float, Worst] | None = None
     points: int = 0
     cells: int = 0
@@ -71,7 +72,7 @@ def certify(design: Design) -> Certificate:
         found.failures += ripple_failures(design, moment, setting)
         found.failures += passivity_failures(design, moment, setting, bare)
     if found.failures:
-        raise CheckFailedError(tuple(found.failures))
+        raise CheckFailedError(tuple(found.failures), tuple(found.unstable))
     if found.worst is None:
         raise CheckFailedError(("the profile plays no effect at all",))
     return _certificate(design, found, interior)
@@ -165,7 +166,7 @@ def _judge(
         found.points += worst.judged
         if worst.verdict.answer != "stable":
             unstable = True
-            found.failures.append(_unstable(where, each, worst))
+            _refuse(found, moment, where, each, worst)
         elif each.words == "margin" and (
             found.worst is None or worst.verdict.radius > found.worst[2].verdict.radius
         ):
@@ -180,7 +181,7 @@ def _judge(
     for each in named:
         worst = worst_point(region, setting, each.claim, proof.doubt, thorough=_THOROUGH)
         if worst.verdict.answer != "stable":
-            found.failures.append(_unstable(where, each, worst))
+            _refuse(found, moment, where, each, worst)
             return
     worst = worst_point(region, setting, named[0].claim)
     found.failures.append(
@@ -191,10 +192,15 @@ def _judge(
     )
 
 
-def _unstable(where: str, each: _Named, worst: Worst) -> str:
-    return (
-        f"{where}: {each.words}: {worst.verdict.answer} at {worst.point.words()}, gain "
-        f"{each.claim.gain:.6g}: {worst.verdict.reason}"
+def _refuse(
+    found: _Findings, moment: tuple[str, ...], where: str, each: _Named, worst: Worst
+) -> None:
+    """Keep a point that is not stable, and the sentence about it."""
+    gain, verdict = each.claim.gain, worst.verdict
+    found.unstable.append(_place(moment, gain, worst.point, verdict.radius))
+    found.failures.append(
+        f"{where}: {each.words}: {verdict.answer} at {worst.point.words()}, gain {gain:.6g}: "
+        f"{verdict.reason}"
     )
 
 

@@ -203,22 +203,19 @@ def _relative(quantity: Quantity) -> str:
     return f"{100 * (quantity.high - quantity.low) / 2 / abs(quantity.value):.2g} %"
 
 
-def _interior(certificate: Certificate) -> str:
-    open_ = [name for name, how in certificate.interior.items() if how != "proved"]
-    if not open_:
-        return "proved for every device between the corners, too"
-    return f"at the corners only, not proved between them: {'; '.join(open_)}"
-
-
 def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
     """What was certified, in words."""
     worst = certificate.worst
+    delay = " to ".join(dict.fromkeys(f"{item:.4g}" for item in certificate.delay_samples))
+    beside = ["with modes"] if certificate.modes else []
+    beside += ["without a hand and in every hand"] if certificate.hand else []
     return (
-        f"certified at {certificate.points} points: mass {certificate.mass[0]:.6g} to "
-        f"{certificate.mass[1]:.6g}, damping {certificate.damping[0]:.6g} to "
-        f"{certificate.damping[1]:.6g} (together {100 * certificate.confidence:g} %), every gain "
-        f"in (0, {certificate.gain:g}], up to {certificate.extra_delay_samples} extra samples",
-        _interior(certificate),
-        f"slowest there: {' + '.join(worst.elements)}, pole radius {worst.pole_radius:.6f}",
+        f"proved for every device: mass {certificate.mass[0]:.6g} to {certificate.mass[1]:.6g}, "
+        f"damping {certificate.damping[0]:.6g} to {certificate.damping[1]:.6g} (together "
+        f"{100 * certificate.confidence:g} %), delay {delay} samples and up to "
+        f"{certificate.extra_delay_samples:g} more, every gain in (0, {certificate.gain:g}]"
+        + "".join(f", {part}" for part in beside),
+        f"{certificate.cells} cells excluded, {certificate.points} points judged; slowest of them: "
+        f"{' + '.join(worst.elements)}, pole radius 1 - {1 - worst.pole_radius:.2g}",
         "not assessed: " + "; ".join(certificate.not_assessed),
     )

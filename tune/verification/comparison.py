@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from identification import Finding, LogRefusedError, Trajectory, UsageError
 from tune.effects import Effects
 from tune.errors import LoopError
+from tune.filters import filters_of
 from tune.loop import Loop
 from tune.profile import Design
 from tune.verification.elements import moments_of
 from tune.verification.law_seen import LawSeen, judge_law, printed_digit
 from tune.verification.motion_seen import MotionSeen, judge_motion
 from tune.verification.outcome import Outcome, not_assessed
-from tune.verification.prediction import filters_of
 from tune.verification.ripple_seen import judge_ripple
 
 FloatArray = NDArray[np.float64]

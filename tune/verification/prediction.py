@@ -9,7 +9,8 @@ import numpy as np
 
 from identification import Device, quantity
 from tune.effects import Effects
-from tune.loop import Filters, Loop
+from tune.filters import filters_of
+from tune.loop import Loop
 from tune.profile import LoopProfile
 
 #: Imaginary parts below this part of the modulus are rounding: the pole is real.
@@ -93,18 +94,6 @@ def predict(device: Device, loop: LoopProfile, effects: Effects) -> Prediction:
         frequency=(min(m.frequency for m in every), max(m.frequency for m in every)),
         decay=(min(m.decay for m in every), max(m.decay for m in every)),
         single=max(mode.others for mode in every) <= _SECOND_MODE,
-    )
-
-
-def filters_of(loop: LoopProfile) -> Filters:
-    """The filters a profile names."""
-    return Filters(
-        velocity_hz=loop.velocity_filter_hz,
-        acceleration_hz=loop.acceleration_filter_hz,
-        velocity_order=loop.velocity_filter_order,
-        acceleration_order=loop.acceleration_filter_order,
-        damping_ratio=loop.filter_damping_ratio,
-        velocity_window=loop.velocity_window_samples,
     )
 
 

@@ -27,6 +27,12 @@ EXPECTED = dict.fromkeys(FAMILIES, "output-error") | {
     "closed-loop-force-noise": "innovations",
     "offset-gravity": "weak",
 }
+#: Intervals that hold more than 97 %: where there is no friction its doubt stays in the damping, and
+#: in what the damping leans on (test_no_tighter_interval_would_hold).
+WIDE = {(name, "damping") for name in FAMILIES} - {
+    ("coulomb", "damping"),
+    ("directional-friction", "damping"),
+} | {("offset-gravity", "mass")}
 #: Methods a family is compared with; least squares and instruments are never near in white noise.
 RIVALS = ("output-error", "innovations", "weak", "instruments", "least-squares")
 
@@ -134,7 +140,11 @@ def test_the_envelope_holds_every_pose_in_95_of_100() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", FAMILIES)
 def test_intervals_cover(name: str) -> None:
-    """Coverage of at least 93 % over many seeds; above 97 % only where it is printed and known."""
+    """93 to 97 %; above only where WIDE says so.
+
+    Measured over 2 250 to 4 000 seeds: mass 94.9 to 97.6 %, damping 95.9 % with friction to 99.8 %
+    with nothing but an encoder.
+    """
     count = int(os.environ.get("HAPTUNE_SEEDS", "400"))
     logs = family_named(name).logs(range(1000, 1000 + count))
     fits = at_once(delayed(fitted)(name, log) for log in logs)
@@ -144,12 +154,40 @@ def test_intervals_cover(name: str) -> None:
     rmse = np.sqrt(np.mean((error / truth) ** 2, axis=0))
     print(f"{name}: coverage m {coverage[0]:.3f} b {coverage[1]:.3f}, rmse {rmse}")
     assert np.all(coverage >= 0.93 - 2 * np.sqrt(0.93 * 0.07 / count))
+    for key, each in zip(NAMES, coverage, strict=True):
+        assert each <= 0.97 + 2 * np.sqrt(0.97 * 0.03 / count) or (name, key) in WIDE
+
+
+@pytest.mark.long
+def test_no_tighter_interval_would_hold() -> None:
+    """Friction of two of its own deviations, in one log of six taken for none: 94.5 % measured.
+
+    With intervals a tenth tighter it was 92 %, a fifth tighter 88.5 %.
+    """
+    family, count = family_named("alternating-steps"), 400
+    deviations = [
+        fitted(family.name, log).estimate.deviation("coulomb_friction")
+        for log in family.logs(range(20))
+    ]
+    rubbing = replace(
+        family, rig=replace(family.rig, coulomb_friction=2 * float(np.median(deviations)))
+    )
+    logs = rubbing.logs(range(20_000, 20_000 + count))
+    fits = at_once(delayed(fitted)(family.name, log) for log in logs)
+    error, half = errors(family.name, fits)
+    held, tighter = (float(np.mean(np.abs(error[:, 1]) <= k * half[:, 1])) for k in (1.0, 0.8))
+    print(f"friction of two deviations: coverage of damping {held:.3f}, a fifth tighter {tighter}")
+    assert held >= 0.93 - 2 * np.sqrt(0.93 * 0.07 / count)
+    assert tighter < 0.93
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", FAMILIES)
 def test_auto_is_near_the_best_single_method(name: str) -> None:
-    """RMSE of mass and damping together within 20 % of the best single method's, same logs."""
+    """RMSE of mass and of damping within 20 % of the best single method's on the same logs.
+
+    Measured over 60 seeds: 4 % at most, in the mass in closed loop with measurement noise.
+    """
     count = int(os.environ.get("HAPTUNE_SEEDS", "200"))
     logs = family_named(name).logs(range(count))
     truth = np.array([family_named(name).truth[key] for key in NAMES])
@@ -159,7 +197,6 @@ def test_auto_is_near_the_best_single_method(name: str) -> None:
         error, _ = errors(name, fits)
         rmse[method] = np.sqrt(np.mean((error / truth) ** 2, axis=0))
         print(f"{name}, {method}: {rmse[method]}")
-    product = {method: float(np.prod(each)) for method, each in rmse.items()}
-    best = min(product[method] for method in RIVALS)
-    # Two ratios, and the sampling error of each over the seeds.
-    assert product["auto"] <= 1.2**2 * best * (1 + 2 * np.sqrt(2 / count))
+    best = np.min([rmse[method] for method in RIVALS], axis=0)
+    # The sampling error of two RMSE; less where both are of the same method.
+    assert np.all(rmse["auto"] <= 1.2 * best * (1 + 2 / np.sqrt(count)))

@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import pytest
 
-from tests.commands import SPRING, files, haptune, log_text
+from tests.commands import FLUID, files, haptune, log_text
 
 STATUS = {
     1: "internal-error",
@@ -92,13 +92,13 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (here / "folder").mkdir(parents=True)
     monkeypatch.chdir(here)
     texts = {
-        "scene.yaml": SPRING,
-        "scene1.yaml": "schema: haptune/scene/1\n" + SPRING,
+        "scene.yaml": FLUID,
+        "scene1.yaml": "schema: haptune/scene/1\n" + FLUID,
         "torn.yaml": "elements: {wall: {stiffness: max",
         "aliases.yaml": "elements: {wall: &w {stiffness: max}, door: *w}",
         "unknown-key.yaml": "elements: {wall: {stifness: max}}",
         "impossible.yaml": "elements: {wall: {stiffness: {min: 20000, max: 30000}}}",
-        "perception.yaml": SPRING + "perception: absent.yaml\n",
+        "perception.yaml": FLUID + "perception: absent.yaml\n",
         "x.yaml": "axis: x\n",
         "late.yaml": "{sample_time: 0.001, mass: 3, damping: 10, delay: 0.05}",
         "changed.yaml": "{schema: haptune/profile/1, certificate: {}, digest: sha256:0}",
@@ -108,7 +108,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     }
     for name, text in texts.items():
         Path(name).write_text(text, encoding="utf-8")
-    Path("utf16.yaml").write_text(SPRING, encoding="utf-16")
+    Path("utf16.yaml").write_text(FLUID, encoding="utf-16")
 
 
 @pytest.mark.parametrize(("code", "words", "command"), SITUATIONS, ids=str)

@@ -17,9 +17,11 @@ from identification.estimators import METHODS, Estimate, Model, instruments, wea
 from identification.estimators.banded import Covariance, bands
 from identification.estimators.bumps import Operators, bumps
 from identification.estimators.held import Held
+from identification.estimators.held_response import Coasting
 from identification.estimators.linear import gauss_newton
 from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
 from identification.estimators.shaping import is_coloured
+from identification.estimators.stick_slip import Way, path
 from identification.intervals import MOST_BLOCKS, spread
 
 Array = NDArray[np.float64]
@@ -284,6 +286,26 @@ def test_covariance_is_the_jackknife_done_by_hand() -> None:
     expected = (MOST_BLOCKS - 1) / MOST_BLOCKS * off.T @ off
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-8)
     assert found.degrees_of_freedom == MOST_BLOCKS - 1
+
+
+def test_a_path_is_finite_whatever_drives_it() -> None:
+    """The search asks for such rates, and forces that change inside an interval for any mean."""
+    generator = np.random.default_rng(8)
+    for _ in range(200):
+        device = Coasting.at(generator.uniform(-0.25, 2.0) / STEP, STEP)
+        way = Way.of(device, 0.01 * generator.standard_normal(201))
+        found = path(
+            way,
+            way,
+            2.0 * generator.standard_normal(200),
+            mass=1.0,
+            friction=1.0,
+            start=0.01 * generator.standard_normal(),
+        )
+        assert np.all(np.isfinite(found.speed))
+        assert np.all(np.isfinite(found.kept))
+        left = np.asarray(found.motion.direction.left)
+        assert np.all((left >= 0) & (left <= STEP))
 
 
 def test_a_parameter_that_changes_nothing_does_not_move() -> None:

@@ -117,8 +117,7 @@ def path(
         if turn == count:
             break
         step, stopping = float(steps[turn]), float(pull[turn]) - sign * friction
-        used = _time_to_stop(float(speed[turn]), stopping / mass, way.device.rate)
-        used = min(used, step)
+        used = _time_to_stop(float(speed[turn]), stopping / mass, way.device.rate, step)
         fraction[turn] = used / step
         if abs(pull[turn]) > friction:
             starting = float(pull[turn]) + sign * friction
@@ -136,12 +135,17 @@ def path(
     return Path(motion=motion, forward=early > 0, speed=speed, kept=kept)
 
 
-def _time_to_stop(speed: float, acceleration: float, rate: float) -> float:
-    """When damping and a force against the motion have used up a speed, s."""
+def _time_to_stop(speed: float, acceleration: float, rate: float, longest: float) -> float:
+    """When damping and a force against the motion have used up a speed, s.
+
+    A force that changes inside the interval may not brake in the mean of it; then it is the end.
+    """
     if speed == 0:
         return 0.0
-    undamped = -speed / acceleration
-    return math.log1p(rate * undamped) / rate if rate != 0 else undamped
+    undamped = -speed / acceleration if speed * acceleration < 0 else math.inf
+    if math.isinf(undamped) or rate * undamped <= -1:
+        return longest
+    return min(math.log1p(rate * undamped) / rate if rate != 0 else undamped, longest)
 
 
 def _braked(time: float, rate: float) -> float:

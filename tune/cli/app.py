@@ -77,7 +77,7 @@ def run() -> None:
     """Run the command line and exit with the code of the contract."""
     prepare_streams()
     try:
-        code: object = app(standalone_mode=False)
+        code: object = app(standalone_mode=False, prog_name="haptune")
     except _USAGE_ERROR as error:
         report_usage(error)
         sys.exit(EXIT_USAGE)

@@ -27,8 +27,8 @@ EXPECTED = dict.fromkeys(FAMILIES, "output-error") | {
     "closed-loop-force-noise": "innovations",
     "offset-gravity": "weak",
 }
-#: Intervals that hold more than 97 %: where there is no friction its doubt stays in the damping, and
-#: in what the damping leans on (test_no_tighter_interval_would_hold).
+#: Intervals that hold more than 97 %: where there is no friction, the doubt of it stays in the
+#: damping, and in the mass where that leans on it (test_no_tighter_interval_would_hold).
 WIDE = {(name, "damping") for name in FAMILIES} - {
     ("coulomb", "damping"),
     ("directional-friction", "damping"),

@@ -23,13 +23,17 @@ from identification import (
 )
 from tune import SafeProfile, Scene, optimise
 from tune.cli.new import hardware_of, template
+from tune.perception import PerceptionTable
 from tune.schemas import FOLDER, generate
+from tune.vibration import ThresholdCurve
 
 MODELS: dict[str, type[Document]] = {
     "hardware": Hardware,
     "device": Device,
     "scene": Scene,
     "excitation": ExcitationSpec,
+    "perception": PerceptionTable,
+    "vibration": ThresholdCurve,
     "profile": SafeProfile,
 }
 
@@ -73,7 +77,13 @@ def test_what_haptune_writes_and_ships_is_valid() -> None:
     _validator("scene").validate(_parsed(template("scene")))
     _validator("hardware").validate(_parsed(template("hardware")))
     _validator("excitation").validate(_parsed(template("excitation")))
-    _validator("excitation").validate(_parsed(template("excitation")))
+    for kind, name in (
+        ("perception", "homerehab_study"),
+        ("vibration", "grasped_cylinder"),
+        ("vibration", "thenar"),
+    ):
+        text = (files("tune") / "data" / f"{name}.yaml").read_text(encoding="utf-8")
+        _validator(kind).validate(_parsed(text))
     for name in named_devices():
         _validator("hardware").validate(_parsed(hardware_of(name)))
         _validator("device").validate(to_mapping(load_device(name)))

@@ -11,8 +11,10 @@ import json
 from pathlib import Path
 
 from identification import Device, Document, ExcitationSpec, Hardware
+from tune.perception import PerceptionTable
 from tune.profile import SafeProfile
 from tune.scene import Scene
+from tune.vibration import ThresholdCurve
 
 FOLDER = Path(__file__).parent
 
@@ -21,6 +23,8 @@ _MODELS: dict[str, type[Document]] = {
     "device": Device,
     "scene": Scene,
     "excitation": ExcitationSpec,
+    "perception": PerceptionTable,
+    "vibration": ThresholdCurve,
     "profile": SafeProfile,
 }
 

@@ -225,7 +225,13 @@ def test_gradient_of_the_merit(
     assert merit(pull)[1] @ along == pytest.approx(slope, rel=1e-5)
 
 
-@pytest.mark.parametrize("name", LIMITS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name == "homerehab" else pytest.param(name, marks=pytest.mark.long)
+        for name in LIMITS
+    ],
+)
 def test_the_simulated_device_keeps_the_limits_and_comes_back_to_rest(name: str) -> None:
     plan = planned(name)
     limits = plan.spec
@@ -446,8 +452,8 @@ def test_drift_that_no_force_can_prevent_is_a_sentence() -> None:
         {"speed": None},
         {"ramp": 0.0},
         {"duration": 0.2, "ramp": 0.05},
-        {"damping": 3000.0},
-        {"travel": 1e-4},
+        pytest.param({"damping": 3000.0}, marks=pytest.mark.long),
+        pytest.param({"travel": 1e-4}, marks=pytest.mark.long),
         {"travel": 100.0},
         {"delay": "unknown"},
         {"force_noise": 0.1},

@@ -12,9 +12,10 @@ from identification import Device, as_stored
 from tune.climb import climb, closed_form
 from tune.effects import EFFECT_NAMES, Effects
 from tune.errors import CheckFailedError, NoFeasibleEffectError
+from tune.filters import used_filters
 from tune.limits import extra_delay, forces, ripple, worst_gain
 from tune.loop import Filters, Loop
-from tune.margins import LoopMargins, margins_of, used_filters
+from tune.margins import LoopMargins, margins_of
 from tune.optimisation import design_of
 from tune.perception import default_table
 from tune.problem import Job, Problem, pose
@@ -135,7 +136,8 @@ def audit(
     design = as_stored(
         design_of(job, filters, [Solved(problem=problem, sizes=sizes, dropped={})], {})
     )
-    faults = tuple(_faults(problem, sizes))
+    noise = ripple(problem, moment, sizes) if stable else None
+    faults = tuple(_faults(problem, sizes, gain, noise))
     certificate = None
     if not faults:
         try:
@@ -155,7 +157,7 @@ def audit(
         margins=margins_of(device, felt, filters) if stable else None,
         sustained=sustained,
         peak=peak,
-        ripple=ripple(problem, moment, sizes) if stable else None,
+        ripple=noise,
         vibration=vibration,
         felt=thresholds,
         jumps=_jumps(device, felt, filters),
@@ -171,11 +173,10 @@ def _later(device: Device, samples: float) -> Device:
     return device.model_copy(update={"delay": delay.model_copy(update=shift)})
 
 
-def _faults(problem: Problem, sizes: FloatArray) -> list[Fault]:
-    """Every limit that the sizes break, in words."""
+def _faults(problem: Problem, sizes: FloatArray, gain: float, noise: float | None) -> list[Fault]:
+    """Every limit that the sizes break, in words; their gain margin and ripple are known."""
     (moment,) = problem.moments
     margin, limits = problem.margin, problem.limits
-    gain = worst_gain(problem, moment, sizes, late=False)
     late = worst_gain(problem, moment, sizes)
     extra = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
     smaller = "Lower the gains, or filter velocity and acceleration."
@@ -220,7 +221,6 @@ def _faults(problem: Problem, sizes: FloatArray) -> list[Fault]:
                     remedy="Lower the gains, or keep to less penetration.",
                 )
             )
-    noise = ripple(problem, moment, sizes) if gain > 1 else None
     if noise is not None and noise > limits.ripple:
         faults.append(
             Fault(

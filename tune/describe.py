@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, rounded
-from tune.effects import EFFECT_NAMES, EffectName
+from tune.effects import EFFECT_NAMES, EffectName, Effects
+from tune.filters import used_filters
 from tune.limits import (
     bounds_of,
     extra_delay,
@@ -139,12 +139,8 @@ def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Litera
     whole = round(delays[0])
     if region.modes or region.current_lag or any(abs(d - whole) > WHOLE for d in delays):
         return "not-applicable"
-    filters = replace(
-        problem.filters,
-        velocity_hz=problem.filters.velocity_hz if values["damping"] else None,
-        velocity_window=problem.filters.velocity_window if values["damping"] else None,
-        acceleration_hz=problem.filters.acceleration_hz if values["mass"] else None,
-    )
+    felt = Effects(damping=values["damping"] or None, mass=values["mass"] or None)
+    filters = used_filters(problem.filters, felt)
     needed = max(
         damping_needed(
             values["stiffness"],

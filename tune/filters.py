@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 from typing import TYPE_CHECKING, Literal
 
@@ -13,6 +13,7 @@ from tune.errors import LoopError
 from tune.polynomials import DIFFERENCE, LATE, ONE, Polynomial
 
 if TYPE_CHECKING:
+    from tune.effects import Effects
     from tune.profile import LoopProfile
 
 FloatArray = NDArray[np.float64]
@@ -71,6 +72,15 @@ class Filters:
                     f"velocity_window {self.velocity_window} and velocity_hz {self.velocity_hz:g} "
                     "exclude each other; give one of them"
                 )
+
+
+def used_filters(filters: Filters, effects: Effects) -> Filters:
+    """The filters of the effects that are there; the others would only add poles of their own."""
+    if effects.damping is None:
+        filters = replace(filters, velocity_hz=None, velocity_window=None)
+    if effects.mass is None:
+        filters = replace(filters, acceleration_hz=None)
+    return filters
 
 
 def filters_of(loop: LoopProfile) -> Filters:

@@ -22,7 +22,6 @@ CLOSE = 1e-9
 _HALVINGS = 50
 #: Samples to which a delay margin is looked for; it is claimed in tenths.
 _DELAY_STEP = 0.01
-_SAME_DELAY = 1e-9
 
 
 def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: bool = True) -> float:
@@ -70,9 +69,8 @@ def extra_delay(problem: Problem, moment: Moment, sizes: FloatArray, most: int) 
 
     def holds(extra: float) -> bool:
         return all(
-            float(np.min(safe_gain(late.loop, effects))) > 1 + CLOSE
-            for late in problem.region.loops(problem.filters, extra)
-            if abs(late.beyond - extra) < _SAME_DELAY
+            float(np.min(safe_gain(loop, effects))) > 1 + CLOSE
+            for loop in problem.region.latest(problem.filters, extra)
         )
 
     box = problem.region.box

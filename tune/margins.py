@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import nan
 
 from identification import Device
 from tune.damping_margin import least_damping_ratio, slowest_decay
 from tune.delay_search import DelayMargin, delay_margin
 from tune.effects import Effects
+from tune.filters import used_filters
 from tune.hand import Hand
 from tune.loop import LONGEST_DELAY, Filters, Loop
 from tune.passivity import Passivity, passivity
@@ -94,12 +95,3 @@ def margins_of(
         disk=disk_margin(loop, effects),
         passivity=passivity(device, effects, used, extra_delay_samples=extra_delay_samples),
     )
-
-
-def used_filters(filters: Filters, effects: Effects) -> Filters:
-    """The filters of the effects that are there; the others would only add poles of their own."""
-    if effects.damping is None:
-        filters = replace(filters, velocity_hz=None, velocity_window=None)
-    if effects.mass is None:
-        filters = replace(filters, acceleration_hz=None)
-    return filters

@@ -91,17 +91,31 @@ class Region:
         for step in dict.fromkeys(self.box.sample_time):
             first, last = (_snapped(delay / step) for delay in self.box.delay)
             for samples in _delays(first, last, extra):
-                spots = list(self._corners(step, samples * step))
-                for held in dict.fromkeys(spot.hand is None for spot in spots):
-                    alike = [spot for spot in spots if (spot.hand is None) == held]
-                    loop = self.loop(alike, samples, filters)
-                    late.append(Late(loop=loop, beyond=max(0.0, samples - last)))
+                beyond = max(0.0, samples - last)
+                loops = self._at(step, samples, filters)
+                late += [Late(loop=loop, beyond=beyond) for loop in loops]
         for spot in self.found:
             samples = _snapped(spot.delay / spot.sample_time)
             beyond = max(0.0, samples - _snapped(self.box.delay[1] / spot.sample_time))
             if beyond <= extra:
                 late.append(Late(loop=self.loop([spot], samples, filters), beyond=beyond))
         return tuple(late)
+
+    def latest(self, filters: Filters, extra: float) -> tuple[Loop, ...]:
+        """Loops of all corners at the device's longest delay and ``extra`` samples more."""
+        return tuple(
+            loop
+            for step in dict.fromkeys(self.box.sample_time)
+            for loop in self._at(step, _snapped(self.box.delay[1] / step) + extra, filters)
+        )
+
+    def _at(self, step: float, samples: float, filters: Filters) -> list[Loop]:
+        """All corners at one sample time and delay: the device alone, then in the hand."""
+        spots = list(self._corners(step, samples * step))
+        return [
+            self.loop([spot for spot in spots if (spot.hand is None) == bare], samples, filters)
+            for bare in dict.fromkeys(spot.hand is None for spot in spots)
+        ]
 
     def loop(self, spots: Sequence[Spot], samples: float, filters: Filters) -> Loop:
         """The loops of spots of one sample time and delay, all in a hand or all without."""

@@ -151,7 +151,14 @@ def parse_document(model: type[Model], content: Mapping[str, Any], source: str |
         return model.model_validate(content)
     except ValidationError as error:
         names = _names(model)
-        found = [_sentence(dict(item), names) for item in error.errors(include_url=False)]
+        items = [dict(item) for item in error.errors(include_url=False)]
+        # A word would have been another way to say it; what is wrong with this way is said.
+        telling = [
+            item
+            for item in items
+            if item["type"] != "literal_error" or isinstance(item["input"], str)
+        ]
+        found = [_sentence(item, names) for item in telling or items]
         problems = "; ".join(dict.fromkeys(found[:MOST_PROBLEMS]))
         if len(found) > MOST_PROBLEMS:
             problems += f"; and {len(found) - MOST_PROBLEMS} more"
@@ -227,6 +234,11 @@ def to_yaml(content: Mapping[str, Any], comment: str = "") -> str:
             text = text.replace("e", ".0e")
         return representer.represent_scalar("tag:yaml.org,2002:float", text)
 
+    def represent_str(representer: Any, value: str) -> Any:
+        # The writer leaves "?x" and ":x" plain on one line, where readers take the mark as theirs.
+        style = "'" if value.startswith(("?", ":", "-")) else None
+        return representer.represent_scalar("tag:yaml.org,2002:str", value, style=style)
+
     def represent_list(representer: Any, items: list[Any]) -> Any:
         return representer.represent_sequence(
             "tag:yaml.org,2002:seq", items, flow_style=_short(items)
@@ -241,6 +253,7 @@ def to_yaml(content: Mapping[str, Any], comment: str = "") -> str:
         return representer.represent_mapping("tag:yaml.org,2002:map", items, flow_style=False)
 
     yaml.representer.add_representer(float, represent_float)
+    yaml.representer.add_representer(str, represent_str)
     yaml.representer.add_representer(list, represent_list)
     yaml.representer.add_representer(dict, represent_dict)
     yaml.representer.add_representer(_Root, represent_root)

@@ -264,7 +264,7 @@ def test_boxes_with_delay_hand_and_mode_are_proved() -> None:
     [
         (0.1, False, 1000, 10_000, 0.95, 0.25),
         (0.2, False, 1000, 10_000, 0.95, 1.0),
-        (0.1, True, 200, 10_000, 0.80, 30.0),
+        (0.1, True, 1000, 10_000, 0.80, 30.0),
     ],
 )
 def test_a_thousand_boxes(

@@ -61,7 +61,7 @@ FREE_TO_RIGID: dict[Literal["linear", "rotary"], Hand] = {
 
 
 def _to_hand(raw: object) -> object:
-    if isinstance(raw, str) and raw not in {"none", "free-to-rigid"}:
+    if not isinstance(raw, dict | Hand) and raw not in ("none", "free-to-rigid"):
         raise ValueError("give none, free-to-rigid, or {mass: …, damping: …, stiffness: …}")
     return raw
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
@@ -49,15 +50,7 @@ class Wish(Document):
 
     @model_validator(mode="after")
     def _ordered(self) -> Wish:
-        for bound in (self.low, self.high):
-            if bound and not SMALLEST <= abs(bound) <= LARGEST:
-                raise ValueError(f"{bound:g} is beyond {SMALLEST:g} to {LARGEST:g}")
-        if self.low is not None and self.high is not None and self.low > self.high:
-            raise ValueError(f"min {self.low:g} exceeds max {self.high:g}")
-        if self.kind == "range" and self.low is not None and self.low < 0:
-            raise ValueError(f"a range starts at zero or above, not at {self.low:g}")
-        if self.kind in {"value", "range"} and self.high == 0:
-            raise ValueError("0 asks for nothing; leave the effect out")
+        _refuse_senseless(self.kind, self.low, self.high)
         return self
 
     @property
@@ -67,18 +60,36 @@ class Wish(Document):
         return -1 if negative else 1
 
 
+def _refuse_senseless(kind: str, low: float | None, high: float | None) -> None:
+    for bound in (low, high):
+        if bound is not None and not math.isfinite(bound):
+            raise ValueError("give a finite number")
+        if bound and not SMALLEST <= abs(bound) <= LARGEST:
+            raise ValueError(f"{bound:g} is beyond {SMALLEST:g} to {LARGEST:g}")
+    if low is not None and high is not None and low > high:
+        raise ValueError(f"min {low:g} exceeds max {high:g}")
+    if kind == "range" and low is not None and low < 0:
+        raise ValueError(f"a range starts at zero or above, not at {low:g}")
+    if kind in {"value", "range"} and high == 0:
+        raise ValueError("0 asks for nothing; leave the effect out")
+
+
 def _to_wish(raw: object) -> object:
+    """A wish as a file states it; what is wrong is said of what the file says."""
+    if isinstance(raw, Wish):
+        return raw
     if isinstance(raw, str) and raw in {"max", "min"}:
         return {"kind": raw}
-    if isinstance(raw, int | float):
-        return {"kind": "value", "low": raw, "high": raw}
+    low = high = raw
     if isinstance(raw, dict):
         bounds = cast("dict[object, object]", raw)
         if set(bounds) == {"min", "max"}:
-            return {"kind": "range", "low": bounds["min"], "high": bounds["max"]}
-    if isinstance(raw, Wish):
-        return raw
-    raise ValueError("give a number, max, min, or {min: …, max: …}")
+            low, high = bounds["min"], bounds["max"]
+    if not (isinstance(low, int | float) and isinstance(high, int | float)):
+        raise ValueError("give a number, max, min, or {min: …, max: …}")
+    kind = "range" if isinstance(raw, dict) else "value"
+    _refuse_senseless(kind, low, high)
+    return {"kind": kind, "low": low, "high": high}
 
 
 def _wish_in_file(words: list[str], number: dict[str, Any]) -> WithJsonSchema:

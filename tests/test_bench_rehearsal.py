@@ -21,7 +21,8 @@ PAPER = Controller(stiffness=1000.0, damping=10.0, mass=1.0, **FILTERED)
 
 def play(rig: Rig, controller: Controller, **changes: Any) -> Rehearsal:
     """With short trials, so that those that need it are played for three seconds."""
-    return rehearse(rig, controller, **{"duration": 1.0, **changes})
+    (found,) = rehearse(rig, controller, **{"duration": 1.0, **changes})
+    return found
 
 
 def of(rehearsal: Rehearsal, name: str) -> set[str]:
@@ -94,7 +95,7 @@ def test_without_a_force_limit_it_grows_without_bound() -> None:
 def test_unfiltered_mass_keeps_shaking_within_a_count() -> None:
     """M/T² times a count is 6 N: less than a count of motion, newtons of force, for ever."""
     rough = replace(PAPER, velocity_cutoff=np.inf, acceleration_cutoff=np.inf)
-    found = rehearse(HOMEREHAB, rough)
+    (found,) = rehearse(HOMEREHAB, rough)
     shaking = [trial for trial in found.vetoes if trial.name in {"wall", "near wall"}]
     assert shaking
     for trial in shaking:
@@ -113,6 +114,22 @@ def test_modes_and_lag_are_rehearsed_too() -> None:
     loud = play(soft, Controller(stiffness=500.0, damping=300.0, **FILTERED))
     assert quiet.settles
     assert of(loud, "release") <= {"keeps-oscillating", "diverges"}
+
+
+def test_each_of_a_batch_ends_as_it_does_alone() -> None:
+    """One that settles at once, one that needs longer, one that never does."""
+    gains = np.array([[0.0, 60.0, 0.0], [500.0, 30.0, 0.5], [30_000.0, 0.0, 0.0]])
+    reach, push = np.array([2e-3, 4e-3, 6e-3]), np.array([10.0, 20.0, 28.0])
+    stiffness, damping, mass = gains.T
+    together = Controller(stiffness=stiffness, damping=damping, mass=mass, **FILTERED)
+    hand = Hand(mass=0.3, damping=5.0)
+    found = rehearse(HOMEREHAB, together, hand=hand, duration=0.7, reach=reach, push=push)
+    assert [each.settles for each in found] == [True, True, False]
+    for place, each in enumerate(found):
+        one = together.members(np.array([place]))
+        far, hard = float(reach[place]), float(push[place])
+        alone = rehearse(HOMEREHAB, one, hand=hand, duration=0.7, reach=far, push=hard)
+        assert alone == (each,)
 
 
 @pytest.mark.parametrize("name", ["stylus", "knob", "emps"])

@@ -6,10 +6,14 @@ the simulator, which shares no algebra with anything that tunes or certifies.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from datasets_synthetic import Controller, Hand
     from tune.profile import Design
 
@@ -18,6 +22,30 @@ if TYPE_CHECKING:
 _LASTING = 3 * 2**0.5
 #: Where no force limit is known, pushes are measured by the force that the design uses, this often.
 _SPARE = 2.0
+#: Moments played in one run: a step of a batch costs little more than one of a single device until
+#: there are some hundred members, and each moment is up to two dozen.
+_AT_ONCE = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Moment:
+    """The sum of the elements that are felt at once.
+
+    Attributes:
+        name: of them all.
+        stiffness: K, N/m (N·m/rad).
+        damping: B, N·s/m (N·m·s/rad).
+        mass: M, kg (kg·m²).
+        reach: the shortest penetration of them, m (rad).
+        force: what they use at most, N (N·m).
+    """
+
+    name: str
+    stiffness: float
+    damping: float
+    mass: float
+    reach: float
+    force: float
 
 
 def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
@@ -33,46 +61,62 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     from datasets_synthetic import rehearse, rig_of
     from tune.errors import CheckFailedError
 
-    rig = rig_of(design.device)
-    hand = _grip(design)
-    known = design.device.encoder_resolution is not None
+    device = design.device
+    rig, hand = rig_of(device), _grip(design)
+    moments = [_moment(design, names) for names in design.moments()]
+    felt = [each for each in moments if each.stiffness or each.damping or each.mass]
     vetoes: list[str] = []
-    for moment in design.moments():
-        law, push = _law(design, moment)
-        if law is None:
-            continue
-        where = " + ".join(moment)
-        say(f"rehearsing {where} in simulation")
+    for first in range(0, len(felt), _AT_ONCE):
+        part = felt[first : first + _AT_ONCE]
+        say(f"rehearsing {part[0].name}{' and others' if part[1:] else ''} in simulation")
         found = rehearse(
             rig,
-            law,
+            _law(design, part),
             hand=hand,
-            reach=None if known else min(design.elements[n].motion.penetration for n in moment),
-            push=None if design.device.force_limit is not None else push,
+            reach=None if device.encoder_resolution is not None else _column(part, "reach"),
+            push=None if device.force_limit is not None else _SPARE * _column(part, "force"),
             force_allowed=_LASTING * design.ripple_limit,
         )
-        vetoes += [f"{where}: rehearsal: {trial.reason}" for trial in found.vetoes[:1]]
+        for moment, each in zip(part, found, strict=True):
+            vetoes += [f"{moment.name}: rehearsal: {trial.reason}" for trial in each.vetoes[:1]]
     if vetoes:
         raise CheckFailedError(tuple(vetoes))
 
 
-def _law(design: Design, moment: tuple[str, ...]) -> tuple[Controller | None, float]:
-    """The sum of effects as the simulator plays it, None for nothing; and a force to push with."""
+def _moment(design: Design, names: tuple[str, ...]) -> _Moment:
+    chosen = [design.elements[name] for name in names]
+    return _Moment(
+        name=" + ".join(names),
+        stiffness=sum(each.stiffness for each in chosen),
+        damping=sum(each.damping for each in chosen),
+        mass=sum(each.mass for each in chosen),
+        reach=min(each.motion.penetration for each in chosen),
+        force=sum(
+            abs(each.stiffness) * each.motion.penetration
+            + abs(each.damping) * each.motion.speed
+            + abs(each.mass) * each.motion.acceleration
+            for each in chosen
+        ),
+    )
+
+
+def _column(moments: Sequence[_Moment], name: str) -> NDArray[np.float64]:
+    """One value a moment, shape (moments,)."""
+    import numpy as np
+
+    return np.array([getattr(each, name) for each in moments], dtype=np.float64)
+
+
+def _law(design: Design, moments: Sequence[_Moment]) -> Controller:
+    """The sums of effects as the simulator plays them, one member a moment."""
     from datasets_synthetic import Controller
 
-    chosen = [design.elements[name] for name in moment]
-    stiffness, damping, mass = (
-        sum(getattr(element, effect) for element in chosen)
-        for effect in ("stiffness", "damping", "mass")
-    )
-    if not (stiffness or damping or mass):
-        return None, 0.0
     loop = design.loop
     infinite = float("inf")
-    law = Controller(
-        stiffness=stiffness,
-        damping=damping,
-        mass=mass,
+    return Controller(
+        stiffness=_column(moments, "stiffness"),
+        damping=_column(moments, "damping"),
+        mass=_column(moments, "mass"),
         velocity_cutoff=loop.velocity_filter_hz or infinite,
         acceleration_cutoff=loop.acceleration_filter_hz or infinite,
         velocity_order=loop.velocity_filter_order,
@@ -80,13 +124,6 @@ def _law(design: Design, moment: tuple[str, ...]) -> tuple[Controller | None, fl
         damping_ratio=loop.filter_damping_ratio,
         velocity_window=loop.velocity_window_samples or 1,
     )
-    force = sum(
-        abs(element.stiffness) * element.motion.penetration
-        + abs(element.damping) * element.motion.speed
-        + abs(element.mass) * element.motion.acceleration
-        for element in chosen
-    )
-    return law, _SPARE * force
 
 
 def _grip(design: Design) -> Hand | None:

@@ -60,8 +60,9 @@ FREE_TO_RIGID: dict[Literal["linear", "rotary"], Hand] = {
 }
 
 
-def _to_hand(raw: object) -> object:
-    if not isinstance(raw, dict | Hand) and raw not in ("none", "free-to-rigid"):
+def _to_hand(raw: Any) -> Any:
+    known = isinstance(raw, dict | Hand) or raw in ("none", "free-to-rigid")
+    if not known:
         raise ValueError("give none, free-to-rigid, or {mass: …, damping: …, stiffness: …}")
     return raw
 

@@ -5,35 +5,95 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from statistics import median, quantiles
+
+#: Repeats of one timing end after this long, s; the first call may take longer.
+_LONG_ENOUGH = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """Wall-clock times of one call, s.
+
+    Attributes:
+        first: of the first call, with whatever it builds and keeps.
+        middle: median of the calls after it.
+        spread: quartiles of those.
+    """
+
+    first: float
+    middle: float
+    spread: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """What was timed, how long one unit took (s), its error, and what it is compared with."""
+    """What was timed, how long one unit took (s), its error, and what it is compared with.
+
+    Attributes:
+        seconds: least or, with a spread, median.
+        spread: quartiles, s.
+        first: of the first call, s.
+    """
 
     what: str
     seconds: float
     error: str
     against: str = ""
+    spread: tuple[float, float] | None = None
+    first: float | None = None
+
+    @classmethod
+    def of(cls, what: str, timing: Timing, error: str, against: str = "") -> Row:
+        """A row of a timing."""
+        return cls(
+            what=what,
+            seconds=timing.middle,
+            error=error,
+            against=against,
+            spread=timing.spread,
+            first=timing.first,
+        )
 
     def time_text(self) -> str:
-        """The time with a readable unit."""
-        for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-            if self.seconds >= size:
-                return f"{self.seconds / size:.3g} {unit}"
-        return f"{self.seconds / 1e-9:.3g} ns"
+        """The time with a readable unit, its quartiles, the first call."""
+        text = with_unit(self.seconds)
+        if self.spread is not None:
+            text += f" ({with_unit(self.spread[0])} to {with_unit(self.spread[1])})"
+        if self.first is not None:
+            text += f", first {with_unit(self.first)}"
+        return text
 
     def as_json(self) -> dict[str, object]:
         """Plain types for the JSON file."""
         return asdict(self)
 
 
+def with_unit(seconds: float) -> str:
+    """A time to three digits."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds / 1e-9:.3g} ns"
+
+
 def best_seconds(action: Callable[[], object], repeats: int = 5) -> float:
     """Least of several wall-clock times of one call, after one to warm up."""
     action()
-    times: list[float] = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - start)
-    return min(times)
+    return min(_seconds(action) for _ in range(repeats))
+
+
+def timed(action: Callable[[], object], repeats: int = 9) -> Timing:
+    """The first call, and median and quartiles of several more; fewer where they take long."""
+    first = _seconds(action)
+    times = [_seconds(action)]
+    while len(times) < repeats and sum(times) < _LONG_ENOUGH:
+        times.append(_seconds(action))
+    low, _, high = quantiles(times, n=4, method="inclusive") if len(times) > 1 else times * 3
+    return Timing(first=first, middle=median(times), spread=(low, high))
+
+
+def _seconds(action: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    action()
+    return time.perf_counter() - start

@@ -1,69 +1,97 @@
-"""Tuning: time of proposal and certificate, gap of each solver to the best known height."""
+"""Tuning as it is used: proposal, description and certificate apart, warm and at first."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 
-import numpy as np
-
-from benchmarks.row import Row, best_seconds
-from identification import load_device
-from tune.backends import Backend
-from tune.backends.casadi_ import Ipopt
-from tune.backends.nlopt_ import Slsqp
-from tune.certificate.certify import certify
-from tune.climb import climb, closed_form
+from benchmarks.row import Row, timed
+from benchmarks.scenes import Case, case, certificate, description, fifty_elements, proposal
+from tune.cutoffs import choose_filters
 from tune.loop import Filters
 from tune.optimisation import optimise
-from tune.perception import default_table
-from tune.problem import Job, Problem, pose
 from tune.scene import Scene
 
+#: What the first proposal of a process takes, imports and compilation included.
+_FRESH = """
+import time
+start = time.perf_counter()
+from benchmarks.scenes import case, proposal
+chosen = case({elements})
+proposal(chosen, chosen.job())
+print(time.perf_counter() - start)
+"""
 
-def _problem(elements: dict[str, dict[str, str]]) -> Problem:
-    device = load_device("homerehab")
-    scene = Scene.model_validate({"elements": elements})
-    return pose(
-        Job.of(device, scene, default_table()),
-        elements=list(elements),
-        filters=Filters(velocity_hz=50.0, acceleration_hz=30.0),
-    )
+SPRING = {"wall": {"stiffness": "max"}}
+DAMPER = {"water": {"damping": "max"}}
+MASS = {"cup": {"mass": "max"}}
+BLOCK = {"block": {"stiffness": "max", "damping": "max", "mass": "max"}}
 
 
 def rows() -> Iterator[Row]:
-    """One effect, three effects by each solver, a certificate, a whole scene."""
-    single = _problem({"wall": {"stiffness": "max"}})
-    yield Row(
-        what="propose one effect over a box, closed form",
-        seconds=best_seconds(lambda: closed_form(single)),
-        error="exact",
+    """One effect, three effects with filters over a box, fifty elements."""
+    for name, elements in (("spring", SPRING), ("damper", DAMPER), ("mass", MASS)):
+        yield from _parts(f"one {name}", case(elements))
+    yield from _parts("K, B and M of one element, filters given", case(BLOCK))
+    yield from _parts("fifty elements", fifty_elements())
+    for name, elements in (("one spring", SPRING), ("K, B and M", BLOCK)):
+        yield _in_a_fresh_process(name, elements)
+    free = Scene.model_validate({"elements": BLOCK})
+    chosen = Case(device=case(BLOCK).device, scene=free, filters=Filters())
+    yield Row.of(
+        "cut-offs of K, B and M chosen",
+        timed(lambda: choose_filters(chosen.job(), _silent), 3),
+        "1 % of the steps (tests)",
     )
-    joint = _problem({"block": {"stiffness": "max", "damping": "max", "mass": "max"}})
-    solvers: tuple[Backend, ...] = (Ipopt(), Slsqp())
-    found = {solver.name: _height(joint, [solver]) for solver in solvers}
-    best = max(*found.values(), _height(joint, solvers))
-    for solver in solvers:
-        yield Row(
-            what=f"propose K, B and M over a box, {solver.name}",
-            seconds=best_seconds(lambda chosen=solver: climb(joint, [chosen]), 3),
-            error=f"gap {1 - found[solver.name] / best:.1e} of the smallest number of steps",
-        )
-    device = load_device("homerehab")
-    scene = Scene.model_validate({"elements": {"wall": {"stiffness": "max"}}})
-    profile = optimise(device, scene)
-    yield Row(
-        what="certify one element over the corners",
-        seconds=best_seconds(lambda: certify(profile), 3),
-        error=f"{profile.certificate.points} points, certified roots",
-    )
-    yield Row(
-        what="optimise a scene of one spring, certificate included",
-        seconds=best_seconds(lambda: optimise(device, scene), 3),
-        error="exact",
+    spring = case(SPRING)
+    yield Row.of(
+        "optimise a scene of one spring, certificate included",
+        timed(lambda: optimise(spring.device, spring.scene), 3),
+        "certified",
     )
 
 
-def _height(problem: Problem, solvers: tuple[Backend, ...] | list[Backend]) -> float:
-    sizes = climb(problem, solvers).sizes
-    assert sizes is not None
-    return float(np.min([u.steps(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)]))
+def _parts(name: str, chosen: Case) -> Iterator[Row]:
+    """Proposal with the device's loops at hand and without; description; certificate."""
+    job = chosen.job()
+    solutions = proposal(chosen, job)
+    effects = sum(len(solved.problem.unknowns) for solved in solutions)
+    yield Row.of(
+        f"propose {name}",
+        timed(lambda: proposal(chosen, job)),
+        f"{effects} effects; gaps under solver",
+        "loops of device and filters at hand",
+    )
+    yield Row.of(
+        f"propose {name}, from the device on", timed(lambda: proposal(chosen, chosen.job())), "same"
+    )
+    design = description(chosen, job, solutions)
+    yield Row.of(
+        f"describe {name}",
+        timed(lambda: description(chosen, job, solutions), 5),
+        "margins, steps, ripple, what limits",
+    )
+    certified = certificate(design)
+    found = certified()
+    yield Row.of(f"certify {name}", timed(certified, 3), f"{found.points} points and the proof")
+
+
+def _in_a_fresh_process(name: str, elements: dict[str, dict[str, str]]) -> Row:
+    script = _FRESH.replace("{elements}", repr(elements))
+    command = [sys.executable, "-c", script]
+    times: list[float] = []
+    for _ in range(3):
+        text = subprocess.run(command, capture_output=True, text=True, check=True).stdout  # noqa: S603
+        times.append(float(text))
+    return Row(
+        what=f"propose {name} in a new process",
+        seconds=sorted(times)[1],
+        spread=(min(times), max(times)),
+        error="imports and compilation included",
+        against="least and most of three",
+    )
+
+
+def _silent(sentence: str) -> None:
+    del sentence

@@ -92,7 +92,12 @@ def _limit(profile: SafeProfile, element: str, effect: str) -> tuple[float, str]
         ),
         ("damping", "wanted", {"wish": 10.0}, {"wish": "max"}),
         ("stiffness", "range", {"wish": {"min": 100.0, "max": 300.0}}, {"wish": "max"}),
-        ("mass", "gain-margin", {"wish": "min"}, {"wish": "min", "margin": "firm"}),
+        (
+            "mass",
+            "gain-margin",
+            {"wish": "min", "loop": {"acceleration_filter_hz": 30.0}},
+            {"wish": "min", "loop": {"acceleration_filter_hz": 30.0}, "margin": "firm"},
+        ),
     ],
 )
 def test_each_limit_binds_and_relaxing_it_lets_the_value_grow(

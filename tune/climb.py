@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.backends import HEIGHTS, Backend, Stage
+from tune.backends.multipliers import prices
 from tune.backends.program import program_of
-from tune.limits import allowed, largest_allowed, weakest
+from tune.bounds import largest_allowed
+from tune.limits import allowed, allowed_points, weakest
 from tune.problem import Problem
+from tune.starts import interior
 
 FloatArray = NDArray[np.float64]
 
@@ -20,10 +23,14 @@ FloatArray = NDArray[np.float64]
 SAME = 1e-6
 #: A floor is kept this much lower than reached, relative or in steps, so that it stays attainable.
 _EASE = 1e-7
-#: Halvings when a proposal is pulled back to what is allowed.
-_HALVINGS = 40
+#: Settings on the way from one to another that are checked at once.
+_SECTIONS = 16
 #: Solves of one stage, each shown the corners that the one before broke; two or three are usual.
 _MOST_ROUNDS = 8
+#: Times the solvers are asked in one stage, each time from the best answer before.
+_MOST_ATTEMPTS = 5
+#: An effect binds where one step more of it costs the common height more than this part of a step.
+_COSTS = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,16 +50,9 @@ class Climb:
 
 def closed_form(problem: Problem) -> Climb:
     """The answer for one unknown: the least of its bounds, no solver."""
-    nothing = np.zeros(1)
-    unknown = problem.unknowns[0]
-    sizes = np.array([largest_allowed(problem, nothing, 0)])
-    for _ in range(8):
-        if sizes[0] < unknown.low:
-            break
-        if allowed(problem, sizes):
-            return Climb(sizes=sizes, methods=("closed form",), disagreements=0.0)
-        sizes = sizes * (1 - SAME / 100)
-    return Climb(sizes=None, methods=("closed form",), disagreements=0.0)
+    sizes = np.array([largest_allowed(problem, np.zeros(1), 0)])
+    fits = sizes[0] >= problem.unknowns[0].low and allowed(problem, sizes)
+    return Climb(sizes=sizes if fits else None, methods=("closed form",), disagreements=0.0)
 
 
 def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
@@ -60,7 +60,8 @@ def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
 
     Args:
         problem: at least two unknowns.
-        backends: solvers; each proposes for every stage and the best allowed proposal is taken.
+        backends: solvers; all propose for the first stage of each rank and the best allowed
+            proposal is taken. The stages after it start from there and are left to the last.
     """
     state = _State(problem=problem, inner=interior(problem), backends=backends)
     count = len(problem.unknowns)
@@ -69,16 +70,16 @@ def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
         active: list[int] = [
             index for index, unknown in enumerate(problem.unknowns) if unknown.level == level
         ]
+        consulted = backends
         while active:
             together = np.array([float(index in active) for index in range(count)])
             alone = len(active) == 1
-            state.improve(
-                Stage(
-                    active=together * (not alone),
-                    floors=floors * (1 - together) if not alone else floors,
-                    weights=np.append(together * alone, float(not alone)),
-                ),
+            stage = Stage(
+                active=together * (not alone),
+                floors=floors * (1 - together) if not alone else floors,
+                weights=np.append(together * alone, float(not alone)),
             )
+            state.sizes = state.best_of(stage, consulted)
             if state.sizes is None:
                 return state.result()
             heights = state.heights()
@@ -86,36 +87,42 @@ def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
             floors[active] = _eased(reached)
             if alone:
                 break
-            stuck = [i for i in active if not _rises(state, floors, i, reached)]
+            stuck = _stuck(state, stage, floors, active, reached)
             lowest = min(active, key=heights.__getitem__)
             active = [i for i in active if i not in (stuck or [lowest])]
+            consulted = backends[-1:]
     return state.result()
 
 
-def interior(problem: Problem) -> FloatArray | None:
-    """A setting well inside what is allowed, as large as one path from nothing reaches; or None."""
-    low = np.array([unknown.low for unknown in problem.unknowns])
-    if not allowed(problem, low):
-        return None
-    top = np.array(
-        [max(largest_allowed(problem, low, index), low[index]) for index in range(low.size)]
-    )
-    reach, step = 0.0, 0.5
-    for _ in range(8):
-        if allowed(problem, low ** (1 - reach - step) * top ** (reach + step)):
-            reach += step
-        step /= 2
-    return low ** (1 - 0.95 * reach) * top ** (0.95 * reach)
+def _stuck(
+    state: _State, stage: Stage, floors: FloatArray, active: list[int], reached: float
+) -> list[int]:
+    """Those of the active unknowns that cannot rise without another falling below the floors.
+
+    Those whose height has a price in the common one. Where the prices do not add up, the setting
+    is not where a solver should have ended, and each unknown is tried.
+    """
+    assert state.sizes is not None
+    cost = state.prices(stage, state.sizes)
+    if cost is None:
+        return [i for i in active if not _rises(state, floors, i, reached)]
+    return [i for i in active if cost[i] > _COSTS]
 
 
 def _rises(state: _State, floors: FloatArray, index: int, reached: float) -> bool:
     weights = np.zeros(floors.size + 1)
     weights[index] = 1.0
     stage = Stage(active=np.zeros(floors.size), floors=floors, weights=weights)
-    higher = state.best_of(stage)
+    higher = state.best_of(stage, state.backends[-1:])
     return higher is not None and state.heights(higher)[index] > reached + 10 * SAME * _size(
         reached
     )
+
+
+def _lowest(stage: Stage, heights: Sequence[float]) -> float:
+    """The common height of those that are to have one; 0 where none is."""
+    active = np.array(heights)[stage.active > 0]
+    return float(np.min(active)) if active.size else 0.0
 
 
 def _size(height: float) -> float:
@@ -136,7 +143,6 @@ class _State:
     ) -> None:
         self.problem = problem
         self.backends = backends
-        self.inner = inner
         self.sizes = inner
         low = np.array([unknown.low for unknown in problem.unknowns])
         self.scenarios = list(weakest(problem, low if inner is None else inner))
@@ -159,17 +165,48 @@ class _State:
         lowest = float(np.min(heights[active])) if active.any() else 0.0
         return float(stage.weights[:-1] @ heights + stage.weights[-1] * lowest)
 
-    def best_of(self, stage: Stage) -> FloatArray | None:
-        """The best allowed proposal of all solvers, or the setting at hand if none is better."""
-        first = self.sizes
+    def prices(self, stage: Stage, sizes: FloatArray) -> FloatArray | None:
+        """What each active height costs at a setting; None where it is no optimum, see `prices`."""
+        lowest = _lowest(stage, self.heights(sizes))
+        return prices(self.program, stage, np.append(np.log(sizes), lowest))
+
+    def best_of(self, stage: Stage, backends: Sequence[Backend]) -> FloatArray | None:
+        """The best allowed proposal of solvers, or the setting at hand if none is better.
+
+        Where that is no optimum to first order, all solvers are asked again from there.
+        """
+        best = self.sizes
+        value = -np.inf if best is None else self.value(best, stage)
+        for attempt in range(_MOST_ATTEMPTS):
+            chosen, reached, name, values = self._asked(
+                replace(stage, routh=attempt % 2 == 1),
+                best,
+                backends if attempt == 0 else self.backends,
+            )
+            if attempt == 0 and len(values) > 1:
+                apart = (max(values) - min(values)) / _size(max(values))
+                self.disagreement = max(self.disagreement, apart)
+            risen = reached - value
+            if risen > 0:
+                best, value = chosen, reached
+                self.methods.append(name)
+            if best is None or (attempt > 0 and not risen > _EASE * _size(value)):
+                break
+            if self.prices(stage, best) is not None:
+                break
+        return best
+
+    def _asked(
+        self, stage: Stage, start: FloatArray | None, backends: Sequence[Backend]
+    ) -> tuple[FloatArray | None, float, str, list[float]]:
+        """The best proposal from a start, its value, whose it is, and the values of all."""
+        first = start
         if first is None:
             first = np.array([max(u.low, u.size_at(0.5)) for u in self.problem.unknowns])
-        best, best_value, best_name = self.sizes, -np.inf, ""
-        if self.sizes is not None:
-            best_value = self.value(self.sizes, stage)
+        stage = replace(stage, start=_lowest(stage, self.heights(first)))
+        best, best_value, best_name = None, -np.inf, ""
         values: list[float] = []
-        stage = replace(stage, start=min(0.0, *self.heights(first)))
-        for backend in self.backends:
+        for backend in backends:
             sizes = self._proposed(backend, stage, np.log(first))
             if sizes is None:
                 continue
@@ -178,15 +215,7 @@ class _State:
                 values.append(value)
             if value > best_value:
                 best, best_value, best_name = sizes, value, backend.name
-        if len(values) > 1:
-            apart = (max(values) - min(values)) / _size(max(values))
-            self.disagreement = max(self.disagreement, apart)
-        if best_name:
-            self.methods.append(best_name)
-        return best
-
-    def improve(self, stage: Stage) -> None:
-        self.sizes = self.best_of(stage)
+        return best, best_value, best_name, values
 
     def _proposed(self, backend: Backend, stage: Stage, start: FloatArray) -> FloatArray | None:
         """What one solver proposes, shown each corner that its last proposal broke; allowed."""
@@ -203,22 +232,20 @@ class _State:
                 break
             self.scenarios += sorted(broken)
             self.program = program_of(self.problem, self.scenarios)
-        return None if proposal is None else self._pulled_back(proposal)
+        return None if proposal is None else self._pulled_back(np.exp(start), proposal)
 
-    def _pulled_back(self, proposal: FloatArray) -> FloatArray | None:
-        """The last allowed point on the way from a setting well inside to a proposal."""
-        if self.inner is None:
-            return None
-        low, high = 0.0, 1.0
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            if allowed(self.problem, self.inner ** (1 - middle) * proposal**middle):
-                low = middle
-            else:
-                high = middle
-            if high - low < SAME / 100:
-                break
-        return self.inner ** (1 - low) * proposal**low
+    def _pulled_back(self, inner: FloatArray, proposal: FloatArray) -> FloatArray | None:
+        """The last allowed point on the way from a setting that is allowed to a proposal."""
+        # Towards the proposal in smaller and smaller steps: most are only a little beyond.
+        parts = 1 - np.asarray(np.geomspace(1.0, SAME / 100, _SECTIONS), dtype=np.float64)
+        while True:
+            points = inner ** (1 - parts[:, None]) * proposal ** parts[:, None]
+            good = allowed_points(self.problem, points)
+            first = int(np.argmin(np.append(good, False)))
+            last = max(first - 1, 0)
+            if first in (0, _SECTIONS) or parts[first] - parts[last] < SAME / 100:
+                return points[last] if first else None
+            parts = np.linspace(float(parts[last]), float(parts[first]), _SECTIONS)
 
     def result(self) -> Climb:
         return Climb(

@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 from tune.criterion import ULPS, UNIT, VerdictArray, routh
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 #: -A/B at w = jv without expanded products: v of shape (candidates, *shape).
-Ratio = Callable[[FloatArray], NDArray[np.complex128]]
+Ratio = Callable[[FloatArray], ComplexArray]
 
 #: Roots x this far off the real axis, relative to their size, are still tried: a touching pair
 #: leaves the axis by the square root of the rounding error. A false one costs one more verdict.
 _NEARLY_REAL = 1e-3
+#: A root in x this far off the axis, relative, belongs to a pair that may come to touch it.
+_ALMOST_REAL = 0.7
 #: Newton steps on (x, s); each doubles the digits that the eigenvalues left (six or more).
 _POLISHES = 4
 #: Newton steps on v by the ratio, the part of v they look ahead for its slope, and the part they
@@ -30,6 +33,9 @@ _POLISHES = 4
 _REFINEMENTS, _AHEAD, _NEAR = 2, 1e-6, 1e-3
 #: Neighbouring crossings closer than this, relative, are one.
 _SAME = 64 * UNIT
+#: Where only a top matters, crossings beyond so many times it, after so few Newton steps, are
+#: certainly beyond it; for nearer ones the intervals decide.
+_BEYOND, _ROUGH_POLISHES = 1.01, 2
 
 
 class Intervals(NamedTuple):
@@ -66,10 +72,108 @@ def stable_intervals(
     shape = fixed.shape[1:]
     parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
     sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
+    points = _candidates(parts[0], parts[1], _flattened(ratio, shape))
+    low, high = _judged(parts, sizes, points)
+    return Intervals(low.reshape(-1, *shape), high.reshape(-1, *shape))
+
+
+def stable_up_to(
+    fixed: FloatArray,
+    varied: FloatArray,
+    fixed_size: FloatArray,
+    varied_size: FloatArray,
+    top: float,
+) -> NDArray[np.bool_]:
+    """True where fixed + s·varied is certainly stable for every s in (0, top].
+
+    What `stable_intervals` says for less work: one verdict at the top, and crossings only roughly
+    unless one is near.
+
+    Args:
+        fixed: A, shape (degree+1, *shape), ascending powers of w.
+        varied: B, same shape.
+        fixed_size: absolute sums behind A.
+        varied_size: the same for B.
+        top: the largest s that matters.
+
+    Returns:
+        of shape ``shape``.
+    """
+    shape = fixed.shape[1:]
+    parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
+    sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
+    stable = _verdicts(parts, sizes, np.full((1, parts[0].shape[1]), top))[0] > 0
+    open_ = np.flatnonzero(stable)
+    if open_.size:
+        points = _candidates(parts[0][:, open_], parts[1][:, open_], None, _ROUGH_POLISHES)
+        near = open_[np.any(points < _BEYOND * top, axis=0)]
+        if near.size:
+            close = [part[:, near] for part in (*parts, *sizes)]
+            low, high = stable_intervals(close[0], close[1], close[2], close[3])
+            stable[near] = (low[0] == 0) & (high[0] > top)
+    return stable.reshape(shape)
+
+
+class Reached(NamedTuple):
+    """How a family of polynomials ceases to be stable below or beyond some s.
+
+    Attributes:
+        end: upper end of the last stable interval that begins below; 0 if nothing small is stable.
+        omega: of the root w = jω that crosses there, 0 and inf at the ends of the axis.
+        broken: there is an unstable gap below that end.
+        near: frequencies v, (candidates, loops), about which roots cross or nearly do, or nan.
+    """
+
+    end: FloatArray
+    omega: FloatArray
+    broken: NDArray[np.bool_]
+    near: FloatArray
+
+
+def reached(
+    fixed: FloatArray,
+    varied: FloatArray,
+    fixed_size: FloatArray,
+    varied_size: FloatArray,
+    below: float,
+) -> Reached:
+    """Where fixed + s·varied ceases to be stable.
+
+    Args:
+        fixed: A, shape (degree+1, loops), ascending powers of w.
+        varied: B, same shape.
+        fixed_size: absolute sums behind A.
+        varied_size: the same for B.
+        below: the s of interest.
+    """
+    x, s, roots = _crossings(fixed, varied, _POLISHES)
+    points = _with_ends(s, fixed, varied)
+    low, high = _judged([fixed, varied], [fixed_size, varied_size], points.copy())
+    begun = low < below
+    broken = (np.sum(begun, axis=0) > 1) & (low[0] == 0)
+    # Pairs that have come apart along the axis are only of interest where they leave a gap.
+    with np.errstate(invalid="ignore"):
+        roots[:, ~broken] = np.where(roots.imag == 0, np.nan, roots)[:, ~broken]
+    end = np.where(low[0] == 0, np.max(np.where(begun, high, 0.0), axis=0), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = np.concatenate([x, np.zeros((1, x.shape[1])), np.full((1, x.shape[1]), np.inf)])
+        away = np.nan_to_num(np.abs(points / end - 1), nan=np.inf)
+        which = np.argmin(away, axis=0)[None]
+        return Reached(
+            end=end,
+            omega=np.sqrt(np.take_along_axis(x, which, axis=0)[0]),
+            broken=broken,
+            near=np.sqrt(_real_parts(roots, _ALMOST_REAL)),
+        )
+
+
+def _judged(
+    parts: list[FloatArray], sizes: list[FloatArray], points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The stable intervals between candidates, which are sorted in place; (intervals, loops)."""
     # Up to here A + s·B is A, for all that rounding leaves of it.
     with np.errstate(divide="ignore", invalid="ignore"):
         alike = np.where(sizes[1] > 0, sizes[0] / sizes[1], np.inf).min(axis=0)
-    points = _candidates(parts[0], parts[1], _flattened(ratio, shape))
     points[points <= ULPS * UNIT * alike] = np.inf
     points.sort(axis=0)
     edges = np.concatenate([np.zeros((1, points.shape[1])), points])
@@ -84,8 +188,7 @@ def stable_intervals(
     middle[empty] = 1.0
     stable = _verdicts(parts, sizes, middle) > 0
     stable[empty] = False
-    low, high = _merged(edges, after, stable, empty)
-    return Intervals(low.reshape(-1, *shape), high.reshape(-1, *shape))
+    return _merged(edges, after, stable, empty)
 
 
 def _verdicts(parts: list[FloatArray], sizes: list[FloatArray], s: FloatArray) -> VerdictArray:
@@ -120,8 +223,32 @@ def _flattened(ratio: Ratio | None, shape: tuple[int, ...]) -> Ratio | None:
     return lambda v: ratio(v.reshape(-1, *shape)).reshape(v.shape)
 
 
-def _candidates(fixed: FloatArray, varied: FloatArray, ratio: Ratio | None) -> FloatArray:
+def _candidates(
+    fixed: FloatArray, varied: FloatArray, ratio: Ratio | None, polishes: int = _POLISHES
+) -> FloatArray:
     """Every s > 0 at which a crossing may happen, inf where unused; (candidates, loops)."""
+    x, s, _ = _crossings(fixed, varied, polishes)
+    if ratio is not None and s.size:
+        s = _refined(x, s, ratio)
+    return _with_ends(s, fixed, varied)
+
+
+def _with_ends(s: FloatArray, fixed: FloatArray, varied: FloatArray) -> FloatArray:
+    """Crossings with those at w = 0 and w = ∞, inf where unused."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = -fixed[[0, -1]] / varied[[0, -1]]
+    points = np.concatenate([s, ends])
+    points[~((points > 0) & np.isfinite(points))] = np.inf
+    return points
+
+
+def _crossings(
+    fixed: FloatArray, varied: FloatArray, polishes: int
+) -> tuple[FloatArray, FloatArray, ComplexArray]:
+    """(x, s) of every crossing at a frequency between nothing and infinity, nan where unused.
+
+    With all roots in x as they were found, real or not.
+    """
     even = [_in_x(part[0::2]) for part in (fixed, varied)]
     odd = [_in_x(part[1::2]) for part in (fixed, varied)]
     resultant = _times(even[0], odd[1])
@@ -130,17 +257,12 @@ def _candidates(fixed: FloatArray, varied: FloatArray, ratio: Ratio | None) -> F
     scale = _grown(np.abs(resultant), length) + _grown(np.abs(other), length)
     resultant = _grown(resultant, length) - _grown(other, length)
     resultant[np.abs(resultant) <= 4 * UNIT * scale] = 0.0
-    x = _positive_roots(resultant)
+    roots = _roots_of(resultant)
+    x = _real_parts(roots, _NEARLY_REAL)
     s = _gain_at(x, even, odd)
-    for _ in range(_POLISHES):
+    for _ in range(polishes):
         x, s = _newton(x, s, even, odd)
-    if ratio is not None and s.size:
-        s = _refined(x, s, ratio)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = -fixed[[0, -1]] / varied[[0, -1]]
-    points = np.concatenate([s, ends])
-    points[~((points > 0) & np.isfinite(points))] = np.inf
-    return points
+    return x, s, roots
 
 
 def _refined(x: FloatArray, s: FloatArray, ratio: Ratio) -> FloatArray:
@@ -175,10 +297,10 @@ def _grown(part: FloatArray, length: int) -> FloatArray:
     return np.concatenate([part, np.zeros((length - len(part), part.shape[1]))])
 
 
-def _positive_roots(polynomials: FloatArray) -> FloatArray:
-    """Positive real parts of the nearly real roots of each column, nan elsewhere."""
+def _roots_of(polynomials: FloatArray) -> ComplexArray:
+    """Roots of each column, nan where there are fewer."""
     length, columns = polynomials.shape
-    roots = np.full((length - 1, columns), np.nan)
+    roots = np.full((length - 1, columns), np.nan, dtype=np.complex128)
     present = polynomials != 0
     lead = np.where(present.any(axis=0), length - 1 - np.argmax(present[::-1], axis=0), 0)
     tail = np.argmax(present, axis=0)
@@ -191,15 +313,20 @@ def _positive_roots(polynomials: FloatArray) -> FloatArray:
         companion = np.zeros((chosen.size, degree, degree))
         companion[:, 0, :] = (-part[-2::-1] / part[-1]).T
         companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
-        values = np.linalg.eigvals(companion).T
-        with np.errstate(invalid="ignore"):
-            real = (values.real > 0) & (np.abs(values.imag) <= _NEARLY_REAL * np.abs(values.real))
-        roots[:degree, chosen] = np.where(real, values.real, np.nan)
+        roots[:degree, chosen] = np.linalg.eigvals(companion).T
     return roots
 
 
+def _real_parts(roots: ComplexArray, nearly: float) -> FloatArray:
+    """Positive real parts of the roots that are real to a part of them, nan elsewhere."""
+    with np.errstate(invalid="ignore"):
+        real = (roots.real > 0) & (np.abs(roots.imag) <= nearly * np.abs(roots.real))
+    return np.where(real, roots.real, np.nan)
+
+
 def _value(part: FloatArray, x: FloatArray) -> FloatArray:
-    total = np.broadcast_to(part[-1], x.shape).copy()
+    total = np.empty(x.shape)
+    total[:] = part[-1]
     for row in part[-2::-1]:
         total *= x
         total += row

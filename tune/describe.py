@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, rounded
+from tune.bounds import force_bound, ripple_bound, stable_bounds
 from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.filters import used_filters
-from tune.limits import (
-    bounds_of,
-    extra_delay,
-    forces_allowed,
-    ripple,
-    stable_with_margin,
-    worst_gain,
-)
+from tune.limits import extra_delay, forces_allowed, ripple, stable_points, worst_gain
 from tune.loop import WHOLE, Filters
 from tune.passivity import damping_needed
 from tune.problem import Problem
 from tune.profile import ElementProfile, LimitedBy, Margins
+from tune.rendered import rendered
 from tune.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -34,21 +30,85 @@ _MARGIN_CAP = 1000.0
 _DELAY_CAP = 10
 
 
-def binding(problem: Problem, sizes: FloatArray, index: int) -> LimitedBy:
-    """The constraint that keeps one effect from being larger, the others as they are."""
-    bounds = bounds_of(problem, sizes, index)
-    least = min(bounds.values())
-    close = {word for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
-    order: tuple[LimitedBy, ...] = (
-        "wanted",
-        "range",
-        "force",
-        "ripple",
-        "stability",
-        "gain-margin",
-        "delay-margin",
+#: Limits are looked for up to so many times the size at hand, where one is as a rule, then beyond.
+_NEAR = 1.01
+#: Which limit is named where several bind.
+_ORDER: tuple[LimitedBy, ...] = (
+    "wanted",
+    "range",
+    "force",
+    "ripple",
+    "stability",
+    "gain-margin",
+    "delay-margin",
+)
+
+
+def bindings(problem: Problem, sizes: FloatArray, indices: Sequence[int]) -> list[LimitedBy]:
+    """The constraint that keeps each of some effects from being larger, the others as they are."""
+    near = {index: float(sizes[index]) * _NEAR for index in indices}
+    bounds = _bounds(problem, sizes, near)
+    free = {index: np.inf for index, found in bounds.items() if not found}
+    bounds |= _bounds(problem, sizes, free)
+
+    return [_first(bounds[index]) for index in indices]
+
+
+def _first(found: dict[LimitedBy, float]) -> LimitedBy:
+    words: list[LimitedBy] = sorted(found, key=_ORDER.index)
+    return words[0] if words else "force"
+
+
+def _bounds(
+    problem: Problem, sizes: FloatArray, tops: dict[int, float]
+) -> dict[int, dict[LimitedBy, float]]:
+    """The tightest limits of each unknown, by its index, as far as they lie below the given tops.
+
+    Returns:
+        Sizes by word for each index; empty where nothing limits it up to the top.
+    """
+    gain = problem.margin.gain
+    forces = {index: force_bound(problem, sizes, index) for index in tops}
+    most = {i: min(top, forces[i], problem.unknowns[i].high) for i, top in tops.items()}
+    late = stable_bounds(problem, sizes, [*most], [*most.values()], gain)
+    bounds: dict[int, dict[LimitedBy, float]] = {}
+    for (index, top), stable in zip(most.items(), late, strict=True):
+        unknown = problem.unknowns[index]
+        least = min(top, stable)
+        noisy = ripple_bound(problem, sizes, index, least)
+        found: dict[LimitedBy, float] = {
+            "force": forces[index],
+            "delay-margin": stable,
+            "ripple": noisy,
+        }
+        if unknown.wish.kind == "value":
+            found["wanted"] = unknown.high
+        elif unknown.wish.kind == "range":
+            found["range"] = unknown.high
+        elif unknown.sign < 0:
+            found["gain-margin"] = unknown.high
+        bounds[index] = _close({w: bound for w, bound in found.items() if bound <= tops[index]})
+    # Without the extra delay, or without the gain margin too, more is stable: asked for only where
+    # what is asked for less binds.
+    relaxed: tuple[tuple[LimitedBy, LimitedBy, float], ...] = (
+        ("gain-margin", "delay-margin", gain),
+        ("stability", "gain-margin", 1.0),
     )
-    return next(word for word in order if word in close)
+    for word, before, full in relaxed:
+        asked = [i for i, found in bounds.items() if before in found]
+        ends = [bounds[i][before] * (1 + 2 * _BINDS) for i in asked]
+        present = stable_bounds(problem, sizes, asked, ends, full, late=False)
+        for index, stable in zip(asked, present, strict=True):
+            found = bounds[index]
+            found[word] = min(stable, found.get(word, np.inf))
+            bounds[index] = _close(found)
+    return bounds
+
+
+def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
+    """The limits that are as tight as the tightest."""
+    least = min(bounds.values(), default=0.0)
+    return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
 
 
 def reasons_for_nothing(problem: Problem) -> dict[str, str]:
@@ -72,7 +132,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
                 f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
                 "its damping would hold this effect. Take a longer log, or add damping"
             )
-        elif len(problem.unknowns) == 1 and not stable_with_margin(problem, low, gain):
+        elif len(problem.unknowns) == 1 and not all(stable_points(problem, low[None], gain)):
             reasons[unknown.label] = (
                 f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
                 f"{extra} extra samples of delay"
@@ -105,16 +165,17 @@ def element_profile(
         for label in dropped
         if label.rpartition(".")[0] == name
     }
-    for index, unknown in enumerate(problem.unknowns):
-        if unknown.element == name:
-            values[unknown.effect] = unknown.sign * float(sizes[index])
-            steps[unknown.effect] = rounded(unknown.steps(float(sizes[index])), 4)
-            limited[unknown.effect] = binding(problem, sizes, index)
+    own = [index for index, unknown in enumerate(problem.unknowns) if unknown.element == name]
+    for index, word in zip(own, bindings(problem, sizes, own), strict=True):
+        unknown = problem.unknowns[index]
+        values[unknown.effect] = unknown.sign * float(sizes[index])
+        steps[unknown.effect] = rounded(unknown.steps(float(sizes[index])), 4)
+        limited[unknown.effect] = word
     moments = [m for m in problem.moments if name in m.elements and any(m.members)]
     gains = [worst_gain(problem, m, sizes, late=False) for m in moments]
     delays = [extra_delay(problem, m, sizes, _DELAY_CAP) for m in moments]
-    own = [m for m in problem.moments if m.elements == (name,)]
-    noise = ripple(problem, own[0], sizes) if own else None
+    alone = [m for m in problem.moments if m.elements == (name,)]
+    noise = ripple(problem, alone[0], sizes) if alone else None
     gain = min([*gains, _MARGIN_CAP])
     return ElementProfile(
         stiffness=values["stiffness"],
@@ -123,12 +184,13 @@ def element_profile(
         perceived_steps=steps,
         margins=Margins(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
-            extra_delay_samples=float(np.floor(10 * min([*delays, _DELAY_CAP])) / 10),
+            extra_delay_samples=min([*delays, float(_DELAY_CAP)]),
             passive=_passive(problem, values),
         ),
         ripple=None if noise is None else rounded(noise, 4),
         limited_by=limited,
         motion=scene.motion(name, device.motion),
+        rendered=rendered(device, problem.filters, **values),
     )
 
 

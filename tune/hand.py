@@ -60,11 +60,10 @@ FREE_TO_RIGID: dict[Literal["linear", "rotary"], Hand] = {
 }
 
 
-def _to_hand(raw: Any) -> Any:
-    known = isinstance(raw, dict | Hand) or raw in ("none", "free-to-rigid")
-    if not known:
-        raise ValueError("give none, free-to-rigid, or {mass: …, damping: …, stiffness: …}")
-    return raw
+def _to_hand(raw: object) -> object:
+    if isinstance(raw, dict | Hand) or raw in ("none", "free-to-rigid"):
+        return cast("object", raw)
+    raise ValueError("give none, free-to-rigid, or {mass: …, damping: …, stiffness: …}")
 
 
 def _in_file() -> WithJsonSchema:

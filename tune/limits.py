@@ -1,27 +1,24 @@
-"""Exact answers about one setting of a problem: is it allowed, and what bounds each effect."""
+"""Exact answers about settings of a problem: are they allowed, and with which margins."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.effects import EFFECT_NAMES, Effects
 from tune.loop import LONGEST_DELAY
+from tune.loops import CLOSE
 from tune.problem import Moment, Problem
 from tune.ripple import force_ripple
-from tune.stability import safe_gain, stable_values
+from tune.stability import is_stable, safe_gain, safe_up_to
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
-#: Gains and sizes this close to a boundary, relative, are taken to be on it: the verdicts decide
-#: at 1e-9, and a written profile is rounded to six digits anyway.
-CLOSE = 1e-9
-#: Halvings in a search along one coordinate: 2^-50 of the range.
-_HALVINGS = 50
-#: Samples to which a delay margin is looked for; it is claimed in tenths.
-_DELAY_STEP = 0.01
+#: Parts of a sample in which a delay margin is looked for and claimed.
+_DELAY_PARTS = 10
 
 
 def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: bool = True) -> float:
@@ -33,15 +30,20 @@ def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: boo
         sizes: of the unknowns, shape (unknowns,).
         late: with the margin's extra delay, or at the device's own delay alone.
     """
+    lone = _lone(moment)
+    if lone is not None:
+        unknown = problem.unknowns[lone]
+        end = problem.loops.end_alone(unknown.effect, unknown.sign, late=late)
+        return end / float(sizes[lone])
     effects = problem.effects(moment, sizes)
-    loops = problem.late if late else problem.present
+    loops = problem.loops.late if late else problem.loops.present
     return min(float(np.min(safe_gain(loop, effects))) for loop in loops)
 
 
 def weakest(
     problem: Problem, sizes: FloatArray, *, broken: bool = False
 ) -> Iterator[tuple[int, int]]:
-    """(loop of ``problem.late``, column) of the least margin of each moment and loop.
+    """(loop of ``problem.loops.late``, column) of the least margin of each moment and loop.
 
     Args:
         problem: loops and margin.
@@ -49,40 +51,45 @@ def weakest(
         broken: only where the margin is not kept.
     """
     found: set[tuple[int, int]] = set()
-    for moment in problem.moments:
-        effects = problem.effects(moment, sizes)
-        for place, loop in enumerate(problem.late):
-            gains = safe_gain(loop, effects)
-            column = int(np.argmin(gains))
-            if not broken or not gains[column] > problem.margin.gain * (1 + CLOSE):
-                found.add((place, column))
+    for effects in _felt(problem, sizes[None]):
+        for place, loop in enumerate(problem.loops.late):
+            for gains in safe_gain(loop, effects)[0]:
+                column = int(np.argmin(gains))
+                if not broken or not gains[column] > problem.margin.gain * (1 + CLOSE):
+                    found.add((place, column))
     yield from sorted(found)
 
 
 def extra_delay(problem: Problem, moment: Moment, sizes: FloatArray, most: int) -> float:
     """Extra samples of delay up to which every gain in (0, 1] is stable at every corner; to most.
 
-    Looked for at whole samples and, in the first that fails, halved to a hundredth; what lies
-    between is for the certificate to prove.
+    Looked for at whole samples and, before the first that fails, at tenths; what lies between is
+    for the certificate to prove.
     """
-    effects = problem.effects(moment, sizes)
+    lone = _lone(moment)
+    if lone is not None:
+        unknown, size = problem.unknowns[lone], float(sizes[lone])
 
-    def holds(extra: float) -> bool:
-        return all(
-            float(np.min(safe_gain(loop, effects))) > 1 + CLOSE
-            for loop in problem.region.latest(problem.filters, extra)
-        )
+        def holds(extra: float) -> bool:
+            end = problem.loops.end_alone_at(unknown.effect, unknown.sign, extra)
+            return end > size * (1 + CLOSE)
+    else:
+        effects = problem.effects(moment, sizes)
+
+        def holds(extra: float) -> bool:
+            loops = problem.loops.latest(extra)
+            return all(bool(np.all(safe_up_to(loop, effects, 1 + CLOSE))) for loop in loops)
 
     box = problem.region.box
     most = min(most, int(LONGEST_DELAY - box.delay[1] / box.sample_time[0]))
     whole = next((extra for extra in range(1, most + 1) if not holds(extra)), None)
     if whole is None:
         return float(most)
-    low, high = whole - 1.0, float(whole)
-    while high - low > _DELAY_STEP:
-        middle = (low + high) / 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
+    low, high = 0, _DELAY_PARTS
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if holds(whole - 1 + middle / _DELAY_PARTS) else (low, middle)
+    return round(whole - 1 + low / _DELAY_PARTS, 1)
 
 
 def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
@@ -90,7 +97,7 @@ def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
     if problem.limits.encoder_resolution is None:
         return None
     effects = problem.effects(moment, sizes)
-    return float(force_ripple(problem.nominal, effects, problem.limits.encoder_resolution))
+    return float(force_ripple(problem.loops.nominal, effects, problem.limits.encoder_resolution))
 
 
 def forces(moment: Moment, sizes: FloatArray) -> tuple[float, float]:
@@ -104,11 +111,43 @@ def forces(moment: Moment, sizes: FloatArray) -> tuple[float, float]:
 
 def allowed(problem: Problem, sizes: FloatArray) -> bool:
     """True where forces, ripple and stability with the whole margin all hold, exactly."""
-    return (
-        forces_allowed(problem, sizes)
-        and stable_with_margin(problem, sizes, problem.margin.gain)
-        and ripple_allowed(problem, sizes)
-    )
+    if not forces_allowed(problem, sizes):
+        return False
+    if len(problem.unknowns) == 1:
+        size = float(sizes[0])
+        return size <= quiet_alone(problem, 0, size) * (1 + CLOSE) and all(
+            stable_points(problem, sizes[None], problem.margin.gain)
+        )
+    return bool(allowed_points(problem, sizes[None])[0])
+
+
+def allowed_points(problem: Problem, points: FloatArray) -> BoolArray:
+    """`allowed` for many settings at once.
+
+    Args:
+        problem: with all its limits.
+        points: sizes, shape (points, unknowns).
+
+    Returns:
+        of shape (points,).
+    """
+    good = np.array([forces_allowed(problem, sizes) for sizes in points], dtype=np.bool_)
+    good[good] = stable_points(problem, points[good], problem.margin.gain)
+    good[good] = _ripple_allowed(problem, points[good])
+    return good
+
+
+def likely_points(problem: Problem, points: FloatArray) -> BoolArray:
+    """`allowed_points` in a tenth of the time, with stability asked for at the full gain only."""
+    good = np.array([forces_allowed(problem, sizes) for sizes in points], dtype=np.bool_)
+    chosen = points[good]
+    stable = np.ones(len(chosen), dtype=np.bool_)
+    for loop in problem.loops.late:
+        for effects in _felt(problem, problem.margin.gain * chosen):
+            stable &= np.all(is_stable(loop, effects), axis=(1, 2))
+    good[good] = stable
+    good[good] = _ripple_allowed(problem, points[good])
+    return good
 
 
 def forces_allowed(problem: Problem, sizes: FloatArray) -> bool:
@@ -125,138 +164,84 @@ def forces_allowed(problem: Problem, sizes: FloatArray) -> bool:
     return True
 
 
-def ripple_allowed(problem: Problem, sizes: FloatArray) -> bool:
-    """True where the encoder ripple of every moment keeps to its limit."""
-    for moment in problem.moments:
-        value = ripple(problem, moment, sizes)
-        if value is not None and not value <= problem.limits.ripple * (1 + CLOSE):
-            return False
-    return True
+def quiet_alone(problem: Problem, index: int, top: float) -> float:
+    """Size of one unknown, felt alone, up to which the ripple keeps to its limit; inf to the top.
 
-
-def stable_with_margin(
-    problem: Problem, sizes: FloatArray, gain: float, *, late: bool = True
-) -> bool:
-    """True where every moment is stable for every gain in (0, gain], late or not."""
-    return all(
-        worst_gain(problem, moment, sizes, late=late) > gain * (1 + CLOSE)
-        for moment in problem.moments
+    Up to where it is stable at all where that is less than ``top``: so far it is found only once.
+    """
+    limits, unknown = problem.limits, problem.unknowns[index]
+    if limits.encoder_resolution is None:
+        return np.inf
+    end = problem.loops.end_alone(unknown.effect, unknown.sign, late=True) / problem.margin.gain
+    return problem.loops.quiet_alone(
+        unknown.effect,
+        unknown.sign,
+        resolution=limits.encoder_resolution,
+        limit=limits.ripple,
+        top=end if 0 < end < np.inf else top,
     )
 
 
-def largest_allowed(problem: Problem, sizes: FloatArray, index: int) -> float:
-    """The largest size of one unknown that every limit allows, the others as given."""
-    high = problem.unknowns[index].high
-    force = _largest(problem, sizes, index, lambda x: forces_allowed(problem, x))
-    stable = largest_stable(problem, sizes, index, problem.margin.gain)
-    least = min(force, stable, high)
-    return min(
-        least, _largest(problem, sizes, index, lambda x: ripple_allowed(problem, x), top=least)
-    )
+def stable_points(
+    problem: Problem, points: FloatArray, gain: float, *, late: bool = True
+) -> BoolArray:
+    """True where every moment is stable for every gain in (0, gain], late or not.
 
-
-def bounds_of(problem: Problem, sizes: FloatArray, index: int) -> dict[str, float]:
-    """The largest size of one unknown under each kind of limit alone, the others as given.
+    Args:
+        problem: with its loops.
+        points: sizes, shape (points, unknowns).
+        gain: the largest.
+        late: with the margin's extra delay, or at the device's own delay alone.
 
     Returns:
-        by ``limited_by`` word, inf where a limit would allow more than is sensible: wanted or
-        range, force, ripple, and the three of stability, each at most the one before.
+        of shape (points,).
     """
-    unknown = problem.unknowns[index]
-    gain = problem.margin.gain
-    bounds = {
-        "force": _largest(problem, sizes, index, lambda x: forces_allowed(problem, x)),
-        "stability": largest_stable(problem, sizes, index, 1.0, late=False),
-        "gain-margin": largest_stable(problem, sizes, index, gain, late=False),
-        "delay-margin": largest_stable(problem, sizes, index, gain),
-    }
-    least = min(*bounds.values(), unknown.high)
-    bounds["ripple"] = _largest(
-        problem, sizes, index, lambda x: ripple_allowed(problem, x), top=least
-    )
-    word = {"value": "wanted", "range": "range"}.get(unknown.wish.kind)
-    if word is not None:
-        bounds[word] = unknown.high
-    elif unknown.sign < 0:
-        bounds["gain-margin"] = min(bounds["gain-margin"], unknown.high)
-    return bounds
+    top = gain * (1 + CLOSE)
+    if len(problem.unknowns) == 1:
+        unknown = problem.unknowns[0]
+        end = problem.loops.end_alone(unknown.effect, unknown.sign, late=late)
+        return end > points[:, 0] * top
+    good = np.ones(len(points), dtype=np.bool_)
+    for loop in problem.loops.late if late else problem.loops.present:
+        for effects in _felt(problem, points):
+            good &= np.all(safe_up_to(loop, effects, top), axis=(1, 2))
+    return good
 
 
-def largest_stable(
-    problem: Problem, sizes: FloatArray, index: int, gain: float, *, late: bool = True
-) -> float:
-    """Largest size of one unknown, others as given, stable for every gain in (0, gain]; or inf.
+def _ripple_allowed(problem: Problem, points: FloatArray) -> BoolArray:
+    """True where the encoder ripple of every moment keeps to its limit; (points,)."""
+    resolution = problem.limits.encoder_resolution
+    good = np.ones(len(points), dtype=np.bool_)
+    if resolution is not None:
+        for effects in _felt(problem, points):
+            noise = force_ripple(problem.loops.nominal, effects, resolution)[..., 0]
+            good &= np.all(noise <= problem.limits.ripple * (1 + CLOSE), axis=1)
+    return good
 
-    The closed form in the coordinate at the full gain is the answer wherever the ray below it is
-    stable too; where it is not (a second stable interval), the end of what is safe is halved to.
+
+def _felt(problem: Problem, points: FloatArray) -> Iterator[Effects]:
+    """Effects of shape (points, moments, 1): of the moments with a spring, of those without.
+
+    Within each, an effect that one moment lacks is zero in it, which is the same for all but a
+    spring.
     """
-    unknown = problem.unknowns[index]
-    place = EFFECT_NAMES.index(unknown.effect)
-    answer = unknown.high
-    for moment in problem.moments:
-        if index not in moment.members[place]:
+    for sprung in (True, False):
+        moments = [moment for moment in problem.moments if bool(moment.members[0]) == sprung]
+        if not moments or not len(points):
             continue
-        rest = sizes.copy()
-        rest[index] = 0.0
-        effects = problem.effects(moment, rest)
-        others = Effects(
-            **{
-                name: None if value is None or name == unknown.effect else gain * value
-                for name, value in zip(EFFECT_NAMES, effects.arrays(), strict=True)
-            }
-        )
-        base = 0.0 if len(moment.members[place]) == 1 else _value(effects, place)
-        for loop in problem.late if late else problem.present:
-            low, high = stable_values(loop, unknown.effect, others, sign=unknown.sign)
-            # Intervals in the total of this effect, of which ``base`` belongs to other elements.
-            start = unknown.sign * gain * base
-            inside = (low <= max(start, 0.0)) & (high > start)
-            ends = np.max(np.where(inside, high, -np.inf), axis=0, initial=-np.inf)
-            answer = min(answer, float(np.min(ends)) / gain - unknown.sign * base)
-    trial = sizes.copy()
-    boundless = answer >= unknown.high
-    trial[index] = unknown.high if boundless else max(answer, 0.0) * (1 - 4 * CLOSE)
-    if trial[index] <= 0 or stable_with_margin(problem, trial, gain, late=late):
-        return float("inf") if boundless else float(trial[index])
-    return _largest(
-        problem,
-        sizes,
-        index,
-        lambda x: stable_with_margin(problem, x, gain, late=late),
-        top=float(trial[index]),
-    )
+        totals: list[FloatArray | None] = []
+        for place in range(len(EFFECT_NAMES)):
+            members = [moment.members[place] for moment in moments]
+            shares = np.zeros((len(moments), len(problem.unknowns)))
+            for row, indices in zip(shares, members, strict=True):
+                for index in indices:
+                    row[index] = problem.unknowns[index].sign
+            totals.append((points @ shares.T)[..., None] if any(members) else None)
+        stiffness, damping, mass = totals
+        yield Effects(stiffness=stiffness, damping=damping, mass=mass)
 
 
-def _value(effects: Effects, place: int) -> float:
-    value = effects.arrays()[place]
-    return 0.0 if value is None else float(value)
-
-
-def _largest(
-    problem: Problem,
-    sizes: FloatArray,
-    index: int,
-    holds: Callable[[FloatArray], bool],
-    top: float | None = None,
-) -> float:
-    """Largest size up to ``top`` to which a limit holds from nothing on; inf if to the top."""
-    trial = sizes.copy()
-    trial[index] = problem.unknowns[index].high if top is None else top
-    if holds(trial):
-        return float("inf")
-    low, high = 0.0, float(trial[index])
-    start = min(float(sizes[index]), high)
-    for step in range(_HALVINGS):
-        middle = start if step == 0 and 0 < start < high else _between(low, high)
-        trial[index] = middle
-        if holds(trial):
-            low = middle
-        else:
-            high = middle
-        if high - low <= CLOSE * high:
-            break
-    return low
-
-
-def _between(low: float, high: float) -> float:
-    return high / 8 if low == 0 else (np.sqrt(low * high) if high > 2 * low else (low + high) / 2)
+def _lone(moment: Moment) -> int | None:
+    """The only unknown of a moment, None where there are several or none."""
+    found = [index for indices in moment.members for index in indices]
+    return found[0] if len(found) == 1 else None

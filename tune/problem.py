@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
 from tune.effects import EFFECT_NAMES, EffectName, Effects
+from tune.filters import used_filters
 from tune.hand import hand_of
-from tune.loop import Filters, Loop
+from tune.loop import Filters
+from tune.loops import Loops
 from tune.perception import PerceptionTable, perceived_steps, references, value_at_steps
 from tune.region import Region
+from tune.rendered import Shares
 from tune.scene import MARGINS, Margin, Scene, Wish
-from tune.stacking import stacked
 
 FloatArray = NDArray[np.float64]
 
@@ -25,6 +27,9 @@ NOTHING = 1e-5
 BOUNDLESS = 1e6
 #: A device made lighter (less damped) keeps at least this part of what it has.
 REMAINS = 1e-3
+#: An effect of which less than this part is felt, or its opposite, counts as felt this little: no
+#: size of it that is sensible then reaches a step worth having, and logarithms stay finite.
+BARELY_FELT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +43,8 @@ class Unknown:
         low: least size allowed, SI.
         high: largest size wanted or physically sensible.
         wish: what the scene says.
-        reference: what the effect is compared with, SI.
+        reference: the commanded size that is felt as much as what the device has of it: K_ref, b
+            or m over the share of the command that is rendered at the motions people make, SI.
         weber: Weber fraction.
         level: rank; wanted values are level 0, then the priorities of the elements.
     """
@@ -103,23 +109,23 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """Unknowns of elements that share moments, and everything that bounds them.
-
-    Attributes:
-        present: loops of the corners of the region at every delay the device may have.
-        late: the same with up to the margin's extra delay as well.
-        nominal: the device alone at its best estimate and longest delay, for the ripple.
-    """
+    """Unknowns of elements that share moments, and everything that bounds them."""
 
     unknowns: tuple[Unknown, ...]
     moments: tuple[Moment, ...]
     margin: Margin
-    region: Region
-    filters: Filters
-    present: tuple[Loop, ...]
-    late: tuple[Loop, ...]
-    nominal: Loop
+    loops: Loops
     limits: Limits
+
+    @property
+    def region(self) -> Region:
+        """What the device and the hand may be."""
+        return self.loops.region
+
+    @property
+    def filters(self) -> Filters:
+        """Those that the unknowns use."""
+        return self.loops.filters
 
     def effects(self, moment: Moment, sizes: FloatArray) -> Effects:
         """The sum of effects of one moment; an effect no element has is absent."""
@@ -140,6 +146,8 @@ class Job:
         table: Weber fractions and thresholds.
         region: that must be safe.
         slack: part of the margin that is kept on top of it.
+
+    Loops and moments are built when first asked for and kept.
     """
 
     device: Device
@@ -147,6 +155,12 @@ class Job:
     table: PerceptionTable
     region: Region
     slack: float = 0.0
+    _loops: dict[Filters, Loops] = field(
+        default_factory=dict[Filters, Loops], init=False, repr=False, compare=False
+    )
+    _subsets: dict[str, list[tuple[str, ...]]] = field(
+        default_factory=dict[str, list[tuple[str, ...]]], init=False, repr=False, compare=False
+    )
 
     @classmethod
     def of(cls, device: Device, scene: Scene, table: PerceptionTable) -> Job:
@@ -154,6 +168,20 @@ class Job:
         extra = max(margin.extra_delay_samples for margin in MARGINS.values())
         region = Region.of(device, hand_of(scene.hand, device.motion), extra=extra)
         return cls(device=device, scene=scene, table=table, region=region)
+
+    def loops(self, filters: Filters) -> Loops:
+        """The loops with these filters at all corners, to the margin's extra delay."""
+        if filters not in self._loops:
+            extra = MARGINS[self.scene.margin].extra_delay_samples
+            self._loops[filters] = Loops.of(self.device, self.region, filters, extra)
+        return self._loops[filters]
+
+    def subsets(self, element: str) -> list[tuple[str, ...]]:
+        """Every set of elements, this one the first of them, that can be felt at one moment."""
+        if not self._subsets:
+            for subset in self.scene.subsets():
+                self._subsets.setdefault(subset[0], []).append(subset)
+        return self._subsets[element]
 
 
 def pose(
@@ -171,33 +199,30 @@ def pose(
         filters: cut-offs of the estimators.
         gone: labels "element.effect" that are left out.
     """
-    device, scene, region = job.device, job.scene, job.region
+    device, scene = job.device, job.scene
     margin = MARGINS[scene.margin]
     if job.slack:
         margin = margin.model_copy(update={"gain": margin.gain * (1 + job.slack)})
     unknowns = tuple(
-        _unknown(job, element, effect, margin)
+        _unknown(job, element, effect, margin, filters)
         for element in elements
         for effect in scene.elements[element].wishes()
         if f"{element}.{effect}" not in gone
     )
+    within = set(elements)
+    subsets = [subset for name in elements for subset in job.subsets(name) if within >= {*subset}]
     moments = tuple(
         _moment(device, scene, subset, unknowns)
-        for subset in scene.subsets()
-        if set(subset) <= set(elements) and any(u.element in subset for u in unknowns)
+        for subset in sorted(subsets, key=len)
+        if any(u.element in subset for u in unknowns)
     )
+    wanted = {unknown.effect: 0.0 for unknown in unknowns}
     limit = device.force_limit
-    loops = region.loops(filters, margin.extra_delay_samples)
-    later = (device.delay.high - device.delay.value) / device.sample_time.value
     return Problem(
         unknowns=unknowns,
         moments=moments,
         margin=margin,
-        region=region,
-        filters=filters,
-        present=_side_by_side([one.loop for one in loops if not one.beyond]),
-        late=_side_by_side([one.loop for one in loops]),
-        nominal=Loop.from_parts(device, filters, extra_delay_samples=later),
+        loops=job.loops(used_filters(filters, Effects(**wanted))),
         limits=Limits(
             continuous_force=None if limit is None else limit.continuous,
             peak_force=None if limit is None else limit.peak,
@@ -209,24 +234,21 @@ def pose(
     )
 
 
-def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:
-    """One loop of all that are free and one of all that a hand holds."""
-    alike = [[loop for loop in loops if loop.held == held] for held in (False, True)]
-    return tuple(stacked(group) for group in alike if group)
-
-
-def _unknown(job: Job, element: str, effect: EffectName, margin: Margin) -> Unknown:
+def _unknown(
+    job: Job, element: str, effect: EffectName, margin: Margin, filters: Filters
+) -> Unknown:
     device, scene, table, region = job.device, job.scene, job.table, job.region
     given = scene.elements[element]
     wish = given.wishes()[effect]
-    reference = references(device, table, scene.motion(element, device.motion).penetration)[effect]
-    high = BOUNDLESS * reference if wish.high is None else abs(wish.high)
+    bare = references(device, table, scene.motion(element, device.motion).penetration)[effect]
+    felt = bare / _share(device, filters, effect)
+    high = BOUNDLESS * bare if wish.high is None else abs(wish.high)
     if wish.sign < 0:
         # The bare device must keep the same margin downwards: M >= -m_low/g, B >= -b_low/g.
         lowest = {"mass": region.box.mass[0], "damping": region.box.damping[0]}[effect]
-        most = min(lowest / margin.gain, (1 - REMAINS) * reference)
+        most = min(lowest / margin.gain, (1 - REMAINS) * min(bare, felt))
         high = most if wish.high is None else min(high, most)
-    low = wish.low if wish.kind == "range" and wish.low else NOTHING * reference
+    low = wish.low if wish.kind == "range" and wish.low else NOTHING * bare
     return Unknown(
         element=element,
         effect=effect,
@@ -234,10 +256,18 @@ def _unknown(job: Job, element: str, effect: EffectName, margin: Margin) -> Unkn
         low=low,
         high=high,
         wish=wish,
-        reference=reference,
+        reference=felt,
         weber=getattr(table, effect).value,
         level=0 if wish.kind == "value" else given.priority,
     )
+
+
+def _share(device: Device, filters: Filters, effect: EffectName) -> float:
+    """The part of a commanded effect that a hand feels as such; all of a spring."""
+    if effect == "stiffness":
+        return 1.0
+    shares = Shares.of(device, filters)
+    return max((shares.damping if effect == "damping" else shares.mass).mean, BARELY_FELT)
 
 
 def _moment(

@@ -72,8 +72,31 @@ class Margins(Document):
     passive: bool | Literal["not-applicable"]
 
 
+class Rendered(Document):
+    """What a hand feels of one element at 0.5 to 5 Hz, beside the device's own mass and damping.
+
+    Means over the logarithm of frequency, of all that the element plays: filters and delay turn
+    part of a mass into damping, and let a damper take mass away and a spring damping.
+
+    Attributes:
+        mass: apparent mass, kg (kg·m²).
+        damping: apparent damping, N·s/m (N·m·s/rad).
+        mass_at_ends: at 0.5 and at 5 Hz.
+        damping_at_ends: likewise.
+    """
+
+    mass: float
+    damping: float
+    mass_at_ends: tuple[float, float]
+    damping_at_ends: tuple[float, float]
+
+
 class ElementProfile(Document):
-    """What one element plays; effects that do not act are zero."""
+    """What one element plays; effects that do not act are zero.
+
+    ``perceived_steps`` count what is felt of an effect at the motions people make; ``rendered`` is
+    absent in profiles written before it was computed.
+    """
 
     stiffness: float
     damping: float
@@ -83,6 +106,7 @@ class ElementProfile(Document):
     ripple: float | None = None
     limited_by: dict[str, LimitedBy]
     motion: Motion
+    rendered: Rendered | None = None
 
 
 class MarginProfile(Margin):

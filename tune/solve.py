@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from identification import rounded
 from tune.backends import Backend
+from tune.bounds import largest_allowed
 from tune.climb import SAME, climb, closed_form
-from tune.describe import binding, reasons_for_nothing
+from tune.describe import bindings, reasons_for_nothing
 from tune.errors import NoFeasibleEffectError
-from tune.limits import allowed, largest_allowed
+from tune.limits import allowed
 from tune.loop import Filters
 from tune.problem import Job, Problem, pose
 from tune.scene import Scene
@@ -125,7 +126,7 @@ def _too_little(problem: Problem, sizes: FloatArray, index: int) -> str:
     unknown, size = problem.unknowns[index], float(sizes[index])
     return (
         f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
-        f"limited by {binding(problem, sizes, index)}"
+        f"limited by {bindings(problem, sizes, [index])[0]}"
     )
 
 

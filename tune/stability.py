@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.criterion import VerdictArray, routh
-from tune.crossings import Intervals, Ratio, stable_intervals
+from tune.crossings import Intervals, Ratio, stable_intervals, stable_up_to
 from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.factors import Factors
 from tune.loop import Loop, Terms
@@ -87,6 +87,21 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
     """
     intervals = stable_gains(loop, effects)
     return np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf)
+
+
+def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
+    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time."""
+    total, sizes = loop.polynomial(effects)
+    free = _like(loop.terms.free, total)
+    free_size = _like(loop.sizes.free, total)
+    start = 1 if effects.position_free and not loop.held else 0
+    return stable_up_to(
+        free[start:],
+        (total - free)[start:],
+        free_size[start:],
+        (sizes - free_size)[start:],
+        gain,
+    )
 
 
 def stable_gains(loop: Loop, effects: Effects) -> Intervals:

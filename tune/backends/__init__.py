@@ -22,12 +22,15 @@ class Stage:
         floors: heights that must be kept, shape (unknowns,).
         weights: of (heights..., t) in what is maximised, shape (unknowns + 1,).
         start: t to begin with.
+        routh: judge stability by Routh's ratios at the full gain instead of by the exact reach,
+            for they are smooth where two branches of its boundary meet. Some solvers always do.
     """
 
     active: FloatArray
     floors: FloatArray
     weights: FloatArray
     start: float = 0.0
+    routh: bool = False
 
 
 #: Least and largest height a solver looks at, steps.

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.backends import HEIGHTS, Stage
+from tune.backends.evaluation import parameters_of
 from tune.backends.program import Program
 
 FloatArray = NDArray[np.float64]
@@ -22,11 +23,10 @@ class Ipopt:
     def propose(self, program: Program, stage: Stage, start: FloatArray) -> FloatArray | None:
         """See `tune.backends.Backend`. Bounded to 150 iterations and 2 s."""
         count = start.size
-        parameters = np.concatenate([program.parameters, stage.active, stage.floors, stage.weights])
         inside = np.clip(start - _RETREAT, program.lower, program.upper)
         answer = program.functions.ipopt(
-            x0=np.append(inside, stage.start),
-            p=parameters,
+            x0=np.append(inside, min(0.0, stage.start)),
+            p=parameters_of(program, stage),
             lbx=np.append(program.lower, HEIGHTS[0]),
             ubx=np.append(program.upper, HEIGHTS[1]),
             lbg=-np.inf,

@@ -6,13 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.backends import HEIGHTS, Stage
+from tune.backends.evaluation import Evaluation
 from tune.backends.program import Program
 
 FloatArray = NDArray[np.float64]
 
 #: Evaluations and seconds allowed; nlopt has no other way of ending on a bad problem.
-_EVALUATIONS = 300
+_EVALUATIONS = 100
 _SECONDS = 2.0
+#: How far it may go from its start, in log-sizes: far away the slopes at the start say nothing.
+_STRIDE = 3.0
 #: What a constraint that cannot be evaluated counts as: clearly violated, still a number.
 _UNREACHABLE = 1e3
 
@@ -27,33 +30,30 @@ class Slsqp:
         import nlopt
 
         count = start.size
-        parameters = np.concatenate([program.parameters, stage.active, stage.floors, stage.weights])
-        functions = program.functions
+        program_at = Evaluation(program, stage)
         best: list[tuple[float, FloatArray]] = []
 
         def objective(z: FloatArray, gradient: FloatArray) -> float:
-            value, slope = functions.objective(z, parameters)
+            here = program_at.at(z)
             if gradient.size:
-                gradient[:] = np.nan_to_num(np.asarray(slope).ravel())
-            number = float(value)
-            return number if np.isfinite(number) else _UNREACHABLE
+                gradient[:] = np.nan_to_num(here.slope)
+            return here.value if np.isfinite(here.value) else _UNREACHABLE
 
         def constraints(result: FloatArray, z: FloatArray, gradient: FloatArray) -> None:
-            value, slope = functions.constraints(z, parameters)
-            result[:] = np.nan_to_num(
-                np.asarray(value).ravel(), nan=_UNREACHABLE, posinf=_UNREACHABLE
-            )
+            here = program_at.at(z)
+            result[:] = np.nan_to_num(here.constraints, nan=_UNREACHABLE, posinf=_UNREACHABLE)
             if gradient.size:
-                gradient[:] = np.nan_to_num(np.asarray(slope))
-            if np.all(result <= 0):
-                height = objective(z, np.empty(0))
-                if not best or height < best[0][0]:
-                    best[:] = [(height, np.array(z))]
+                gradient[:] = np.nan_to_num(here.jacobian)
+            height = objective(z, np.empty(0))
+            if np.all(result <= 0) and (not best or height < best[0][0]):
+                best[:] = [(height, np.array(z))]
 
-        size = int(functions.constraints.numel_out(0))
+        size = program_at.constraints.size
         solver = nlopt.opt(nlopt.LD_SLSQP, count + 1)
-        solver.set_lower_bounds(np.append(program.lower, HEIGHTS[0]))
-        solver.set_upper_bounds(np.append(program.upper, HEIGHTS[1]))
+        lower = np.maximum(program.lower, np.minimum(start, program.upper) - _STRIDE)
+        upper = np.minimum(program.upper, np.maximum(start, program.lower) + _STRIDE)
+        solver.set_lower_bounds(np.append(lower, HEIGHTS[0]))
+        solver.set_upper_bounds(np.append(upper, HEIGHTS[1]))
         solver.set_min_objective(objective)
         solver.add_inequality_mconstraint(constraints, np.full(size, 1e-9))
         solver.set_maxeval(_EVALUATIONS)
@@ -61,7 +61,8 @@ class Slsqp:
         solver.set_xtol_rel(1e-12)
         z: FloatArray | None = None
         try:
-            z = np.asarray(solver.optimize(np.append(start, stage.start)), dtype=np.float64)
+            first = np.append(np.clip(start, lower, upper), stage.start)
+            z = np.asarray(solver.optimize(first), dtype=np.float64)
         except Exception:  # noqa: BLE001 - its classes differ between versions; None says it failed
             z = None
         if best and (z is None or best[0][0] < objective(z, np.empty(0))):

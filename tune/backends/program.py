@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.backends.reach import Reach
 from tune.loop import Loop, Terms
 from tune.polynomials import padded
 from tune.problem import Problem
@@ -22,7 +23,7 @@ from tune.ripple import ripple_energy
 from tune.routh_table import product, routh_ratios
 
 FloatArray = NDArray[np.float64]
-#: (loop of ``problem.late``, column): one corner at one delay, with the hand or without.
+#: (loop of ``problem.loops.late``, column): one corner at one delay, with the hand or without.
 Scenario = tuple[int, int]
 
 #: The program keeps this much more than asked, relative, so that solvers, which end on or a little
@@ -51,10 +52,16 @@ class Structure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Functions:
-    """Compiled functions of (z, p), z = (y, t)."""
+    """Compiled functions of (z, p), z = (y, t).
 
-    objective: Any
-    constraints: Any
+    Attributes:
+        evaluate: objective, its gradient, constraints but those of stability, their dense Jacobian.
+        evaluate_all: the same with Routh's ratios before the other constraints.
+        ipopt: the solver, with all constraints.
+    """
+
+    evaluate: Any
+    evaluate_all: Any
     ipopt: Any
 
 
@@ -67,10 +74,12 @@ class Program:
         parameters: of this problem, without the stage.
         lower: of log-sizes, shape (unknowns,).
         upper: of log-sizes, shape (unknowns,).
+        reach: the stability constraint, exact.
     """
 
     functions: Functions
     parameters: FloatArray
+    reach: Reach
     lower: FloatArray
     upper: FloatArray
 
@@ -80,21 +89,22 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
 
     Args:
         problem: with all its corners.
-        scenarios: those of them that the solver is shown, as (loop of ``problem.late``, column).
-            Their number is rounded up to a power of two, so that structures are met again.
+        scenarios: those of them that the solver is shown, as (loop of ``problem.loops.late``,
+            column). Their number is rounded up to a power of two, so that structures are met again.
     """
     limits = problem.limits
     columns = [
         _rounded_up([column for place, column in scenarios if place == index])
-        for index in range(len(problem.late))
+        for index in range(len(problem.loops.late))
     ]
-    shown = [(loop, chosen) for loop, chosen in zip(problem.late, columns, strict=True) if chosen]
+    late = problem.loops.late
+    shown = [(loop, chosen) for loop, chosen in zip(late, columns, strict=True) if chosen]
     ripple = limits.encoder_resolution is not None
     structure = Structure(
         signs=tuple(unknown.sign for unknown in problem.unknowns),
         moments=tuple(moment.members for moment in problem.moments),
         shapes=tuple((loop.degree, len(chosen), loop.held) for loop, chosen in shown),
-        laws=problem.nominal.degree if ripple else 0,
+        laws=problem.loops.nominal.degree if ripple else 0,
         forces=(limits.continuous_force is not None, limits.peak_force is not None),
     )
     numbers: list[FloatArray] = [
@@ -105,7 +115,7 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     gain = problem.margin.gain * (1 + INSIDE)
     numbers += [_table(loop, gain)[:, :, chosen] for loop, chosen in shown]
     if ripple and limits.encoder_resolution is not None:
-        nominal = problem.nominal
+        nominal = problem.loops.nominal
         unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple
         numbers += [_table(nominal, 1.0), _law(nominal, float(unit))]
     for moment in problem.moments:
@@ -118,6 +128,7 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
         ]
     return Program(
         functions=_compiled(structure),
+        reach=Reach.of(problem, shown, gain),
         parameters=np.concatenate([part.ravel() for part in numbers]),
         lower=np.log([unknown.low for unknown in problem.unknowns]),
         upper=np.log([unknown.high for unknown in problem.unknowns]),
@@ -177,40 +188,43 @@ def _compiled(structure: Structure) -> Functions:
         [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
         for members in structure.moments
     ]
-    constraints: list[Any] = []
+    routh: list[Any] = []
     for degree, corners, held in structure.shapes:
         table = take(4, degree + 1, corners)
         for total in totals:
             for corner in range(corners):
                 coefficients = _polynomial(table[:, :, corner], total, drop=not held)
-                constraints += [-c for c in coefficients]
-                constraints += [ratio - 1 for ratio in routh_ratios(coefficients)]
+                routh += [-c for c in coefficients]
+                routh += [ratio - 1 for ratio in routh_ratios(coefficients)]
+    constraints: list[Any] = []
     if structure.laws:
         table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
         for total in totals:
-            numerator = product(list(law[0]), _polynomial(law, total, free=False))
+            numerator = product(list(law[0]), _polynomial(law, total, free=False, drop=False))
             free = total[0] is None
             energy = ripple_energy(
                 numerator, _polynomial(table, total, drop=False), position_free=free
             )
-            constraints.append(energy - 1)
+            # An unstable loop has no energy: the logarithm says so, and is nearly linear.
+            constraints.append(energy.log() / 2)
     for members in structure.moments:
         sustained, peak = take(len(members[0])), take(sum(len(m) for m in members))
         if structure.forces[0] and members[0]:
-            constraints.append(
-                sum(sizes[i] * r for i, r in zip(members[0], sustained, strict=True)) - 1
-            )
+            constraints.append(_excess(sizes, members[0], sustained))
         if structure.forces[1]:
             chosen = [i for m in members for i in m]
-            constraints.append(sum(sizes[i] * r for i, r in zip(chosen, peak, strict=True)) - 1)
+            constraints.append(_excess(sizes, chosen, peak))
     for i, height in enumerate(heights):
         constraints.append(stage[1][i] + stage[0][i] * t - height)
     z, p = ca.vertcat(y, t), ca.vertcat(*taken, *stage)
     f = -ca.dot(stage[2], ca.vertcat(*heights, t))
     g = ca.vertcat(*constraints)
+    all_g = ca.vertcat(*routh, *constraints)
     options = {
         "print_time": False,
         "error_on_fail": False,
+        # An unstable setting has no ripple; the solver steps back from it.
+        "show_eval_warnings": False,
         "ipopt": {
             "print_level": 0,
             "sb": "yes",
@@ -224,10 +238,23 @@ def _compiled(structure: Structure) -> Functions:
         },
     }
     return Functions(
-        objective=ca.Function("f", [z, p], [f, ca.gradient(f, z)]),
-        constraints=ca.Function("g", [z, p], [g, ca.densify(ca.jacobian(g, z))]),
-        ipopt=ca.nlpsol("climb", "ipopt", {"x": z, "p": p, "f": f, "g": g}, options),
+        evaluate=_evaluation("evaluate", z, p, f, g),
+        evaluate_all=_evaluation("evaluate_all", z, p, f, all_g),
+        ipopt=ca.nlpsol("climb", "ipopt", {"x": z, "p": p, "f": f, "g": all_g}, options),
     )
+
+
+def _excess(sizes: list[Any], members: Sequence[int], reaches: Any) -> Any:
+    """Logarithm of a force over its limit, nearly linear in log-sizes as the force is not."""
+    total: Any = sum(sizes[i] * reach for i, reach in zip(members, reaches, strict=True))
+    return total.log()
+
+
+def _evaluation(name: str, z: Any, p: Any, f: Any, g: Any) -> Any:
+    import casadi as ca
+
+    slopes = ca.densify(ca.gradient(f, z)), ca.densify(ca.jacobian(g, z))
+    return ca.Function(name, [z, p], [f, slopes[0], g, slopes[1]])
 
 
 def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool = True) -> list[Any]:

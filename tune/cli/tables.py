@@ -43,6 +43,8 @@ def elements_table(profile: SafeProfile) -> Table:
         title=f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}; "
         f"filters: {_filters(profile.loop)}",
         title_justify="left",
+        caption="\n".join(_felt(profile)),
+        caption_justify="left",
         box=SIMPLE_HEAD,
     )
     for heading in ("effect", "value", "steps", "gain", "delay", "ripple", "limited by"):
@@ -66,6 +68,29 @@ def elements_table(profile: SafeProfile) -> Table:
                 reason,
             )
     return table
+
+
+def _felt(profile: SafeProfile) -> tuple[str, ...]:
+    """What a hand feels of each element, mean and both ends of the motions people make."""
+    units = UNITS[profile.device.motion]
+    lines: list[str] = []
+    for name, element in profile.elements.items():
+        felt = element.rendered
+        if felt is None:
+            continue
+        parts = [
+            f"{effect} {mean:+.3g} {units[effect]} ({slow:+.3g} to {fast:+.3g})"
+            for effect, mean, (slow, fast) in (
+                ("mass", felt.mass, felt.mass_at_ends),
+                ("damping", felt.damping, felt.damping_at_ends),
+            )
+            if slow or fast
+        ]
+        if parts:
+            lines.append(f"{name}: {', '.join(parts)}")
+    return (
+        ("felt of it in motions of 0.5 to 5 Hz, mean (at 0.5 to at 5 Hz):", *lines) if lines else ()
+    )
 
 
 def _filters(loop: LoopProfile) -> str:

@@ -1,0 +1,115 @@
+"""What each part of a scene costs against the same scene without it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.row import Row, Timing, timed, with_unit
+from benchmarks.scenes import Case, case, certificate, description, proposal
+from identification import Mode, quantity
+from tune.loop import Filters
+
+WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
+DAMPED: dict[str, Any] = {"wall": {"stiffness": "max", "damping": "max"}}
+BLOCK: dict[str, Any] = {"wall": {"stiffness": "max", "damping": "max", "mass": "max"}}
+PAIR: dict[str, Any] = {**DAMPED, "water": {"damping": "max"}}
+PLAIN = Filters()
+
+_MODE = Mode(
+    frequency_hz=quantity(80.0), damping_ratio=quantity(0.05), at_encoder=0.3, at_handle=-0.5
+)
+_NO_FORCE: dict[str, Any] = {"force_limit": None}
+_NO_ENCODER: dict[str, Any] = {"encoder_resolution": None}
+_LATE: dict[str, Any] = {"delay": quantity(1e-3, 1e-3, 2e-3)}
+_JITTER: dict[str, Any] = {"sample_time": quantity(1e-3, 0.99e-3, 1.01e-3)}
+_WEIGHED: dict[str, Any] = {"mass": quantity(3.0), "covariance": None}
+_HAND = {"mass": 0.3, "damping": 8.0, "stiffness": 500.0}
+_GRIPS = {
+    "mass": {"value": 0.3, "low": 0.1, "high": 1.0},
+    "damping": {"value": 8.0, "low": 3.0, "high": 20.0},
+    "stiffness": {"value": 500.0, "low": 100.0, "high": 1500.0},
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Part:
+    """Something a scene may ask for or a device may have: with it and without."""
+
+    name: str
+    beside: Case
+    without: Case
+
+
+PARTS = (
+    _Part(name="damping beside a spring", beside=case(DAMPED), without=case(WALL)),
+    _Part(
+        name="a velocity filter",
+        beside=case(DAMPED),
+        without=case(DAMPED, filters=PLAIN),
+    ),
+    _Part(name="mass and its filter beside K and B", beside=case(BLOCK), without=case(DAMPED)),
+    _Part(
+        name="a second element apart",
+        beside=case(PAIR),
+        without=case(DAMPED),
+    ),
+    _Part(
+        name="the two felt together",
+        beside=case(PAIR, together=[["wall", "water"]]),
+        without=case(PAIR),
+    ),
+    _Part(
+        name="a rank of its own for each of the two",
+        beside=case(
+            {**DAMPED, "water": {"damping": "max", "priority": 2}}, together=[["wall", "water"]]
+        ),
+        without=case(PAIR, together=[["wall", "water"]]),
+    ),
+    _Part(name="a known hand", beside=case(DAMPED, hand=_HAND), without=case(DAMPED)),
+    _Part(name="any grip", beside=case(DAMPED, hand=_GRIPS), without=case(DAMPED, hand=_HAND)),
+    _Part(name="a mode", beside=case(DAMPED, device={"modes": (_MODE,)}), without=case(DAMPED)),
+    _Part(name="a delay interval", beside=case(DAMPED, device=_LATE), without=case(DAMPED)),
+    _Part(name="a sample time interval", beside=case(DAMPED, device=_JITTER), without=case(DAMPED)),
+    _Part(
+        name="an interval of the mass",
+        beside=case(DAMPED),
+        without=case(DAMPED, device=_WEIGHED),
+    ),
+    _Part(name="a force limit", beside=case(DAMPED), without=case(DAMPED, device=_NO_FORCE)),
+    _Part(name="an encoder", beside=case(DAMPED), without=case(DAMPED, device=_NO_ENCODER)),
+    _Part(name="an encoder, one spring", beside=case(WALL), without=case(WALL, device=_NO_ENCODER)),
+    _Part(
+        name="the wider margin",
+        beside=case(DAMPED, margin="conservative"),
+        without=case(DAMPED, margin="firm"),
+    ),
+)
+
+
+def rows() -> Iterator[Row]:
+    """Of each part: the proposal and the certificate, beside those without it."""
+    known: dict[int, tuple[Timing, Timing]] = {}
+
+    def times(chosen: Case) -> tuple[Timing, Timing]:
+        if id(chosen) not in known:
+            job = chosen.job()
+            design = description(chosen, job, proposal(chosen, job))
+            known[id(chosen)] = (
+                timed(lambda: proposal(chosen, job), 5),
+                timed(certificate(design), 3),
+            )
+        return known[id(chosen)]
+
+    for part in PARTS:
+        beside, without = times(part.beside), times(part.without)
+        for what, index in (("propose", 0), ("certify", 1)):
+            more = beside[index].middle - without[index].middle
+            times_as_long = beside[index].middle / without[index].middle
+            yield Row.of(
+                f"{what} with {part.name}",
+                beside[index],
+                f"{'+' if more >= 0 else '-'}{with_unit(abs(more))}, {times_as_long:.2g} times",
+                f"{with_unit(without[index].middle)} without",
+            )

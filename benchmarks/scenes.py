@@ -1,0 +1,76 @@
+"""Devices and scenes to tune, and the parts of the work on them, each to be timed alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from identification import Device, as_stored, load_device
+from tune.certificate.certify import certify
+from tune.loop import Filters
+from tune.optimisation import design_of
+from tune.perception import default_table
+from tune.problem import Job
+from tune.profile import Certificate, Design
+from tune.scene import Scene
+from tune.solve import Solved, groups, solve
+
+#: Cut-offs where a case does not say otherwise, Hz.
+FILTERS = Filters(velocity_hz=50.0, acceleration_hz=30.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A scene on a device, with its filters."""
+
+    device: Device
+    scene: Scene
+    filters: Filters = FILTERS
+
+    def job(self) -> Job:
+        """With nothing kept from earlier work."""
+        return Job.of(as_stored(self.device), self.scene, default_table())
+
+
+def case(elements: dict[str, Any], **more: Any) -> Case:
+    """A scene on HomeRehab; ``device`` changes it, ``filters`` replaces the cut-offs."""
+    device = load_device("homerehab").model_copy(update=more.pop("device", {}))
+    filters = more.pop("filters", FILTERS)
+    wishes = {effect for element in elements.values() for effect in element}
+    used = Filters(
+        velocity_hz=filters.velocity_hz if "damping" in wishes else None,
+        acceleration_hz=filters.acceleration_hz if "mass" in wishes else None,
+    )
+    scene = Scene.model_validate({"elements": elements, **more})
+    return Case(device=device, scene=scene, filters=used)
+
+
+def fifty_elements() -> Case:
+    """Fifty things, each with numbers of its own; ten of them are felt in pairs."""
+    elements: dict[str, Any] = {}
+    for k in range(50):
+        wall = {"stiffness": "max", "penetration": 0.004 + 0.0002 * k}
+        damped = {**wall, "damping": 5.0 + 0.4 * k}
+        water = {"damping": "max", "speed": 0.1 + 0.005 * k}
+        cup = {"mass": "max", "acceleration": 1.0 + 0.02 * k}
+        block = {"stiffness": "max", "damping": "max", "penetration": 0.005 + 0.0001 * k}
+        elements[f"thing{k}"] = (wall, damped, water, cup, block)[k % 5]
+    together = [[f"thing{k}", f"thing{k + 2}"] for k in (0, 10, 20, 30, 40)]
+    return case(elements, together=together)
+
+
+def proposal(chosen: Case, job: Job) -> list[Solved]:
+    """The sizes of every group."""
+    return [solve(job, elements, chosen.filters) for elements in groups(chosen.scene)]
+
+
+def description(chosen: Case, job: Job, solutions: list[Solved]) -> Design:
+    """Margins, steps, ripple and limits of every element."""
+    dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
+    return as_stored(design_of(job, chosen.filters, solutions, dropped))
+
+
+def certificate(design: Design) -> Callable[[], Certificate]:
+    """The call that certifies a design."""
+    return lambda: certify(design)

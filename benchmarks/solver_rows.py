@@ -1,0 +1,132 @@
+"""Run time against optimality gap, of every solver on the same problems."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.row import Row, timed
+from benchmarks.scenes import Case, case, proposal
+from benchmarks.solvers import SOLVERS, Task
+from tests.optimum_reference import Reference
+from tests.optimum_search import highest
+from tune.backends.program import program_of
+from tune.climb import climb, closed_form, interior
+from tune.limits import weakest
+from tune.problem import Problem
+from tune.solve import backends
+
+FloatArray = NDArray[np.float64]
+
+#: Searches for the height that gaps refer to.
+_STARTS = 30
+#: Beyond a limit by less is on it, in log-sizes.
+_NOISE = 1e-12
+#: Repeats of a solver.
+_REPEATS = 5
+
+CASES = {
+    "K": case({"wall": {"stiffness": "max"}}),
+    "K and B": case({"wall": {"stiffness": "max", "damping": "max"}}),
+    "K, B and M": case({"block": {"stiffness": "max", "damping": "max", "mass": "max"}}),
+    "K and B with B of another, together": case(
+        {"wall": {"stiffness": "max", "damping": "max"}, "water": {"damping": "max"}},
+        together=[["wall", "water"]],
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Posed:
+    """A case with its problem, and the best that independent searches know.
+
+    Attributes:
+        best: least height.
+        sizes: there, of log-sizes.
+    """
+
+    problem: Problem
+    reference: Reference
+    best: float
+    sizes: FloatArray
+
+    def gap(self, place: FloatArray) -> float:
+        """How far a proposal stays behind, relative, once it is moved back to what is allowed."""
+        place = self.reference.onto(np.clip(place, self.reference.low, self.reference.high))
+        return 1 - float(np.min(self.reference.heights(np.exp(place)))) / self.best
+
+    def words(self, place: FloatArray | None) -> str:
+        """The gap, and how far beyond what is allowed the proposal was, in log-sizes."""
+        if place is None:
+            return "gave up"
+        place = np.clip(place, self.reference.low, self.reference.high)
+        spare = float(np.min(self.reference.rows(place)[0]))
+        beyond = f", from {-spare:.0e} beyond" if spare < -_NOISE else ""
+        return f"gap {max(self.gap(place), 0.0):.1e}{beyond}"
+
+
+def rows() -> Iterator[Row]:
+    """Every case by every solver, and by the climb that haptune makes of them."""
+    for name, chosen in CASES.items():
+        posed = posed_of(chosen)
+        problem = posed.problem
+        if len(problem.unknowns) == 1:
+            yield Row.of(
+                f"{name}: closed form",
+                timed(lambda p=problem: closed_form(p)),
+                posed.words(_log(closed_form(problem).sizes)),
+            )
+        task = task_of(posed)
+        for solver, solve_with in SOLVERS.items():
+            answers: list[FloatArray | None] = []
+            timing = timed(lambda s=solve_with, t=task, a=answers: a.append(s(t)), _REPEATS)
+            yield Row.of(
+                f"{name}: {solver}",
+                timing,
+                posed.words(answers[-1]),
+                "one stage, corners given",
+            )
+        if len(problem.unknowns) > 1:
+            yield Row.of(
+                f"{name}: climb",
+                timed(lambda p=problem: climb(p, backends()), _REPEATS),
+                posed.words(_log(climb(problem, backends()).sizes)),
+                "all stages, corners looked for",
+            )
+
+
+def _log(sizes: FloatArray | None) -> FloatArray | None:
+    return None if sizes is None else np.log(sizes)
+
+
+def posed_of(chosen: Case, starts: int = _STARTS) -> Posed:
+    """A case, and the best of searches from some starts."""
+    (solved,) = proposal(chosen, chosen.job())
+    filters = (chosen.filters.velocity_hz, chosen.filters.acceleration_hz)
+    reference = Reference(
+        chosen.device, chosen.scene, list(chosen.scene.elements), filters, frozenset(solved.dropped)
+    )
+    best, place = highest(
+        reference,
+        list(range(reference.count)),
+        {},
+        known=np.log(solved.sizes),
+        starts=starts,
+        rng=np.random.default_rng(0),
+    )
+    return Posed(problem=solved.problem, reference=reference, best=best, sizes=np.exp(place))
+
+
+def task_of(posed: Posed) -> Task:
+    """What every solver is given: the first stage, its corners and a start well inside."""
+    start = interior(posed.problem)
+    assert start is not None
+    shown = {*weakest(posed.problem, start), *weakest(posed.problem, posed.sizes)}
+    return Task(
+        program=program_of(posed.problem, sorted(shown)),
+        start=np.log(start),
+        heights=lambda y: posed.reference.heights(np.exp(y)),
+    )

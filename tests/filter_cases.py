@@ -1,0 +1,96 @@
+"""Devices and scenes on which cut-offs are chosen, and the best of a grid of cut-offs."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import Device, ForceLimit, load_device, quantity
+from tune.filters import Filters
+from tune.perception import default_table
+from tune.problem import Job
+from tune.scene import Scene
+from tune.solve import groups
+from tune.worth import worth_of_group
+
+FloatArray = NDArray[np.float64]
+
+DEVICES = {
+    "homerehab": load_device("homerehab"),
+    "light": Device(
+        name="light",
+        sample_time=quantity(1e-3),
+        mass=quantity(0.08, 0.076, 0.084),
+        damping=quantity(0.1, 0.08, 0.12),
+        coulomb_friction=quantity(0.05),
+        delay=quantity(1e-3),
+        encoder_resolution=quantity(2e-5),
+        force_limit=ForceLimit(continuous=1.5, peak=6.0),
+    ),
+    "knob": Device(
+        name="knob",
+        motion="rotary",
+        sample_time=quantity(5e-4),
+        mass=quantity(1e-4, 9e-5, 1.1e-4),
+        damping=quantity(2e-4, 1.5e-4, 2.5e-4),
+        coulomb_friction=quantity(2e-3),
+        delay=quantity(5e-4),
+        encoder_resolution=quantity(2 * np.pi / 40000),
+        force_limit=ForceLimit(continuous=0.1, peak=0.3),
+    ),
+    "heavy": Device(
+        name="heavy",
+        sample_time=quantity(1e-3),
+        mass=quantity(12.0, 11.0, 13.0),
+        damping=quantity(40.0, 34.0, 46.0),
+        coulomb_friction=quantity(4.0),
+        delay=quantity(2e-3),
+        encoder_resolution=quantity(1e-5),
+        force_limit=ForceLimit(continuous=80.0, peak=200.0),
+    ),
+}
+SCENES: dict[str, dict[str, Any]] = {
+    "block": {"block": {"stiffness": "max", "damping": "max", "mass": "max"}},
+    "cup": {"cup": {"mass": "max"}},
+    "mix": {
+        "wall": {"stiffness": "max", "damping": "max"},
+        "cup": {"mass": "max"},
+        "water": {"damping": "max"},
+    },
+}
+#: Ripple limits, in multiples of the smallest force a hand notices.
+RIPPLES = (0.3, 1.0, 3.0)
+
+
+def job_of(device: str, elements: dict[str, Any], ripple: float = 1.0, **more: Any) -> Job:
+    """A scene on a device, its ripple limit in multiples of the default."""
+    table = default_table()
+    limit = ripple * table.threshold(DEVICES[device].motion)
+    scene = Scene.model_validate({"elements": elements, "ripple_limit": limit, **more})
+    return Job.of(DEVICES[device], scene, table)
+
+
+def worth_of(job: Job, filters: Filters) -> float:
+    """All elements of a scene with certain filters."""
+    return sum(worth_of_group(job, elements, filters) for elements in groups(job.scene))
+
+
+def best_of_grid(job: Job, count: int) -> float:
+    """The largest worth on a grid of count by count cut-offs from 5 Hz to Nyquist, and none."""
+    hertz = np.geomspace(5.0, 0.5 / job.device.sample_time.value, count)
+    choices = (None, *(float(f) for f in hertz))
+    wishes = {name: set(element.wishes()) for name, element in job.scene.elements.items()}
+    total = np.zeros((len(choices), len(choices)))
+    for elements in groups(job.scene):
+        used = {effect for name in elements for effect in wishes[name]}
+        velocity = choices if "damping" in used else (None,)
+        acceleration = choices if "mass" in used else (None,)
+        part = [
+            worth_of_group(job, elements, Filters(velocity_hz=v, acceleration_hz=a))
+            for v, a in product(velocity, acceleration)
+        ]
+        total += np.reshape(part, (len(velocity), len(acceleration)))
+    return float(np.max(total))

@@ -1,0 +1,270 @@
+"""Sampled loops of a device without modes by their frequency response, in doubles.
+
+No characteristic polynomial is formed: a loop is stable for every gain below the first one at which
+s·L(z) passes through -1 on the unit circle (Nyquist). What is measured of the plant comes from
+matrix exponentials, the ripple from a sum over the steps since a reading was wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.intp]
+
+#: Angles ωT at which crossings are looked for; no phase turns faster than between two of them.
+ANGLES: FloatArray = np.concatenate(
+    [np.geomspace(1e-7, 0.05, 115)[:-1], np.linspace(0.05, np.pi, 231)]
+)
+#: Steps of the false position; its order is 1.44, the brackets are a few per cent wide.
+_STEPS = 16
+#: ... and it ends where all angles move by less than this, relative.
+_SETTLED = 1e-12
+#: Half step of the central difference of a slope, relative to the angle; its error is the square.
+_SLOPE = 1e-5
+#: Doublings of the time over which a ripple is summed, at most.
+_DOUBLINGS = 60
+#: What is left of a wrong reading when it counts as forgotten.
+_FADED = 1e-18
+#: ... and when it has grown beyond return; no stable loop of these tests answers so much.
+_GROWN = 1e60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corner:
+    """One device: kg, N·s/m, s, samples of delay, hand as (kg, N·s/m, N/m)."""
+
+    mass: float
+    damping: float
+    sample_time: float
+    samples: float
+    hand: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crossings:
+    """Where loops L of (moment, corner) are real and negative on the circle.
+
+    Attributes:
+        moment: index, shape (count,).
+        corner: index.
+        gain: at which the loop is on the boundary there.
+        slopes: of log gain by (K, B, M), shape (3, count).
+    """
+
+    moment: IntArray
+    corner: IntArray
+    gain: FloatArray
+    slopes: FloatArray
+
+
+class Loops:
+    """Responses of K, B and M through corners, under one law.
+
+    Args:
+        corners: of the region.
+        filters_hz: (velocity, acceleration), None for the plain difference; first order, and the
+            same twice.
+    """
+
+    def __init__(
+        self, corners: list[Corner], filters_hz: tuple[float | None, float | None]
+    ) -> None:
+        self.corners = corners
+        self.step = np.array([c.sample_time for c in corners])
+        held = np.array([[c.hand[k] for c in corners] for k in range(3)])
+        mass = np.array([c.mass for c in corners]) + held[0]
+        delta = (np.array([c.damping for c in corners]) + held[1]) * self.step / mass
+        kappa = held[2] * self.step**2 / mass
+        samples = np.array([c.samples for c in corners])
+        self.whole = np.floor(samples)
+        part = samples - self.whole
+        self.scale = self.step**2 / mass
+        # At z = 1 a damper is held by the device's own; by nothing if a hand holds the place.
+        self.still = np.where(kappa > 0, 0.0, self.step / (delta * mass))
+        flow = np.zeros((len(corners), 2, 2))
+        flow[:, 0, 1], flow[:, 1, 0], flow[:, 1, 1] = 1.0, -kappa, -delta
+        over, late, early = (_integral(flow, time) for time in (np.ones_like(part), 1 - part, part))
+        self.moved = flow @ over
+        self.now = late[:, :, 1]
+        self.before = early[:, :, 1] + (flow @ late @ early[:, :, 1:])[:, :, 0]
+        # 1 - a of the filters, by corner; a plain difference has a = 0.
+        self.open = [
+            np.ones_like(self.step) if hz is None else -np.expm1(-2 * np.pi * hz * self.step)
+            for hz in filters_hz
+        ]
+        index, angle = np.meshgrid(np.arange(len(corners)), ANGLES, indexing="ij")
+        self.grid = self.responses(index.ravel(), angle.ravel()).reshape(3, *index.shape)
+
+    def responses(self, corner: IntArray, angle: FloatArray) -> ComplexArray:
+        """(3, count): position over force times what K, B and M of one make of a position."""
+        ahead = -2 * np.sin(angle / 2) ** 2 + 1j * np.sin(angle)  # z - 1, nothing cancelling
+        z = 1 + ahead
+        moved = self.moved[corner]
+        push = self.now[corner] + self.before[corner] / z[:, None]
+        top = (ahead - moved[:, 1, 1]) * push[:, 0] + moved[:, 0, 1] * push[:, 1]
+        bottom = (ahead - moved[:, 0, 0]) * (ahead - moved[:, 1, 1])
+        bottom = bottom - moved[:, 0, 1] * moved[:, 1, 0]
+        plant = self.scale[corner] * top / bottom * np.exp(-1j * angle * self.whole[corner])
+        velocity, again = (
+            part[corner] * ahead / (self.step[corner] * (ahead + part[corner]))
+            for part in self.open
+        )
+        return np.stack([plant, plant * velocity, plant * again**2])
+
+    def crossings(self, totals: FloatArray, most: float) -> Crossings:
+        """All crossings at gains up to about ``most``, of totals (moments, 3) in (K, B, M)."""
+        count = len(self.corners)
+        loop = (totals @ self.grid.reshape(3, -1)).reshape(len(totals), count, ANGLES.size)
+        real, imaginary = loop.real, loop.imag
+        turned = imaginary[..., 1:-1] * imaginary[..., :-2] < 0
+        deep = np.minimum(real[..., 1:-1], real[..., :-2]) < -0.5 / most
+        moment, corner, place = np.nonzero(turned & deep)
+        angle = self._real_at(totals[moment].T, corner, place)
+        # On the real axis of z itself: z = -1, and z = 1, where only a damper is left.
+        still = np.where(totals[:, :1] == 0, totals[:, 1:2] * self.still, 0.0)
+        ends = np.stack([still, real[..., -1]])
+        end, end_moment, end_corner = np.nonzero(ends < -1 / most)
+        moment = np.concatenate([moment, end_moment])
+        corner = np.concatenate([corner, end_corner])
+        fixed = np.repeat([False, True], [angle.size, end.size])
+        angle = np.concatenate([angle, ANGLES[-end]])
+        weights = totals[moment].T
+        here = self.responses(corner, angle)
+        resting = np.append(np.zeros(fixed.size - end.size, dtype=bool), end == 0)
+        here[:, resting] = np.stack([0 * angle, self.still[corner], 0 * angle])[:, resting]
+        further, nearer = (
+            self.responses(corner, angle * (1 + sign * _SLOPE)) for sign in (1.0, -1.0)
+        )
+        along = np.sum(weights * (further - nearer), axis=0)
+        turn = np.where(fixed, 0.0, along.real / np.where(fixed, 1.0, along.imag))
+        value = np.sum(weights * here, axis=0).real
+        keep = value < -1 / most
+        slopes = -(here.real - turn * here.imag) / np.where(keep, value, 1.0)
+        return Crossings(
+            moment=moment[keep],
+            corner=corner[keep],
+            gain=-1 / value[keep],
+            slopes=slopes[:, keep],
+        )
+
+    def _real_at(self, weights: FloatArray, corner: IntArray, place: IntArray) -> FloatArray:
+        """Angles after those of ``place`` at which the loops are real, by false position."""
+
+        def off(angle: FloatArray) -> FloatArray:
+            return np.sum(weights * self.responses(corner, angle), axis=0).imag
+
+        low, high = ANGLES[place], ANGLES[place + 1]
+        below, above = off(low), off(high)
+        middle = before = low
+        for _ in range(_STEPS):
+            apart = above - below
+            flat = apart == 0
+            middle = np.where(flat, high, high - above * (high - low) / np.where(flat, 1.0, apart))
+            value = off(middle)
+            other = value * above > 0
+            # The end that stays is halved, so that both ends move (the Illinois rule).
+            low, below = np.where(other, low, high), np.where(other, below / 2, above)
+            high, above = middle, value
+            if np.all(np.abs(middle - before) <= _SETTLED * middle):
+                break
+            before = middle
+        return middle
+
+
+def _integral(flow: FloatArray, time: FloatArray) -> FloatArray:
+    """∫ exp(flow·s) ds from 0 to a time, shape (count, 2, 2)."""
+    both = np.zeros((len(flow), 4, 4))
+    both[:, :2, :2], both[:, :2, 2:] = flow, np.eye(2)
+    return np.asarray(expm(both * time[:, None, None]))[:, :2, 2:]
+
+
+def force_ripple(
+    loops: Loops,
+    totals: FloatArray,
+    resolution: float,
+) -> FloatArray:
+    """Force of readings that are wrong by white noise of Δ²/12, N rms, shape (moments,).
+
+    The law and the device are stepped as they are written; without a spring the place itself is no
+    state, because nothing answers to it.
+
+    Args:
+        loops: of one corner without a hand.
+        totals: (moments, 3) in (K, B, M).
+        resolution: Δ of the encoder.
+    """
+    springs = totals[:, 0] != 0
+    found = np.zeros(len(totals))
+    for spring in np.unique(springs):
+        chosen = springs == spring
+        found[chosen] = _response_energy(loops, totals[chosen], spring=bool(spring))
+    return np.sqrt(found / 12) * resolution
+
+
+def _response_energy(loops: Loops, totals: FloatArray, *, spring: bool) -> FloatArray:
+    """Sum of squared forces after one reading is wrong by one."""
+    K, B, M = totals.T
+    step, whole = loops.step[0], int(loops.whole[0])
+    late = loops.before[0].any()
+    queue = whole + bool(late)
+    # q, velocity times T, change of place less the old error, v, w, acceleration, forces on the way
+    size = 6 + queue
+    a = np.zeros((len(totals), size, size))
+    push = np.zeros((len(totals), size))
+    force = np.zeros((len(totals), size))
+    open_v, open_a = loops.open[0][0], loops.open[1][0]
+    v, w = np.zeros(size), np.zeros(size)
+    v[[2, 3]] = open_v / step, 1 - open_v
+    w[[2, 4]] = open_a / step, 1 - open_a
+    rate = np.zeros(size)
+    rate[5] = 1 - open_a
+    rate += open_a / step * w
+    rate[4] -= open_a / step
+    force -= B[:, None] * v + M[:, None] * rate
+    force[:, 0] -= K * spring
+    direct = -(K + B * open_v / step + M * (open_a / step) ** 2)
+    moved, scale = loops.moved[0], loops.scale[0]
+    u = np.zeros(size)
+    u[1] = 1 + moved[1, 1]
+    change = np.zeros(size)
+    change[1] = moved[0, 1]
+    rows = {0: change + np.eye(size)[0] * spring, 1: u, 2: change, 3: v, 4: w, 5: rate}
+    for row, values in rows.items():
+        a[:, row] = values
+    pushed = {3: open_v / step, 4: open_a / step, 5: (open_a / step) ** 2, 2: -1.0}
+    for row, value in pushed.items():
+        push[:, row] = value
+    for row, part in ((0, 0), (1, 1), (2, 0)):
+        for samples, gains in ((whole, loops.now[0]), (whole + 1, loops.before[0])):
+            weight = scale * gains[part]
+            if samples == 0:
+                a[:, row] += weight * force
+                push[:, row] += weight * direct
+            elif samples <= queue:
+                a[:, row, 5 + samples] += weight
+    if queue:
+        a[:, 6] = force
+        push[:, 6] = direct
+        for row in range(7, size):
+            a[:, row, row - 1] = 1.0
+    if not spring:
+        a[:, 0] = a[:, :, 0] = push[:, 0] = 0.0
+    energy = push[:, :, None] * push[:, None, :]
+    lost = np.zeros(len(totals), dtype=bool)
+    for _ in range(_DOUBLINGS):
+        energy = energy + a @ energy @ a.transpose(0, 2, 1)
+        a = a @ a
+        left = np.max(np.abs(a), axis=(1, 2))
+        lost |= left > _GROWN
+        a[lost] = 0.0
+        if np.all(lost | (left < _FADED)):
+            break
+    lost |= np.max(np.abs(a), axis=(1, 2)) >= _FADED
+    energy = direct**2 + np.einsum("ki,kij,kj->k", force, energy, force)
+    return np.where(lost, np.inf, energy)

@@ -1,0 +1,298 @@
+"""What bounds the effects of elements that share moments, and how high they stand.
+
+Written down anew from the documented meaning of device and scene; loops, ripple and boundaries are
+those of `tests.optimum_loops`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from identification import Device, Quantity
+from tests.optimum_loops import Corner, Loops, force_ripple
+from tune.hand import Hand
+from tune.scene import Element, Scene, Wish
+
+FloatArray = NDArray[np.float64]
+
+EFFECTS = ("stiffness", "damping", "mass")
+#: (gain, extra samples) of the README.
+MARGINS = {"conservative": (3.0, 2), "balanced": (2.0, 1), "firm": (1.5, 1)}
+#: Counts of the paper's tables 2 and 3: right of equal pairs, right of different ones, their ratio.
+COUNTS = ((27 / 60, 77 / 80, 2.0), (45 / 60, 77 / 80, 2.0), (31 / 60, 61 / 80, 4 / 3))
+#: Motions where an element states none: m, m/s, m/s².
+MOTION = (0.01, 0.2, 2.0)
+#: Smallest force that a hand notices, N; also what the ripple keeps to where nothing is said.
+NOTICED = 0.1
+#: Least size looked at, relative to the reference: a hundred-thousandth of a step.
+_LEAST = 1e-6
+#: Motions that people make, Hz; an effect counts as the part of it that is felt there.
+_SLOW, _FAST = 0.5, 5.0
+#: ... and as no less than this.
+_BARELY = 1e-3
+#: Largest, where nothing is said.
+_MOST = 1e6
+#: Boundaries of one moment that a solver is shown, the closest.
+_SHOWN = 12
+#: Gains beyond this multiple of the margin are no concern.
+_FAR = 4.0
+#: What an unstable ripple is allowed over what it is.
+_TINY = 1e-9
+#: Step of the central difference of a ripple in log-sizes.
+_STEP = 1e-5
+#: Below the least size, in log-sizes: not there.
+_NOWHERE = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """One effect of one element: sizes are positive, ``sign`` says what they are."""
+
+    element: str
+    effect: int
+    sign: int
+    low: float
+    high: float
+    reference: float
+    unit: float
+    level: int
+    met: float | None
+
+    @property
+    def label(self) -> str:
+        return f"{self.element}.{EFFECTS[self.effect]}"
+
+    def steps(self, size: float) -> float:
+        """|ln(1 + value/reference)| / ln(1 + w)."""
+        return float(abs(np.log1p(self.sign * size / self.reference)) * self.unit)
+
+    def height(self, size: float) -> float:
+        """Steps, or minus those that a wanted value is short of."""
+        return self.steps(size) - (0.0 if self.met is None else self.steps(self.met))
+
+
+def weber_fraction(effect: int) -> float:
+    """Equal-range signal detection, theory.md 8."""
+    equal, different, ratio = COUNTS[effect]
+    distance = norm.ppf((1 + equal) / 2) + norm.ppf(different)
+    return float(ratio ** (1 / distance) - 1)
+
+
+class Reference:
+    """Everything that bounds the sizes of some elements on a device."""
+
+    def __init__(
+        self,
+        device: Device,
+        scene: Scene,
+        elements: Sequence[str],
+        filters_hz: tuple[float | None, float | None],
+        gone: frozenset[str] = frozenset(),
+    ) -> None:
+        self.gain, extra = MARGINS[scene.margin]
+        box = device.simultaneous_box()
+        self.wanted = [
+            found
+            for name in elements
+            for found in _wanted(device, name, scene.elements[name], self.gain, filters_hz)
+            if found.label not in gone
+        ]
+        self.count = len(self.wanted)
+        self.low = np.log([one.low for one in self.wanted])
+        self.high = np.log([one.high for one in self.wanted])
+        self.sums, self.sustained, self.peak = self._moments(scene, elements)
+        self.loops = Loops(list(_corners(device, scene.hand, extra)), filters_hz)
+        usual = Corner(
+            mass=device.mass.value,
+            damping=device.damping.value,
+            sample_time=device.sample_time.value,
+            samples=box.delay[1] / device.sample_time.value,
+        )
+        self.usual = Loops([usual], filters_hz)
+        self.resolution = device.encoder_resolution and device.encoder_resolution.value
+        self.ripple = scene.ripple_limit or NOTICED
+        self.force = device.force_limit
+
+    def _moments(
+        self, scene: Scene, elements: Sequence[str]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Sums (moments, 3, unknowns), and what a size costs in sustained and in peak force."""
+        chosen = {frozenset([name]) for name in elements}
+        for group in scene.together:
+            for inside in product((False, True), repeat=len(group)):
+                chosen.add(frozenset(n for n, use in zip(group, inside, strict=True) if use))
+        sums: list[FloatArray] = []
+        costs: list[FloatArray] = []
+        for names in sorted(chosen, key=sorted):
+            total, cost = np.zeros((3, self.count)), np.zeros((2, self.count))
+            for i, one in enumerate(self.wanted):
+                if one.element in names:
+                    given = scene.elements[one.element]
+                    stated = (given.penetration, given.speed, given.acceleration)[one.effect]
+                    total[one.effect, i] = one.sign
+                    cost[1, i] = stated or MOTION[one.effect]
+                    cost[0, i] = cost[1, i] * (one.effect == 0)
+            if total.any():
+                sums.append(total)
+                costs.append(cost)
+        both = np.array(costs)
+        return np.array(sums), both[:, 0], both[:, 1]
+
+    def heights(self, sizes: FloatArray) -> FloatArray:
+        return np.array([w.height(float(s)) for w, s in zip(self.wanted, sizes, strict=True)])
+
+    def rows(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Limits in log-sizes, kept where not negative, with slopes (rows, unknowns).
+
+        All are logarithms of what is allowed over what is, so that a boundary of stability or force
+        is met by moving along the ray by exactly that much.
+        """
+        sizes = np.exp(place)
+        values: list[FloatArray] = []
+        slopes: list[FloatArray] = []
+        found = self.loops.crossings(self.sums @ sizes, _FAR * self.gain)
+        for moment, sums in enumerate(self.sums):
+            value, slope = np.full(_SHOWN, np.log(_FAR)), np.zeros((_SHOWN, self.count))
+            mine = np.flatnonzero(found.moment == moment)
+            mine = mine[np.argsort(found.gain[mine])][:_SHOWN]
+            value[: mine.size] = np.log(found.gain[mine] / self.gain)
+            slope[: mine.size] = found.slopes[:, mine].T @ sums * sizes
+            values.append(value)
+            slopes.append(slope)
+        if self.force is not None:
+            limits = ((self.force.continuous, self.sustained), (self.force.peak, self.peak))
+            for limit, cost in limits:
+                used = cost[cost.any(axis=1)] * sizes
+                total = used.sum(axis=1)
+                values.append(np.log(limit / total))
+                slopes.append(-used / total[:, None])
+        if self.resolution:
+            value, slope = self._ripple_rows(place, self.resolution)
+            values.append(value)
+            slopes.append(slope)
+        return np.concatenate(values), np.concatenate(slopes)
+
+    def _ripple_rows(self, place: FloatArray, resolution: float) -> tuple[FloatArray, FloatArray]:
+        """Ripple of every moment; slopes only where one may bind."""
+        count = self.count
+
+        def spare(places: FloatArray) -> FloatArray:
+            totals = np.einsum("mei,ki->kme", self.sums, np.exp(places)).reshape(-1, 3)
+            felt = force_ripple(self.usual, totals, resolution)
+            return np.log(np.maximum(self.ripple / felt, _TINY)).reshape(len(places), -1)
+
+        here = spare(place[None])[0]
+        slopes = np.zeros((here.size, count))
+        if np.min(here) > np.log(_FAR) or np.min(here) <= np.log(_TINY):
+            return np.clip(here, -1.0, np.log(_FAR)), slopes
+        moved = np.concatenate([_STEP * np.eye(count), -_STEP * np.eye(count)])
+        rows = spare(place + moved)
+        return here, (rows[:count] - rows[count:]).T / (2 * _STEP)
+
+    def onto(self, place: FloatArray, *, also_out: bool = False) -> FloatArray:
+        """Along the ray back to where every limit holds; out to it as well if wanted."""
+        for _ in range(12):
+            spare = min(float(np.min(self.rows(place)[0])), float(np.min(self.high - place)))
+            if spare >= 0 and not also_out:
+                break
+            place = place + spare * (1 + 1e-12)
+            if abs(spare) < 1e-13:
+                break
+        return place
+
+    def alone(self, index: int) -> float:
+        """The largest log-size of one effect without the others."""
+        place = self.low - _NOWHERE
+        place[index] = min(self.high[index], np.log(self.wanted[index].reference))
+        for _ in range(60):
+            spare = min(float(np.min(self.rows(place)[0])), self.high[index] - place[index])
+            place[index] += spare
+            if abs(spare) < 1e-12:
+                break
+        return float(place[index])
+
+
+def felt_share(device: Device, filter_hz: float | None, power: int) -> float:
+    """The part of a damper (power 1) or mass (power 2) that is in phase with it, on average.
+
+    Sines from 0.5 to 5 Hz evenly over the logarithm; differences, filters, delay and hold as they
+    are. A velocity is the place times jω, a force that opposes it as damping is real over it.
+    """
+    step = device.sample_time.value
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    frequency = _SLOW * (_FAST / _SLOW) ** ((nodes + 1) / 2)
+    turn = 2j * np.pi * frequency
+    z = np.exp(turn * step)
+    decay = 0.0 if filter_hz is None else np.exp(-2 * np.pi * filter_hz * step)
+    rate = (1 - decay) * (z - 1) / (step * (z - decay))
+    held = (1 - 1 / z) / (turn * step) * np.exp(-turn * device.delay.value)
+    return max(float(weights @ (held * (rate / turn) ** power).real) / 2, _BARELY)
+
+
+def _wanted(
+    device: Device,
+    name: str,
+    element: Element,
+    gain: float,
+    filters_hz: tuple[float | None, float | None],
+) -> Iterator[Wanted]:
+    """What an element asks for; nothing is taken away beyond a gain margin of what is there."""
+    box = device.simultaneous_box()
+    masked = max(device.coulomb_friction.value, NOTICED)
+    references = (
+        masked / (element.penetration or MOTION[0]),
+        device.damping.value,
+        device.mass.value,
+    )
+    felt = (1.0, *(felt_share(device, hz, power) for power, hz in enumerate(filters_hz, start=1)))
+    there = (0.0, box.damping[0], box.mass[0])
+    for effect, word in enumerate(EFFECTS):
+        wish: Wish | None = getattr(element, word)
+        if wish is None:
+            continue
+        negative = wish.kind == "min" or (wish.kind == "value" and (wish.high or 0) < 0)
+        high = _MOST * references[effect] if wish.high is None else abs(wish.high)
+        if negative:
+            high = min(high, there[effect] / gain)
+        low = wish.low if wish.kind == "range" and wish.low else _LEAST * references[effect]
+        yield Wanted(
+            element=name,
+            effect=effect,
+            sign=-1 if negative else 1,
+            low=low,
+            high=high,
+            reference=references[effect] / felt[effect],
+            unit=1 / np.log1p(weber_fraction(effect)),
+            level=0 if wish.kind == "value" else element.priority,
+            met=high if wish.kind == "value" else None,
+        )
+
+
+def _corners(device: Device, hand: Hand | str, extra: int) -> Iterator[Corner]:
+    """Corners of the simultaneous box, alone and in the hand, at each delay that may come.
+
+    Delays are both ends of the device's and every whole sample from the first to the extra ones.
+    """
+    box = device.simultaneous_box()
+    grips: list[tuple[float, float, float]] = [(0.0, 0.0, 0.0)]
+    if isinstance(hand, Hand):
+        grips += list(product(_ends(hand.mass), _ends(hand.damping), _ends(hand.stiffness)))
+    for step in sorted(set(box.sample_time)):
+        first, last = (round(delay / step, 9) for delay in box.delay)
+        whole = np.arange(np.ceil(first), np.floor(last + extra) + 1)
+        for samples in sorted({first, last, last + extra, *whole.tolist()}):
+            for mass, damping in product(sorted(set(box.mass)), sorted(set(box.damping))):
+                for grip in grips:
+                    yield Corner(
+                        mass=mass, damping=damping, sample_time=step, samples=samples, hand=grip
+                    )
+
+
+def _ends(interval: Quantity) -> tuple[float, ...]:
+    return tuple(sorted({interval.low, interval.high}))

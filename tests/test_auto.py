@@ -125,8 +125,8 @@ def covers_every_pose(seed: int) -> bool:
 
 
 def test_the_envelope_holds_every_pose() -> None:
-    # 95 % promised: fewer than 6 of 8 would happen once in 6 000 times.
-    assert sum(covers_every_pose(seed) for seed in range(8)) >= 6
+    # 95 % promised: fewer than 3 of 5 would happen once in 900 times.
+    assert sum(covers_every_pose(seed) for seed in range(5)) >= 3
 
 
 @pytest.mark.long

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from datasets_synthetic import FAMILIES
 from identification import (
+    Device,
     ForceLimit,
     Hardware,
     Identification,
@@ -93,7 +94,7 @@ def holds(found: Identification, truth: dict[str, float]) -> NDArray[np.bool_]:
 
 
 def test_clean_logs_are_right_to_a_thousandth() -> None:
-    for trajectory in homerehab():
+    for trajectory in homerehab()[:3]:
         found = identify(trajectory, hardware=HARDWARE)
         assert found.device.mass.value == pytest.approx(3.0, rel=1e-4)
         assert found.device.damping.value == pytest.approx(10.0, rel=1e-4)
@@ -102,7 +103,7 @@ def test_clean_logs_are_right_to_a_thousandth() -> None:
 
 
 def test_friction_and_unknown_force_cost_less_than_a_per_cent() -> None:
-    for trajectory in homerehab(0.8, disturbance=5e-3):
+    for trajectory in homerehab(0.8, disturbance=5e-3)[:3]:
         found = identify(trajectory, hardware=HARDWARE)
         assert found.device.mass.value == pytest.approx(3.0, rel=1e-3)
         assert found.device.damping.value == pytest.approx(10.0, rel=5e-3)
@@ -238,6 +239,12 @@ def test_a_log_in_closed_loop(coulomb: float, push: float) -> None:
     assert found.device.damping.value == pytest.approx(10.0, rel=1e-2)
 
 
+@cache
+def device_of_a_noisy_log() -> tuple[Trajectory, Device]:
+    plain = homerehab(0.8, disturbance=5e-3, samples=6000, runs=1)[0]
+    return plain, identify(plain).device
+
+
 @settings(max_examples=8, deadline=None)
 @given(
     force=st.floats(-2, 2).map(lambda power: 10**power),
@@ -249,8 +256,7 @@ def test_a_log_in_closed_loop(coulomb: float, push: float) -> None:
 def test_units_shifts_and_direction_change_nothing(
     force: float, length: float, time: float, shift: float, turn: float
 ) -> None:
-    plain = homerehab(0.8, disturbance=5e-3, samples=6000, runs=1)[0]
-    reference = identify(plain).device
+    plain, reference = device_of_a_noisy_log()
     # A plausible size of travel and force is all that depends on units.
     allow = ["force-unit"]
     scaled = Trajectory(
@@ -259,8 +265,8 @@ def test_units_shifts_and_direction_change_nothing(
         position=plain.position * length * turn,
     )
     device = identify(scaled, allow=allow).device
-    # The likelihood of the noise model is all but flat along one direction, and where on it the
-    # search ends depends on the last digits: within the interval, far from its ends.
+    # Turns of a noisy log, and with them the friction, lean on the last digits; where refining
+    # them ends does not: less than a thousandth of a half-width, and of the values far less.
     units = (
         (device.mass, reference.mass, force * time**2 / length),
         (device.damping, reference.damping, force * time / length),
@@ -268,7 +274,8 @@ def test_units_shifts_and_direction_change_nothing(
     )
     for seen, known, unit in units:
         half = (known.high - known.low) / 2
-        assert abs(seen.value / unit - known.value) <= half / 2
+        assert abs(seen.value / unit - known.value) <= 1e-3 * half
+        assert (seen.high - seen.low) / unit == pytest.approx(2 * half, rel=1e-2)
     assert device.delay.value == pytest.approx(reference.delay.value * time, rel=1e-2)
 
 

@@ -50,7 +50,7 @@ def _study(axes: list[KnownAxis]) -> tuple[int, str]:
 
 @cache
 def _axes() -> list[KnownAxis]:
-    return known_axes(20, 1)
+    return known_axes(12, 1)
 
 
 def _axis() -> KnownAxis:
@@ -58,9 +58,9 @@ def _axis() -> KnownAxis:
     return next(axis for axis in _axes() if len(axis.shares) >= 2 and not axis.rotary)
 
 
-def test_true_terms_are_named_in_twenty_logs() -> None:
+def test_true_terms_are_named_in_a_dozen_logs() -> None:
     right, report = _study(_axes())
-    assert right >= 19, report
+    assert right >= 11, report
 
 
 @pytest.mark.long
@@ -72,7 +72,7 @@ def test_true_terms_are_named_in_95_percent_of_200_logs() -> None:
 
 # Columns without a simulator: independent coloured series.
 
-SEEDS = 25
+SEEDS = 15
 
 
 def _series(generator: np.random.Generator, rows: int, pole: float) -> FloatArray:

@@ -20,7 +20,7 @@ from identification.estimators.answer import answer
 from identification.estimators.delay import find_delay
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
-from identification.estimators.least_squares import CUT_OFF_RANGE
+from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS
 from identification.estimators.linear import solve as solved
 from identification.estimators.model import Estimate, Model
 from identification.estimators.separable import Solution, physical, solve
@@ -37,6 +37,11 @@ _CORNERS = (0.3, 0.1, 0.03, 0.01, 0.003)
 _INSIDE = 1e-6
 #: Times the filter for what is left coloured is made anew.
 _ROUNDS = 3
+#: The direction of motion has settled when one more step turns less than this of all intervals
+#: together. Innovations see each reversal, which least squares has filtered: where its friction
+#: has settled an interval is still to turn, and mass and damping move by a quarter of the
+#: half-width with the last digits of the log; here by less than a thousandth.
+_SETTLED = 1e-2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,14 +76,18 @@ class _Problem:
         return float(theta[3]) if self.drive.delay is None else self.drive.delay
 
     def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        columns, target = self.rows(theta)
+        return self.whitened(columns, theta), self.whitened(target, theta)
+
+    def rows(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Columns and target before the noise model, which do not depend on c1 and c2."""
         device = Coasting.at(float(theta[0]), self.drive.steps)
         inputs = self.drive.inputs(self._delay(theta))
         columns = np.zeros((len(inputs) + 2, self.position.size - 2 - self.known))
         for index, held in enumerate(inputs):
             columns[index] = self._scaled(device, _row(device, device.gain(held)))
         columns[-2, 0] = columns[-1, 1] = 1.0
-        target = self._scaled(device, _row_of_position(device, self.position))
-        return self._whitened(columns, theta), self._whitened(target, theta)
+        return columns, self._scaled(device, _row_of_position(device, self.position))
 
     def slopes(self, theta: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
         device = Coasting.at(float(theta[0]), self.drive.steps)
@@ -93,11 +102,11 @@ class _Problem:
         by_rate = self._scaled(device, slope) + scale_slope * misfit[self.known :]
         # The innovations change with c1 and c2 by minus their own past through 1/C.
         past = self._averaged(residual, theta)
-        slopes = [self._whitened(by_rate, theta), np.zeros_like(past), np.zeros_like(past)]
+        slopes = [self.whitened(by_rate, theta), np.zeros_like(past), np.zeros_like(past)]
         slopes[1][1:], slopes[2][2:] = past[:-1], past[:-2]
         if self.drive.delay is None:
             later = _row(device, self.drive.slope_by_delay(device, self._delay(theta)))
-            slopes.append(self._whitened(weights[0] * self._scaled(device, later), theta))
+            slopes.append(self.whitened(weights[0] * self._scaled(device, later), theta))
         return np.stack(slopes)
 
     def _scaled(self, device: Coasting, rows: FloatArray) -> FloatArray:
@@ -113,7 +122,7 @@ class _Problem:
 
         return lfilter([1.0], [1.0, theta[1], theta[2]], rows, axis=-1)
 
-    def _whitened(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
+    def whitened(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
         """Rows through 1/C and the shape."""
         from scipy.signal import oaconvolve
 
@@ -185,6 +194,8 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         delay: as for estimate.
         start: where the search for the delay begins, s.
     """
+    first = start if delay is None else delay
+    table = _settled(table, first)
     signals = table.signals
     problem = _Problem(
         drive=Drive.of(table, delay),
@@ -192,7 +203,6 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         known=table.known,
         shape=np.ones(1),
     )
-    first = start if delay is None else delay
     mass, damping = table.solve(first)[:2]
     best = solve(problem, _start(problem, damping / mass if mass > 0 else 0.0, first))
     for _ in range(_ROUNDS):
@@ -228,6 +238,23 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
     )
 
 
+def _settled(table: least_squares.Regression, delay: float) -> least_squares.Regression:
+    """With the direction of motion where refining it ends, wherever it began.
+
+    Where noise moves turns by more than refining does, steps do not become shorter: there is no
+    such place, and the first will do.
+    """
+    shortest = np.inf
+    for _ in range(REFINEMENTS):
+        before = table.motion.direction.mean()
+        table = table.refined(delay)
+        turned = float(np.sum(np.abs(table.motion.direction.mean() - before)))
+        if turned <= _SETTLED or turned >= shortest:
+            break
+        shortest = turned
+    return table
+
+
 def _leaning(
     table: least_squares.Regression, problem: _Problem, best: Solution, delay: float
 ) -> FloatArray:
@@ -247,10 +274,12 @@ def _leaning(
 def _start(problem: _Problem, rate: float, delay: float) -> FloatArray:
     """The best moving average of a few ratios of force to position noise, at one p and delay."""
     trials: list[tuple[float, FloatArray]] = []
+    least = np.array([rate, 0.0, 0.0, delay])[: 4 if problem.drive.delay is None else 3]
+    rows = problem.rows(least)
     for corner in _CORNERS:
-        theta = np.array([rate, *_moving_average(corner), delay])
-        theta = theta[: 4 if problem.drive.delay is None else 3]
-        columns, target = problem.at(theta)
+        theta = least.copy()
+        theta[1:3] = _moving_average(corner)
+        columns, target = (problem.whitened(each, theta) for each in rows)
         residual = target - solved(columns.T, target) @ columns
         trials.append((float(residual @ residual), theta))
     return min(trials, key=lambda trial: trial[0])[1]

@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 
-#: Angles ωT at which crossings are looked for; no phase turns faster than between two of them.
+#: Angles ωT at which crossings are looked for; between two of them a phase may dip, not more.
 ANGLES: FloatArray = np.concatenate(
     [np.geomspace(1e-7, 0.05, 115)[:-1], np.linspace(0.05, np.pi, 231)]
 )
@@ -25,6 +25,11 @@ ANGLES: FloatArray = np.concatenate(
 _STEPS = 16
 #: ... and it ends where all angles move by less than this, relative.
 _SETTLED = 1e-12
+#: A dip begins closer to the real axis than this, rad, on the grid; its bottom is looked for by so
+#: many golden sections where a parabola says that it may lie beyond the axis.
+_DIP = 0.2
+_SECTIONS = 25
+_GOLDEN = 0.5 * (3 - np.sqrt(5))
 #: Half step of the central difference of a slope, relative to the angle; its error is the square.
 _SLOPE = 1e-5
 #: Doublings of the time over which a ripple is summed, at most.
@@ -125,7 +130,12 @@ class Loops:
         turned = imaginary[..., 1:-1] * imaginary[..., :-2] < 0
         deep = np.minimum(real[..., 1:-1], real[..., :-2]) < -0.5 / most
         moment, corner, place = np.nonzero(turned & deep)
-        angle = self._real_at(totals[moment].T, corner, place)
+        low, high = ANGLES[place], ANGLES[place + 1]
+        dip_moment, dip_corner, dip_low, dip_high = self._dips(totals, loop, most)
+        moment = np.concatenate([moment, dip_moment])
+        corner = np.concatenate([corner, dip_corner])
+        low, high = np.concatenate([low, dip_low]), np.concatenate([high, dip_high])
+        angle = self._real_at(totals[moment].T, corner, low, high)
         # On the real axis of z itself: z = -1, and z = 1, where only a damper is left.
         still = np.where(totals[:, :1] == 0, totals[:, 1:2] * self.still, 0.0)
         ends = np.stack([still, real[..., -1]])
@@ -153,13 +163,55 @@ class Loops:
             slopes=slopes[:, keep],
         )
 
-    def _real_at(self, weights: FloatArray, corner: IntArray, place: IntArray) -> FloatArray:
-        """Angles after those of ``place`` at which the loops are real, by false position."""
+    def _dips(
+        self, totals: FloatArray, loop: ComplexArray, most: float
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """(moment, corner, low, high) of crossings in pairs between two angles of the grid.
+
+        Where the loop comes closer to the real axis than at both neighbours, its nearest place is
+        looked for; if it lies beyond the axis there is one crossing on each side.
+        """
+        inner = loop[..., 1:-2]
+        close = np.abs(inner.imag) < -_DIP * inner.real
+        moment, corner, place = np.nonzero(close & (inner.real < -0.5 / most))
+        off = loop.imag[moment[:, None], corner[:, None], place[:, None] + np.arange(3)]
+        sides = np.sign(off[:, 1])
+        before, here, after = (sides[:, None] * off).T
+        # The parabola through three places at least halves the way, or the dip is a shallow one.
+        dips = (before >= here) & (after >= here)
+        dips &= (after - before) ** 2 >= 4 * here * (after + before - 2 * here)
+        moment, corner, place, sides = (part[dips] for part in (moment, corner, place, sides))
+        weights = totals[moment].T
+        low, high = ANGLES[place], ANGLES[place + 2]
+        bottom, height = low, np.full(low.shape, np.inf)
+        first, last = low, high
+        for _ in range(_SECTIONS if dips.any() else 0):
+            middle = np.stack([first + _GOLDEN * (last - first), last - _GOLDEN * (last - first)])
+            values = [
+                sides * np.sum(weights * self.responses(corner, angle), axis=0).imag
+                for angle in middle
+            ]
+            left = values[0] < values[1]
+            best = np.where(left, values[0], values[1])
+            bottom = np.where(best < height, np.where(left, middle[0], middle[1]), bottom)
+            height = np.minimum(height, best)
+            first, last = np.where(left, first, middle[0]), np.where(left, middle[1], last)
+        under = height < 0
+        return (
+            np.tile(moment[under], 2),
+            np.tile(corner[under], 2),
+            np.concatenate([low[under], bottom[under]]),
+            np.concatenate([bottom[under], high[under]]),
+        )
+
+    def _real_at(
+        self, weights: FloatArray, corner: IntArray, low: FloatArray, high: FloatArray
+    ) -> FloatArray:
+        """Angles between two of each at which the loops are real, by false position."""
 
         def off(angle: FloatArray) -> FloatArray:
             return np.sum(weights * self.responses(corner, angle), axis=0).imag
 
-        low, high = ANGLES[place], ANGLES[place + 1]
         below, above = off(low), off(high)
         middle = before = low
         for _ in range(_STEPS):

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from identification import Device, as_stored
 from tune.climb import climb, closed_form
+from tune.delays import Felt, extra_delays
 from tune.effects import EFFECT_NAMES, Effects
 from tune.errors import CheckFailedError, NoFeasibleEffectError
 from tune.filters import used_filters
-from tune.limits import extra_delay, forces, ripple, worst_gain
+from tune.limits import forces, ripple, worst_gain
 from tune.loop import Filters, Loop
 from tune.margins import LoopMargins, margins_of
 from tune.optimisation import design_of
@@ -29,8 +30,6 @@ FloatArray = NDArray[np.float64]
 
 #: The one element of the scene that an audit makes of the gains.
 ELEMENT = "gains"
-#: Extra samples of delay up to which a delay margin is looked for.
-_DELAY_CAP = 10
 
 #: What stays this close to the least size that is looked at is nothing.
 _MORE = 10.0
@@ -147,13 +146,14 @@ def audit(
                 Fault(limit="certificate", seen=failure, needed="proved", remedy="Lower the gains.")
                 for failure in error.failures
             )
-    sustained, peak = forces(moment, sizes)
+    sustained, peak = (float(force) for force in forces(moment, sizes))
     felt = problem.effects(moment, sizes)
+    at = Felt(problem=problem, moment=moment, sizes=sizes)
     vibration, thresholds = _vibration(device, felt, filters) if stable else (None, None)
     return Audit(
         design=design,
         gain=gain,
-        delay_samples=extra_delay(problem, moment, sizes, _DELAY_CAP) if stable else np.nan,
+        delay_samples=extra_delays([at])[0] if stable else np.nan,
         margins=margins_of(device, felt, filters) if stable else None,
         sustained=sustained,
         peak=peak,

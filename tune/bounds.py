@@ -40,9 +40,9 @@ def force_bound(problem: Problem, sizes: FloatArray, index: int) -> float:
             reach = reaches[members.index(index)]
             sustained, peak = forces(moment, rest)
             if limits.continuous_force is not None and EFFECT_NAMES[place] == "stiffness":
-                bound = min(bound, (limits.continuous_force - sustained) / reach)
+                bound = min(bound, (limits.continuous_force - float(sustained)) / reach)
             if limits.peak_force is not None:
-                bound = min(bound, (limits.peak_force - peak) / reach)
+                bound = min(bound, (limits.peak_force - float(peak)) / reach)
     return max(0.0, bound)
 
 

@@ -87,36 +87,46 @@ def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
             floors[active] = _eased(reached)
             if alone:
                 break
-            stuck = _stuck(state, stage, floors, active, reached)
-            lowest = min(active, key=heights.__getitem__)
-            active = [i for i in active if i not in (stuck or [lowest])]
+            stuck, asides = _stuck(state, stage, floors, active, reached)
+            if not stuck:
+                # Each can rise alone, so all can a little; if no way leads there, the lowest stays.
+                if asides and state.moved_between(asides, stage):
+                    continue
+                stuck = [min(active, key=heights.__getitem__)]
+            active = [i for i in active if i not in stuck]
             consulted = backends[-1:]
     return state.result()
 
 
 def _stuck(
     state: _State, stage: Stage, floors: FloatArray, active: list[int], reached: float
-) -> list[int]:
+) -> tuple[list[int], list[FloatArray]]:
     """Those of the active unknowns that cannot rise without another falling below the floors.
 
     Those whose height has a price in the common one. Where the prices do not add up, the setting
     is not where a solver should have ended, and each unknown is tried.
+
+    Returns:
+        The unknowns, and for each active one that was tried the setting in which it has risen.
     """
     assert state.sizes is not None
     cost = state.prices(stage, state.sizes)
-    if cost is None:
-        return [i for i in active if not _rises(state, floors, i, reached)]
-    return [i for i in active if cost[i] > _COSTS]
+    if cost is not None:
+        return [i for i in active if cost[i] > _COSTS], []
+    asides = [_raised(state, floors, i) for i in active]
+    least = reached + 10 * SAME * _size(reached)
+    pairs = zip(active, asides, strict=True)
+    return [i for i, higher in pairs if not state.heights(higher)[i] > least], asides
 
 
-def _rises(state: _State, floors: FloatArray, index: int, reached: float) -> bool:
+def _raised(state: _State, floors: FloatArray, index: int) -> FloatArray:
+    """The setting at hand with one effect as large as the floors of the others allow."""
+    assert state.sizes is not None
     weights = np.zeros(floors.size + 1)
     weights[index] = 1.0
     stage = Stage(active=np.zeros(floors.size), floors=floors, weights=weights)
     higher = state.best_of(stage, state.backends[-1:])
-    return higher is not None and state.heights(higher)[index] > reached + 10 * SAME * _size(
-        reached
-    )
+    return state.sizes if higher is None else higher
 
 
 def _lowest(stage: Stage, heights: Sequence[float]) -> float:
@@ -169,6 +179,17 @@ class _State:
         """What each active height costs at a setting; None where it is no optimum, see `prices`."""
         lowest = _lowest(stage, self.heights(sizes))
         return prices(self.program, stage, np.append(np.log(sizes), lowest))
+
+    def moved_between(self, settings: Sequence[FloatArray], stage: Stage) -> bool:
+        """Go to the middle of settings, as far as is allowed, if the stage gains by it."""
+        assert self.sizes is not None
+        middle = np.exp(np.mean(np.log(settings), axis=0))
+        moved = self._pulled_back(self.sizes, middle)
+        before = self.value(self.sizes, stage)
+        if moved is None or not self.value(moved, stage) > before + SAME * _size(before):
+            return False
+        self.sizes = moved
+        return True
 
     def best_of(self, stage: Stage, backends: Sequence[Backend]) -> FloatArray | None:
         """The best allowed proposal of solvers, or the setting at hand if none is better.

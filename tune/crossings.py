@@ -146,7 +146,7 @@ def reached(
         varied_size: the same for B.
         below: the s of interest.
     """
-    x, s, roots = _crossings(fixed, varied, _POLISHES)
+    x, s, roots = _crossings(fixed, varied, _ROUGH_POLISHES)
     points = _with_ends(s, fixed, varied)
     low, high = _judged([fixed, varied], [fixed_size, varied_size], points.copy())
     begun = low < below
@@ -259,9 +259,11 @@ def _crossings(
     resultant[np.abs(resultant) <= 4 * UNIT * scale] = 0.0
     roots = _roots_of(resultant)
     x = _real_parts(roots, _NEARLY_REAL)
-    s = _gain_at(x, even, odd)
+    both = np.stack([_grown(part, len(even[0])) for part in (even[0], odd[0], even[1], odd[1])], 1)
+    both = both[:, :, None]
+    s = _gain_at(x, both)
     for _ in range(polishes):
-        x, s = _newton(x, s, even, odd)
+        x, s = _newton(x, s, both)
     return x, s, roots
 
 
@@ -324,39 +326,38 @@ def _real_parts(roots: ComplexArray, nearly: float) -> FloatArray:
     return np.where(real, roots.real, np.nan)
 
 
-def _value(part: FloatArray, x: FloatArray) -> FloatArray:
-    total = np.empty(x.shape)
-    total[:] = part[-1]
-    for row in part[-2::-1]:
-        total *= x
-        total += row
-    return total
+def _values(parts: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values and slopes of polynomials in x, both (polynomials, candidates, loops).
+
+    Args:
+        parts: shape (coefficients, polynomials, 1, loops).
+        x: shape (candidates, loops).
+    """
+    value = parts[-1] + np.zeros_like(x)
+    slope = np.zeros_like(value)
+    for row in parts[-2::-1]:
+        slope *= x
+        slope += value
+        value *= x
+        value += row
+    return value, slope
 
 
-def _slope(part: FloatArray, x: FloatArray) -> FloatArray:
-    powers = np.arange(1, len(part))[:, None]
-    return _value(part[1:] * powers, x) if len(part) > 1 else np.zeros_like(x)
-
-
-def _gain_at(x: FloatArray, even: list[FloatArray], odd: list[FloatArray]) -> FloatArray:
-    """s from whichever part says it best."""
-    e_b, o_b = _value(even[1], x), _value(odd[1], x)
+def _gain_at(x: FloatArray, parts: FloatArray) -> FloatArray:
+    """s from whichever of the even and the odd part says it best."""
+    value, _ = _values(parts, x)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(
-            np.abs(e_b) >= np.abs(o_b) * np.sqrt(x),
-            -_value(even[0], x) / e_b,
-            -_value(odd[0], x) / o_b,
-        )
+        said = -value[:2] / value[2:]
+        by_even = np.abs(value[2:3]) >= np.abs(value[3:]) * np.sqrt(x)
+        return np.where(by_even, said[:1], said[1:])[0]
 
 
-def _newton(
-    x: FloatArray, s: FloatArray, even: list[FloatArray], odd: list[FloatArray]
-) -> tuple[FloatArray, FloatArray]:
+def _newton(x: FloatArray, s: FloatArray, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
     """One Newton step on the pair of equations; a step that leaves (0, 2x] is not taken."""
-    e_b, o_b = _value(even[1], x), _value(odd[1], x)
-    e, o = _value(even[0], x) + s * e_b, _value(odd[0], x) + s * o_b
-    e_x = _slope(even[0], x) + s * _slope(even[1], x)
-    o_x = _slope(odd[0], x) + s * _slope(odd[1], x)
+    value, slope = _values(parts, x)
+    e_b, o_b = value[2:]
+    e, o = value[:2] + s * value[2:]
+    e_x, o_x = slope[:2] + s * slope[2:]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         determinant = e_x * o_b - o_x * e_b
         dx = (e * o_b - o * e_b) / determinant

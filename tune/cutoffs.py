@@ -26,8 +26,8 @@ LOWEST = FASTEST
 #: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
 #: a mass it rises with each octave of filtering, until force, stability or honey makes it fall.
 _COARSE = 2.0
-#: Least difference of cut-offs, relative; where two limits meet, worth falls by about twice of it.
-_FINEST = 0.004
+#: A search ends where it has shrunk to this, relative, and its ends are worth the same.
+_CLOSE = 0.04
 #: Worth is a sum of logarithms of steps; this little of it, a thousandth of all steps multiplied,
 #: is not worth another try.
 _SAME = 1e-3
@@ -139,10 +139,8 @@ class _Search:
         # What is looked for first is looked for again once the other cut-off is known.
         for index in free if len(free) == 1 else (1, 0, 1):
             point = max(self._octaves(point, index), key=self._worth)
-        for index in free:
-            point = self._refined(point, (index,))
-        if self._coupled():
-            point = self._refined(point, free)
+        for chosen in [free] if self._coupled() else [[index] for index in free]:
+            point = self._refined(point, chosen)
         enough = max(self.tried.values()) - _GOOD_ENOUGH
         return min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
 
@@ -179,7 +177,7 @@ class _Search:
                 method="Nelder-Mead",
                 options={
                     "initial_simplex": start + step * np.eye(start.size + 1, start.size, -1),
-                    "xatol": _FINEST,
+                    "xatol": _CLOSE,
                     "fatol": _SAME,
                     "maxfev": _MOST,
                 },

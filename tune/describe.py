@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from identification import Device, rounded
 from tune.bounds import force_bound, ripple_bound, stable_bounds
+from tune.delays import MOST
 from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.filters import used_filters
-from tune.limits import extra_delay, forces_allowed, ripple, stable_points, worst_gain
+from tune.limits import forces_allowed, ripple, stable_points, worst_gain
 from tune.loop import WHOLE, Filters
 from tune.passivity import damping_needed
 from tune.problem import Problem
@@ -26,8 +27,6 @@ FloatArray = NDArray[np.float64]
 _BINDS = 1e-4
 #: Claimed margins are cut to this many digits, downwards, and capped: more says nothing.
 _MARGIN_CAP = 1000.0
-#: Extra samples of delay looked for; ten spare samples are plenty, and a claim costs its proof.
-_DELAY_CAP = 10
 
 
 #: Limits are looked for up to so many times the size at hand, where one is as a rule, then beyond.
@@ -126,7 +125,11 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
                 f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
             )
         elif not forces_allowed(problem, alone):
-            reasons[unknown.label] = f"even {unknown.low:.4g} exceeds the force limit"
+            limits = problem.limits
+            reasons[unknown.label] = (
+                f"even {unknown.low:.4g} exceeds the force limit, {limits.continuous_force:g} "
+                f"continuous and {limits.peak_force:g} at the peak"
+            )
         elif weakest <= 0 and not _helped(problem, index):
             reasons[unknown.label] = (
                 f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
@@ -156,8 +159,19 @@ def element_profile(
     sizes: FloatArray,
     name: str,
     dropped: dict[str, str],
+    delays: Mapping[tuple[str, ...], float],
 ) -> ElementProfile:
-    """The profile entry of one element, every number computed from the written sizes."""
+    """The profile entry of one element, every number computed from the written sizes.
+
+    Args:
+        device: as it is stored.
+        scene: what was wanted.
+        problem: of the group of the element.
+        sizes: of its unknowns.
+        name: of the element.
+        dropped: reasons by label.
+        delays: extra samples each moment bears, by its elements.
+    """
     values = dict.fromkeys(EFFECT_NAMES, 0.0)
     steps: dict[str, float] = {}
     limited: dict[str, LimitedBy] = {
@@ -173,7 +187,6 @@ def element_profile(
         limited[unknown.effect] = word
     moments = [m for m in problem.moments if name in m.elements and any(m.members)]
     gains = [worst_gain(problem, m, sizes, late=False) for m in moments]
-    delays = [extra_delay(problem, m, sizes, _DELAY_CAP) for m in moments]
     alone = [m for m in problem.moments if m.elements == (name,)]
     noise = ripple(problem, alone[0], sizes) if alone else None
     gain = min([*gains, _MARGIN_CAP])
@@ -184,7 +197,7 @@ def element_profile(
         perceived_steps=steps,
         margins=Margins(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
-            extra_delay_samples=min([*delays, float(_DELAY_CAP)]),
+            extra_delay_samples=min([float(MOST), *(delays[m.elements] for m in moments)]),
             passive=_passive(problem, values),
         ),
         ripple=None if noise is None else rounded(noise, 4),

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.effects import EFFECT_NAMES, Effects
-from tune.loop import LONGEST_DELAY
 from tune.loops import CLOSE
 from tune.problem import Moment, Problem
 from tune.ripple import force_ripple
@@ -16,9 +15,6 @@ from tune.stability import is_stable, safe_gain, safe_up_to
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-
-#: Parts of a sample in which a delay margin is looked for and claimed.
-_DELAY_PARTS = 10
 
 
 def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: bool = True) -> float:
@@ -30,11 +26,10 @@ def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: boo
         sizes: of the unknowns, shape (unknowns,).
         late: with the margin's extra delay, or at the device's own delay alone.
     """
-    lone = _lone(moment)
-    if lone is not None:
-        unknown = problem.unknowns[lone]
+    if moment.lone is not None:
+        unknown = problem.unknowns[moment.lone]
         end = problem.loops.end_alone(unknown.effect, unknown.sign, late=late)
-        return end / float(sizes[lone])
+        return end / float(sizes[moment.lone])
     effects = problem.effects(moment, sizes)
     loops = problem.loops.late if late else problem.loops.present
     return min(float(np.min(safe_gain(loop, effects))) for loop in loops)
@@ -60,38 +55,6 @@ def weakest(
     yield from sorted(found)
 
 
-def extra_delay(problem: Problem, moment: Moment, sizes: FloatArray, most: int) -> float:
-    """Extra samples of delay up to which every gain in (0, 1] is stable at every corner; to most.
-
-    Looked for at whole samples and, before the first that fails, at tenths; what lies between is
-    for the certificate to prove.
-    """
-    lone = _lone(moment)
-    if lone is not None:
-        unknown, size = problem.unknowns[lone], float(sizes[lone])
-
-        def holds(extra: float) -> bool:
-            end = problem.loops.end_alone_at(unknown.effect, unknown.sign, extra)
-            return end > size * (1 + CLOSE)
-    else:
-        effects = problem.effects(moment, sizes)
-
-        def holds(extra: float) -> bool:
-            loops = problem.loops.latest(extra)
-            return all(bool(np.all(safe_up_to(loop, effects, 1 + CLOSE))) for loop in loops)
-
-    box = problem.region.box
-    most = min(most, int(LONGEST_DELAY - box.delay[1] / box.sample_time[0]))
-    whole = next((extra for extra in range(1, most + 1) if not holds(extra)), None)
-    if whole is None:
-        return float(most)
-    low, high = 0, _DELAY_PARTS
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if holds(whole - 1 + middle / _DELAY_PARTS) else (low, middle)
-    return round(whole - 1 + low / _DELAY_PARTS, 1)
-
-
 def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
     """Force ripple of one moment on the device at its best estimate, N rms; None if unknown."""
     if problem.limits.encoder_resolution is None:
@@ -100,18 +63,26 @@ def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
     return float(force_ripple(problem.loops.nominal, effects, problem.limits.encoder_resolution))
 
 
-def forces(moment: Moment, sizes: FloatArray) -> tuple[float, float]:
-    """(sustained, peak) force, N: K·penetration; the same plus |B|·speed + |M|·acceleration."""
+def forces(moment: Moment, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(sustained, peak) force, N: K·penetration; the same plus |B|·speed + |M|·acceleration.
+
+    Args:
+        moment: the elements felt.
+        sizes: shape (unknowns, ...).
+
+    Returns:
+        Each of the shape behind the unknowns.
+    """
     parts = [
-        float(sum(sizes[i] * reach for i, reach in zip(indices, reaches, strict=True)))
+        np.asarray(sum(sizes[i] * reach for i, reach in zip(indices, reaches, strict=True)))
         for indices, reaches in zip(moment.members, moment.reach, strict=True)
     ]
-    return parts[0], sum(parts)
+    return parts[0], parts[0] + parts[1] + parts[2]
 
 
 def allowed(problem: Problem, sizes: FloatArray) -> bool:
     """True where forces, ripple and stability with the whole margin all hold, exactly."""
-    if not forces_allowed(problem, sizes):
+    if not bool(forces_allowed(problem, sizes)):
         return False
     if len(problem.unknowns) == 1:
         size = float(sizes[0])
@@ -131,7 +102,7 @@ def allowed_points(problem: Problem, points: FloatArray) -> BoolArray:
     Returns:
         of shape (points,).
     """
-    good = np.array([forces_allowed(problem, sizes) for sizes in points], dtype=np.bool_)
+    good = forces_allowed(problem, points.T).copy()
     good[good] = stable_points(problem, points[good], problem.margin.gain)
     good[good] = _ripple_allowed(problem, points[good])
     return good
@@ -139,7 +110,7 @@ def allowed_points(problem: Problem, points: FloatArray) -> BoolArray:
 
 def likely_points(problem: Problem, points: FloatArray) -> BoolArray:
     """`allowed_points` in a tenth of the time, with stability asked for at the full gain only."""
-    good = np.array([forces_allowed(problem, sizes) for sizes in points], dtype=np.bool_)
+    good = forces_allowed(problem, points.T).copy()
     chosen = points[good]
     stable = np.ones(len(chosen), dtype=np.bool_)
     for loop in problem.loops.late:
@@ -150,18 +121,17 @@ def likely_points(problem: Problem, points: FloatArray) -> BoolArray:
     return good
 
 
-def forces_allowed(problem: Problem, sizes: FloatArray) -> bool:
-    """True where no moment asks for more force than the actuator has."""
+def forces_allowed(problem: Problem, sizes: FloatArray) -> BoolArray:
+    """True where no moment asks for more force than the actuator has; sizes as for `forces`."""
     limits = problem.limits
+    good = np.ones(sizes.shape[1:], dtype=np.bool_)
     for moment in problem.moments:
         sustained, peak = forces(moment, sizes)
-        if limits.continuous_force is not None and sustained > limits.continuous_force * (
-            1 + CLOSE
-        ):
-            return False
-        if limits.peak_force is not None and peak > limits.peak_force * (1 + CLOSE):
-            return False
-    return True
+        if limits.continuous_force is not None:
+            good = good & (sustained <= limits.continuous_force * (1 + CLOSE))
+        if limits.peak_force is not None:
+            good = good & (peak <= limits.peak_force * (1 + CLOSE))
+    return good
 
 
 def quiet_alone(problem: Problem, index: int, top: float) -> float:
@@ -239,9 +209,3 @@ def _felt(problem: Problem, points: FloatArray) -> Iterator[Effects]:
             totals.append((points @ shares.T)[..., None] if any(members) else None)
         stiffness, damping, mass = totals
         yield Effects(stiffness=stiffness, damping=damping, mass=mass)
-
-
-def _lone(moment: Moment) -> int | None:
-    """The only unknown of a moment, None where there are several or none."""
-    found = [index for indices in moment.members for index in indices]
-    return found[0] if len(found) == 1 else None

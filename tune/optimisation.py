@@ -8,6 +8,7 @@ from dataclasses import replace
 from identification import Device, as_stored
 from tune.climb import SAME
 from tune.cutoffs import choose_filters
+from tune.delays import Felt, extra_delays
 from tune.describe import element_profile, skipped_parts
 from tune.errors import CheckFailedError, NoFeasibleEffectError
 from tune.hand import hand_of
@@ -111,8 +112,18 @@ def design_of(
 ) -> Design:
     """What was chosen for every element, with its margins and why it is no larger, uncertified."""
     device, scene = job.device, job.scene
+    felt = [
+        Felt(problem=solved.problem, moment=moment, sizes=solved.sizes)
+        for solved in solutions
+        for moment in solved.problem.moments
+        if any(moment.members)
+    ]
+    names = [one.moment.elements for one in felt]
+    delays = dict(zip(names, extra_delays(felt), strict=True))
     elements = {
-        name: element_profile(device, scene, solved.problem, solved.sizes, name, solved.dropped)
+        name: element_profile(
+            device, scene, solved.problem, solved.sizes, name, solved.dropped, delays
+        )
         for solved in solutions
         for name in scene.elements
         if any(u.element == name for u in solved.problem.unknowns)

@@ -10,11 +10,14 @@ from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from identification import Device, Document, load_document
 from tune.discrimination import Answers, Estimate, Study
 from tune.effects import EffectName
+
+FloatArray = NDArray[np.float64]
 
 
 class WeberFraction(Document):
@@ -188,9 +191,11 @@ def steps_estimate(steps: float, fraction: WeberFraction) -> Estimate:
     )
 
 
-def value_at_steps(steps: float, reference: float, weber: float, sign: int) -> float:
+def value_at_steps(
+    steps: float | FloatArray, reference: float, weber: float, sign: int
+) -> FloatArray:
     """The value of the given sign that stands that many steps above (below) the bare device."""
-    return float(reference * np.expm1(sign * steps * np.log1p(weber)))
+    return reference * np.expm1(np.multiply(sign * np.log1p(weber), steps))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

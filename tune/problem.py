@@ -77,8 +77,8 @@ class Unknown:
         """What is raised: the steps, for a wanted value how many it falls short of, negative."""
         return self.steps(size) - self.goal
 
-    def size_at(self, steps: float) -> float:
-        """The size that is perceived as so many steps."""
+    def size_at(self, steps: float | FloatArray) -> FloatArray:
+        """The size that is perceived as so many steps, of their shape."""
         return self.sign * value_at_steps(steps, self.reference, self.weber, self.sign)
 
 
@@ -95,6 +95,12 @@ class Moment:
     elements: tuple[str, ...]
     members: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
     reach: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+
+    @property
+    def lone(self) -> int | None:
+        """The only unknown of the moment, None where there are several or none."""
+        found = [index for indices in self.members for index in indices]
+        return found[0] if len(found) == 1 else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,6 +23,8 @@ FloatArray = NDArray[np.float64]
 
 #: Significant digits of a written effect; what is lost is 1e-5 at most.
 _DIGITS = 6
+#: Parts by which sizes that are a little beyond are taken back.
+_RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +157,7 @@ def settled(problem: Problem, sizes: FloatArray) -> FloatArray:
     met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
         sizes >= caps * (1 - 10 * SAME)
     )
-    for retreat in (0.0, *np.geomspace(1e-7, 1e-3, 9)):
+    for retreat in _RETREATS:
         trial = np.array(
             [
                 cap if whole else _floor_digits(float(size * (1 - retreat)))

@@ -48,8 +48,8 @@ def interior(problem: Problem) -> FloatArray | None:
     kept = np.flatnonzero(likely_points(problem, _sizes(problem, steps)))
     goals = np.array([unknown.goal for unknown in unknowns])
     ranks = np.array([unknown.level for unknown in unknowns])
-    order = sorted(kept, key=lambda place: _worth(steps[place] - goals, ranks), reverse=True)
-    for start in range(0, len(order), _CHECKED):
+    order = kept[_best_first(steps[kept] - goals, ranks)]
+    for start in range(0, order.size, _CHECKED):
         chosen = steps[order[start : start + _CHECKED]] * _INSIDE
         points = _sizes(problem, chosen)
         good = np.flatnonzero(allowed_points(problem, points))
@@ -60,13 +60,14 @@ def interior(problem: Problem) -> FloatArray | None:
 
 def _sizes(problem: Problem, steps: FloatArray) -> FloatArray:
     """Sizes of perceived steps, (points, unknowns), none below the least."""
-    sizes = [[u.size_at(s) for u, s in zip(problem.unknowns, row, strict=True)] for row in steps]
-    return np.maximum(np.array(sizes), [unknown.low for unknown in problem.unknowns])
+    sizes = [u.size_at(column) for u, column in zip(problem.unknowns, steps.T, strict=True)]
+    return np.maximum(np.stack(sizes, axis=1), [unknown.low for unknown in problem.unknowns])
 
 
-def _worth(heights: FloatArray, ranks: NDArray[np.int64]) -> tuple[float, ...]:
-    """The heights as they are compared: the lowest of the first rank, then of the next."""
-    return tuple(float(np.min(heights[ranks == rank])) for rank in np.unique(ranks))
+def _best_first(heights: FloatArray, ranks: NDArray[np.int64]) -> NDArray[np.intp]:
+    """The order of rows of heights: by the lowest of the first rank, then of the next."""
+    lowest = [np.min(heights[:, ranks == rank], axis=1) for rank in np.unique(ranks)]
+    return np.lexsort([-each for each in reversed(lowest)])
 
 
 def _rays(count: int) -> FloatArray:

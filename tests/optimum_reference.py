@@ -118,6 +118,7 @@ class Reference:
         self.resolution = device.encoder_resolution and device.encoder_resolution.value
         self.ripple = scene.ripple_limit or NOTICED
         self.force = device.force_limit
+        self._ends: dict[int, float] = {}
 
     def _moments(
         self, scene: Scene, elements: Sequence[str]
@@ -208,6 +209,11 @@ class Reference:
 
     def alone(self, index: int) -> float:
         """The largest log-size of one effect without the others."""
+        if index not in self._ends:
+            self._ends[index] = self._end(index)
+        return self._ends[index]
+
+    def _end(self, index: int) -> float:
         place = self.low - _NOWHERE
         place[index] = min(self.high[index], np.log(self.wanted[index].reference))
         for _ in range(60):

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Device, ForceLimit, load_device, quantity
+from identification import Device, load_device, quantity
 from tune.certificate.certify import setting_of
 from tune.certificate.polynomial import Point
 from tune.certificate.roots import judge
 from tune.climb import climb
 from tune.effects import Effects
-from tune.errors import NoFeasibleEffectError
 from tune.limits import allowed
 from tune.loop import Filters, Loop
 from tune.optimisation import optimise
@@ -194,23 +193,6 @@ def test_an_effect_no_hand_can_tell_is_dropped_and_said_so() -> None:
     assert dust.damping == 0.0
     assert dust.limited_by == {"damping": "not-perceptible"}
     assert any("dust.damping dropped" in note for note in profile.notes)
-
-
-def test_no_positive_lowest_damping_refuses_a_pure_spring_for_that_reason() -> None:
-    device = _device(damping=quantity(1.0, -1.0, 3.0))
-    with pytest.raises(NoFeasibleEffectError, match="not positive"):
-        optimise(device, _scene({"wall": {"stiffness": "max"}}))
-
-
-def test_a_range_that_cannot_be_met_is_refused() -> None:
-    with pytest.raises(NoFeasibleEffectError, match=r"range starts at 20000"):
-        optimise(_device(), _scene({"wall": {"stiffness": {"min": 2e4, "max": 3e4}}}))
-
-
-def test_a_zero_force_limit_leaves_nothing() -> None:
-    device = _device(force_limit=ForceLimit(continuous=0.0, peak=0.0))
-    with pytest.raises(NoFeasibleEffectError, match="force"):
-        optimise(device, _scene({"wall": {"stiffness": "max"}}))
 
 
 @pytest.mark.parametrize("seed", range(3))

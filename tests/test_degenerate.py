@@ -1,0 +1,166 @@
+"""Inputs at the edge of sense: a right answer, or a sentence and its exit code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification import Device, ForceLimit, load_device, quantity, to_mapping, to_yaml
+from tests.commands import Ended, haptune
+from tests.reference import boundary_gains, reference_loop
+from tune import Scene, load_profile, optimise
+from tune.loop import Filters
+from tune.perception import default_table
+from tune.problem import Job
+from tune.solve import solve
+
+FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
+WALL = "elements: {wall: {stiffness: max}}\n"
+BLOCK = "elements: {block: {stiffness: max, damping: max, mass: max}}\n" + FILTERS
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def _device(**changes: Any) -> Device:
+    return load_device("homerehab").model_copy(update=changes)
+
+
+def _tuned(device: Device, scene: str) -> Ended:
+    Path("device.yaml").write_text(to_yaml(to_mapping(device)), encoding="utf-8")
+    Path("scene.yaml").write_text(scene, encoding="utf-8")
+    return haptune("tune", "device.yaml", "scene.yaml", "-o", "profile.yaml")
+
+
+def _refused(ended: Ended, code: int, *words: str) -> None:
+    """One sentence with all the words, and nothing written."""
+    assert ended.code == code, ended.err
+    sentence = " ".join(ended.err.split())
+    for word in words:
+        assert word in sentence
+    assert not Path("profile.yaml").exists()
+
+
+# The damping of the device may be nothing at all.
+
+
+@pytest.mark.parametrize("low", [-2.0, 0.0])
+def test_a_spring_on_a_device_that_may_have_no_damping_is_refused(low: float) -> None:
+    ended = _tuned(_device(damping=quantity(5.0, low, 12.0)), WALL)
+    _refused(ended, 5, "lowest damping of the device is", "not positive", "longer log")
+
+
+def test_a_damper_of_its_own_does_not_help_where_damping_may_be_negative() -> None:
+    ended = _tuned(_device(damping=quantity(5.0, -2.0, 12.0)), BLOCK)
+    _refused(ended, 5, "not positive", "add damping")
+
+
+# The mass of the device may be anything within a decade.
+
+
+def test_a_mass_known_to_a_decade_is_tuned_for_its_worst() -> None:
+    device = _device(mass=quantity(3.0, 0.95, 9.5))
+    ended = _tuned(device, BLOCK)
+    assert ended.code == 0, ended.err
+    assert haptune("check", "profile.yaml").code == 0
+    block = load_profile(Path("profile.yaml")).elements["block"]
+    box = device.simultaneous_box()
+    assert box.mass[1] > 9 * box.mass[0]
+    for mass in (*box.mass, 3.0):
+        for damping in box.damping:
+            for delay in (1, 2):
+                gains = boundary_gains(
+                    reference_loop(
+                        damping * 1e-3 / mass,
+                        block.stiffness * 1e-6 / mass,
+                        block.damping * 1e-3 / mass,
+                        block.mass / mass,
+                        delay=delay,
+                        velocity_pole=np.exp(-2 * np.pi * 0.05),
+                        acceleration_pole=np.exp(-2 * np.pi * 0.03),
+                    )
+                )
+                assert min(float(gain.mid()) for gain in gains) > 2 * (1 - 1e-9)
+
+
+# Nothing can be played.
+
+
+def test_no_effect_that_a_hand_could_tell() -> None:
+    device = _device(encoder_resolution=quantity(1e-3))
+    ended = _tuned(device, "elements: {cup: {mass: max}}\n" + FILTERS)
+    _refused(ended, 5, "cup.mass", "of a step a hand can tell", "limited by ripple")
+
+
+@pytest.mark.parametrize("effect", ["stiffness", "damping", "mass"])
+def test_no_force_at_all(effect: str) -> None:
+    device = _device(force_limit=ForceLimit(continuous=0.0, peak=0.0))
+    ended = _tuned(device, f"elements: {{it: {{{effect}: max}}}}\n" + FILTERS)
+    _refused(ended, 5, f"it.{effect}", "exceeds the force limit, 0 continuous and 0 at the peak")
+
+
+# Wishes that contradict each other or the device.
+
+
+def test_a_range_upside_down() -> None:
+    ended = _tuned(_device(), "elements: {wall: {stiffness: {min: 300, max: 200}}}\n")
+    _refused(ended, 3, "min 300 exceeds max 200")
+
+
+def test_a_range_that_starts_beyond_what_is_safe() -> None:
+    ended = _tuned(_device(), "elements: {wall: {stiffness: {min: 20000, max: 30000}}}\n")
+    _refused(ended, 5, "wall.stiffness", "range starts at 20000", "exceeds the force limit, 14")
+
+
+def test_ranges_that_are_each_possible_but_not_at_once() -> None:
+    """14 N carry 1000 N/m over 10 mm, or another 1000 N/m, and not both."""
+    one = "{stiffness: {min: 1000, max: 1200}}"
+    apart = f"elements: {{wall: {one}, floor: {one}}}\n"
+    assert _tuned(_device(), apart).code == 0
+    Path("profile.yaml").unlink()
+    ended = _tuned(_device(), apart + "together: [[wall, floor]]\n")
+    _refused(ended, 5, "range starts at 1000", "together with the other effects")
+
+
+# Very many things.
+
+
+def _many(count: int) -> dict[str, dict[str, Any]]:
+    kinds: tuple[dict[str, Any], ...] = (
+        {"stiffness": "max"},
+        {"damping": 20.0},
+        {"mass": "max"},
+        {"stiffness": "max", "damping": "max"},
+    )
+    return {
+        f"thing{k}": {**kinds[k % 4], "penetration": 0.002 + 0.0001 * k, "speed": 0.1 + 0.001 * k}
+        for k in range(count)
+    }
+
+
+def _scene(elements: dict[str, dict[str, Any]]) -> Scene:
+    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
+    return Scene.model_validate({"elements": elements, "loop": loop})
+
+
+def test_each_of_two_hundred_things_is_tuned_as_if_it_were_alone() -> None:
+    filters = Filters(velocity_hz=50.0, acceleration_hz=30.0)
+    many = _many(200)
+    crowd = Job.of(_device(), _scene(many), default_table())
+    for name in list(many)[::9]:
+        alone = Job.of(_device(), _scene({name: many[name]}), default_table())
+        one, other = (solve(job, [name], filters).sizes.tolist() for job in (crowd, alone))
+        assert one == pytest.approx(other, rel=1e-5)
+        assert min(one) > 0
+
+
+@pytest.mark.long
+def test_two_hundred_things_are_certified() -> None:
+    profile = optimise(_device(), _scene(_many(200)))
+    assert len(profile.elements) == 200
+    assert profile.certificate.interior == "proved"

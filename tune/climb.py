@@ -70,6 +70,9 @@ def climb(problem: Problem, backends: Sequence[Backend]) -> Climb:
         active: list[int] = [
             index for index, unknown in enumerate(problem.unknowns) if unknown.level == level
         ]
+        if state.at_their_most(active):
+            floors[active] = [_eased(state.heights()[index]) for index in active]
+            continue
         consulted = backends
         while active:
             together = np.array([float(index in active) for index in range(count)])
@@ -164,6 +167,13 @@ class _State:
         chosen = self.sizes if sizes is None else sizes
         assert chosen is not None
         return [u.height(float(s)) for u, s in zip(self.problem.unknowns, chosen, strict=True)]
+
+    def at_their_most(self, indices: Sequence[int]) -> bool:
+        """Whether these unknowns cannot be wanted any larger, so that no solver is needed."""
+        unknowns = self.problem.unknowns
+        return self.sizes is not None and all(
+            self.sizes[i] >= unknowns[i].high * (1 - SAME) for i in indices
+        )
 
     def value(self, sizes: FloatArray, stage: Stage) -> float:
         """What the stage maximises; minus infinity where a floor is broken."""

@@ -49,8 +49,11 @@ def interior(problem: Problem) -> FloatArray | None:
     goals = np.array([unknown.goal for unknown in unknowns])
     ranks = np.array([unknown.level for unknown in unknowns])
     order = kept[_best_first(steps[kept] - goals, ranks)]
+    wanted = np.array([unknown.wish.kind == "value" for unknown in unknowns])
     for start in range(0, order.size, _CHECKED):
-        chosen = steps[order[start : start + _CHECKED]] * _INSIDE
+        chosen = steps[order[start : start + _CHECKED]]
+        # What is met exactly stays so: then no solver has to be asked for it.
+        chosen = np.where(wanted & (chosen >= caps), chosen, chosen * _INSIDE)
         points = _sizes(problem, chosen)
         good = np.flatnonzero(allowed_points(problem, points))
         if good.size:

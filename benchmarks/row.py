@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median, quantiles
 
@@ -85,12 +85,20 @@ def best_seconds(action: Callable[[], object], repeats: int = 5) -> float:
 
 def timed(action: Callable[[], object], repeats: int = 9) -> Timing:
     """The first call, and median and quartiles of several more; fewer where they take long."""
-    first = _seconds(action)
-    times = [_seconds(action)]
-    while len(times) < repeats and sum(times) < _LONG_ENOUGH:
-        times.append(_seconds(action))
-    low, _, high = quantiles(times, n=4, method="inclusive") if len(times) > 1 else times * 3
-    return Timing(first=first, middle=median(times), spread=(low, high))
+    return timed_in_turn([action], repeats)[0]
+
+
+def timed_in_turn(actions: Sequence[Callable[[], object]], repeats: int = 9) -> list[Timing]:
+    """As `timed`, one call of each action after the other, so that a slow spell is shared."""
+    first = [_seconds(action) for action in actions]
+    turns: list[list[float]] = []
+    while len(turns) < repeats and sum(map(sum, turns)) < _LONG_ENOUGH * len(actions):
+        turns.append([_seconds(action) for action in actions])
+    timings: list[Timing] = []
+    for once, times in zip(first, zip(*turns, strict=True), strict=True):
+        low, _, high = quantiles(times, n=4, method="inclusive") if len(times) > 1 else [*times] * 3
+        timings.append(Timing(first=once, middle=median(times), spread=(low, high)))
+    return timings
 
 
 def _seconds(action: Callable[[], object]) -> float:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.row import Row, Timing, timed, with_unit
+from benchmarks.row import Row, timed_in_turn, with_unit
 from benchmarks.scenes import Case, case, certificate, description, proposal
 from identification import Mode, quantity
 from tune.loop import Filters
@@ -90,26 +90,22 @@ PARTS = (
 
 def rows() -> Iterator[Row]:
     """Of each part: the proposal and the certificate, beside those without it."""
-    known: dict[int, tuple[Timing, Timing]] = {}
-
-    def times(chosen: Case) -> tuple[Timing, Timing]:
-        if id(chosen) not in known:
-            job = chosen.job()
-            design = description(chosen, job, proposal(chosen, job))
-            known[id(chosen)] = (
-                timed(lambda: proposal(chosen, job), 5),
-                timed(certificate(design), 3),
-            )
-        return known[id(chosen)]
-
     for part in PARTS:
-        beside, without = times(part.beside), times(part.without)
-        for what, index in (("propose", 0), ("certify", 1)):
-            more = beside[index].middle - without[index].middle
-            times_as_long = beside[index].middle / without[index].middle
+        cases = (part.beside, part.without)
+        jobs = [chosen.job() for chosen in cases]
+        both = list(zip(cases, jobs, strict=True))
+        designs = [description(chosen, job, proposal(chosen, job)) for chosen, job in both]
+        calls: dict[str, list[Callable[[], object]]] = {
+            "propose": [lambda c=chosen, j=job: proposal(c, j) for chosen, job in both],
+            "certify": [certificate(design) for design in designs],
+        }
+        for what, pair in calls.items():
+            beside, without = timed_in_turn(pair, 5)
+            more = beside.middle - without.middle
             yield Row.of(
                 f"{what} with {part.name}",
-                beside[index],
-                f"{'+' if more >= 0 else '-'}{with_unit(abs(more))}, {times_as_long:.2g} times",
-                f"{with_unit(without[index].middle)} without",
+                beside,
+                f"{'+' if more >= 0 else '-'}{with_unit(abs(more))}, "
+                f"{beside.middle / without.middle:.2g} times",
+                f"{with_unit(without.middle)} without",
             )

@@ -91,17 +91,7 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
     """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time."""
-    total, sizes = loop.polynomial(effects)
-    free = _like(loop.terms.free, total)
-    free_size = _like(loop.sizes.free, total)
-    start = 1 if effects.position_free and not loop.held else 0
-    return stable_up_to(
-        free[start:],
-        (total - free)[start:],
-        free_size[start:],
-        (sizes - free_size)[start:],
-        gain,
-    )
+    return stable_up_to(*_by_gain(loop, effects), gain)
 
 
 def stable_gains(loop: Loop, effects: Effects) -> Intervals:
@@ -110,16 +100,21 @@ def stable_gains(loop: Loop, effects: Effects) -> Intervals:
     Returns:
         Ends of shape (intervals, *shape), ascending; unused entries are nan.
     """
+    ratio = None if loop.factors is None else _ratio(loop, loop.factors, Effects(), effects)
+    return stable_intervals(*_by_gain(loop, effects), ratio)
+
+
+def _by_gain(loop: Loop, effects: Effects) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """A and B of A + gain·B, and the absolute sums behind them."""
     total, sizes = loop.polynomial(effects)
     free = _like(loop.terms.free, total)
     free_size = _like(loop.sizes.free, total)
     start = 1 if effects.position_free and not loop.held else 0
-    return stable_intervals(
+    return (
         free[start:],
         (total - free)[start:],
         free_size[start:],
         (sizes - free_size)[start:],
-        None if loop.factors is None else _ratio(loop, loop.factors, Effects(), effects),
     )
 
 

@@ -1,20 +1,19 @@
-"""Where a family of polynomials A(w) + s·B(w), s > 0, changes between stable and unstable.
+"""Where polynomials A(w) + s·B(w), s > 0, have a root on the boundary of stability.
 
 A root can only cross the boundary at w = jω. With x = ω² both even and odd part vanish there:
 E_A(x) + s·E_B(x) = 0 and O_A(x) + s·O_B(x) = 0, so x is a positive root of one polynomial,
-E_A·O_B - O_A·E_B, and s = -E_A/E_B. Adding the crossings at w = 0 and w = ∞, the criterion decides
-each interval between neighbours once. No iteration over s, no grid.
+E_A·O_B - O_A·E_B, and s = -E_A/E_B. Beside these there are the crossings at w = 0 and w = ∞. No
+iteration over s, no grid.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.criterion import ULPS, UNIT, VerdictArray, routh
+from tune.criterion import UNIT
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -24,216 +23,34 @@ Ratio = Callable[[FloatArray], ComplexArray]
 #: Roots x this far off the real axis, relative to their size, are still tried: a touching pair
 #: leaves the axis by the square root of the rounding error. A false one costs one more verdict.
 _NEARLY_REAL = 1e-3
-#: A root in x this far off the axis, relative, belongs to a pair that may come to touch it.
-_ALMOST_REAL = 0.7
 #: Newton steps on (x, s); each doubles the digits that the eigenvalues left (six or more).
-_POLISHES = 4
+POLISHES = 4
 #: Newton steps on v by the ratio, the part of v they look ahead for its slope, and the part they
 #: may go: the coefficients of the polynomials have found v to better than that.
 _REFINEMENTS, _AHEAD, _NEAR = 2, 1e-6, 1e-3
-#: Neighbouring crossings closer than this, relative, are one.
-_SAME = 64 * UNIT
-#: Where only a top matters, crossings beyond so many times it, after so few Newton steps, are
-#: certainly beyond it; for nearer ones the intervals decide.
-_BEYOND, _ROUGH_POLISHES = 1.01, 2
 
 
-class Intervals(NamedTuple):
-    """Open intervals of a gain or a size, stable strictly inside.
-
-    Attributes:
-        low: lower ends; 0 where the interval is connected to zero.
-        high: upper ends, of the same shape; inf where there is no end. Unused entries are nan.
-    """
-
-    low: FloatArray
-    high: FloatArray
-
-
-def stable_intervals(
-    fixed: FloatArray,
-    varied: FloatArray,
-    fixed_size: FloatArray,
-    varied_size: FloatArray,
-    ratio: Ratio | None = None,
-) -> Intervals:
-    """All intervals of s in (0, ∞) on which fixed + s·varied has every root in Re w < 0.
-
-    Args:
-        fixed: A, shape (degree+1, *shape), ascending powers of w.
-        varied: B, same shape.
-        fixed_size: absolute sums behind A, for the rounding bounds of the verdict.
-        varied_size: the same for B.
-        ratio: -A/B on the axis, from factors; the crossings then have its digits.
-
-    Returns:
-        Ends of shape (intervals, *shape), ascending in s.
-    """
-    shape = fixed.shape[1:]
-    parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
-    sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
-    points = _candidates(parts[0], parts[1], _flattened(ratio, shape))
-    low, high = _judged(parts, sizes, points)
-    return Intervals(low.reshape(-1, *shape), high.reshape(-1, *shape))
-
-
-def stable_up_to(
-    fixed: FloatArray,
-    varied: FloatArray,
-    fixed_size: FloatArray,
-    varied_size: FloatArray,
-    top: float,
-) -> NDArray[np.bool_]:
-    """True where fixed + s·varied is certainly stable for every s in (0, top].
-
-    What `stable_intervals` says for less work: one verdict at the top, and crossings only roughly
-    unless one is near.
-
-    Args:
-        fixed: A, shape (degree+1, *shape), ascending powers of w.
-        varied: B, same shape.
-        fixed_size: absolute sums behind A.
-        varied_size: the same for B.
-        top: the largest s that matters.
-
-    Returns:
-        of shape ``shape``.
-    """
-    shape = fixed.shape[1:]
-    parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
-    sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
-    stable = _verdicts(parts, sizes, np.full((1, parts[0].shape[1]), top))[0] > 0
-    open_ = np.flatnonzero(stable)
-    if open_.size:
-        points = _candidates(parts[0][:, open_], parts[1][:, open_], None, _ROUGH_POLISHES)
-        near = open_[np.any(points < _BEYOND * top, axis=0)]
-        if near.size:
-            close = [part[:, near] for part in (*parts, *sizes)]
-            low, high = stable_intervals(close[0], close[1], close[2], close[3])
-            stable[near] = (low[0] == 0) & (high[0] > top)
-    return stable.reshape(shape)
-
-
-class Reached(NamedTuple):
-    """How a family of polynomials ceases to be stable below or beyond some s.
-
-    Attributes:
-        end: upper end of the last stable interval that begins below; 0 if nothing small is stable.
-        omega: of the root w = jω that crosses there, 0 and inf at the ends of the axis.
-        broken: there is an unstable gap below that end.
-        near: frequencies v, (candidates, loops), about which roots cross or nearly do, or nan.
-    """
-
-    end: FloatArray
-    omega: FloatArray
-    broken: NDArray[np.bool_]
-    near: FloatArray
-
-
-def reached(
-    fixed: FloatArray,
-    varied: FloatArray,
-    fixed_size: FloatArray,
-    varied_size: FloatArray,
-    below: float,
-) -> Reached:
-    """Where fixed + s·varied ceases to be stable.
+def candidates(
+    fixed: FloatArray, varied: FloatArray, ratio: Ratio | None, polishes: int = POLISHES
+) -> FloatArray:
+    """Every s > 0 at which a crossing may happen.
 
     Args:
         fixed: A, shape (degree+1, loops), ascending powers of w.
         varied: B, same shape.
-        fixed_size: absolute sums behind A.
-        varied_size: the same for B.
-        below: the s of interest.
+        ratio: -A/B on the axis, from factors; the crossings then have its digits.
+        polishes: Newton steps.
+
+    Returns:
+        shape (candidates, loops), inf where unused.
     """
-    x, s, roots = _crossings(fixed, varied, _ROUGH_POLISHES)
-    points = _with_ends(s, fixed, varied)
-    low, high = _judged([fixed, varied], [fixed_size, varied_size], points.copy())
-    begun = low < below
-    broken = (np.sum(begun, axis=0) > 1) & (low[0] == 0)
-    # Pairs that have come apart along the axis are only of interest where they leave a gap.
-    with np.errstate(invalid="ignore"):
-        roots[:, ~broken] = np.where(roots.imag == 0, np.nan, roots)[:, ~broken]
-    end = np.where(low[0] == 0, np.max(np.where(begun, high, 0.0), axis=0), 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x = np.concatenate([x, np.zeros((1, x.shape[1])), np.full((1, x.shape[1]), np.inf)])
-        away = np.nan_to_num(np.abs(points / end - 1), nan=np.inf)
-        which = np.argmin(away, axis=0)[None]
-        return Reached(
-            end=end,
-            omega=np.sqrt(np.take_along_axis(x, which, axis=0)[0]),
-            broken=broken,
-            near=np.sqrt(_real_parts(roots, _ALMOST_REAL)),
-        )
-
-
-def _judged(
-    parts: list[FloatArray], sizes: list[FloatArray], points: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """The stable intervals between candidates, which are sorted in place; (intervals, loops)."""
-    # Up to here A + s·B is A, for all that rounding leaves of it.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        alike = np.where(sizes[1] > 0, sizes[0] / sizes[1], np.inf).min(axis=0)
-    points[points <= ULPS * UNIT * alike] = np.inf
-    points.sort(axis=0)
-    edges = np.concatenate([np.zeros((1, points.shape[1])), points])
-    after = np.concatenate([points, np.full((1, points.shape[1]), np.inf)])
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        middle = np.where(
-            edges == 0,
-            np.where(np.isinf(after), 1.0, after / 2),
-            np.where(np.isinf(after), 2 * edges, np.sqrt(edges) * np.sqrt(after)),
-        )
-    empty = ~np.isfinite(edges) | ~(after > edges * (1 + _SAME))
-    middle[empty] = 1.0
-    stable = _verdicts(parts, sizes, middle) > 0
-    stable[empty] = False
-    return _merged(edges, after, stable, empty)
-
-
-def _verdicts(parts: list[FloatArray], sizes: list[FloatArray], s: FloatArray) -> VerdictArray:
-    coefficients = parts[0][:, None, :] + parts[1][:, None, :] * s
-    return routh(coefficients, sizes[0][:, None, :] + sizes[1][:, None, :] * s)
-
-
-def _merged(
-    edges: FloatArray, after: FloatArray, stable: NDArray[np.bool_], empty: NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray]:
-    """Join stable neighbours; candidates that were no crossing disappear here."""
-    rows, columns = edges.shape
-    low = np.full((rows, columns), np.nan)
-    high = np.full((rows, columns), np.nan)
-    count = np.full(columns, -1)
-    open_ = np.zeros(columns, dtype=bool)
-    for row in range(rows):
-        counts = ~empty[row]
-        begins = np.flatnonzero(stable[row] & ~open_ & counts)
-        count[begins] += 1
-        low[count[begins], begins] = edges[row, begins]
-        inside = np.flatnonzero(stable[row] & counts)
-        high[count[inside], inside] = after[row, inside]
-        open_ = np.where(counts, stable[row], open_)
-    used = max(1, int(np.max(count, initial=-1)) + 1)
-    return low[:used], high[:used]
-
-
-def _flattened(ratio: Ratio | None, shape: tuple[int, ...]) -> Ratio | None:
-    if ratio is None:
-        return None
-    return lambda v: ratio(v.reshape(-1, *shape)).reshape(v.shape)
-
-
-def _candidates(
-    fixed: FloatArray, varied: FloatArray, ratio: Ratio | None, polishes: int = _POLISHES
-) -> FloatArray:
-    """Every s > 0 at which a crossing may happen, inf where unused; (candidates, loops)."""
-    x, s, _ = _crossings(fixed, varied, polishes)
+    x, s, _ = crossings(fixed, varied, polishes)
     if ratio is not None and s.size:
         s = _refined(x, s, ratio)
-    return _with_ends(s, fixed, varied)
+    return with_ends(s, fixed, varied)
 
 
-def _with_ends(s: FloatArray, fixed: FloatArray, varied: FloatArray) -> FloatArray:
+def with_ends(s: FloatArray, fixed: FloatArray, varied: FloatArray) -> FloatArray:
     """Crossings with those at w = 0 and w = ∞, inf where unused."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = -fixed[[0, -1]] / varied[[0, -1]]
@@ -242,12 +59,19 @@ def _with_ends(s: FloatArray, fixed: FloatArray, varied: FloatArray) -> FloatArr
     return points
 
 
-def _crossings(
+def crossings(
     fixed: FloatArray, varied: FloatArray, polishes: int
 ) -> tuple[FloatArray, FloatArray, ComplexArray]:
-    """(x, s) of every crossing at a frequency between nothing and infinity, nan where unused.
+    """Every crossing at a frequency between nothing and infinity.
 
-    With all roots in x as they were found, real or not.
+    Args:
+        fixed: A, shape (degree+1, loops), ascending powers of w.
+        varied: B, same shape.
+        polishes: Newton steps.
+
+    Returns:
+        x and s, shape (candidates, loops), nan where unused; all roots in x as they were found, real
+        or not.
     """
     even = [_in_x(part[0::2]) for part in (fixed, varied)]
     odd = [_in_x(part[1::2]) for part in (fixed, varied)]
@@ -258,7 +82,7 @@ def _crossings(
     resultant = _grown(resultant, length) - _grown(other, length)
     resultant[np.abs(resultant) <= 4 * UNIT * scale] = 0.0
     roots = _roots_of(resultant)
-    x = _real_parts(roots, _NEARLY_REAL)
+    x = real_parts(roots, _NEARLY_REAL)
     both = np.stack([_grown(part, len(even[0])) for part in (even[0], odd[0], even[1], odd[1])], 1)
     both = both[:, :, None]
     s = _gain_at(x, both)
@@ -319,7 +143,7 @@ def _roots_of(polynomials: FloatArray) -> ComplexArray:
     return roots
 
 
-def _real_parts(roots: ComplexArray, nearly: float) -> FloatArray:
+def real_parts(roots: ComplexArray, nearly: float) -> FloatArray:
     """Positive real parts of the roots that are real to a part of them, nan elsewhere."""
     with np.errstate(invalid="ignore"):
         real = (roots.real > 0) & (np.abs(roots.imag) <= nearly * np.abs(roots.real))

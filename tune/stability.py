@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.criterion import VerdictArray, routh
-from tune.crossings import Intervals, Ratio, stable_intervals, stable_up_to
+from tune.crossings import Ratio
 from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.factors import Factors
+from tune.intervals import Intervals, stable_intervals, stable_up_to
 from tune.loop import Loop, Terms
 from tune.quick import judge_of
 

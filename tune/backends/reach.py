@@ -1,6 +1,6 @@
 """The stability constraint as solvers see it: how far the gain is from where stability ends.
 
-With the sizes fixed, the loop is stable for gains up to some g; ln g is exact (`crossings`), and so
+With the sizes fixed, the loop is stable for gains up to some g; ln g is exact (`intervals`), and so
 is its slope: the root that crosses at w = jω keeps to the axis when effects and gain change
 together. That no gap opens below g is a constraint of its own (`gaps`).
 """
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.backends.gaps import gap_phase
-from tune.crossings import reached
+from tune.intervals import reached
 from tune.loop import Loop
 from tune.problem import Problem
 

@@ -70,8 +70,8 @@ def crossings(
         polishes: Newton steps.
 
     Returns:
-        x and s, shape (candidates, loops), nan where unused; all roots in x as they were found, real
-        or not.
+        x and s, shape (candidates, loops), nan where unused; all roots in x as they were found,
+        real or not.
     """
     even = [_in_x(part[0::2]) for part in (fixed, varied)]
     odd = [_in_x(part[1::2]) for part in (fixed, varied)]

@@ -21,7 +21,7 @@ _HALVINGS = 50
 
 
 def largest_allowed(problem: Problem, sizes: FloatArray, index: int) -> float:
-    """The largest size of one unknown that every limit allows, the others as given."""
+    """The largest size of one unknown that every limit allows, grown from what is given."""
     most = min(problem.unknowns[index].high, force_bound(problem, sizes, index))
     least = min(most, *stable_bounds(problem, sizes, [index], [most], problem.margin.gain))
     return min(least, ripple_bound(problem, sizes, index, least))
@@ -47,7 +47,7 @@ def force_bound(problem: Problem, sizes: FloatArray, index: int) -> float:
 
 
 def ripple_bound(problem: Problem, sizes: FloatArray, index: int, top: float) -> float:
-    """Size up to which the ripple keeps to its limit; inf where it does so to the top."""
+    """Size up to which the ripple keeps to its limit, from what is given; inf if to the top."""
     if top <= 0 or problem.limits.encoder_resolution is None:
         return np.inf
     if len(problem.unknowns) == 1:
@@ -59,7 +59,7 @@ def ripple_bound(problem: Problem, sizes: FloatArray, index: int, top: float) ->
         trial[index] = size
         return max(ripple(problem, moment, trial) or 0.0 for moment in moments)
 
-    return last_within(noise, problem.limits.ripple, top)
+    return last_within(noise, problem.limits.ripple, top, float(sizes[index]))
 
 
 def stable_bounds(
@@ -75,10 +75,11 @@ def stable_bounds(
 
     The closed form in the coordinate at the full gain is the answer wherever the ray below it is
     stable too; where it is not (a second stable interval), the end of what is safe is halved to.
+    Where others need the unknown, as a spring may need a damper, it must not be nothing at first.
 
     Args:
         problem: with its loops.
-        sizes: of all unknowns.
+        sizes: of all unknowns, from where each one grows.
         indices: the unknowns to be told about.
         tops: largest size of each that matters; inf is the answer where that is stable.
         gain: the largest.
@@ -96,16 +97,17 @@ def stable_bounds(
     trials = trials[short]
     trials[np.arange(short.size), chosen] = bounds[short]
     good = stable_points(problem, trials, gain, late=late)
-    for place, index, trial, fine in zip(short, chosen, trials, good, strict=True):
+    for place, index, fine in zip(short, chosen, good, strict=True):
         if bounds[place] > 0 and not fine:
-            bounds[place] = _halved(problem, trial, index, gain, late=late)
+            top = float(bounds[place])
+            bounds[place] = _halved(problem, sizes, index, top, gain, late=late)
     return bounds.tolist()
 
 
 def _ends(
     problem: Problem, sizes: FloatArray, indices: Sequence[int], gain: float, *, late: bool
 ) -> FloatArray:
-    """Where each unknown leaves the stable interval it starts in, at the full gain alone."""
+    """Where each unknown leaves the stable interval it is in, at the full gain alone."""
     ends = np.full(len(indices), np.inf)
     if len(problem.unknowns) == 1:
         unknown = problem.unknowns[0]
@@ -130,7 +132,7 @@ def _ends(
             bases.append(base)
             others.append(rest)
         signs = np.array([problem.unknowns[indices[row]].sign for row, _, _ in chosen])
-        starts = signs * gain * np.array(bases)
+        starts = gain * (signs * np.array(bases) + sizes[[indices[row] for row, _, _ in chosen]])
         places = [place for _, _, place in chosen]
         for loop in loops:
             limits = _ends_at(loop, gain * np.array(others), places, signs, starts, free=not sprung)
@@ -169,7 +171,7 @@ def _ends_at(
         others: totals of the effects that stay, (cases, 3).
         places: which effect varies, by case.
         signs: of what varies.
-        starts: of the total of the effect that varies, where its unknown is nothing.
+        starts: of the total of the effect that varies, from where it grows.
         free: no spring is there.
 
     Returns:
@@ -190,18 +192,22 @@ def _ends_at(
     return np.min(np.max(np.where(inside, high, -np.inf), axis=0), axis=1)
 
 
-def _halved(problem: Problem, trial: FloatArray, index: int, gain: float, *, late: bool) -> float:
-    """The end of what is stable from nothing on, below a setting that is not."""
-    trial = trial.copy()
-    low, high = 0.0, float(trial[index])
+def _halved(
+    problem: Problem, sizes: FloatArray, index: int, top: float, gain: float, *, late: bool
+) -> float:
+    """The end of what is stable from what is given on, below a size that is not."""
+    trial = sizes.copy()
+
+    def stable(size: float) -> bool:
+        trial[index] = size
+        return bool(stable_points(problem, trial[None], gain, late=late)[0])
+
+    low, high = float(sizes[index]), top
+    if not (0 < low < high and stable(low)):
+        low = 0.0
     for _ in range(_HALVINGS):
-        if high < problem.unknowns[index].low:
+        if high < problem.unknowns[index].low or high - low <= CLOSE * high:
             break
-        trial[index] = high / 8 if low == 0 else (low + high) / 2
-        if bool(stable_points(problem, trial[None], gain, late=late)[0]):
-            low = float(trial[index])
-        else:
-            high = float(trial[index])
-        if high - low <= CLOSE * high:
-            break
+        middle = high / 8 if low == 0 else (low + high) / 2
+        low, high = (middle, high) if stable(middle) else (low, middle)
     return low

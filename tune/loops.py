@@ -122,7 +122,9 @@ class Loops:
         return self._ends[key]
 
 
-def last_within(value: Callable[[float], float], limit: float, top: float) -> float:
+def last_within(
+    value: Callable[[float], float], limit: float, top: float, first: float = 0.0
+) -> float:
     """The size up to which a growing value keeps to a limit; inf where it does so to the top.
 
     Regula falsi on logarithms, halved where the value is no number; nan is beyond any limit.
@@ -131,6 +133,7 @@ def last_within(value: Callable[[float], float], limit: float, top: float) -> fl
         value: positive, of a size.
         limit: positive.
         top: the largest size looked at.
+        first: where to begin; where the limit is kept there, sizes below do not matter.
 
     Returns:
         A size at which the limit was seen kept, 0 where none was.
@@ -145,7 +148,9 @@ def last_within(value: Callable[[float], float], limit: float, top: float) -> fl
     if f_high <= 0:
         return np.inf
     low, f_low = top, f_high
-    while f_low > 0:
+    if 0 < first < top:
+        low, f_low = first, excess(first)
+    while f_low > CLOSE:
         if low < _NOTHING * top:
             return 0.0
         high, f_high = low, f_low

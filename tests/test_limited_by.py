@@ -1,0 +1,83 @@
+"""The limit that is named for an effect: relaxed alone it lets the effect grow, others do not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from tests.optimum_pairs import random_pair
+from tune.bounds import largest_allowed
+from tune.describe import bindings
+from tune.errors import NoFeasibleEffectError
+from tune.limits import stable_points
+from tune.perception import default_table
+from tune.problem import Job, Limits, Problem
+from tune.profile import LimitedBy
+from tune.solve import solve
+
+#: By how much a limit is relaxed, and the least by which an effect must then grow: another limit
+#: may be just behind.
+RELAXED, GROWS = 1.01, 1e-7
+#: Written sizes have six digits.
+ROUNDED = 1.1e-5
+
+
+def _relaxed(problem: Problem, word: LimitedBy) -> Problem:
+    limits, margin = problem.limits, problem.margin
+    if word == "force":
+        assert limits.continuous_force is not None
+        assert limits.peak_force is not None
+        more = Limits(
+            continuous_force=limits.continuous_force * RELAXED,
+            peak_force=limits.peak_force * RELAXED,
+            encoder_resolution=limits.encoder_resolution,
+            ripple=limits.ripple,
+        )
+        return replace(problem, limits=more)
+    if word == "ripple":
+        return replace(problem, limits=replace(limits, ripple=limits.ripple * RELAXED))
+    if word == "gain-margin":
+        return replace(problem, margin=margin.model_copy(update={"gain": margin.gain / RELAXED}))
+    assert word == "delay-margin"
+    return replace(problem, loops=replace(problem.loops, late=problem.loops.present))
+
+
+def _judge(seed: int) -> Counter[str]:
+    """The words of a pair, each of them proved."""
+    pair = random_pair(seed)
+    try:
+        job = Job.of(pair.device, pair.scene, default_table())
+        solved = solve(job, pair.elements, pair.filters)
+    except NoFeasibleEffectError:
+        return Counter()
+    problem, sizes = solved.problem, solved.sizes
+    words = bindings(problem, sizes, range(sizes.size))
+    for index, (unknown, word) in enumerate(zip(problem.unknowns, words, strict=True)):
+        size = float(sizes[index])
+        now = largest_allowed(problem, sizes, index)
+        assert size <= now * (1 + 1e-9)
+        if word in {"wanted", "range"} or size >= unknown.high * (1 - ROUNDED):
+            assert now <= unknown.high
+            continue
+        if word == "stability":
+            beyond = sizes.copy()
+            beyond[index] = now * RELAXED
+            assert not stable_points(problem, beyond[None], 1.0, late=False)[0]
+            continue
+        grown = largest_allowed(_relaxed(problem, word), sizes, index)
+        assert grown > now * (1 + GROWS), (unknown.label, word)
+    return Counter(words)
+
+
+@pytest.mark.parametrize("seeds", [range(16), range(16, 32), range(32, 48)])
+def test_relaxing_the_limit_named_lets_an_effect_grow(seeds: range) -> None:
+    seen = sum((_judge(seed) for seed in seeds), Counter[str]())
+    assert {"force", "ripple", "delay-margin"} <= set(seen)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(300))
+def test_relaxing_the_limit_named_lets_an_effect_grow_in_300_pairs(seed: int) -> None:
+    _judge(seed)

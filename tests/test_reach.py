@@ -1,0 +1,172 @@
+"""What solvers see of stability and of optima: against loops, crossings and trades of our own."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.optimum_pairs import Pair, random_pair
+from tests.optimum_reference import Reference
+from tune.backends import Stage
+from tune.backends.multipliers import prices
+from tune.backends.program import program_of
+from tune.backends.reach import Reach
+from tune.bounds import largest_allowed
+from tune.climb import climb
+from tune.limits import allowed, weakest
+from tune.perception import default_table
+from tune.problem import Job, Problem
+from tune.solve import backends, solve
+from tune.starts import interior
+
+FloatArray = NDArray[np.float64]
+
+
+@cache
+def _posed(seed: int) -> tuple[Pair, Problem, FloatArray]:
+    """A pair, its problem without what was dropped, and the sizes that were found."""
+    pair = random_pair(seed)
+    solved = solve(Job.of(pair.device, pair.scene, default_table()), pair.elements, pair.filters)
+    return pair, solved.problem, solved.sizes
+
+
+def _reference(pair: Pair, problem: Problem) -> Reference:
+    every = {
+        f"{name}.{effect}"
+        for name, element in pair.scene.elements.items()
+        for effect in element.wishes()
+    }
+    gone = frozenset(every - {unknown.label for unknown in problem.unknowns})
+    return Reference(pair.device, pair.scene, pair.elements, pair.filters_hz, gone)
+
+
+def _reach(problem: Problem) -> Reach:
+    every = [(loop, range(loop.terms.free.shape[1])) for loop in problem.loops.late]
+    return Reach.of(problem, every, problem.margin.gain)
+
+
+def _rows(reach: Reach, sizes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Reach, its slopes, gap phase, its slopes: of each moment and corner."""
+    value, slope = reach.at(sizes)
+    parts: list[list[FloatArray]] = [[], [], [], []]
+    start = 0
+    for table in reach.tables:
+        for shares in reach.shares:
+            count = len(shares) * table[0].shape[1]
+            for which in (0, 1):
+                chosen = slice(start + which * count, start + (which + 1) * count)
+                parts[2 * which].append(value[chosen])
+                parts[2 * which + 1].append(slope[chosen])
+            start += 2 * count
+    ends, end_slopes, gaps, gap_slopes = (np.concatenate(part) for part in parts)
+    return ends, end_slopes, gaps, gap_slopes
+
+
+# Two together, in a hand, made lighter, three effects, three elements, a fixed value.
+@pytest.mark.parametrize("seed", [1, 2, 3, 5, 7, 9, 13, 14, 15, 21, 23, 33])
+def test_the_reach_and_its_slopes_are_those_of_crossings_found_otherwise(seed: int) -> None:
+    pair, problem, sizes = _posed(seed)
+    reference, reach = _reference(pair, problem), _reach(problem)
+    rng = np.random.default_rng(seed)
+    seen = 0
+    for _ in range(12):
+        point = sizes * np.exp(rng.uniform(-0.5, 0.5, sizes.size))
+        for _ in range(3):  # along the ray to somewhere near the boundary
+            point *= np.exp(-float(np.max(_rows(reach, point)[0])))
+        point *= np.exp(rng.uniform(-0.3, 0.3))
+        ends, slopes, gaps, _ = _rows(reach, point)
+        worst = int(np.argmax(ends))
+        found = reference.loops.crossings(reference.sums @ point, 50 * reference.gain)
+        if not found.gain.size or np.max(gaps) > 0 or abs(ends[worst]) > 2:
+            continue
+        first = int(np.argmin(found.gain))
+        assert ends[worst] == pytest.approx(np.log(reference.gain / found.gain[first]), abs=1e-8)
+        truth = -found.slopes[:, first] @ reference.sums[found.moment[first]] * point
+        assert slopes[worst] == pytest.approx(truth, rel=1e-4, abs=1e-6)
+        seen += 1
+    assert seen >= 3
+
+
+def test_a_gap_that_opens_below_the_gain_is_seen_before_it_opens() -> None:
+    """Two crossings at a fifth of the gain appear between two settings a part in 1e5 apart."""
+    pair, problem, _ = _posed(146)
+    reference, reach = _reference(pair, problem), _reach(problem)
+    whole = np.log([122.599875, 0.474682467, 0.0676885305])
+    open_ = np.log([122.60160853811423, 0.4745943199370595, 0.06768948787904698])
+
+    def phase(part: float) -> float:
+        return float(np.max(_rows(reach, np.exp(whole + part * (open_ - whole)))[2]))
+
+    def broken(part: float) -> bool:
+        place = np.exp(whole + part * (open_ - whole))
+        gains = reference.loops.crossings(reference.sums @ place, 3.0).gain
+        return bool(np.min(gains, initial=np.inf) < 1)
+
+    low, high = 0.0, 1.0
+    assert phase(low) < 0 < phase(high)
+    while high - low > 1e-4:
+        middle = (low + high) / 2
+        low, high = (middle, high) if phase(middle) < 0 else (low, middle)
+    assert not broken(low - 1e-3)
+    assert broken(high + 1e-3)
+    for part in (low - 0.3, low - 0.01, high + 0.01, high + 0.3):
+        _, _, gaps, slopes = _rows(reach, np.exp(whole + part * (open_ - whole)))
+        along = float(slopes[int(np.argmax(gaps))] @ (open_ - whole))
+        assert along == pytest.approx((phase(part + 1e-3) - phase(part - 1e-3)) / 2e-3, rel=1e-2)
+
+
+def _first_stage(problem: Problem) -> tuple[Stage, FloatArray]:
+    """All raised together, and where that ends."""
+    best = climb(problem, backends()).sizes
+    assert best is not None
+    count = best.size
+    weights = np.append(np.zeros(count), 1.0)
+    return Stage(active=np.ones(count), floors=np.zeros(count), weights=weights), best
+
+
+def _prices(problem: Problem, stage: Stage, sizes: FloatArray) -> FloatArray | None:
+    heights = [u.height(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)]
+    program = program_of(problem, list(weakest(problem, sizes)))
+    return prices(program, stage, np.append(np.log(sizes), min(heights)))
+
+
+@pytest.mark.parametrize("seed", [1, 25, 37])
+def test_prices_are_the_rates_at_which_steps_are_traded(seed: int) -> None:
+    """Where both end at one height: one a little smaller, the other as large as is then allowed."""
+    _, problem, _ = _posed(seed)
+    stage, best = _first_stage(problem)
+    cost = _prices(problem, stage, best)
+    assert cost is not None
+    assert float(np.sum(cost)) == pytest.approx(1.0, abs=1e-3)
+    for given, other in ((0, 1), (1, 0)):
+        if cost[other] < 1e-3:
+            continue
+        first, second = problem.unknowns[given], problem.unknowns[other]
+        traded = best.copy()
+        traded[given] *= 1 - 1e-4
+        traded[other] = largest_allowed(problem, traded, other)
+        lost = first.height(float(best[given])) - first.height(float(traded[given]))
+        gained = second.height(float(traded[other])) - second.height(float(best[other]))
+        assert gained / lost == pytest.approx(cost[given] / cost[other], rel=0.02, abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_setting_inside_has_no_prices(seed: int) -> None:
+    _, problem, _ = _posed(seed)
+    stage, best = _first_stage(problem)
+    assert _prices(problem, stage, best * 0.9) is None
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 5, 7, 9, 33])
+def test_a_start_is_allowed_and_meets_what_is_wanted_if_it_can(seed: int) -> None:
+    _, problem, sizes = _posed(seed)
+    start = interior(problem)
+    assert start is not None
+    assert allowed(problem, start)
+    for unknown, first, found in zip(problem.unknowns, start, sizes, strict=True):
+        assert first >= unknown.low
+        if unknown.wish.kind == "value" and found == unknown.high:
+            assert first == pytest.approx(unknown.high, rel=1e-12)

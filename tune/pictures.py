@@ -41,9 +41,10 @@ def profile_picture(profile: SafeProfile) -> Figure:
     left, right = figure.subplots(1, 2)
     _region(left, profile)
     _steps(right, profile)
+    late = profile.margin.extra_delay_samples
     figure.suptitle(
         f"{profile.scene} on {profile.device.name}: safe for every gain up to "
-        f"{profile.margin.gain:g} with {profile.margin.extra_delay_samples} extra sample(s)"
+        f"{profile.margin.gain:g} with {late} extra sample{'s' * (late != 1)}"
     )
     return figure
 
@@ -108,7 +109,8 @@ def _steps(axes: Axes, profile: SafeProfile) -> None:
             labels.append(f"{name} {effect}")
             steps.append(element.perceived_steps.get(effect, 0.0))
             value: float = getattr(element, effect)
-            words.append(f" {value:.4g} {units[effect]}, limited by {reason}")
+            why = "as wanted" if reason == "wanted" else f"limited by {reason}"
+            words.append(f" {value:.4g} {units[effect]}, {why}")
     places = np.arange(len(labels))[::-1]
     axes.barh(places, steps, color="tab:green", alpha=0.6)
     axes.axvline(1, color="k", lw=0.8, ls=":")

@@ -60,6 +60,19 @@ def test_a_damper_of_its_own_does_not_help_where_damping_may_be_negative() -> No
     _refused(ended, 5, "not positive", "add damping")
 
 
+# The device is known exactly.
+
+
+def test_a_device_without_any_interval_is_certified_as_it_is() -> None:
+    device = _device(mass=quantity(3.0), damping=quantity(10.0), delay=quantity(0.0))
+    ended = _tuned(device, BLOCK)
+    assert ended.code == 0, ended.err
+    certificate = load_profile(Path("profile.yaml")).certificate
+    assert certificate.mass == (3.0, 3.0)
+    assert certificate.delay_samples == (0.0, 0.0)
+    assert haptune("check", "profile.yaml").code == 0
+
+
 # The mass of the device may be anything within a decade.
 
 

@@ -110,7 +110,7 @@ def _starts(count: int, thorough: int) -> FloatArray:
     """Corners, points on edges and faces, points inside; parts of each side, one a column."""
     chance = np.random.default_rng(_SEED)
     if count <= _ALL_CORNERS:
-        corners = np.array(list(product((0.0, 1.0), repeat=count))).reshape(-1, count).T
+        corners = np.array(list(product((0.0, 1.0), repeat=count))).T.reshape(count, 2**count)
     else:
         corners = chance.integers(0, 2, (count, 2**_ALL_CORNERS)).astype(float)
     inside = chance.random((count, _CHANCE_POINTS * thorough))

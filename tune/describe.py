@@ -19,7 +19,7 @@ from tune.passivity import damping_needed
 from tune.problem import Problem
 from tune.profile import ElementProfile, LimitedBy, Margins
 from tune.rendered import rendered
-from tune.scene import Scene
+from tune.scene import MARGINS, Scene
 
 FloatArray = NDArray[np.float64]
 
@@ -160,6 +160,7 @@ def element_profile(
     name: str,
     dropped: dict[str, str],
     delays: Mapping[tuple[str, ...], float],
+    slack: float,
 ) -> ElementProfile:
     """The profile entry of one element, every number computed from the written sizes.
 
@@ -171,6 +172,7 @@ def element_profile(
         name: of the element.
         dropped: reasons by label.
         delays: extra samples each moment bears, by its elements.
+        slack: part of its margins that is not claimed, where a proof came too close to the edge.
     """
     values = dict.fromkeys(EFFECT_NAMES, 0.0)
     steps: dict[str, float] = {}
@@ -190,6 +192,13 @@ def element_profile(
     alone = [m for m in problem.moments if m.elements == (name,)]
     noise = ripple(problem, alone[0], sizes) if alone else None
     gain = min([*gains, _MARGIN_CAP])
+    late = min([float(MOST), *(delays[moment.elements] for moment in moments)])
+    if slack:
+        kept = MARGINS[scene.margin]
+        gain = max(gain * (1 - slack), min(gain, kept.gain))
+        late = max(
+            float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
+        )
     return ElementProfile(
         stiffness=values["stiffness"],
         damping=values["damping"],
@@ -197,7 +206,7 @@ def element_profile(
         perceived_steps=steps,
         margins=Margins(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
-            extra_delay_samples=min([float(MOST), *(delays[m.elements] for m in moments)]),
+            extra_delay_samples=late,
             passive=_passive(problem, values),
         ),
         ripple=None if noise is None else rounded(noise, 4),

@@ -24,8 +24,9 @@ Progress = Callable[[str], None]
 
 #: Proposals after the first, each warned by what the check said of the one before.
 _MOST_ATTEMPTS = 4
-#: Margin beyond the one asked for, relative, where a proof came too close to the edge.
-_SLACK = (1e-3, 1e-2)
+#: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
+#: came too close to the edge.
+_SLACK = (1e-3, 1e-2, 5e-2)
 
 
 def optimise(
@@ -122,7 +123,7 @@ def design_of(
     delays = dict(zip(names, extra_delays(felt), strict=True))
     elements = {
         name: element_profile(
-            device, scene, solved.problem, solved.sizes, name, solved.dropped, delays
+            device, scene, solved.problem, solved.sizes, name, solved.dropped, delays, job.slack
         )
         for solved in solutions
         for name in scene.elements

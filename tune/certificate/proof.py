@@ -29,6 +29,8 @@ _BATCH = 4096
 _NARROWEST = 1e-9
 #: Ratio of neighbouring frequencies to begin with.
 _RATIO = 1.5
+#: A side that moves nothing is split when it is so many times wider than what would be.
+_STARVED = 16.0
 #: A second side is split at once if it moves the loop by more than this part of the first.
 _ALSO = 0.5
 
@@ -257,13 +259,18 @@ def _split(cells: _Cells, pull: FloatArray, widest: FloatArray) -> tuple[_Cells,
     pull = np.where(width > 0, pull, -1.0)
     order = np.argsort(-pull, axis=0, kind="stable")
     index = np.arange(len(cells))
+    # A side too wide to be followed, as the delay is where a phase turns far, has no pull at all:
+    # it has its turn when what would be split has become much narrower.
+    starved = np.where(pull == 0, relative, 0.0)
+    neglected = starved.max(axis=0) > _STARVED * relative[order[0], index]
     first = order[0]
+    first[neglected] = starved.argmax(axis=0)[neglected]
     narrow = np.flatnonzero(relative[first, index] < _NARROWEST)
     if narrow.size:
         return cells, int(narrow[0])
     halves = _halved(cells, first)
     second = order[1]
-    both = pull[second, index] > _ALSO * pull[first, index]
+    both = ~neglected & (pull[second, index] > _ALSO * pull[first, index])
     twice = np.concatenate([both, both])
     sides = np.concatenate([second, second])
     return (

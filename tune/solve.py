@@ -103,25 +103,24 @@ def solve(
 
 
 def _faint(problem: Problem, sizes: FloatArray) -> dict[str, str]:
-    """Why effects are dropped that no hand could tell from nothing, by label.
+    """Why an effect is dropped that no hand could tell from nothing, by its label.
 
-    Those that would not reach a step even alone; where each of them would, the faintest.
+    The faintest of those that would not reach a step even alone, or of all. One at a time: the
+    margin that it leaves may be all that others lack.
     """
-    steps = [u.steps(float(size)) for u, size in zip(problem.unknowns, sizes, strict=True)]
-    if min(steps) >= 1:
+    steps = np.array([u.steps(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)])
+    if np.min(steps) >= 1:
         return {}
     low = np.array([unknown.low for unknown in problem.unknowns])
-    found: dict[str, str] = {}
-    for index, unknown in enumerate(problem.unknowns):
-        most = largest_allowed(problem, low, index)
-        if steps[index] < 1 and unknown.steps(most) < 1:
-            alone = low.copy()
-            alone[index] = most
-            found[unknown.label] = _too_little(problem, alone, index)
-    if not found:
-        index = int(np.argmin(steps))
-        found[problem.unknowns[index].label] = _too_little(problem, sizes, index)
-    return found
+    faint = np.flatnonzero(steps < 1)
+    most = {int(i): largest_allowed(problem, low, int(i)) for i in faint}
+    alone = [i for i, size in most.items() if problem.unknowns[i].steps(size) < 1]
+    index = min(alone or most, key=lambda i: float(steps[i]))
+    setting = sizes
+    if alone:
+        setting = low.copy()
+        setting[index] = most[index]
+    return {problem.unknowns[index].label: _too_little(problem, setting, index)}
 
 
 def _too_little(problem: Problem, sizes: FloatArray, index: int) -> str:

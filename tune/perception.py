@@ -7,7 +7,7 @@ from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
 from statistics import NormalDist
-from typing import Literal
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,9 +191,13 @@ def steps_estimate(steps: float, fraction: WeberFraction) -> Estimate:
     )
 
 
+@overload
+def value_at_steps(steps: float, reference: float, weber: float, sign: int) -> float: ...
+@overload
+def value_at_steps(steps: FloatArray, reference: float, weber: float, sign: int) -> FloatArray: ...
 def value_at_steps(
     steps: float | FloatArray, reference: float, weber: float, sign: int
-) -> FloatArray:
+) -> float | FloatArray:
     """The value of the given sign that stands that many steps above (below) the bare device."""
     return reference * np.expm1(np.multiply(sign * np.log1p(weber), steps))
 

@@ -79,7 +79,8 @@ class Unknown:
 
     def size_at(self, steps: float | FloatArray) -> FloatArray:
         """The size that is perceived as so many steps, of their shape."""
-        return self.sign * value_at_steps(steps, self.reference, self.weber, self.sign)
+        given = np.asarray(steps, dtype=np.float64)
+        return self.sign * value_at_steps(given, self.reference, self.weber, self.sign)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

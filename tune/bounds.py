@@ -85,6 +85,10 @@ def stable_bounds(
         gain: the largest.
         late: with the margin's extra delay, or at the device's own delay alone.
     """
+    if len(problem.unknowns) == 1:
+        unknown = problem.unknowns[0]
+        end = problem.loops.end_alone(unknown.effect, unknown.sign, late=late) / gain
+        return [np.inf if end > top * (1 + CLOSE) else end * (1 - 4 * CLOSE) for top in tops]
     bounds = np.full(len(indices), np.inf)
     trials = np.repeat(sizes[None], len(indices), axis=0)
     trials[np.arange(len(indices)), indices] = tops
@@ -109,10 +113,6 @@ def _ends(
 ) -> FloatArray:
     """Where each unknown leaves the stable interval it is in, at the full gain alone."""
     ends = np.full(len(indices), np.inf)
-    if len(problem.unknowns) == 1:
-        unknown = problem.unknowns[0]
-        ends[:] = problem.loops.end_alone(unknown.effect, unknown.sign, late=late) / gain
-        return ends
     cases = [
         (row, moment, place)
         for row, index in enumerate(indices)

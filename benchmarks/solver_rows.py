@@ -14,10 +14,11 @@ from benchmarks.solvers import SOLVERS, Task
 from tests.optimum_reference import Reference
 from tests.optimum_search import highest
 from tune.backends.program import program_of
-from tune.climb import climb, closed_form, interior
+from tune.climb import climb, closed_form
 from tune.limits import weakest
 from tune.problem import Problem
 from tune.solve import backends
+from tune.starts import interior
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.effects import EFFECT_NAMES, Effects
+from tune.effects import Effects
 from tune.loops import CLOSE
 from tune.problem import Moment, Problem
 from tune.ripple import force_ripple
@@ -196,16 +196,10 @@ def _felt(problem: Problem, points: FloatArray) -> Iterator[Effects]:
     spring.
     """
     for sprung in (True, False):
-        moments = [moment for moment in problem.moments if bool(moment.members[0]) == sprung]
-        if not moments or not len(points):
+        shares = problem.shares(sprung=sprung)
+        if not len(shares) or not len(points):
             continue
-        totals: list[FloatArray | None] = []
-        for place in range(len(EFFECT_NAMES)):
-            members = [moment.members[place] for moment in moments]
-            shares = np.zeros((len(moments), len(problem.unknowns)))
-            for row, indices in zip(shares, members, strict=True):
-                for index in indices:
-                    row[index] = problem.unknowns[index].sign
-            totals.append((points @ shares.T)[..., None] if any(members) else None)
-        stiffness, damping, mass = totals
+        stiffness, damping, mass = (
+            (points @ part.T)[..., None] if part.any() else None for part in shares.swapaxes(0, 1)
+        )
         yield Effects(stiffness=stiffness, damping=damping, mass=mass)

@@ -134,6 +134,20 @@ class Problem:
         """Those that the unknowns use."""
         return self.loops.filters
 
+    def shares(self, *, sprung: bool) -> FloatArray:
+        """What each unknown adds to K, B and M of the moments with a spring, or of those without.
+
+        Returns:
+            The signs, shape (moments, 3, unknowns).
+        """
+        moments = [moment for moment in self.moments if bool(moment.members[0]) == sprung]
+        shares = np.zeros((len(moments), len(EFFECT_NAMES), len(self.unknowns)))
+        for row, moment in zip(shares, moments, strict=True):
+            for effect, members in enumerate(moment.members):
+                for index in members:
+                    row[effect, index] = self.unknowns[index].sign
+        return shares
+
     def effects(self, moment: Moment, sizes: FloatArray) -> Effects:
         """The sum of effects of one moment; an effect no element has is absent."""
         total = [

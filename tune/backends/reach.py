@@ -57,7 +57,7 @@ class Reach:
         return cls(
             tables=tuple(_table(loop, columns) for loop, columns in shown),
             held=tuple(loop.held for loop, _ in shown),
-            shares=(_shares(problem, sprung=True), _shares(problem, sprung=False)),
+            shares=(problem.shares(sprung=True), problem.shares(sprung=False)),
             gain=gain,
         )
 
@@ -165,13 +165,3 @@ def _table(
         for part in (loop.terms, loop.sizes)
     )
     return loop.terms.free[:, chosen], terms, loop.sizes.free[:, chosen], sizes
-
-
-def _shares(problem: Problem, *, sprung: bool) -> FloatArray:
-    moments = [moment for moment in problem.moments if bool(moment.members[0]) == sprung]
-    shares = np.zeros((len(moments), 3, len(problem.unknowns)))
-    for row, moment in zip(shares, moments, strict=True):
-        for effect, members in enumerate(moment.members):
-            for index in members:
-                row[effect, index] = problem.unknowns[index].sign
-    return shares

@@ -1,4 +1,4 @@
-"""Random general loops, judged and compared with 600-bit arithmetic."""
+"""Random general loops, judged and compared with 360-digit arithmetic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The general loop in z with 600 bits: state space, matrix exponential, characteristic polynomials.
+"""The general loop in z, 360 digits: state space, matrix exponential, characteristic polynomials.
 
 Written from the equations of motion and the definition of the hold, by another route than the code
 under test: coordinates are not decoupled, nothing is split into fractions, and no w occurs.
@@ -204,13 +204,15 @@ def crossings(loop: ReferenceLoop) -> list[arb]:
 
 
 def roots_of(coefficients: list[arb]) -> list[acb]:
-    """All roots but those at zero; turned where the library's own starting points lead nowhere."""
-    coefficients = coefficients[next(k for k, c in enumerate(coefficients) if not c.contains(0)) :]
+    """All roots, once each; turned where the library's own starting points lead nowhere."""
+    lowest = next(k for k, c in enumerate(coefficients) if not c.contains(0))
+    zero = [acb(0)] if lowest else []
+    coefficients = coefficients[lowest:]
     turn = acb(1)
     for _ in range(5):
         turned = [acb(c) * turn**power for power, c in enumerate(coefficients)]
         try:
-            return [root * turn for root in acb_poly(turned).roots(tol=TOLERANCE)]
+            return zero + [root * turn for root in acb_poly(turned).roots(tol=TOLERANCE)]
         except ValueError:
             turn *= acb(arb(3) / 5, arb(4) / 5)
     raise ArithmeticError("the roots cannot be isolated")

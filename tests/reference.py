@@ -1,4 +1,4 @@
-"""The loop of the paper in z, equation (37) with its factors, in 120-digit ball arithmetic.
+"""The loop of the paper in z, equation (37) with its factors, in 360-digit ball arithmetic.
 
 Written from the paper and from the definition of the zero-order hold, not from the code under
 test: at this precision the cancellation of the printed form does not matter.
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flint import acb, acb_poly, arb, arb_poly, ctx
 
-ctx.prec = 600
+ctx.prec = 1200
 
 #: Radius to which roots are isolated.
 TOLERANCE = arb(10) ** -60

@@ -1,4 +1,4 @@
-"""The general loop against 600-bit arithmetic, known tables, and what must not change it."""
+"""The general loop against 360-digit arithmetic, known tables, and what must not change it."""
 
 from __future__ import annotations
 
@@ -45,17 +45,17 @@ def _accept(tally: Counter[str], count: int) -> None:
     assert tally["draw undecided"] <= 1e-3 * tally["draw"], tally
 
 
-def test_verdicts_and_margins_against_600_bits() -> None:
+def test_verdicts_and_margins_against_360_digits() -> None:
     _accept(compare(150, seed=1), 150)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(25))
-def test_verdicts_and_margins_against_600_bits_long(seed: int) -> None:
+def test_verdicts_and_margins_against_360_digits_long(seed: int) -> None:
     _accept(compare(2_000, seed=100 + seed), 2_000)
 
 
-def test_intervals_in_one_coordinate_end_where_600_bits_change_sides() -> None:
+def test_intervals_in_one_coordinate_end_where_360_digits_change_sides() -> None:
     rng = np.random.default_rng(11)
     ends = 0
     for _ in range(60):
@@ -171,7 +171,7 @@ def test_a_window_of_one_sample_is_the_plain_difference() -> None:
     ("window", "delay"), [(LONGEST_WINDOW, 1.0), (15, 5.5), (1, LONGEST_DELAY)]
 )
 def test_the_longest_windows_and_delays_are_still_judged(window: int, delay: float) -> None:
-    """Degrees up to 65, against 600 bits."""
+    """Degrees up to 65, against 360 digits."""
     case = GeneralCase(
         mass=3.0,
         damping=10.0,

@@ -19,7 +19,7 @@ from tune.stability import is_stable, verdict
 
 
 def _step(a: float, b: float, span: arb) -> tuple[arb, arb]:
-    """Position and rate of x'' + a·x' + b·x = 1 after a span, from rest; 600 bits."""
+    """Position and rate of x'' + a·x' + b·x = 1 after a span, from rest; 360 digits."""
     system = arb_mat([[arb(0), span, arb(0)], [-arb(b) * span, -arb(a) * span, span], [arb(0)] * 3])
     moved = system.exp()
     return moved[0, 2], moved[1, 2]
@@ -121,7 +121,7 @@ def test_quadratic_factors_and_fractions_put_together_again(zeros: int) -> None:
 
 
 def _built(roots: np.ndarray) -> list[arb]:
-    """Coefficients in 600 bits of the real polynomial with these roots and their conjugates."""
+    """Coefficients in 360 digits of the real polynomial with these roots and their conjugates."""
     total = arb_poly([1])
     for root in roots:
         real, imaginary = arb(float(root.real)), arb(float(root.imag))

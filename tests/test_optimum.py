@@ -61,7 +61,7 @@ def _reference(pair: Pair, solved: Solved) -> Reference:
 
 
 def _exactly_stable(reference: Reference, pair: Pair, sizes: FloatArray) -> bool:
-    """Every moment at the corners where it is closest, by crossings with 120 digits."""
+    """Every moment at the corners where it is closest, by crossings with 360 digits."""
     totals = reference.sums @ sizes
     found = reference.loops.crossings(totals, 2 * reference.gain)
     for moment, (stiffness, damping, mass) in enumerate(totals.tolist()):
@@ -93,7 +93,7 @@ def _case(corner: Corner, filters_hz: tuple[float | None, float | None]) -> Gene
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_first_crossings_are_those_of_120_digits(seed: int) -> None:
+def test_first_crossings_are_those_of_360_digits(seed: int) -> None:
     pair = random_pair(12 * seed + 9)  # of those in a hand
     rng = np.random.default_rng(seed)
     reference = _reference(pair, _nothing_dropped())

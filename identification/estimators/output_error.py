@@ -9,12 +9,13 @@ residual then shows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators import least_squares
+from identification.estimators import unlogged as unlogged_force
 from identification.estimators.answer import answer
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import unknown_intervals
@@ -181,6 +182,15 @@ def _estimate(
     size, fitted = len(table.model.parameters), int(delay is None)
     values, jacobian, residual = found.values[:size], found.jacobian, found.residual
     around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
+    unlogged = unlogged_force.covariance(
+        jacobian,
+        residual,
+        size + fitted,
+        mass=float(values[0]),
+        rate=float(values[1] / values[0]),
+        step=float(np.mean(table.signals.steps)),
+    )
+    around = replace(around, covariance=around.covariance + unlogged)
     position = table.signals.position[table.known :]
     return answer(
         "output-error",

@@ -121,7 +121,7 @@ def _sentence(effects: Effects | None) -> str:
 
 def _rows(found: Audit) -> list[tuple[str, str, str]]:
     """(what, seen, needed) of everything that was computed."""
-    from tune.cli.tables import UNITS
+    from tune.cli.tables import UNITS, further_delay
 
     design, margins = found.design, found.margins
     units = UNITS[design.device.motion]
@@ -130,7 +130,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
         ("gain margin over the box", f"{found.gain:.4g}", f"{design.margin.gain:g}"),
         (
             "extra delay, samples, over the box",
-            "-" if math.isnan(found.delay_samples) else f"{found.delay_samples:.2f}",
+            "-" if math.isnan(found.delay_samples) else further_delay(found.delay_samples),
             f"{design.margin.extra_delay_samples}",
         ),
         (

@@ -63,11 +63,18 @@ def elements_table(profile: SafeProfile) -> Table:
                 f"{value:.6g} {units[effect]}" if value else "-",
                 f"{element.perceived_steps.get(effect, 0.0):.3g}",
                 f"{element.margins.gain:.4g}",
-                f"+{element.margins.extra_delay_samples:g} T",
+                f"{further_delay(element.margins.extra_delay_samples)} T",
                 "-" if element.ripple is None else f"{element.ripple:.2g} {units['force']}",
                 reason,
             )
     return table
+
+
+def further_delay(samples: float) -> str:
+    """A delay margin in samples, which is not looked for beyond `tune.delays.MOST`."""
+    from tune.delays import MOST
+
+    return f"≥{MOST}" if samples >= MOST else f"+{samples:g}"
 
 
 def _felt(profile: SafeProfile) -> tuple[str, ...]:
@@ -141,7 +148,7 @@ def candidates_table(
             f"{row.value:.6g} {units[row.effect]}" if row.value else "-",
             _steps(row.steps),
             f"{row.gain:.4g}",
-            f"+{row.extra_delay_samples:g} T",
+            f"{further_delay(row.extra_delay_samples)} T",
             "-" if row.ripple is None else f"{row.ripple:.2g} {units['force']}",
             row.limited_by,
         )

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.bracketing import CLOSE, last_within
 from tune.effects import EFFECT_NAMES, Effects
 from tune.intervals import stable_intervals
 from tune.limits import forces, quiet_alone, ripple, stable_points
 from tune.loop import Loop
-from tune.loops import CLOSE, last_within
 from tune.problem import Moment, Problem
 
 FloatArray = NDArray[np.float64]

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.bracketing import last_kept
 from tune.closed_loop import ClosedLoop, closed_loops, value
 from tune.effects import Effects
 from tune.loop import Loop
@@ -150,28 +151,14 @@ class _Search:
 
     def _refined(self, stable: float, unstable: float) -> float:
         """The crossing in between: secant steps on the exact gain, halvings where it jumps."""
-        low, high = stable, unstable
-        f_low, f_high = (self._distance_to_crossing(self._loop_at(f)) for f in (low, high))
-        side = 0
-        while high - low > _REFINED * max(1.0, high):
-            guess = (low * f_high - high * f_low) / (f_high - f_low)
-            if not low < guess < high or not np.isfinite(guess):
-                guess = (low + high) / 2
-            if guess in (low, high):
-                break
-            f = self._distance_to_crossing(self._loop_at(guess))
-            if f == 0:
-                return guess
-            # The Illinois rule: an end that stays twice counts half, so that both ends move.
-            if f > 0:
-                low, f_low = guess, f
-                f_high = f_high / 2 if side > 0 else f_high
-                side = 1
-            else:
-                high, f_high = guess, f
-                f_low = f_low / 2 if side < 0 else f_low
-                side = -1
-        return low
+        return last_kept(
+            lambda delay: self._distance_to_crossing(self._loop_at(delay)),
+            stable,
+            unstable,
+            room_kept=self._distance_to_crossing(self._loop_at(stable)),
+            room_broken=self._distance_to_crossing(self._loop_at(unstable)),
+            close=_REFINED * max(1.0, unstable),
+        )
 
 
 def _frequencies(*loops: ClosedLoop) -> FloatArray:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.bracketing import CLOSE
 from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.loop import LONGEST_DELAY
-from tune.loops import CLOSE, Loops
+from tune.loops import Loops
 from tune.problem import Moment, Problem
 from tune.stability import safe_up_to
 

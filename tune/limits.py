@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.bracketing import CLOSE
 from tune.effects import Effects
-from tune.loops import CLOSE
 from tune.problem import Moment, Problem
 from tune.ripple import force_ripple
 from tune.stability import is_stable, safe_gain, safe_up_to

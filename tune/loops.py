@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
+from tune.bracketing import last_within
 from tune.effects import EffectName, Effects
 from tune.loop import Filters, Loop
 from tune.region import Region
@@ -22,14 +23,6 @@ from tune.stability import stable_values
 from tune.stacking import stacked
 
 FloatArray = NDArray[np.float64]
-
-#: Gains and sizes this close to a boundary, relative, are taken to be on it: the verdicts decide
-#: at 1e-9, and a written profile is rounded to six digits anyway.
-CLOSE = 1e-9
-#: Steps of a search for a boundary; regula falsi needs about eight, halving alone thirty.
-_MOST_STEPS = 80
-#: Sizes below this part of the top are as good as nothing.
-_NOTHING = 1e-15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,64 +113,6 @@ class Loops:
         if key not in self._ends:
             self._ends[key] = compute()
         return self._ends[key]
-
-
-def last_within(
-    value: Callable[[float], float], limit: float, top: float, first: float = 0.0
-) -> float:
-    """The size up to which a growing value keeps to a limit; inf where it does so to the top.
-
-    Regula falsi on logarithms, halved where the value is no number; nan is beyond any limit.
-
-    Args:
-        value: positive, of a size.
-        limit: positive.
-        top: the largest size looked at.
-        first: where to begin; where the limit is kept there, sizes below do not matter.
-
-    Returns:
-        A size at which the limit was seen kept, 0 where none was.
-    """
-
-    def excess(size: float) -> float:
-        with np.errstate(all="ignore"):
-            found = float(np.log(value(size) / limit))
-        return np.inf if np.isnan(found) else found
-
-    high, f_high = top, excess(top)
-    if f_high <= 0:
-        return np.inf
-    low, f_low = top, f_high
-    if 0 < first < top:
-        low, f_low = first, excess(first)
-    while f_low > CLOSE:
-        if low < _NOTHING * top:
-            return 0.0
-        high, f_high = low, f_low
-        # In proportion, as the ripple of a small effect is, and a little less.
-        low *= min(0.5, 0.9 * float(np.exp(-f_low)) if np.isfinite(f_low) else 0.1)
-        f_low = excess(low)
-    last = 0
-    for _ in range(_MOST_STEPS):
-        if high - low <= CLOSE * high:
-            break
-        middle = 0.5
-        if np.isfinite(f_high) and np.isfinite(f_low):
-            middle = f_low / (f_low - f_high)
-        size = low * (high / low) ** float(np.clip(middle, 0.0, 1.0))
-        # A step that ends on the limit must leave room on both sides to end the search.
-        size = float(np.clip(size, low * (1 + CLOSE / 2), high * (1 - CLOSE / 2)))
-        f = excess(size)
-        # The Illinois rule: an end that stays twice counts half, so that both ends move.
-        if f <= 0:
-            low, f_low = size, f
-            f_high = f_high / 2 if last > 0 else f_high
-            last = 1
-        else:
-            high, f_high = size, f
-            f_low = f_low / 2 if last < 0 else f_low
-            last = -1
-    return low
 
 
 def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:

@@ -8,11 +8,12 @@ from typing import Any
 
 from identification import Device, as_stored, load_device
 from tune.certificate.certify import certify
+from tune.certified import Certificate
 from tune.loop import Filters
 from tune.optimisation import design_of
 from tune.perception import default_table
 from tune.problem import Job
-from tune.profile import Certificate, Design
+from tune.profile import Design
 from tune.scene import Scene
 from tune.solve import Solved, groups, solve
 

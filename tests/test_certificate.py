@@ -305,7 +305,7 @@ def _design(**changes: object) -> Design:
         content.pop(key)
     for element in content["elements"].values():
         element["margins"] |= {"gain": 2.0, "extra_delay_samples": 1.0}
-        element["ripple"] = 1.0
+        element |= {"ripple": 1.0, "rendered": None, "perceived_steps": {}}
     content["ripple_limit"] = 1.0
     content["device"] |= changes.pop("device", {})  # type: ignore[operator]
     return Design.model_validate(content | changes)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, as_stored
+from tune.certified import Certificate
 from tune.climb import climb, closed_form
 from tune.delays import Felt, extra_delays
 from tune.effects import EFFECT_NAMES, Effects
@@ -20,7 +21,7 @@ from tune.margins import LoopMargins, margins_of
 from tune.optimisation import design_of
 from tune.perception import default_table
 from tune.problem import Job, Problem, pose
-from tune.profile import Certificate, Design
+from tune.profile import Design
 from tune.ripple import count_jump, handle_vibration
 from tune.scene import MarginName, Scene
 from tune.solve import Solved, backends, settled

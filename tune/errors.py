@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tune.profile import WorstPoint
+    from tune.certified import WorstPoint
 
 
 class TuneError(Exception):

@@ -15,7 +15,7 @@ from tune.hand import hand_of
 from tune.loop import Filters
 from tune.perception import PerceptionTable, default_table
 from tune.problem import Job
-from tune.profile import Design, LoopProfile, MarginProfile, SafeProfile
+from tune.profile import Design, LoopProfile, MarginProfile, PerceptionProfile, SafeProfile
 from tune.region import Spot
 from tune.scene import MARGINS, Scene
 from tune.solve import Solved, groups, solve
@@ -158,9 +158,21 @@ def design_of(
         elements={name: elements[name] for name in scene.elements if name in elements},
         together=tuple(tuple(group) for group in scene.together),
         ripple_limit=scene.ripple_limit or job.table.threshold(device.motion),
+        perception=_perception(job),
         skipped=skipped_parts(device, scene, filters),
         notes=tuple(f"{label} dropped: {why}" for label, why in dropped.items()),
         method=methods,
+    )
+
+
+def _perception(job: Job) -> PerceptionProfile:
+    table = job.table
+    return PerceptionProfile(
+        name=table.name,
+        stiffness=table.stiffness.value,
+        damping=table.damping.value,
+        mass=table.mass.value,
+        threshold=table.threshold(job.device.motion),
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
+from tune.certified import Certificate
 from tune.errors import CheckFailedError
 from tune.hand import Hand
 from tune.scene import LARGEST_GROUP, LONGEST_WINDOW, Margin, MarginName, Motion
@@ -109,6 +110,24 @@ class ElementProfile(Document):
     rendered: Rendered | None = None
 
 
+class PerceptionProfile(Document):
+    """How finely hands were taken to tell effects apart: what perceived steps are counted in.
+
+    Attributes:
+        name: of the perception table.
+        stiffness: Weber fraction.
+        damping: Weber fraction.
+        mass: Weber fraction.
+        threshold: smallest force noticed, N (N·m).
+    """
+
+    name: str
+    stiffness: float = Field(gt=0)
+    damping: float = Field(gt=0)
+    mass: float = Field(gt=0)
+    threshold: float = Field(gt=0)
+
+
 class MarginProfile(Margin):
     """The margin that was kept, by name and number."""
 
@@ -127,6 +146,7 @@ class Design(Document):
     elements: dict[str, ElementProfile]
     together: tuple[tuple[str, ...], ...] = ()
     ripple_limit: float
+    perception: PerceptionProfile | None = None
     skipped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     method: dict[str, str] = Field(default_factory=dict[str, str])
@@ -145,108 +165,6 @@ class Design(Document):
             for mask in range(1, 1 << len(group)):
                 found[tuple(name for bit, name in enumerate(group) if mask >> bit & 1)] = None
         return tuple(sorted(found, key=len))
-
-
-class ModePlace(Document):
-    """One vibration mode at one point: Hz, damping ratio."""
-
-    frequency_hz: float
-    damping_ratio: float
-
-
-class HandPlace(Document):
-    """One grip at one point: kg, N·s/m, N/m."""
-
-    mass: float
-    damping: float
-    stiffness: float
-
-
-class WorstPoint(Document):
-    """The point at which the slowest pole was found, at the full gain of the margin.
-
-    Attributes:
-        elements: felt together.
-        mass: kg.
-        damping: N·s/m.
-        sample_time: s.
-        delay_samples: the whole delay, with the extra; need not be whole.
-        modes: in the order of the device's.
-        current_lag: s; None for none.
-        hand: None for the device alone.
-        gain: of all effects.
-        pole_radius: largest modulus of a pole.
-    """
-
-    elements: tuple[str, ...]
-    mass: float
-    damping: float
-    sample_time: float
-    delay_samples: float
-    modes: tuple[ModePlace, ...] = ()
-    current_lag: float | None = None
-    hand: HandPlace | None = None
-    gain: float
-    pole_radius: float
-
-
-class ModeBox(Document):
-    """Intervals of one vibration mode: Hz, damping ratio."""
-
-    frequency_hz: tuple[float, float]
-    damping_ratio: tuple[float, float]
-
-
-class HandBox(Document):
-    """Intervals of the grip: kg, N·s/m, N/m."""
-
-    mass: tuple[float, float]
-    damping: tuple[float, float]
-    stiffness: tuple[float, float]
-
-
-class Certificate(Document):
-    """What was re-checked, how, over which region, and what it takes for granted.
-
-    Attributes:
-        method: in words.
-        confidence: of the box of mass and damping.
-        mass: kg, and so on: the region, every combination of which is proved stable.
-        delay: of the device, s.
-        delay_samples: the same in samples, over the interval of the sample time.
-        modes: in the order of the device's.
-        current_lag: None for none.
-        hand: None for the device alone; with a hand the device alone is proved beside it.
-        gain: every gain in (0, gain].
-        extra_delay_samples: on top of the device's delay, any part of it.
-        points: judged one by one in many digits.
-        cells: excluded one by one, of which the proof is made.
-        interior: by moment; nothing but "proved" is ever written.
-        worst: found by search over all moments.
-        assumes: what the proof takes for granted.
-        not_assessed: what it leaves out.
-        versions: of what computed it.
-    """
-
-    method: str
-    confidence: float
-    mass: tuple[float, float]
-    damping: tuple[float, float]
-    sample_time: tuple[float, float]
-    delay: tuple[float, float]
-    delay_samples: tuple[float, float]
-    modes: tuple[ModeBox, ...] = ()
-    current_lag: tuple[float, float] | None = None
-    hand: HandBox | None = None
-    gain: float
-    extra_delay_samples: float
-    points: int
-    cells: int
-    interior: dict[str, Literal["proved"]]
-    worst: WorstPoint
-    assumes: tuple[str, ...]
-    not_assessed: tuple[str, ...]
-    versions: dict[str, str]
 
 
 class SafeProfile(Design):

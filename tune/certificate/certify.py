@@ -10,13 +10,15 @@ from typing import Literal
 import numpy as np
 
 from tune.certificate.bounds import force_failures, passivity_failures, ripple_failures
+from tune.certificate.felt import felt_failures
 from tune.certificate.point import Point, Setting
 from tune.certificate.proof import Claim, prove
 from tune.certificate.region import HandRegion, ModeRegion, Region
 from tune.certificate.words import METHOD, assumptions, not_assessed
 from tune.certificate.worst import Worst, worst_point
+from tune.certified import Certificate, HandBox, HandPlace, ModeBox, ModePlace, WorstPoint
 from tune.errors import CheckFailedError
-from tune.profile import Certificate, Design, HandBox, HandPlace, ModeBox, ModePlace, WorstPoint
+from tune.profile import Design
 
 #: Cells looked at for one moment before it counts as not proved. With a fifth of margin to spare a
 #: plain device takes a hundred, on the edge some thousands; a hand and modes take ten times more.
@@ -71,6 +73,8 @@ def certify(design: Design) -> Certificate:
         interior[" + ".join(moment)] = "proved"
         found.failures += ripple_failures(design, moment, setting)
         found.failures += passivity_failures(design, moment, setting, bare)
+        if len(moment) == 1:
+            found.failures += felt_failures(design, moment[0], setting)
     if found.failures:
         raise CheckFailedError(tuple(found.failures), tuple(found.unstable))
     if found.worst is None:

@@ -11,15 +11,9 @@ import numpy as np
 from tune.certificate.certify import certify, setting_of
 from tune.certificate.point import HandPoint, ModePoint, Point
 from tune.certificate.roots import judge
+from tune.certified import Certificate, HandBox, ModeBox, WorstPoint
 from tune.errors import CheckFailedError
-from tune.profile import (
-    Certificate,
-    HandBox,
-    ModeBox,
-    SafeProfile,
-    WorstPoint,
-    load_profile,
-)
+from tune.profile import SafeProfile, load_profile
 
 #: Bounds of the box are stored with twelve digits.
 _AGREE = 1e-9

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from flint import arb, arb_poly
 
+from tune.certificate.forms import FloatArray
 from tune.certificate.plant import sampled_plant
 from tune.certificate.point import HandPoint, ModePoint, Point, Setting
 from tune.certificate.precision import BITS, precision
@@ -20,6 +22,7 @@ __all__ = [
     "Setting",
     "closed_loop",
     "law_of",
+    "moved",
     "precision",
 ]
 
@@ -97,6 +100,11 @@ def law_of(setting: Setting, sample_time: float) -> Law:
             numerator=spring + step * (damper + inertia), denominator=denominator, vanishes=False
         )
     return Law(numerator=damper + inertia, denominator=denominator, vanishes=True)
+
+
+def moved(polynomial: arb_poly) -> FloatArray:
+    """Descending coefficients in powers of z - 1: those of z cancel at low frequency."""
+    return np.array([float(c) for c in polynomial(arb_poly([1, 1])).coeffs()][::-1])
 
 
 def _velocity(setting: Setting, T: arb) -> tuple[arb_poly, arb_poly]:

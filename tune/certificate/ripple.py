@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from flint import arb_poly
 
-from tune.certificate.forms import ComplexArray, FloatArray
+from tune.certificate.forms import ComplexArray
 from tune.certificate.plant import sampled_plant
 from tune.certificate.point import Point, Setting
-from tune.certificate.polynomial import law_of
+from tune.certificate.polynomial import law_of, moved
 from tune.certificate.precision import precision
 
 #: Points on the half circle. The integrand is smooth; the mean converges like r^points for a
@@ -37,7 +37,7 @@ def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> 
             bottom = bottom * zero
         if law.vanishes and not plant.integrates:
             fed_back = fed_back * zero
-        numerator, denominator = (_moved(p) for p in (top, bottom + fed_back))
+        numerator, denominator = (moved(p) for p in (top, bottom + fed_back))
     value, count = np.nan, _FEWEST
     while count <= _MOST:
         angle = (np.arange(count) + 0.5) * (np.pi / count)
@@ -48,8 +48,3 @@ def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> 
         if abs(value - previous) <= _AGREE * value:
             break
     return value
-
-
-def _moved(polynomial: arb_poly) -> FloatArray:
-    """Descending coefficients in powers of z - 1."""
-    return np.array([float(c) for c in polynomial(arb_poly([1, 1])).coeffs()][::-1])

@@ -16,7 +16,7 @@ def check(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Re-compute digest, certificate and margins of a profile; exit code 6 if anything differs."""
+    """Re-compute digest, certificate, margins and what is felt; exit code 6 if anything differs."""
 
     def action(session: Session) -> None:
         from tune.certificate.check import check as recheck
@@ -28,6 +28,6 @@ def check(
         session.say(elements_table(report.profile))
         for line in certificate_lines(report.certificate):
             session.say(line)
-        session.say(f"{profile} passed: digest, certificate and margins hold")
+        session.say(f"{profile} passed: digest, certificate, margins and what is felt hold")
 
     run_command("check", action, as_json=json, quiet=quiet)

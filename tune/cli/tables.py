@@ -11,8 +11,9 @@ from rich.table import Table
 if TYPE_CHECKING:
     from identification import Device, Quantity
     from tune.candidates import Candidate, CandidateEffect
+    from tune.certified import Certificate
     from tune.discrimination import Estimate
-    from tune.profile import Certificate, LoopProfile, SafeProfile
+    from tune.profile import LoopProfile, SafeProfile
     from tune.scene import MarginName
 
 #: Units of each motion by quantity.

@@ -30,7 +30,11 @@ class Document(BaseModel):
     """Base of everything stored in YAML: frozen, no unknown keys, numbers finite."""
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        validate_by_name=True,
+        validate_by_alias=True,
     )
 
     @field_validator("*", mode="before")

@@ -36,7 +36,7 @@ class WeberFraction(Document):
     """
 
     model_config = ConfigDict(
-        populate_by_name=False,
+        validate_by_name=False,
         json_schema_extra={"oneOf": [{"required": ["value"]}, {"required": ["study"]}]},
     )
 

@@ -87,6 +87,23 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     )
 
 
+def prepared(
+    trajectory: Trajectory, model: Model, delay: float | None
+) -> tuple[least_squares.Regression, float]:
+    """One log for a method that fits the delay where nobody states it, and where to begin.
+
+    Args:
+        trajectory: the log.
+        model: which terms to estimate.
+        delay: s, or None to find it; the fit may then move it by a sample.
+    """
+    if delay is not None:
+        return least_squares.prepare(trajectory, model, delay), delay
+    start = find_delay(trajectory, model).value
+    room = min(start + trajectory.sample_time, MOST_SAMPLES * trajectory.sample_time)
+    return least_squares.prepare(trajectory, model, room, refine=False).refined(start), start
+
+
 def _table(trajectory: Trajectory, model: Model) -> least_squares.Regression:
     most = MOST_SAMPLES * trajectory.sample_time
     return least_squares.prepare(trajectory, model, most, refine=False)

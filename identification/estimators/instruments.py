@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.answer import answer
-from identification.estimators.delay import find_delay
+from identification.estimators.delay import prepared
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import Commands, Held
 from identification.estimators.held_response import Coasting, Gain
-from identification.estimators.least_squares import Regression, prepare
+from identification.estimators.least_squares import Regression
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate, Model
 from identification.estimators.motion import Motion
@@ -59,12 +59,8 @@ def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estim
     Returns:
         Estimate with the residual in force, filtered; its first note says which instruments.
     """
-    if delay is not None:
-        return fit(prepare(trajectory, model, delay), delay)
-    start = find_delay(trajectory, model).value
-    room = min(start + trajectory.sample_time, MOST_SAMPLES * trajectory.sample_time)
-    table = prepare(trajectory, model, room, refine=False).refined(start)
-    return fit(table, None, start=start)
+    table, start = prepared(trajectory, model, delay)
+    return fit(table, delay, start=start)
 
 
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:

@@ -17,9 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from identification.estimators.answer import answer
-from identification.estimators.delay import find_delay
-from identification.estimators.drive import MOST_SAMPLES
-from identification.estimators.least_squares import Regression, prepare
+from identification.estimators.delay import prepared
+from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
 from identification.estimators.model import Estimate, Model
 from identification.estimators.weak_rows import Solution, TestedRows
@@ -54,12 +53,8 @@ def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estim
         Estimate with the residual in force, whitened by its covariance and scaled to the root mean
         square of the tested rows.
     """
-    if delay is not None:
-        return fit(prepare(trajectory, model, delay), delay)
-    start = find_delay(trajectory, model).value
-    room = min(start + trajectory.sample_time, MOST_SAMPLES * trajectory.sample_time)
-    table = prepare(trajectory, model, room, refine=False).refined(start)
-    return fit(table, None, start=start)
+    table, start = prepared(trajectory, model, delay)
+    return fit(table, delay, start=start)
 
 
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:

@@ -85,8 +85,10 @@ def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> flo
     parts = residual.size
     line = np.arange(1, min(_LINES, parts // 2) + 1)[:, None]
     lines = np.cos(np.pi * line * (np.arange(parts) + 0.5) / parts)
-    taken = _directions(unit_columns(columns.T)[0].T)
-    seen = _directions(lines - (lines @ taken.T) @ taken)
+    taken = _directions(unit_columns(columns.T)[0].T, 1.0)
+    seen = _directions(lines - (lines @ taken.T) @ taken, parts / 2)
+    if not seen.size:
+        return 0.0
     forces = pushed.back(seen)
     shares, axes = np.linalg.eigh(forces @ forces.T)
     power = (axes.T @ (seen @ residual)) ** 2
@@ -101,8 +103,13 @@ def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> flo
     return float(tried[np.argmax(likelihood)])
 
 
-def _directions(rows: FloatArray) -> FloatArray:
-    """Orthonormal rows that span the same, shape (rank, parts)."""
+def _directions(rows: FloatArray, power: float) -> FloatArray:
+    """Orthonormal rows that span the same, shape (rank, parts).
+
+    Args:
+        rows: shape (count, parts).
+        power: sum of squares of a row of which nothing was taken away.
+    """
     powers, mixed = np.linalg.eigh(rows @ rows.T)
-    strong = powers > _NOTHING * powers[-1]
+    strong = powers > _NOTHING * power
     return (mixed[:, strong] / np.sqrt(powers[strong])).T @ rows

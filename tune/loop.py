@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification import Device
 from tune.effects import Effects
-from tune.errors import LoopError
 from tune.factors import Factors
 from tune.filters import Filters, Law, combined, first_order_velocity, law_of, twofold_acceleration
 from tune.hand import Hand
-from tune.held_plant import LONGEST_DELAY, WHOLE, HeldPlant, general, ideal, split_delay
-from tune.mechanism import HandNumbers, ModeNumbers, grip_of, vibration_of
+from tune.held_plant import LONGEST_DELAY, WHOLE, HeldPlant, ideal, split_delay
+from tune.mechanism import HandNumbers, ModeNumbers
 from tune.polynomials import padded
+from tune.sampled_plant import SampledPlant
 
 FloatArray = NDArray[np.float64]
 
@@ -169,33 +169,25 @@ class Loop:
         Raises:
             LoopError: a mass, sample time, delay, mode, hand or lag that cannot be.
         """
-        given = [mass, damping, sample_time, delay_samples, current_lag]
-        given += [number for mode in modes for number in mode.numbers()]
-        given += () if hand is None else hand.numbers()
-        m, b, T, delay, lag, *rest = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
-        if not (np.all(m > 0) and np.all(T > 0)):
-            raise LoopError(f"mass and sample time must be positive, not {m.min():g}, {T.min():g}")
-        samples, fraction = split_delay(delay)
-        if not np.all(lag >= 0):
-            raise LoopError(f"current_lag must not be negative, not {lag.min():g} s")
-        vibrations = [vibration_of(rest[4 * k : 4 * k + 4], T) for k in range(len(modes))]
-        grip = None if hand is None else grip_of(rest[-3:], m, T)
-        delta = b * T / m
-        if fraction is None and not vibrations and grip is None and not np.any(lag):
-            plant = ideal(delta, samples)
-        else:
-            plant = general(
-                delta,
-                samples,
-                fraction,
-                modes=vibrations,
-                grip=grip,
-                lag=lag / T if np.any(lag) else None,
-            )
+        sampled = SampledPlant.from_numbers(
+            mass=mass,
+            damping=damping,
+            sample_time=sample_time,
+            delay_samples=delay_samples,
+            modes=modes,
+            hand=hand,
+            current_lag=current_lag,
+        )
+        return cls.around(sampled, filters or Filters())
+
+    @classmethod
+    def around(cls, sampled: SampledPlant, filters: Filters) -> Loop:
+        """The loops of sampled devices with certain filters."""
+        T = sampled.sample_time
         return replace(
-            _closed(plant, law_of(filters or Filters(), T), delta),
-            scales=(T * T / m, T / m, 1 / m),
-            held=grip is not None and bool(np.any(grip.stiffness > 0)),
+            _closed(sampled.plant, law_of(filters, T), sampled.delta),
+            scales=(T * T / sampled.mass, T / sampled.mass, 1 / sampled.mass),
+            held=sampled.held,
         )
 
     @classmethod

@@ -27,6 +27,8 @@ _MOST_ATTEMPTS = 4
 #: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
 #: came too close to the edge.
 _SLACK = (1e-3, 1e-2, 5e-2)
+#: Cells of a proof, for one moment, after which more margin is tried instead; the last try has all.
+_CELLS = 50_000
 
 
 def optimise(
@@ -57,7 +59,8 @@ def optimise(
         design = _proposed(job, filters, say)
         say("certifying")
         try:
-            certificate = certify(design)
+            last = attempt == _MOST_ATTEMPTS or job.slack == _SLACK[-1]
+            certificate = certify(design, None if last else _CELLS)
         except CheckFailedError as error:
             warned = _warned(job, error)
             if warned is None or attempt == _MOST_ATTEMPTS:

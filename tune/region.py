@@ -7,7 +7,7 @@ where it finds a worse point, that point joins the region as one more loop.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -16,6 +16,7 @@ from identification import Box, Device, Mode, Quantity
 from tune.errors import LoopError
 from tune.hand import Hand
 from tune.loop import LONGEST_DELAY, WHOLE, Filters, HandNumbers, Loop, ModeNumbers
+from tune.sampled_plant import SampledPlant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +55,8 @@ class Region:
         current_lag: s, or None.
         hand: grips; the device alone is in the region in any case.
         found: points between the corners that were worse than they.
+
+    Plants are sampled when first asked for and kept, whatever the filters around them.
     """
 
     box: Box
@@ -61,6 +64,12 @@ class Region:
     current_lag: Quantity | None = None
     hand: Hand | None = None
     found: tuple[Spot, ...] = ()
+    _plants: dict[tuple[float, float], tuple[SampledPlant, ...]] = field(
+        default_factory=dict[tuple[float, float], tuple[SampledPlant, ...]],
+        init=False,
+        repr=False,
+        compare=False,
+    )
 
     @classmethod
     def of(cls, device: Device, hand: Hand | None, *, extra: int) -> Region:
@@ -92,40 +101,44 @@ class Region:
             first, last = (_snapped(delay / step) for delay in self.box.delay)
             for samples in _delays(first, last, extra):
                 beyond = max(0.0, samples - last)
-                loops = self._at(step, samples, filters)
-                late += [Late(loop=loop, beyond=beyond) for loop in loops]
+                late += [
+                    Late(loop=Loop.around(plant, filters), beyond=beyond)
+                    for plant in self._at(step, samples)
+                ]
         for spot in self.found:
             samples = _snapped(spot.delay / spot.sample_time)
             beyond = max(0.0, samples - _snapped(self.box.delay[1] / spot.sample_time))
             if beyond <= extra:
-                late.append(Late(loop=self.loop([spot], samples, filters), beyond=beyond))
+                plant = self._plant([spot], samples)
+                late.append(Late(loop=Loop.around(plant, filters), beyond=beyond))
         return tuple(late)
 
     def latest(self, filters: Filters, extra: float) -> tuple[Loop, ...]:
         """Loops of all corners at the device's longest delay and ``extra`` samples more."""
         return tuple(
-            loop
+            Loop.around(plant, filters)
             for step in dict.fromkeys(self.box.sample_time)
-            for loop in self._at(step, _snapped(self.box.delay[1] / step) + extra, filters)
+            for plant in self._at(step, _snapped(self.box.delay[1] / step) + extra)
         )
 
-    def _at(self, step: float, samples: float, filters: Filters) -> list[Loop]:
+    def _at(self, step: float, samples: float) -> tuple[SampledPlant, ...]:
         """All corners at one sample time and delay: the device alone, then in the hand."""
-        spots = list(self._corners(step, samples * step))
-        return [
-            self.loop([spot for spot in spots if (spot.hand is None) == bare], samples, filters)
-            for bare in dict.fromkeys(spot.hand is None for spot in spots)
-        ]
+        if (step, samples) not in self._plants:
+            spots = list(self._corners(step, samples * step))
+            self._plants[step, samples] = tuple(
+                self._plant([spot for spot in spots if (spot.hand is None) == bare], samples)
+                for bare in dict.fromkeys(spot.hand is None for spot in spots)
+            )
+        return self._plants[step, samples]
 
-    def loop(self, spots: Sequence[Spot], samples: float, filters: Filters) -> Loop:
-        """The loops of spots of one sample time and delay, all in a hand or all without."""
+    def _plant(self, spots: Sequence[Spot], samples: float) -> SampledPlant:
+        """Spots of one sample time and delay, all in a hand or all without."""
         grips = [spot.hand for spot in spots if spot.hand is not None]
-        return Loop.from_numbers(
+        return SampledPlant.from_numbers(
             mass=np.array([spot.mass for spot in spots]),
             damping=np.array([spot.damping for spot in spots]),
             sample_time=spots[0].sample_time,
             delay_samples=samples,
-            filters=filters,
             modes=tuple(
                 ModeNumbers(
                     frequency_hz=np.array([spot.modes[index][0] for spot in spots]),

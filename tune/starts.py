@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.bounds import force_bound
-from tune.limits import allowed, allowed_points, likely_points
+from tune.limits import allowed, allowed_points, cheaply_allowed, likely_stable
 from tune.problem import Problem
 
 FloatArray = NDArray[np.float64]
@@ -26,8 +26,8 @@ _LEVELS = 30
 _LOWEST = 0.01
 #: Kept from the edge, in parts of the perceived steps.
 _INSIDE = 0.98
-#: The best points that are checked exactly at once.
-_CHECKED = 12
+#: The best points that are checked at once, and twice as many each time none of them is good.
+_CHECKED = 4
 
 
 def interior(problem: Problem) -> FloatArray | None:
@@ -45,13 +45,16 @@ def interior(problem: Problem) -> FloatArray | None:
     )
     steps = np.minimum(_rays(len(unknowns))[:, None] * levels[:, None], caps)
     steps = steps.reshape(-1, len(unknowns))
-    kept = np.flatnonzero(likely_points(problem, _sizes(problem, steps)))
+    kept = np.flatnonzero(cheaply_allowed(problem, _sizes(problem, steps)))
     goals = np.array([unknown.goal for unknown in unknowns])
     ranks = np.array([unknown.level for unknown in unknowns])
     order = kept[_best_first(steps[kept] - goals, ranks)]
     wanted = np.array([unknown.wish.kind == "value" for unknown in unknowns])
-    for start in range(0, order.size, _CHECKED):
-        chosen = steps[order[start : start + _CHECKED]]
+    first, count = 0, _CHECKED
+    while first < order.size:
+        chosen = steps[order[first : first + count]]
+        first, count = first + count, 2 * count
+        chosen = chosen[likely_stable(problem, _sizes(problem, chosen))]
         # What is met exactly stays so: then no solver has to be asked for it.
         chosen = np.where(wanted & (chosen >= caps), chosen, chosen * _INSIDE)
         points = _sizes(problem, chosen)

@@ -48,8 +48,12 @@ class _Findings:
     cells: int = 0
 
 
-def certify(design: Design) -> Certificate:
+def certify(design: Design, most_cells: int | None = None) -> Certificate:
     """Prove a design stable in its whole box, and look for a point that says otherwise.
+
+    Args:
+        design: uncertified.
+        most_cells: for one moment, fewer than MOST_CELLS where less would be asked for instead.
 
     Raises:
         CheckFailedError: with every failure, each naming elements, point and reason.
@@ -69,7 +73,7 @@ def certify(design: Design) -> Certificate:
             continue
         found.failures += force_failures(design, moment)
         for region in regions:
-            _judge(design, moment, setting, region, found)
+            _judge(design, moment, setting, region, found, most_cells or MOST_CELLS)
         interior[" + ".join(moment)] = "proved"
         found.failures += ripple_failures(design, moment, setting)
         found.failures += passivity_failures(design, moment, setting, bare)
@@ -159,7 +163,12 @@ def _claims(design: Design, moment: tuple[str, ...]) -> Iterator[_Named]:
 
 
 def _judge(
-    design: Design, moment: tuple[str, ...], setting: Setting, region: Region, found: _Findings
+    design: Design,
+    moment: tuple[str, ...],
+    setting: Setting,
+    region: Region,
+    found: _Findings,
+    most_cells: int,
 ) -> None:
     """Search for an unstable point; where none is found, prove that there is none."""
     where = " + ".join(moment) + (" in a hand" if region.hand is not None else "")
@@ -177,7 +186,7 @@ def _judge(
             found.worst = (moment, each.claim.gain, worst)
     if unstable:
         return
-    proof = prove(region, setting, [each.claim for each in named], MOST_CELLS)
+    proof = prove(region, setting, [each.claim for each in named], most_cells)
     found.cells += proof.cells
     if proof.proved:
         return

@@ -26,17 +26,12 @@ _LEVELS = 30
 _LOWEST = 0.01
 #: Kept from the edge, in parts of the perceived steps.
 _INSIDE = 0.98
-#: The best points that are checked at once, and twice as many each time none of them is good.
-_CHECKED = 4
 
 
 def interior(problem: Problem) -> FloatArray | None:
     """An allowed setting that is good by the ranks of its unknowns, a little inside; or None."""
     unknowns = problem.unknowns
-    low = np.array([unknown.low for unknown in unknowns])
-    if not allowed(problem, low):
-        return None
-    nothing = np.zeros(low.size)
+    nothing = np.zeros(len(unknowns))
     most = [min(u.high, force_bound(problem, nothing, i)) for i, u in enumerate(unknowns)]
     caps = np.array([u.steps(max(m, u.low)) for u, m in zip(unknowns, most, strict=True)])
     most_steps = float(caps.max())
@@ -50,9 +45,10 @@ def interior(problem: Problem) -> FloatArray | None:
     ranks = np.array([unknown.level for unknown in unknowns])
     order = kept[_best_first(steps[kept] - goals, ranks)]
     wanted = np.array([unknown.wish.kind == "value" for unknown in unknowns])
-    first, count = 0, _CHECKED
+    first, count = 0, 1
     while first < order.size:
         chosen = steps[order[first : first + count]]
+        # The best is good more often than not; the more are not, the more are looked at together.
         first, count = first + count, 2 * count
         chosen = chosen[likely_stable(problem, _sizes(problem, chosen))]
         # What is met exactly stays so: then no solver has to be asked for it.
@@ -61,7 +57,8 @@ def interior(problem: Problem) -> FloatArray | None:
         good = np.flatnonzero(allowed_points(problem, points))
         if good.size:
             return points[good[0]]
-    return low
+    low = np.array([unknown.low for unknown in unknowns])
+    return low if allowed(problem, low) else None
 
 
 def _sizes(problem: Problem, steps: FloatArray) -> FloatArray:

@@ -12,12 +12,10 @@ from flint import arb
 from datasets_synthetic import Faults, Fleet, random_devices
 from identification import (
     Device,
-    ForceLimit,
-    Hardware,
     LogRefusedError,
     identify,
-    quantity,
 )
+from tests.fleet_hardware import data_sheet
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune.certificate.certify import regions_of, setting_of
 from tune.certificate.proof import Claim
@@ -58,17 +56,6 @@ ONE_BY_ONE = (
     _scene({"light": {"mass": "min"}}),
     _scene({"ball": {"stiffness": "max", "damping": "max", "mass": "max"}}),
 )
-
-
-def _hardware(fleet: Fleet, member: int) -> Hardware:
-    """What a data sheet would say; no force limit, so that stability is what binds."""
-    rig = fleet.rig
-    return Hardware(
-        sample_time=quantity(float(rig.sample_time[member])),
-        delay=quantity(float(rig.delay[member])),
-        encoder_resolution=quantity(float(rig.encoder_resolution[member])),
-        force_limit=ForceLimit(continuous=1e6, peak=1e6),
-    )
 
 
 def _safe_gain(
@@ -151,7 +138,7 @@ def _calibrate(
     recording = fleet.logs(faults=Faults(position_noise=1e-6, force_noise=1e-3), seed=seed)
     for member in range(count):
         try:
-            found = identify(recording.trajectory(member), hardware=_hardware(fleet, member))
+            found = identify(recording.trajectory(member), hardware=data_sheet(fleet, member))
         except LogRefusedError as error:
             tally["refused: " + error.findings[0].code] += 1
             continue

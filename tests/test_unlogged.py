@@ -7,8 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from datasets_synthetic import Faults, random_devices
-from identification import ForceLimit, Hardware, LogRefusedError, identify, quantity
+from identification import LogRefusedError, identify
 from identification.estimators.unlogged import covariance
+from tests.fleet_hardware import data_sheet
 
 MASS, RATE, STEP, ROWS = 2.0, 3.0, 1e-3, 3000
 NOISE, FORCE = 2e-6, 0.02  # m, N
@@ -102,14 +103,8 @@ def _coverage(seeds: range, force_noise: float, method: str) -> np.ndarray:
         faults = Faults(position_noise=1e-6, force_noise=force_noise)
         recording, rig = fleet.logs(faults=faults, seed=seed), fleet.rig
         for member in range(rig.batch):
-            hardware = Hardware(
-                sample_time=quantity(float(rig.sample_time[member])),
-                delay=quantity(float(rig.delay[member])),
-                encoder_resolution=quantity(float(rig.encoder_resolution[member])),
-                force_limit=ForceLimit(continuous=1e6, peak=1e6),
-            )
+            log, hardware = recording.trajectory(member), data_sheet(fleet, member)
             try:
-                log = recording.trajectory(member)
                 device = identify(log, hardware=hardware, method=method).device
             except LogRefusedError:
                 continue

@@ -76,30 +76,30 @@ def last_within(
         A size at which the limit was seen kept, 0 where none was.
     """
 
-    def excess(size: float) -> float:
+    def room(size: float) -> float:
         with np.errstate(all="ignore"):
-            found = float(np.log(value(size) / limit))
-        return np.inf if np.isnan(found) else found
+            found = -float(np.log(value(size) / limit))
+        return -np.inf if np.isnan(found) else found
 
-    high, f_high = top, excess(top)
-    if f_high <= 0:
+    high, room_high = top, room(top)
+    if room_high >= 0:
         return np.inf
-    low, f_low = top, f_high
+    low, room_low = top, room_high
     if 0 < first < top:
-        low, f_low = first, excess(first)
-    while f_low > CLOSE:
+        low, room_low = first, room(first)
+    while room_low < -CLOSE:
         if low < _NOTHING * top:
             return 0.0
-        high, f_high = low, f_low
+        high, room_high = low, room_low
         # In proportion, as the ripple of a small effect is, and a little less.
-        low *= min(0.5, 0.9 * float(np.exp(-f_low)) if np.isfinite(f_low) else 0.1)
-        f_low = excess(low)
+        low *= min(0.5, 0.9 * float(np.exp(room_low)) if np.isfinite(room_low) else 0.1)
+        room_low = room(low)
     end = last_kept(
-        lambda place: -excess(float(np.exp(place))),
+        lambda place: room(float(np.exp(place))),
         float(np.log(low)),
         float(np.log(high)),
-        room_kept=-f_low,
-        room_broken=-f_high,
+        room_kept=room_low,
+        room_broken=room_high,
         close=CLOSE,
     )
     return float(np.exp(end))

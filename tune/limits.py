@@ -102,9 +102,8 @@ def allowed_points(problem: Problem, points: FloatArray) -> BoolArray:
     Returns:
         of shape (points,).
     """
-    good = forces_allowed(problem, points.T).copy()
+    good = cheaply_allowed(problem, points)
     good[good] = stable_points(problem, points[good], problem.margin.gain)
-    good[good] = _ripple_allowed(problem, points[good])
     return good
 
 

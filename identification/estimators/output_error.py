@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators import least_squares
-from identification.estimators import unlogged as unlogged_force
+from identification.estimators import least_squares, unlogged
 from identification.estimators.answer import answer
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import unknown_intervals
@@ -182,7 +181,7 @@ def _estimate(
     size, fitted = len(table.model.parameters), int(delay is None)
     values, jacobian, residual = found.values[:size], found.jacobian, found.residual
     around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
-    unlogged = unlogged_force.covariance(
+    drift = unlogged.covariance(
         jacobian,
         residual,
         size + fitted,
@@ -190,7 +189,7 @@ def _estimate(
         rate=float(values[1] / values[0]),
         step=float(np.mean(table.signals.steps)),
     )
-    around = replace(around, covariance=around.covariance + unlogged)
+    around = replace(around, covariance=around.covariance + drift)
     position = table.signals.position[table.known :]
     return answer(
         "output-error",

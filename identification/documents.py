@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from io import StringIO
+from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_args
 
@@ -53,7 +54,7 @@ def _holds_flag(raw: object) -> bool:
     return isinstance(raw, bool)
 
 
-def load_mapping(path: Path) -> dict[str, Any]:
+def load_mapping(path: str | PathLike[str]) -> dict[str, Any]:
     """The mapping in a YAML file, read without executing, aliasing or duplicating anything.
 
     Raises:
@@ -63,7 +64,7 @@ def load_mapping(path: Path) -> dict[str, Any]:
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
-    text = _read(path)
+    text = _read(Path(path))
     scanner: Any = YAML(typ="safe", pure=True)
     loader: Any = YAML(typ="safe", pure=True)
     try:
@@ -140,7 +141,9 @@ def _strange_values(value: object, where: str) -> Iterator[str]:
         yield f"{where}: {str(value)[:40]!r} reads as a {type(value).__name__}"
 
 
-def parse_document(model: type[Model], content: Mapping[str, Any], source: str | Path) -> Model:
+def parse_document(
+    model: type[Model], content: Mapping[str, Any], source: str | PathLike[str]
+) -> Model:
     """Validate a mapping against a model, turning every complaint into a sentence.
 
     Raises:
@@ -192,7 +195,7 @@ def _sentence(item: dict[str, Any], names: tuple[str, ...]) -> str:
     return f"{where or 'file'}: {message.removeprefix('Value error, ')} (seen: {seen[:80]})"
 
 
-def load_document(model: type[Model], path: Path) -> Model:
+def load_document(model: type[Model], path: str | PathLike[str]) -> Model:
     """Read and validate one YAML file. Raises InvalidInputError."""
     return parse_document(model, load_mapping(path), path)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Literal
 
@@ -38,8 +39,8 @@ class InvalidInputError(IdentificationError):
         remedy: what to do about it.
     """
 
-    def __init__(self, subject: str | Path, problem: str, remedy: str) -> None:
-        self.subject = str(subject)
+    def __init__(self, subject: str | PathLike[str], problem: str, remedy: str) -> None:
+        self.subject = fspath(subject)
         self.problem = problem
         self.remedy = remedy
         super().__init__(f"{self.subject}: {problem}. {remedy}")

@@ -17,12 +17,12 @@ def named_devices() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
 
 
-def load_device(reference: str | Path) -> Device:
+def load_device(reference: str | os.PathLike[str]) -> Device:
     """A device from a file, or a named one. Raises InvalidInputError."""
-    path = Path(reference)
+    name, path = os.fspath(reference), Path(reference)
     # The function of os.path also takes names that no file can have.
-    if str(reference) in named_devices() and not os.path.isfile(path):  # noqa: PTH113
-        path = _FOLDER / f"{reference}.yaml"
+    if name in named_devices() and not os.path.isfile(path):  # noqa: PTH113
+        path = _FOLDER / f"{name}.yaml"
     elif path.suffix == "" and not os.path.exists(path):  # noqa: PTH110
         raise InvalidInputError(
             reference,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from os import PathLike
 from pathlib import Path
 
 from identification.errors import InvalidInputError
@@ -16,7 +17,7 @@ __all__ = ["LogColumns", "load_trajectory"]
 
 
 def load_trajectory(
-    path: str | Path,
+    path: str | PathLike[str],
     columns: LogColumns | None = None,
     *,
     motion: Motion = "linear",

@@ -15,7 +15,7 @@ from identification.errors import NotWrittenError
 _LONGEST_DIFFERENCE = 2000
 
 
-def write_text(path: Path, text: str) -> str:
+def write_text(path: str | os.PathLike[str], text: str) -> str:
     """Write a whole file or nothing; a file that stood there is kept as ``NAME.bak``.
 
     A symbolic link is followed: what it points to is replaced, the link stays.
@@ -26,6 +26,7 @@ def write_text(path: Path, text: str) -> str:
     Raises:
         NotWrittenError: with the system's reason; the old file is untouched.
     """
+    path = Path(path)
     old = write_bytes(path, text.encode("utf-8"))
     if old is None:
         return ""
@@ -37,7 +38,7 @@ def write_text(path: Path, text: str) -> str:
     )
 
 
-def write_bytes(path: Path, data: bytes) -> bytes | None:
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> bytes | None:
     """Write a whole file or nothing, as `write_text` does, and return what stood there if changed.
 
     Raises:
@@ -62,7 +63,7 @@ def write_bytes(path: Path, data: bytes) -> bytes | None:
             _keep(target, target.with_name(target.name + ".bak"))
         temporary.replace(target)
     except OSError as error:
-        raise NotWrittenError(path, error.strerror or str(error)) from None
+        raise NotWrittenError(Path(path), error.strerror or str(error)) from None
     finally:  # an interruption leaves nothing behind either
         if temporary is not None:
             temporary.unlink(missing_ok=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from pathlib import Path
+from os import PathLike, fspath
 from typing import Any, Literal
 
 from pydantic import Field, model_validator
@@ -191,7 +191,7 @@ def digest_of(content: Mapping[str, Any]) -> str:
     return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
 
 
-def load_profile(path: Path) -> SafeProfile:
+def load_profile(path: str | PathLike[str]) -> SafeProfile:
     """Read a profile and compare its digest before believing anything else in it.
 
     Raises:
@@ -204,7 +204,7 @@ def load_profile(path: Path) -> SafeProfile:
         if content.get("digest") != expected:
             raise CheckFailedError(
                 (
-                    f"{path}: the content has digest {expected}, the file says "
+                    f"{fspath(path)}: the content has digest {expected}, the file says "
                     f"{content.get('digest')}; it was changed after it was certified. "
                     "Tune again instead of editing a profile",
                 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
@@ -265,7 +266,7 @@ class Scene(Document):
         )
 
 
-def load_scene(path: Path) -> Scene:
+def load_scene(path: str | PathLike[str]) -> Scene:
     """Read and validate a scene file. Raises InvalidInputError."""
     return load_document(Scene, path)
 

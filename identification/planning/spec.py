@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
+from os import PathLike
 from typing import Literal
 
 import numpy as np
@@ -115,9 +115,9 @@ class ExcitationSpec(Document):
         return tuple(dict.fromkeys([middle, *ends]))  # pyright: ignore[reportReturnType]
 
 
-def load_excitation(path: str | Path) -> ExcitationSpec:
+def load_excitation(path: str | PathLike[str]) -> ExcitationSpec:
     """Read and validate excitation.yaml. Raises InvalidInputError."""
-    return load_document(ExcitationSpec, Path(path))
+    return load_document(ExcitationSpec, path)
 
 
 def _ends(guess: Quantity) -> tuple[float, ...]:

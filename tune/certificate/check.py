@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from os import PathLike
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class CheckReport:
     certificate: Certificate
 
 
-def check(path: Path) -> CheckReport:
+def check(path: str | PathLike[str]) -> CheckReport:
     """Check a profile file.
 
     Raises:

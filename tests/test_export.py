@@ -304,7 +304,7 @@ def _forged(where: str, value: Any) -> str:
         (2, "one of the inputs", "haptune_profile.json --to json"),
         (3, "No such file", "missing.yaml --to c"),
         (3, "is not valid YAML", "torn.yaml --to c"),
-        (7, "there is no folder", "profile.yaml --to c -o absent"),
+        (7, "there is no folder", "profile.yaml --to c -o absent/deeper"),
         (7, "there is no folder", "profile.yaml --to c -o torn.yaml"),
         (7, "it is a folder", "profile.yaml --to ros2,json -o full"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,7 +22,7 @@ def export(
         typer.Option("--to", metavar="TARGET", help="ros2, c, chai3d, json; several with commas."),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder that the files are written to.")
+        Path, typer.Option("-o", "--output", help="Folder for the files; made if it is new.")
     ] = Path(),
     dry_run: DryRun = False,
     json: Json = False,
@@ -34,18 +35,35 @@ def export(
         from tune.export import export as export_to
 
         targets = _targets(to)
+        # The function of os.path also takes names that no file can have.
+        new = not os.path.exists(output)  # noqa: PTH110
+        if new:
+            session.target(output)
         with session.progress() as say:
             say("re-computing the certificate")
             checked = recheck(profile).profile
         files: dict[Path, str] = {}
         for target in targets:
             files |= {output / name: text for name, text in export_to(checked, target).items()}
-        for path in files:
-            session.target(path, profile)
+        if not new:
+            for path in files:
+                session.target(path, profile)
+        elif not dry_run:
+            _make(output)
         for path, text in files.items():
             session.write(path, text, dry_run=dry_run)
 
     run_command("export", action, as_json=json, quiet=quiet)
+
+
+def _make(folder: Path) -> None:
+    """A new folder in one that exists. Raises NotWrittenError."""
+    from identification import NotWrittenError
+
+    try:
+        folder.mkdir()
+    except OSError as error:
+        raise NotWrittenError(folder, error.strerror or str(error)) from None
 
 
 def _targets(given: list[str]) -> list[Target]:

@@ -53,8 +53,7 @@ def elements_table(profile: SafeProfile) -> Table:
         table.add_column(
             heading,
             justify="right" if numeric else "left",
-            no_wrap=heading != "effect",  # a long name is broken, never cut
-            overflow="fold",
+            overflow="fold",  # what is too wide is broken, never cut
         )
     for name, element in profile.elements.items():
         for effect, reason in element.limited_by.items():
@@ -132,7 +131,6 @@ def candidates_table(
         table.add_column(
             heading,
             justify="right" if numeric else "left",
-            no_wrap=heading != "effect",
             overflow="fold",
         )
     marks = {

@@ -94,8 +94,8 @@ def _table(seen: Examination) -> Table:
 
     units = UNITS[seen.motion]
     table = Table(title=seen.source, title_justify="left", box=SIMPLE_HEAD)
-    table.add_column("seen in the log", no_wrap=True)
-    table.add_column("value", no_wrap=True)
+    table.add_column("seen in the log", overflow="fold")
+    table.add_column("value", overflow="fold")
     rate = f"{1 / seen.sample_time:.4g} Hz, usual step {seen.sample_time * 1e3:.4g} ms"
     count = "none seen" if seen.count is None else f"{seen.count:.4g} {units['length']}"
     for name, value in (

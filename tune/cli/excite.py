@@ -78,7 +78,7 @@ def excitation_table(plan: Excitation) -> Table:
     headings = ("signal", "frequencies", f"mass, {mass}", f"damping, {damping}")
     for heading in (*headings, "force", "travel", "speed"):
         side = "left" if heading in headings[:2] else "right"
-        table.add_column(heading, justify=side, no_wrap=heading not in headings[:2])
+        table.add_column(heading, justify=side, overflow="fold")
     for each in plan.candidates:
         used = each.used
         table.add_row(

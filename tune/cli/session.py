@@ -73,7 +73,10 @@ class Session:
         )
         with console.capture() as captured:
             console.print(text, soft_wrap=isinstance(text, str))
-        _out(captured.get())
+        printed = captured.get()
+        if not isinstance(text, str):  # tables are padded to their width
+            printed = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
+        _out(printed)
 
     def found(self, findings: tuple[Finding, ...]) -> None:
         """Keep findings for the JSON result and warn on standard error."""

@@ -117,7 +117,7 @@ def _filters(loop: LoopProfile) -> str:
 def candidates_table(
     found: tuple[Candidate, ...], rows: tuple[CandidateEffect, ...], chosen: MarginName
 ) -> Table:
-    """Three rows an effect, one for each margin; the recommended one is marked by a star."""
+    """One column a margin; the recommended one is marked by a star, what does not fit is folded."""
     profiles = [candidate.profile for candidate in found if candidate.profile is not None]
     units = UNITS[profiles[0].device.motion] if profiles else {}
     place = f"{profiles[0].scene} on {profiles[0].device.name}, " if profiles else ""
@@ -126,33 +126,34 @@ def candidates_table(
         title_justify="left",
         box=SIMPLE_HEAD,
     )
-    for heading in ("effect", "margin", "value", "steps", "gain", "delay", "ripple", "limited by"):
-        numeric = heading not in {"effect", "margin", "limited by"}
-        table.add_column(
-            heading,
-            justify="right" if numeric else "left",
-            overflow="fold",
-        )
-    marks = {
-        candidate.margin: f"{'>' if candidate.margin == chosen else ' '} {candidate.margin}"
-        f"{' *' if candidate.recommended else ''}"
-        for candidate in found
-    }
-    before = ""
+    table.add_column("effect", overflow="fold")
+    for candidate in found:
+        mark = "> " if candidate.margin == chosen else ""
+        star = " *" if candidate.recommended else ""
+        table.add_column(f"{mark}{candidate.margin}{star}", justify="right", overflow="fold")
+    by_effect: dict[str, dict[MarginName, CandidateEffect]] = {}
     for row in rows:
-        label = f"{row.element} {row.effect}"
-        table.add_row(
-            "" if label == before else label,
-            marks[row.margin],
-            f"{row.value:.6g} {units[row.effect]}" if row.value else "-",
-            _steps(row.steps),
-            f"{row.gain:.4g}",
-            f"{further_delay(row.extra_delay_samples)} T",
-            "-" if row.ripple is None else f"{row.ripple:.2g} {units['force']}",
-            row.limited_by,
-        )
-        before = label
+        by_effect.setdefault(f"{row.element} {row.effect}", {})[row.margin] = row
+    for label, each in by_effect.items():
+        cells = [_candidate_cells(each.get(candidate.margin), units) for candidate in found]
+        labels = (label, "  steps", "  gain", "  delay", "  ripple", "  limited by")
+        for first, *others in zip(labels, *cells, strict=True):
+            table.add_row(first, *others)
     return table
+
+
+def _candidate_cells(row: CandidateEffect | None, units: dict[str, str]) -> tuple[str, ...]:
+    """Value, steps, gain, delay, ripple and what binds; dashes where the margin has no profile."""
+    if row is None:
+        return ("-",) * 6
+    return (
+        f"{row.value:.6g} {units[row.effect]}" if row.value else "-",
+        _steps(row.steps),
+        f"{row.gain:.4g}",
+        f"{further_delay(row.extra_delay_samples)} T",
+        "-" if row.ripple is None else f"{row.ripple:.2g} {units['force']}",
+        row.limited_by,
+    )
 
 
 def candidates_lines(
@@ -194,7 +195,7 @@ def device_table(device: Device) -> Table:
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
     for heading in ("quantity", "value", "95 % interval", "unit", "half-width"):
         side = "left" if heading in {"quantity", "unit"} else "right"
-        table.add_column(heading, justify=side, no_wrap=True)
+        table.add_column(heading, justify=side, overflow="fold")
     rows: list[tuple[str, Quantity, str]] = [
         ("mass m", device.mass, units["mass"]),
         ("damping b", device.damping, units["damping"]),

@@ -1,0 +1,57 @@
+"""Tables at the width of a terminal lose nothing; into a pipe they carry no blanks at their ends."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from datasets_synthetic import bundled
+from tests.commands import files, haptune
+from tune.cli.new import template
+
+#: The second name is wider than its column.
+SCENE = (
+    "elements: {gate: {damping: 20.0}, the far wall behind the door: {damping: 10.0}}\n"
+    "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: none}\n"
+)
+GIVEN = {"scene.yaml", "excitation.yaml", "log.csv"}
+TABLES = (
+    "tune homerehab scene.yaml --candidates",
+    "identify log.csv",
+    "doctor log.csv",
+    "excite excitation.yaml -o force.csv",
+)
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text(SCENE, encoding="utf-8")
+    text = template("excitation").replace("duration: 10.0", "duration: 2.0")
+    Path("excitation.yaml").write_text(text, encoding="utf-8")
+    shutil.copy(bundled("homerehab.csv"), "log.csv")
+
+
+@pytest.mark.parametrize("arguments", TABLES)
+def test_a_narrow_terminal_loses_nothing_and_a_pipe_gets_no_blanks(arguments: str) -> None:
+    wide = haptune(*arguments.split())
+    assert wide.code == 0, wide.err
+    assert not [line for line in wide.out.splitlines() if line != line.rstrip()]
+    for written in files() - GIVEN:
+        Path(written).unlink()
+    narrow = haptune(*arguments.split(), COLUMNS="60")
+    assert "…" not in narrow.out
+    letters = sorted(letter for letter in wide.out if letter.isalnum())
+    assert sorted(letter for letter in narrow.out if letter.isalnum()) == letters
+
+
+def test_three_margins_fit_80_columns_with_every_effect_named() -> None:
+    ended = haptune("tune", "homerehab", "scene.yaml", "--candidates", COLUMNS="80")
+    table = ended.out.partition("conservative:")[0]
+    assert max(map(len, table.splitlines())) <= 80
+    assert "  gate damping " in table
+    assert set("the far wall behind the door damping".split()) <= set(table.split())
+    heading = next(line for line in table.splitlines() if "effect" in line)
+    assert heading.split() == ["effect", "conservative", ">", "balanced", "*", "firm"]

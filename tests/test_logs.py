@@ -132,7 +132,7 @@ def test_torn_or_missing_cells_are_refused_as_such(tmp_path: Path, row: str) -> 
         (b"\n\n  \n", "empty"),
         (b"time,force,position\n1,2,3,4,5\n", "equally long rows"),
         (b'time,force,position\n1,"2,3\n', "equally long rows|not a number"),
-        (b"\x00\x01\x02\xff\xfe" * 100, "no column"),
+        (b"\x00\x01\x02\xff\xfe" * 100, "100 NUL bytes"),
         (b"time,force,force,position\n" + b"1,2,3,4\n" * 300, "two columns named 'force'"),
     ],
 )

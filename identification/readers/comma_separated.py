@@ -11,6 +11,11 @@ import numpy as np
 from identification.errors import InvalidInputError
 from identification.readers.columns import FloatArray, LogColumns, quoted, wanted_columns
 from identification.readers.limits import refuse_long
+from identification.readers.recognition import (
+    refuse_encoding,
+    refuse_other_rows,
+    refuse_preamble,
+)
 
 if TYPE_CHECKING:
     import polars
@@ -23,12 +28,15 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
     """Columns by role; empty cells are NaN. Raises InvalidInputError."""
     import polars as pl
 
+    refuse_encoding(path, content)
     refuse_long(path, content.count(b"\n") - 1)
     header = content[: content.find(b"\n") + 1] or content
     separator = max(_SEPARATORS, key=header.decode("utf-8", "replace").count)
     stored = _table(path, content, separator, n_rows=0).columns
     # A header line that begins with # comes from loggers that mark it as a comment.
     shown = [name.strip("# ") for name in stored]
+    if not {columns.time, columns.force, columns.position} <= set(shown):
+        refuse_preamble(path, content, separator, columns)
     wanted = wanted_columns(path, columns, shown, table=True)
     for name in wanted.values():
         # The second is the reader's own name for another column of one name.
@@ -44,6 +52,7 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError):
         # Ten times slower and larger, but it tells spaces from words and names the cell.
         table = _table(path, content, separator, columns=names)
+        refuse_other_rows(path, table)
     return {role: _numbers(path, table[stored_as[name]], name) for role, name in wanted.items()}
 
 

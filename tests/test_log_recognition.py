@@ -1,0 +1,128 @@
+"""What loggers and spreadsheets do to CSV logs is named for what it is, with the step to take."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from identification import InvalidInputError, LogColumns, load_trajectory
+from tests.commands import haptune, log_text
+
+TEXT = log_text(300)
+HEADER, *ROWS = TEXT.splitlines()
+UNITS = "\n".join([HEADER, "s,N,m", *ROWS])
+
+#: what is said, the step to take, the file
+CASES: dict[str, tuple[str, str, bytes]] = {
+    "UTF-16 with a mark": ("is UTF-16 text", "Save it as UTF-8", TEXT.encode("utf-16")),
+    "UTF-16 without one": ("is UTF-16 text", "Save it as UTF-8", TEXT.encode("utf-16-le")),
+    "UTF-16 the other way": ("is UTF-16 text", "Save it as UTF-8", TEXT.encode("utf-16-be")),
+    "UTF-32": ("is UTF-32 text", "Save it as UTF-8", TEXT.encode("utf-32")),
+    "CR alone": (
+        "carriage returns (CR) alone",
+        "Save it with line ends LF",
+        TEXT.replace("\n", "\r").encode(),
+    ),
+    "zeros at the end": (
+        "holds 512 NUL bytes, the first in line 302",
+        "Log or export it again, or keep the lines before line 302",
+        TEXT.encode() + bytes(512),
+    ),
+    "a zero inside": (
+        "1 NUL byte, the first in line 2",
+        "or keep the lines before line 2",
+        TEXT.replace("0", "\0", 1).encode(),
+    ),
+    "zeros alone": (
+        "holds 4096 NUL bytes, the first in line 1",
+        "Log or export it again",
+        bytes(4096),
+    ),
+    "comments above": (
+        "has 2 lines above its header, which stands in line 3; the first is '# rig 7'",
+        "Delete the lines above the header",
+        f"# rig 7\n# 2026, spring\n{TEXT}".encode(),
+    ),
+    "a title above": (
+        "has 3 lines above its header, which stands in line 4; the first is 'Rig 7'",
+        "Delete the lines above the header",
+        f"Rig 7\n\nN;a;b;c;d\n{TEXT}".encode(),
+    ),
+    "a marked header below a comment": (
+        "has 1 line above its header, which stands in line 2",
+        "Delete the lines above the header",
+        f"# rig 7\n# {TEXT}".encode(),
+    ),
+    "a comment above another header": (
+        "begins with a comment, '# rig 7', where the names of the columns should be",
+        "Delete the lines above the header",
+        f"# rig 7\n{TEXT.replace('time', 'zeit')}".encode(),
+    ),
+    "a row of units": (
+        "holds 's', 'N', 'm' in row 2, below the header: units or names",
+        "Delete row 2; --force-gain",
+        UNITS.encode(),
+    ),
+    "names and units": (
+        "holds 'clock', 'motor', 'handle' in row 2",
+        "Delete rows 2 to 3",
+        UNITS.replace("s,N,m", "clock,motor,handle\n[s],[N],[m]").encode(),
+    ),
+    "a mean at the end": (
+        "ends with 'Mean' in row 302, below the samples: a summary",
+        "Delete row 302",
+        f"{TEXT}Mean,0.1,0.2\n".encode(),
+    ),
+    "three rows of summary": (
+        "ends with 'Mean' in row 302",
+        "Delete rows 302 to 304",
+        f"{TEXT}Mean,0.1,0.2\nStd,0.1,0.2\nMax,1,2".encode(),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_it_is_named_for_what_it_is(tmp_path: Path, case: str) -> None:
+    said, step, content = CASES[case]
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    with pytest.raises(InvalidInputError, match=re.escape(said)) as found:
+        load_trajectory(path)
+    assert found.value.remedy.startswith(step) or step in found.value.remedy
+    assert "\n" not in str(found.value)
+
+
+def test_a_command_says_so_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("log.csv").write_text(UNITS, encoding="utf-8")
+    ended = haptune("doctor", "log.csv")
+    assert ended.code == 3
+    assert ended.err.count("\n") == 1
+    assert "row 2" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (TEXT.replace(".", ","), "equally long rows|not a number"),
+        (TEXT.replace(",", ";").replace(".", ","), "'0,000' in row 2, which is not a number"),
+        (TEXT.replace("0.150,", "late,", 1), "'late' in row 152, which is not a number"),
+        (TEXT.replace("time", "zeit"), "has no column 'time'; it has: zeit, force, position"),
+        ("# " + TEXT.replace("time", "zeit"), "has no column 'time'; it has: zeit, force"),
+    ],
+)
+def test_nothing_else_is_taken_for_it(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=said):
+        load_trajectory(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_what_is_read_stays_read(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "log.csv"
+    for text in (TEXT, "# " + TEXT, TEXT.replace("\n", "\r\n")):
+        path.write_bytes(text.encode(encoding))
+        assert len(load_trajectory(path, LogColumns())) == 300

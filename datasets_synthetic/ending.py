@@ -73,14 +73,55 @@ def endings(
     return [_ending(*each, allowed) for each in zip(moved, pulled, travel, strict=True)]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Left:
+    """What is left of one quantity in the last two parts of a run.
+
+    Attributes:
+        phrase: what it is, with places for its size before and now.
+        pair: amplitude or travel in the part before and the last one.
+        allowed: the most that counts as none.
+    """
+
+    phrase: str
+    pair: FloatArray
+    allowed: float
+
+    @property
+    def over(self) -> bool:
+        """Whether more is left than allowed."""
+        return bool(self.pair[1] > self.allowed)
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is not dying out."""
+        return bool(self.pair[1] >= _DIES * self.pair[0])
+
+    @property
+    def grows(self) -> bool:
+        """Whether there is clearly more of it than before."""
+        return bool(self.pair[1] > _GROWS * self.pair[0])
+
+
+def _listed(quantities: list[_Left]) -> str:
+    """Each with its size before and now."""
+    return " and ".join(
+        each.phrase.format(*(_shown(size, each.allowed) for size in each.pair))
+        for each in quantities
+    )
+
+
 def _ending(counts: FloatArray, force: FloatArray, travel: FloatArray, allowed: Allowed) -> Ending:
     """From what is left in the two last parts, before and after, each shape (2,)."""
-    left = [(counts, allowed.counts), (force, allowed.force)]
+    readings = _Left(phrase="readings from {} to {} counts", pair=counts, allowed=allowed.counts)
+    pull = _Left(phrase="force from {} to {}", pair=force, allowed=allowed.force)
+    moved = _Left(phrase="travel from {} to {} counts", pair=travel, allowed=allowed.counts)
+    left = [readings, pull]
     # Steady travel under a push is at rest in this sense; travel that gains is not.
-    gains = travel[1] > _GROWS * travel[0]
-    left += [(travel, allowed.counts)] if gains or not allowed.pushed else []
-    over = [pair for pair, most in left if pair[1] > most]
-    lasting = [pair for pair in over if pair[1] >= _DIES * pair[0]]
+    left += [moved] if moved.grows or not allowed.pushed else []
+    over = [each for each in left if each.over]
+    lasting = [each for each in over if each.lasts]
+    growing = [each for each in lasting if each.grows]
     size = f"{_shown(counts[1], allowed.counts)} counts and "
     size += f"{_shown(force[1], allowed.force)} of force"
     limits = f"{allowed.counts:g} counts and {allowed.force:.3g} of force are allowed"
@@ -90,13 +131,15 @@ def _ending(counts: FloatArray, force: FloatArray, travel: FloatArray, allowed: 
     elif not over:
         reason = f"ends with {size}; {limits}"
     elif not lasting:
-        reason = f"still dying out, from {counts[0]:.3g} counts to {size}"
-    elif lasting[0] is travel:
-        verdict = "diverges" if gains else "keeps-oscillating"
+        reason = f"still dying out: {_listed(over)}; {limits}"
+    elif lasting == [moved]:
+        verdict = "diverges" if moved.grows else "keeps-oscillating"
         reason = f"moves on by {travel[1]:.3g} counts, after {travel[0]:.3g} as long before"
-    elif any(pair[1] > _GROWS * pair[0] for pair in lasting):
+    elif growing:
         verdict = "diverges"
-        reason = f"still growing, from {counts[0]:.3g} counts to {size}; {limits}"
+        beside = [each for each in (readings, pull) if each not in growing]
+        also = f"; beside it {_listed(beside)}" if beside else ""
+        reason = f"still growing: {_listed(growing)}{also}; {limits}"
     else:
         verdict, reason = "keeps-oscillating", f"keeps oscillating with {size}; {limits}"
     return Ending(

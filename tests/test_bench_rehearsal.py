@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from datasets_synthetic import Controller, Hand, Rehearsal, Rig, Vibration, named_rig, rehearse
 from datasets_synthetic.ending import Allowed, endings
@@ -177,6 +178,25 @@ def test_endings_of_known_signals() -> None:
     moving = np.stack([20 * time, np.exp(2 * time)])
     pushed = endings(moving, 0 * moving, 1.0, replace(ALLOWED, pushed=True))
     assert [each.verdict for each in pushed] == ["settles", "diverges"]
+
+
+def test_growing_is_said_of_what_grows_and_dying_out_of_what_is_too_much() -> None:
+    time = np.linspace(0, 3, 3000)
+    wave = np.sin(2 * np.pi * 30 * time)
+    ebbing, swelling = 200 * np.exp(-0.1 * time) * wave, 5 * np.exp(0.3 * time) * wave
+
+    def said(position: NDArray[np.float64], force: NDArray[np.float64]) -> str:
+        return endings(position[None], force[None], 1.0, ALLOWED)[0].reason.partition("; 3 ")[0]
+
+    force_grows = (
+        "still growing: force from 8.24 to 10.8; beside it readings from 169 to 155 counts"
+    )
+    assert said(ebbing, swelling) == force_grows
+    readings_grow = "still growing: readings from 8.24 to 10.8 counts"
+    assert said(swelling, ebbing) == readings_grow + "; beside it force from 169 to 155"
+    assert said(swelling, swelling) == readings_grow + " and force from 8.24 to 10.8"
+    fading = 50 * np.exp(-time) * wave
+    assert said(0 * time, fading) == "still dying out: force from 10.2 to 4.16"
 
 
 @pytest.mark.parametrize(

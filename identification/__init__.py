@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from identification.excitation import (
         plan_excitation as plan_excitation,
     )
+    from identification.figure import NotebookFigure as NotebookFigure
     from identification.hardware import (
         ForceLimit as ForceLimit,
     )
@@ -150,6 +151,7 @@ _HOMES = {
     "evidence": "Covariance LogRecord",
     "examination": "Examination examine",
     "excitation": "Excitation plan_excitation",
+    "figure": "NotebookFigure",
     "hardware": "ForceLimit Hardware",
     "known_devices": "load_device named_devices",
     "logs": "LogColumns load_trajectory",
@@ -190,6 +192,7 @@ __all__ = [
     "LogRefusedError",
     "Mode",
     "NotWrittenError",
+    "NotebookFigure",
     "Plant",
     "Quantity",
     "Trajectory",

@@ -30,7 +30,7 @@ def fit_picture(trajectory: Trajectory, device: Device, *, delay: float | None =
         delay: s, with which its numbers were found; None takes the device's, which is at least one
             sample.
     """
-    from matplotlib.figure import Figure
+    from identification.figure import NotebookFigure
 
     late = device.delay.value if delay is None else delay
     model = _model(device)
@@ -40,7 +40,7 @@ def fit_picture(trajectory: Trajectory, device: Device, *, delay: float | None =
     explained = table.columns @ np.array(values)
     time = trajectory.time[table.first :][: applied.size]
     length, force = ("m", "N") if device.motion == "linear" else ("rad", "N·m")
-    figure = Figure(figsize=(11, 6), layout="constrained")
+    figure = NotebookFigure(figsize=(11, 6), layout="constrained")
     top, middle, bottom = figure.subplots(3, 1, sharex=True)
     top.plot(trajectory.time, trajectory.position, lw=1)
     top.set_ylabel(f"position, {length}")

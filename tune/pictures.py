@@ -35,9 +35,9 @@ def profile_picture(profile: SafeProfile) -> Figure:
     The boundaries are exact: the largest stiffness for each damping, for the best estimate of the
     device, for the worst corner of its box, and for that corner with the whole margin kept.
     """
-    from matplotlib.figure import Figure
+    from identification import NotebookFigure
 
-    figure = Figure(figsize=(11, 4.5), layout="constrained")
+    figure = NotebookFigure(figsize=(11, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     _region(left, profile)
     _steps(right, profile)

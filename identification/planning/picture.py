@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 def excitation_picture(excitation: Excitation) -> Figure:
     """Force, predicted position and predicted speed over time, each between its limits."""
-    from matplotlib.figure import Figure
+    from identification.figure import NotebookFigure
 
     spec, best = excitation.spec, excitation.best
     length, force = ("m", "N") if spec.motion == "linear" else ("rad", "N·m")
     motion = best.prediction.motion
-    figure = Figure(figsize=(11, 7), layout="constrained")
+    figure = NotebookFigure(figsize=(11, 7), layout="constrained")
     rows = (
         (f"force, {force}", best.force, spec.force),
         (f"position, {length}", motion.position, spec.travel),

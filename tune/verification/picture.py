@@ -25,9 +25,9 @@ _UNITS = {"linear": ("m", "N"), "rotary": ("rad", "N·m")}
 
 def verification_picture(profile: Design, seen: Verification) -> Figure:
     """Position with fit and predicted envelope above, force with the law's prediction below."""
-    from matplotlib.figure import Figure
+    from identification import NotebookFigure
 
-    figure = Figure(figsize=(9, 6), layout="constrained")
+    figure = NotebookFigure(figsize=(9, 6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     length, force = _UNITS[profile.device.motion]
     _motion(above, profile, seen)

@@ -1,0 +1,139 @@
+"""Every shell and Python block of the README and the documentation runs as printed, in order.
+
+What a reader brings along is provided here: a log of the device (``log.csv``), and one of an
+element of the profile played at a reduced gain (``played.csv``).
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from datasets_synthetic import Controller, bundled, log_text, rig_of, simulate
+from tests.commands import haptune
+from tune import load_profile
+
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+#: Blocks in other languages: shown, not run.
+SHOWN = {"c"}
+#: Commands that install what runs here, and the command that runs this test.
+LEFT_OUT = ("python -m pip install", "python -m pytest")
+#: The element that is played for ``haptune verify``, and its gain.
+PLAYED, GAIN = "rubber", 0.3
+_BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def _blocks() -> Iterator[tuple[str, str, str]]:
+    """Page, language and text of every fenced block."""
+    for page in PAGES:
+        for language, text in _BLOCK.findall(page.read_text(encoding="utf-8")):
+            yield page.name, language, text
+
+
+def _commands(text: str) -> Iterator[str]:
+    """Single commands of a shell block."""
+    for line in text.splitlines():
+        for command in line.partition(" #")[0].split("&&"):
+            if command.strip() and not command.strip().startswith(LEFT_OUT):
+                yield command.strip()
+
+
+def _play(element: str, gain: float) -> None:
+    """The handle 20 mm from rest, let go, while an element of the profile plays."""
+    profile = load_profile("profile.yaml")
+    chosen = profile.elements[element]
+    controller = Controller(
+        stiffness=gain * chosen.stiffness,
+        damping=gain * chosen.damping,
+        mass=gain * chosen.mass,
+        velocity_cutoff=profile.loop.velocity_filter_hz or np.inf,
+        acceleration_cutoff=profile.loop.acceleration_filter_hz or np.inf,
+    )
+    rig = rig_of(profile.device)
+    run = simulate(rig, np.zeros(3000), controller=controller, position=0.02)
+    Path("played.csv").write_text(log_text(run.trajectory()), encoding="utf-8")
+
+
+def _shorten_excitation() -> None:
+    """The limits are the reader's; two seconds are planned sooner than ten."""
+    spec = Path("excitation.yaml")
+    text = spec.read_text(encoding="utf-8")
+    spec.write_text(text.replace("duration: 10.0", "duration: 2.0"), encoding="utf-8")
+
+
+def test_every_block_is_in_a_language_that_is_run_or_shown() -> None:
+    assert {language for _, language, _ in _blocks()} == {"sh", "python"} | SHOWN
+
+
+def test_no_command_stands_outside_a_block_that_is_run() -> None:
+    for page in PAGES:
+        assert not re.search(r"^(    |\t)haptune ", page.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_every_block_runs_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(bundled("homerehab.csv"), "log.csv")
+    ran: set[str] = set()
+    for page, language, text in _blocks():
+        if language == "python":
+            exec(compile(text, page, "exec"), {})  # noqa: S102
+        for command in _commands(text) if language == "sh" else ():
+            program, *arguments = shlex.split(command)
+            assert program == "haptune", f"{page}: {command}"
+            if arguments[0] == "excite":
+                _shorten_excitation()
+            if arguments[0] == "verify":
+                _play(PLAYED, GAIN)
+            ended = haptune(*arguments)
+            assert ended.code == 0, f"{page}: {command}: {ended.err}"
+            ran.add(arguments[0])
+            if arguments[0] == "demo":
+                _compare_first_table(ended.out)
+    assert ran >= {"demo", "calibrate", "check", "export", "excite", "doctor", "audit", "verify"}
+    assert (tmp_path / "controller" / "haptune_guard.c").is_file()
+
+
+def _compare_first_table(printed: str) -> None:
+    """The README's first table is what the command above it prints, rounded."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    block = text.partition("|---|---|---|---|---|\n")[2].partition("\n\n")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()]
+    found = {
+        label.strip(): line
+        for line in printed.splitlines()
+        for label in [line[: line.find("  ", 2)]]
+        if line.startswith("  ") and line.strip()
+    }
+    table = printed.partition("limited by")[2].partition("felt of it")[0]
+    assert len(rows) == len([line for line in table.splitlines() if re.search(r"\w", line)])
+    for label, value, steps, reason, _ in rows:
+        cells = re.split(r"  +", found[label].strip())
+        # Another linear algebra library ends a search within a part of a per cent.
+        assert _number(value) == pytest.approx(_number(cells[1]), rel=0.01), label
+        assert _number(steps) == pytest.approx(_number(cells[2]), rel=0.01), label
+        assert reason.partition(",")[0] == cells[-1], label
+        felt = re.findall(r"felt as ([\d.]+) kg and ([\d.]+)", value)
+        for mass, damping in felt:
+            line = next(
+                each for each in printed.splitlines() if each.startswith(f"{label.split()[0]}: ")
+            )
+            seen = re.findall(r"(?:mass|damping) ([+-][\d.]+)", line)
+            assert [float(mass), float(damping)] == pytest.approx([*map(float, seen)], rel=0.02)
+    cutoffs = re.search(r"velocity ([\d.]+) Hz, acceleration ([\d.]+) Hz", printed)
+    stated = re.search(r"velocity ([\d.]+) Hz,\s+acceleration ([\d.]+) Hz", text)
+    assert cutoffs
+    assert stated
+    assert [*map(float, stated.groups())] == pytest.approx(
+        [*map(float, cutoffs.groups())], rel=0.01
+    )
+
+
+def _number(text: str) -> float:
+    return float(text.split(maxsplit=1)[0])

@@ -28,6 +28,7 @@ def _outputs(name: str, folder: Path) -> list[Any]:
     with warnings.catch_warnings():
         # What the kernel's own libraries announce to one another is no affair of a notebook.
         warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.filterwarnings("ignore", "Proactor event loop")  # on Windows
         client.execute(env={**os.environ, "PYTHONPATH": str(ROOT)})
     return [output for cell in notebook.cells for output in cell.get("outputs", [])]
 

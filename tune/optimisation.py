@@ -13,6 +13,7 @@ from tune.describe import element_profile, skipped_parts
 from tune.errors import CheckFailedError, NoFeasibleEffectError
 from tune.hand import hand_of
 from tune.loop import Filters
+from tune.moments import groups_of
 from tune.perception import PerceptionTable, default_table
 from tune.problem import Job
 from tune.profile import Design, LoopProfile, MarginProfile, PerceptionProfile, SafeProfile
@@ -159,7 +160,7 @@ def design_of(
         hand=hand_of(scene.hand, device.motion),
         margin=MarginProfile(name=scene.margin, **dict(MARGINS[scene.margin])),
         elements={name: elements[name] for name in scene.elements if name in elements},
-        together=tuple(tuple(group) for group in scene.together),
+        together=groups_of(scene.elements, scene.together),
         ripple_limit=scene.ripple_limit or job.table.threshold(device.motion),
         perception=_perception(job),
         skipped=skipped_parts(device, scene, filters),

@@ -14,7 +14,8 @@ from identification import Device, Document, load_mapping, parse_document, to_ma
 from tune.certified import Certificate
 from tune.errors import CheckFailedError
 from tune.hand import Hand
-from tune.scene import LARGEST_GROUP, LONGEST_WINDOW, Margin, MarginName, Motion
+from tune.moments import moments_of, refuse_strange_groups
+from tune.scene import LONGEST_WINDOW, Margin, MarginName, Motion
 
 LimitedBy = Literal[
     "stability",
@@ -153,18 +154,12 @@ class Design(Document):
 
     @model_validator(mode="after")
     def _known(self) -> Design:
-        for group in self.together:
-            if len(group) > LARGEST_GROUP or not set(group) <= set(self.elements):
-                raise ValueError(f"together names {', '.join(group)[:80]}, which cannot be felt")
+        refuse_strange_groups(self.elements, self.together)
         return self
 
     def moments(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at once, singles first."""
-        found: dict[tuple[str, ...], None] = {(name,): None for name in self.elements}
-        for group in self.together:
-            for mask in range(1, 1 << len(group)):
-                found[tuple(name for bit, name in enumerate(group) if mask >> bit & 1)] = None
-        return tuple(sorted(found, key=len))
+        return moments_of(self.elements, self.together)
 
 
 class SafeProfile(Design):

@@ -153,9 +153,9 @@ class Element(Document):
 class Motion(Document):
     """Penetration (m or rad), speed and acceleration, per s and s², that a hand reaches."""
 
-    penetration: float
-    speed: float
-    acceleration: float
+    penetration: float = Field(ge=SMALLEST, le=LARGEST)
+    speed: float = Field(ge=SMALLEST, le=LARGEST)
+    acceleration: float = Field(ge=SMALLEST, le=LARGEST)
 
 
 DEFAULT_MOTION = {

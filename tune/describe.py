@@ -14,7 +14,7 @@ from tune.delays import MOST
 from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.filters import used_filters
 from tune.limits import forces_allowed, ripple, stable_points, worst_gain
-from tune.loop import WHOLE, Filters
+from tune.loop import WHOLE
 from tune.passivity import damping_needed
 from tune.problem import Problem
 from tune.profile import ElementProfile, LimitedBy, Margins

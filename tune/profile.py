@@ -141,7 +141,7 @@ class ElementProfile(Document):
     """What one element plays; effects that do not act are zero.
 
     ``perceived_steps`` count what is felt of an effect at the motions people make; ``rendered`` is
-    absent in profiles written before it was computed.
+    absent in profiles written before it was computed, which `check` refuses.
     """
 
     stiffness: float

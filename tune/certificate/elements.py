@@ -75,7 +75,7 @@ def _wrong_keys(name: str, element: ElementProfile) -> Iterator[str]:
 
 
 def _wrong_margins(design: Design, name: str) -> Iterator[str]:
-    """Margins below those that were kept, beyond what is looked for, or with digits of their own."""
+    """Margins below those that were kept, beyond what is looked for, or with too many digits."""
     said, kept = design.elements[name].margins, design.margin
     for claim, value, least, most, step in (
         ("gain", said.gain, kept.gain - _STEP_OF_GAIN, _MOST_GAIN, _STEP_OF_GAIN),

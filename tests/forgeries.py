@@ -96,8 +96,10 @@ def forgeries(field: Field) -> list[Any]:
 
 def forged(content: Mapping[str, Any], field: Field, value: Any) -> dict[str, Any]:
     """A profile with one key changed and the digest that belongs to it."""
-    changed = copy.deepcopy(dict(content))
-    place = functools.reduce(lambda part, key: part[key], field.path[:-1], changed)
+    changed: Any = copy.deepcopy(dict(content))
+    place: Any = changed
+    for key in field.path[:-1]:
+        place = place[key]
     if value is GONE:
         del place[field.path[-1]]
     else:

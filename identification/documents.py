@@ -227,13 +227,20 @@ def as_stored(document: Model) -> Model:
 
 
 def to_yaml(content: Mapping[str, Any], comment: str = "") -> str:
-    """YAML text whose floats YAML 1.1 and ROS 2 readers also see as floats (no bare 1e-3)."""
+    """YAML text that readers of YAML 1.1 (PyYAML, ROS 2) and 1.2 understand alike.
+
+    Floats have a point (no bare 1e-3), texts that either version takes for something else are in
+    quotes, and no line is broken: a key that goes on in the next line is no key to any reader.
+    """
     from ruamel.yaml import YAML
+    from ruamel.yaml.nodes import ScalarNode
+    from ruamel.yaml.resolver import VersionedResolver
 
     yaml: Any = YAML(typ="safe", pure=True)
     yaml.default_flow_style = False
     yaml.sort_base_mapping_type_on_output = False
-    yaml.width = 100
+    yaml.width = _UNBROKEN
+    older: Any = VersionedResolver(version=(1, 1))
 
     def represent_float(representer: Any, value: float) -> Any:
         text = repr(value)
@@ -242,8 +249,12 @@ def to_yaml(content: Mapping[str, Any], comment: str = "") -> str:
         return representer.represent_scalar("tag:yaml.org,2002:float", text)
 
     def represent_str(representer: Any, value: str) -> Any:
-        # The writer leaves "?x" and ":x" plain on one line, where readers take the mark as theirs.
-        style = "'" if value.startswith(("?", ":", "-")) else None
+        # The writer leaves "x?" and ":x" plain on one line, where readers take the mark as theirs,
+        # and breaks lines at ends of lines that only some readers know, but for double quotes.
+        marked = value.startswith((":", "-")) or "?" in value
+        text = older.resolve(ScalarNode, value, (True, False)) == older.DEFAULT_SCALAR_TAG
+        plain = None if text and not marked else "'"
+        style = plain if value.isprintable() else '"'
         return representer.represent_scalar("tag:yaml.org,2002:str", value, style=style)
 
     def represent_list(representer: Any, items: list[Any]) -> Any:
@@ -253,7 +264,7 @@ def to_yaml(content: Mapping[str, Any], comment: str = "") -> str:
 
     def represent_dict(representer: Any, items: dict[str, Any]) -> Any:
         return representer.represent_mapping(
-            "tag:yaml.org,2002:map", items, flow_style=_short(items.values())
+            "tag:yaml.org,2002:map", items, flow_style=_short(items.values(), items)
         )
 
     def represent_root(representer: Any, items: _Root) -> Any:
@@ -274,15 +285,17 @@ class _Root(dict[str, Any]):
     """The outermost mapping: always one key a line."""
 
 
-#: Characters of a collection that still goes on one line, keys and punctuation aside.
-_ONE_LINE = 76
+#: Columns that no line of a file reaches.
+_UNBROKEN = LARGEST_FILE
+#: Characters of a collection that still goes on one line: keys, values and what is between them.
+_ONE_LINE = 88
 
 
-def _short(items: Iterable[Any]) -> bool:
-    """True for a few scalars that fit on one line."""
-    listed = list(items)
+def _short(values: Iterable[Any], keys: Iterable[str] = ()) -> bool:
+    """True for a few scalars that fit on one line with their keys."""
+    listed = list(values)
     return (
         bool(listed)
         and not any(isinstance(item, list | dict) for item in listed)
-        and sum(len(str(item)) for item in listed) <= _ONE_LINE
+        and sum(len(str(item)) + 2 for item in [*listed, *keys]) <= _ONE_LINE
     )

@@ -25,7 +25,7 @@ COMMANDS = {
     "--quiet",
     "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
     "--acceleration-filter --margin --json --quiet",
-    "check": "--json --quiet",
+    "check": "--device --json --quiet",
     "verify": "--element --gain --release --time --force --position --force-gain --position-gain "
     "--axis --picture --json --quiet",
     "export": "--to --output --dry-run --json --quiet",

@@ -9,8 +9,9 @@ import pytest
 from pydantic import ValidationError
 
 from identification import InvalidInputError
+from tune.moments import LARGEST_GROUP
 from tune.perception import default_table
-from tune.scene import LARGEST_GROUP, MARGINS, Motion, Scene, Wish, load_scene, perception_of
+from tune.scene import MARGINS, Motion, Scene, Wish, load_scene, perception_of
 
 WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
 

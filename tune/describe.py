@@ -14,7 +14,7 @@ from tune.delays import MOST
 from tune.effects import EFFECT_NAMES, EffectName, Effects
 from tune.filters import used_filters
 from tune.limits import forces_allowed, ripple, stable_points, worst_gain
-from tune.loop import WHOLE, Filters
+from tune.loop import WHOLE
 from tune.passivity import damping_needed
 from tune.problem import Problem
 from tune.profile import ElementProfile, LimitedBy, Margins
@@ -237,22 +237,3 @@ def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Litera
         for step in dict.fromkeys(region.box.sample_time)
     )
     return bool(region.box.damping[0] > needed)
-
-
-def skipped_parts(device: Device, scene: Scene, filters: Filters) -> tuple[str, ...]:
-    """What the scene did not ask for and nothing was spent on."""
-    wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
-    skipped = [effect for effect in EFFECT_NAMES if effect not in wishes]
-    if filters.velocity_hz is None:
-        skipped.append("velocity filter")
-    if filters.acceleration_hz is None:
-        skipped.append("acceleration filter")
-    if device.encoder_resolution is None:
-        skipped.append("ripple: the encoder resolution is not known")
-    if device.force_limit is None:
-        skipped.append("force: the force limit is not known")
-    if scene.hand == "none":
-        skipped.append("hand")
-    if not device.modes:
-        skipped.append("modes")
-    return tuple(skipped)

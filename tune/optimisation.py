@@ -6,18 +6,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from identification import Device, as_stored
+from tune.certificate.words import note_of_dropped, skipped_parts
 from tune.climb import SAME
 from tune.cutoffs import choose_filters
 from tune.delays import Felt, extra_delays
-from tune.describe import element_profile, skipped_parts
+from tune.describe import element_profile
 from tune.errors import CheckFailedError, NoFeasibleEffectError
 from tune.hand import hand_of
 from tune.loop import Filters
+from tune.moments import groups_of
 from tune.perception import PerceptionTable, default_table
 from tune.problem import Job
 from tune.profile import Design, LoopProfile, MarginProfile, PerceptionProfile, SafeProfile
 from tune.region import Spot
-from tune.scene import MARGINS, Scene
+from tune.scene import Scene
 from tune.solve import Solved, groups, solve
 
 Progress = Callable[[str], None]
@@ -143,7 +145,8 @@ def design_of(
         for solved in solutions
         if solved.problem.moments
     }
-    return Design(
+    played = {name: elements[name] for name in scene.elements if name in elements}
+    design = Design(
         device=device,
         scene=scene.name,
         loop=LoopProfile(
@@ -155,17 +158,20 @@ def design_of(
             acceleration_filter_order=filters.acceleration_order,
             filter_damping_ratio=filters.damping_ratio,
             velocity_window_samples=filters.velocity_window,
+        ).with_effects(
+            damping=any(each.damping for each in played.values()),
+            mass=any(each.mass for each in played.values()),
         ),
         hand=hand_of(scene.hand, device.motion),
-        margin=MarginProfile(name=scene.margin, **dict(MARGINS[scene.margin])),
-        elements={name: elements[name] for name in scene.elements if name in elements},
-        together=tuple(tuple(group) for group in scene.together),
+        margin=MarginProfile.of(scene.margin),
+        elements=played,
+        together=groups_of(scene.elements, scene.together),
         ripple_limit=scene.ripple_limit or job.table.threshold(device.motion),
         perception=_perception(job),
-        skipped=skipped_parts(device, scene, filters),
-        notes=tuple(f"{label} dropped: {why}" for label, why in dropped.items()),
+        notes=tuple(note_of_dropped(label) + why for label, why in dropped.items()),
         method=methods,
     )
+    return design.model_copy(update={"skipped": skipped_parts(design)})
 
 
 def _perception(job: Job) -> PerceptionProfile:

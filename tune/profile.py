@@ -12,9 +12,29 @@ from pydantic import Field, model_validator
 
 from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
 from tune.certified import Certificate
+from tune.effects import EFFECT_NAMES, EffectName
 from tune.errors import CheckFailedError
 from tune.hand import Hand
-from tune.scene import LARGEST_GROUP, LONGEST_WINDOW, Margin, MarginName, Motion
+from tune.moments import moments_of, refuse_strange_groups
+from tune.scene import LARGEST, LONGEST_WINDOW, MARGINS, SMALLEST, Margin, MarginName, Motion
+
+__all__ = [
+    "EFFECT_NAMES",
+    "Design",
+    "EffectName",
+    "ElementProfile",
+    "LimitedBy",
+    "LoopProfile",
+    "MarginProfile",
+    "Margins",
+    "PerceptionProfile",
+    "Rendered",
+    "SafeProfile",
+    "digest_of",
+    "load_profile",
+    "profile_of",
+    "read_signed",
+]
 
 LimitedBy = Literal[
     "stability",
@@ -49,12 +69,37 @@ class LoopProfile(Document):
 
     sample_time: float
     extra_delay_samples: float
-    velocity_filter_hz: float | None = None
-    acceleration_filter_hz: float | None = None
+    velocity_filter_hz: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    acceleration_filter_hz: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     velocity_filter_order: Literal[1, 2] = 1
     acceleration_filter_order: Literal[1, 2] = 2
-    filter_damping_ratio: float = Field(default=1.0, gt=0, le=1)
+    filter_damping_ratio: float = Field(default=1.0, ge=0.1, le=1)
     velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
+
+    @model_validator(mode="after")
+    def _one_velocity(self) -> LoopProfile:
+        if self.velocity_window_samples is not None and self.velocity_filter_hz is not None:
+            raise ValueError("velocity_window_samples takes the place of velocity_filter_hz")
+        return self
+
+    def with_effects(self, *, damping: bool, mass: bool) -> LoopProfile:
+        """The loop with the filters that these effects use, what they do not use at its default."""
+        defaults = {name: field.default for name, field in LoopProfile.model_fields.items()}
+        velocity = damping and self.velocity_filter_hz is not None
+        acceleration = mass and self.acceleration_filter_hz is not None
+        squared = (velocity and self.velocity_filter_order == 2) or (
+            acceleration and self.acceleration_filter_order == 2
+        )
+        used = {
+            "velocity_filter_hz": velocity,
+            "velocity_filter_order": velocity,
+            "velocity_window_samples": damping,
+            "acceleration_filter_hz": acceleration,
+            "acceleration_filter_order": acceleration,
+            "filter_damping_ratio": squared,
+        }
+        idle = {name: defaults[name] for name, there in used.items() if not there}
+        return self.model_copy(update=idle)
 
 
 class Margins(Document):
@@ -96,16 +141,16 @@ class ElementProfile(Document):
     """What one element plays; effects that do not act are zero.
 
     ``perceived_steps`` count what is felt of an effect at the motions people make; ``rendered`` is
-    absent in profiles written before it was computed.
+    absent in profiles written before it was computed, which `check` refuses.
     """
 
     stiffness: float
     damping: float
     mass: float
-    perceived_steps: dict[str, float]
+    perceived_steps: dict[EffectName, float]
     margins: Margins
     ripple: float | None = None
-    limited_by: dict[str, LimitedBy]
+    limited_by: dict[EffectName, LimitedBy]
     motion: Motion
     rendered: Rendered | None = None
 
@@ -133,6 +178,11 @@ class MarginProfile(Margin):
 
     name: MarginName
 
+    @classmethod
+    def of(cls, name: MarginName) -> MarginProfile:
+        """The margin that a name stands for."""
+        return cls(name=name, **dict(MARGINS[name]))
+
 
 class Design(Document):
     """A profile before it is certified."""
@@ -145,7 +195,7 @@ class Design(Document):
     margin: MarginProfile
     elements: dict[str, ElementProfile]
     together: tuple[tuple[str, ...], ...] = ()
-    ripple_limit: float
+    ripple_limit: float = Field(ge=SMALLEST, le=LARGEST)
     perception: PerceptionProfile | None = None
     skipped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -153,18 +203,12 @@ class Design(Document):
 
     @model_validator(mode="after")
     def _known(self) -> Design:
-        for group in self.together:
-            if len(group) > LARGEST_GROUP or not set(group) <= set(self.elements):
-                raise ValueError(f"together names {', '.join(group)[:80]}, which cannot be felt")
+        refuse_strange_groups(self.elements, self.together)
         return self
 
     def moments(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at once, singles first."""
-        found: dict[tuple[str, ...], None] = {(name,): None for name in self.elements}
-        for group in self.together:
-            for mask in range(1, 1 << len(group)):
-                found[tuple(name for bit, name in enumerate(group) if mask >> bit & 1)] = None
-        return tuple(sorted(found, key=len))
+        return moments_of(self.elements, self.together)
 
 
 class SafeProfile(Design):
@@ -198,6 +242,16 @@ def load_profile(path: str | PathLike[str]) -> SafeProfile:
         InvalidInputError: no YAML mapping, or no profile.
         CheckFailedError: the digest does not belong to the content.
     """
+    return profile_of(read_signed(path), path)
+
+
+def read_signed(path: Path) -> dict[str, Any]:
+    """The content of a file whose digest belongs to it, as far as it is a profile.
+
+    Raises:
+        InvalidInputError: no YAML mapping.
+        CheckFailedError: the digest does not belong to the content.
+    """
     content = load_mapping(path)
     if "certificate" in content or str(content.get("schema", "")).startswith("haptune/profile/"):
         expected = digest_of(content)
@@ -209,4 +263,9 @@ def load_profile(path: str | PathLike[str]) -> SafeProfile:
                     "Tune again instead of editing a profile",
                 )
             )
-    return parse_document(SafeProfile, content, path)
+    return content
+
+
+def profile_of(content: Mapping[str, Any], source: str | Path) -> SafeProfile:
+    """The profile that a mapping states. Raises InvalidInputError."""
+    return parse_document(SafeProfile, content, source)

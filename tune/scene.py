@@ -12,12 +12,11 @@ from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_v
 from identification import Document, load_document
 from tune.effects import EFFECT_NAMES, EffectName
 from tune.hand import AnyHand
+from tune.moments import moments_of, refuse_strange_groups
 from tune.perception import PerceptionTable, default_table
 
 MarginName = Literal["conservative", "balanced", "firm"]
 
-#: Elements felt together are certified in every subset, 2^n - 1 sums.
-LARGEST_GROUP = 5
 #: SI units; whatever is felt, and how, lies far inside. Beyond, formulas overflow.
 SMALLEST, LARGEST = 1e-9, 1e9
 #: Samples of a moving window; each raises the degree of the loop by one.
@@ -155,9 +154,9 @@ class Element(Document):
 class Motion(Document):
     """Penetration (m or rad), speed and acceleration, per s and s², that a hand reaches."""
 
-    penetration: float
-    speed: float
-    acceleration: float
+    penetration: float = Field(ge=SMALLEST, le=LARGEST)
+    speed: float = Field(ge=SMALLEST, le=LARGEST)
+    acceleration: float = Field(ge=SMALLEST, le=LARGEST)
 
 
 DEFAULT_MOTION = {
@@ -231,29 +230,12 @@ class Scene(Document):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
-        for name in self.elements:
-            if not name.strip() or not name.isprintable():
-                raise ValueError(f"an element is named {name!r}; give it a word")
-        for group in self.together:
-            unknown = [name for name in group if name not in self.elements]
-            if unknown:
-                raise ValueError(f"together names {', '.join(unknown)}, which is no element")
-            if len(set(group)) != len(group) or len(group) < 2:
-                raise ValueError(f"together needs two or more different elements, not {group}")
-            if len(group) > LARGEST_GROUP:
-                raise ValueError(f"together holds {len(group)} elements, more than {LARGEST_GROUP}")
+        refuse_strange_groups(self.elements, self.together)
         return self
 
     def subsets(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at one moment, singles first."""
-        found: dict[tuple[str, ...], None] = {(name,): None for name in self.elements}
-        order = list(self.elements)
-        for group in self.together:
-            members = sorted(group, key=order.index)
-            for mask in range(1, 1 << len(members)):
-                chosen = tuple(n for bit, n in enumerate(members) if mask >> bit & 1)
-                found[chosen] = None
-        return tuple(sorted(found, key=len))
+        return moments_of(self.elements, self.together)
 
     def motion(self, element: str, kind: Literal["linear", "rotary"]) -> Motion:
         """The motion of one element, defaults filled in."""

@@ -40,13 +40,10 @@ def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
 
 
 def ripple_failures(design: Design, moment: tuple[str, ...], setting: Setting) -> list[str]:
-    """Ripple at the best estimate and the longest delay, with a hand and without."""
-    resolution = design.device.encoder_resolution
-    if resolution is None:
+    """Ripple of a moment against the limit, and what a lone element claims against what it has."""
+    seen = ripple_of(design, setting)
+    if seen is None:
         return []
-    seen = max(
-        ripple_by_integration(point, setting, resolution.value) for point in _best_estimates(design)
-    )
     where = " + ".join(moment)
     failures: list[str] = []
     if not seen <= design.ripple_limit * (1 + _AGREE):
@@ -55,6 +52,19 @@ def ripple_failures(design: Design, moment: tuple[str, ...], setting: Setting) -
     if len(moment) == 1 and claimed < seen * (1 - _AGREE):
         failures.append(f"{where}: claims a ripple of {claimed:.4g}, has {seen:.4g}")
     return failures
+
+
+def ripple_of(design: Design, setting: Setting) -> float | None:
+    """Force ripple at the best estimate and the longest delay, with a hand or without, N (N·m).
+
+    None where the encoder is not known.
+    """
+    resolution = design.device.encoder_resolution
+    if resolution is None:
+        return None
+    return max(
+        ripple_by_integration(point, setting, resolution.value) for point in _best_estimates(design)
+    )
 
 
 def _best_estimates(design: Design) -> list[Point]:
@@ -94,9 +104,8 @@ def passivity_failures(
     claimed = [name for name in moment if design.elements[name].margins.passive is True]
     if len(moment) != 1 or not claimed:
         return []
-    delays = {region.delay[i] / step for i in (0, 1) for step in region.sample_time}
-    whole = round(max(delays))
-    if region.modes or region.current_lag[1] or max(abs(d - whole) for d in delays) > _WHOLE:
+    whole = whole_delay(region)
+    if whole is None:
         return [
             f"{claimed[0]}: claims passivity with a mode, a lag or a part of a sample of delay, "
             "where it is not known"
@@ -110,3 +119,20 @@ def passivity_failures(
                 f"of {damping:.6g} is too little, {needed:.6g} is needed"
             ]
     return []
+
+
+def whole_delay(region: Region, close: float = _WHOLE) -> int | None:
+    """Samples of delay of a rigid device, for which passivity is known.
+
+    Args:
+        region: the device alone.
+        close: parts of a sample that count as none.
+
+    Returns:
+        None with a mode, a lag or a part of a sample.
+    """
+    delays = {region.delay[i] / step for i in (0, 1) for step in region.sample_time}
+    whole = round(max(delays))
+    if region.modes or region.current_lag[1] or max(abs(d - whole) for d in delays) > close:
+        return None
+    return whole

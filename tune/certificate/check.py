@@ -1,19 +1,24 @@
-"""Re-compute a written profile by the independent path: digest, certificate, margins."""
+"""Re-compute a written profile by the independent path: digest, certificate, all that it says."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
+from identification import Device, to_mapping
 from tune.certificate.certify import certify, setting_of
+from tune.certificate.differences import differences
+from tune.certificate.elements import recomputed_otherwise
 from tune.certificate.point import HandPoint, ModePoint, Point
 from tune.certificate.roots import judge
+from tune.certificate.stated import form_failures, stated_failures
 from tune.certified import Certificate, HandBox, ModeBox, WorstPoint
 from tune.errors import CheckFailedError
-from tune.profile import SafeProfile, load_profile
+from tune.profile import SafeProfile, profile_of, read_signed
 
 #: Bounds of the box are stored with twelve digits.
 _AGREE = 1e-9
@@ -40,19 +45,44 @@ class CheckReport:
     certificate: Certificate
 
 
-def check(path: str | PathLike[str]) -> CheckReport:
+def check(path: str | PathLike[str], device: Device | None = None) -> CheckReport:
     """Check a profile file.
+
+    Args:
+        path: of the file.
+        device: that the profile has to be for; None takes the device of the file on trust.
 
     Raises:
         InvalidInputError: not a readable profile.
-        CheckFailedError: the digest is wrong, a point is unstable or undecided, or the file claims
-            what was not found.
+        CheckFailedError: the digest is wrong, a point is unstable or undecided, the file says what
+            was not found, or the device is another.
     """
-    profile = load_profile(path)
-    fresh = certify(profile)
-    failures = tuple(_claims_differ(profile, fresh)) + tuple(_loop_differs(profile))
+    return check_content(read_signed(path), path, device)
+
+
+def check_content(
+    content: Mapping[str, Any], source: str | PathLike[str], device: Device | None = None
+) -> CheckReport:
+    """Check the content of a profile file whose digest belongs to it.
+
+    Raises:
+        InvalidInputError: no profile.
+        CheckFailedError: as of `check`.
+    """
+    profile = profile_of(content, source)
+    failures = [*form_failures(profile, content), *stated_failures(profile)]
+    if device is not None:
+        own = differences(to_mapping(device), to_mapping(profile.device), "device")
+        failures += [each.words("the device given", "the profile") for each in own]
+    try:
+        fresh = certify(profile)
+    except CheckFailedError as error:
+        raise CheckFailedError((*error.failures, *failures), error.points) from None
+    for name in profile.elements:
+        failures += recomputed_otherwise(profile, name)
+    failures += _claims_differ(profile, fresh)
     if failures:
-        raise CheckFailedError(failures)
+        raise CheckFailedError(tuple(failures))
     return CheckReport(profile=profile, certificate=fresh)
 
 
@@ -62,6 +92,12 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
     for moment in stated.interior:
         if moment not in fresh.interior:
             yield f"certificate.interior says {moment} is proved, the profile has no such moment"
+    for moment in fresh.interior:
+        if moment not in stated.interior:
+            yield f"certificate.interior does not say that {moment} is proved. Tune again"
+    for name in ("method", "assumes", "not_assessed"):
+        if getattr(stated, name) != getattr(fresh, name):
+            yield f"certificate.{name} is not what haptune says of such a profile. Tune again"
     for name in _CLAIMED:
         seen, said = getattr(fresh, name), getattr(stated, name)
         if not np.allclose(seen, said, rtol=_AGREE, atol=0):
@@ -160,20 +196,6 @@ def _flat(part: HandBox | tuple[ModeBox, ...] | tuple[float, float] | None) -> l
         else:
             numbers.append(item)
     return numbers
-
-
-def _loop_differs(profile: SafeProfile) -> Iterator[str]:
-    """What the controller is told to run but the device is not said to do."""
-    loop, device = profile.loop, profile.device
-    for name, said, known in (
-        ("sample_time", loop.sample_time, device.sample_time),
-        ("extra_delay_samples", loop.extra_delay_samples * loop.sample_time, device.delay),
-    ):
-        if not known.low * (1 - _AGREE) <= said <= known.high * (1 + _AGREE):
-            yield (
-                f"loop.{name} amounts to {said:.12g} s, the device has {known.low:.12g} to "
-                f"{known.high:.12g} s"
-            )
 
 
 def _number(value: float | tuple[float, ...]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tune.profile import Design
+from tune.profile import EFFECT_NAMES, Design
 
 METHOD = (
     "no pole can cross the unit circle anywhere in the box: excluded by subdivision with "
@@ -50,3 +50,24 @@ def not_assessed(design: Design) -> tuple[str, ...]:
     """What the proof leaves out."""
     pushed = design.device.position_stiffness is not None or design.device.gravity is not None
     return ((POSITION_FORCE,) if pushed else ()) + NOT_ASSESSED
+
+
+def skipped_parts(design: Design) -> tuple[str, ...]:
+    """What was not asked for, or is not known, and nothing was spent on."""
+    device, loop = design.device, design.loop
+    wished = {effect for element in design.elements.values() for effect in element.limited_by}
+    parts = (
+        *((effect, effect not in wished) for effect in EFFECT_NAMES),
+        ("velocity filter", loop.velocity_filter_hz is None),
+        ("acceleration filter", loop.acceleration_filter_hz is None),
+        ("ripple: the encoder resolution is not known", device.encoder_resolution is None),
+        ("force: the force limit is not known", device.force_limit is None),
+        ("hand", design.hand is None),
+        ("modes", not device.modes),
+    )
+    return tuple(words for words, skipped in parts if skipped)
+
+
+def note_of_dropped(label: str) -> str:
+    """How the note about an effect that is left out begins, by its label element.effect."""
+    return f"{label} dropped: "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -13,21 +13,46 @@ from tune.cli.session import Session, run_command
 
 def check(
     profile: Annotated[Path, typer.Argument(help="profile.yaml")],
+    device: Annotated[
+        Optional[str],  # noqa: UP045 - typer reads it at run time
+        typer.Option(
+            "--device",
+            metavar="DEVICE",
+            help="device.yaml, or the name of a known device: it must be the profile's, and the "
+            "rehearsal is repeated.",
+        ),
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Re-compute digest, certificate, margins and what is felt; exit code 6 if anything differs."""
+    """Re-compute all that a profile says; exit code 6 if anything differs."""
 
     def action(session: Session) -> None:
+        from identification import as_stored, load_device
         from tune.certificate.check import check as recheck
+        from tune.certificate.trust import TAKEN_ON_TRUST
+        from tune.cli.rehearse import refuse_restless
         from tune.cli.tables import certificate_lines, elements_table
 
+        known = None if device is None else as_stored(load_device(device))
         with session.progress() as say:
             say("re-computing the certificate")
-            report = recheck(profile)
+            report = recheck(profile, known)
+            if known is not None:
+                refuse_restless(report.profile, say)
         session.say(elements_table(report.profile))
         for line in certificate_lines(report.certificate):
             session.say(line)
-        session.say(f"{profile} passed: digest, certificate, margins and what is felt hold")
+        trusted = {
+            each.key: each.reason
+            for each in TAKEN_ON_TRUST
+            if known is None or each.key != "device"
+        }
+        session.details["taken_on_trust"] = trusted
+        for key, reason in trusted.items():
+            session.say(f"taken on trust: {key}: {reason}")
+        if known is not None:
+            session.say(f"the device is {device}; rehearsed in simulation: settles")
+        session.say(f"{profile} passed: all else that it says is what was found anew")
 
     run_command("check", action, as_json=json, quiet=quiet)

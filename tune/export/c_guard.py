@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable, Mapping
 from string import Template
 
 from identification import InvalidInputError
@@ -44,6 +45,14 @@ def macros(profile: SafeProfile) -> dict[str, str]:
     }
 
 
+def bits(names: Iterable[str], places: Mapping[str, int]) -> int:
+    """The set of some elements: the union of their bits, however often one is named."""
+    found = 0
+    for name in names:
+        found |= 1 << places[name]
+    return found
+
+
 def number(value: float) -> str:
     """A double with all of its digits, as a C constant of type double."""
     text = f"{value:.17g}"
@@ -54,7 +63,7 @@ def _values(profile: SafeProfile) -> dict[str, str]:
     law, device, seal = law_of(profile.loop), profile.device, profile.certificate
     words = macros(profile)
     places = {name: index for index, name in enumerate(profile.elements)}
-    sets = sorted({sum(1 << places[name] for name in moment) for moment in profile.moments()})
+    sets = sorted({bits(moment, places) for moment in profile.moments()})
     limit, force, sealed = device.force_limit, unit_of_force(profile), digest(profile)
     groups = [" | ".join(words[name] for name in group) for group in profile.together]
     return {

@@ -1,0 +1,48 @@
+"""What a check takes on trust: facts and wishes that no calculation from a profile can confirm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trusted:
+    """A key of profiles, with all below it, that a check believes at least in part.
+
+    Attributes:
+        key: with the keys above it, joined by points; * stands for any name.
+        reason: what is believed, and what of it is not.
+    """
+
+    key: str
+    reason: str
+
+    def covers(self, path: Sequence[str]) -> bool:
+        """Whether a key, with the keys above it, is this one or below it."""
+        own = self.key.split(".")
+        return len(path) >= len(own) and all(
+            part in {"*", name} for part, name in zip(own, path, strict=False)
+        )
+
+
+TAKEN_ON_TRUST = (
+    Trusted(key="device", reason="facts of the device and its logs; --device compares them"),
+    Trusted(key="scene", reason="a name"),
+    Trusted(key="hand", reason="the grips asked for, each of which is proved"),
+    Trusted(key="ripple_limit", reason="as asked for; that no moment exceeds it is recomputed"),
+    Trusted(key="perception", reason="how finely hands tell; the steps it gives are recomputed"),
+    Trusted(key="elements.*.motion", reason="how deep, fast and hard the hand moves"),
+    Trusted(key="elements.*.margins.gain", reason="that no more could be proved"),
+    Trusted(key="elements.*.margins.extra_delay_samples", reason="that no more could be proved"),
+    Trusted(
+        key="elements.*.limited_by",
+        reason="a wish that is met, and which of stability and its margins binds; force, ripple "
+        "and what is not perceptible are recomputed",
+    ),
+    Trusted(key="notes", reason="why effects were dropped; which ones is recomputed"),
+    Trusted(key="method", reason="which solver proposed; nothing rests on it"),
+    Trusted(key="certificate.points", reason="the work it took; it is done again"),
+    Trusted(key="certificate.cells", reason="the work it took; it is done again"),
+    Trusted(key="certificate.versions", reason="what it was computed with"),
+)

@@ -245,7 +245,7 @@ def load_profile(path: str | PathLike[str]) -> SafeProfile:
     return profile_of(read_signed(path), path)
 
 
-def read_signed(path: Path) -> dict[str, Any]:
+def read_signed(path: str | PathLike[str]) -> dict[str, Any]:
     """The content of a file whose digest belongs to it, as far as it is a profile.
 
     Raises:
@@ -266,6 +266,6 @@ def read_signed(path: Path) -> dict[str, Any]:
     return content
 
 
-def profile_of(content: Mapping[str, Any], source: str | Path) -> SafeProfile:
+def profile_of(content: Mapping[str, Any], source: str | PathLike[str]) -> SafeProfile:
     """The profile that a mapping states. Raises InvalidInputError."""
     return parse_document(SafeProfile, content, source)

@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.effects import Effects
 from tune.profile import LoopProfile
+from tune.verification.allowed import ModeSeen
 from tune.verification.free_motion import FreeMotion, measure_sprung, measure_unsprung
 from tune.verification.motion_outcomes import (
+    DECAY_TOLERANCE,
     LOUDER,
     decay_outcome,
     frequency_outcome,
+    frequency_tolerance,
     judged_decay,
 )
 from tune.verification.outcome import Outcome, not_assessed
@@ -54,6 +57,21 @@ class MotionSeen:
     measured: FreeMotion | None
     prediction: Prediction | None
     outcomes: tuple[Outcome, ...]
+
+    @property
+    def mode(self) -> ModeSeen:
+        """Frequency and decay, as far as they were assessed, with intervals and tolerances."""
+        measured, prediction = self.measured, self.prediction
+        if measured is None or prediction is None:
+            return ModeSeen(frequency=None, decay=None)
+        told = {each.check for each in self.outcomes if each.verdict != "not assessed"}
+        swings = "frequency" in told and self.release is not None and bool(self.release.turns)
+        hertz = frequency_tolerance(prediction) * measured.frequency + measured.frequency_half
+        slack = DECAY_TOLERANCE * prediction.nominal.decay + measured.decay_half
+        return ModeSeen(
+            frequency=(measured.frequency - hertz, measured.frequency + hertz) if swings else None,
+            decay=(measured.decay - slack, measured.decay + slack) if "decay" in told else None,
+        )
 
 
 def judge_motion(

@@ -2,15 +2,14 @@
 
 In free motion a delay d under a spring K looks like damping: what decays is m·q̈ + (b - K·d)·q̇ +
 K·q, so one log at one gain tells b - K·d and never d alone. What it tells is the set of all
-(m, b, d), m and b within the device's box, whose slow mode is the measured one. The range of d in it
-is the interval of the delay; and as each d comes with its own m and b, the set says more of other
-gains than that interval beside the box.
+(m, b, d), m and b within the device's box, whose slow mode is the measured one. The range of d in
+it is the interval of the delay; and as each d comes with its own m and b, the set says more of
+other gains than that interval beside the box.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +25,10 @@ Range = tuple[float, float]
 
 #: Samples of delay looked through beyond the stated one, and the step of the search.
 _MOST_SAMPLES = 16.0
-#: Masses and dampings that stand for the box.
+#: Masses and dampings that stand for the box, ...
 _MASSES, _DAMPINGS = 21, 17
+#: ... and those, with every whole delay, at which the mode is computed: it is smooth between.
+_KNOTS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +91,6 @@ def allowed_loops(
     *,
     extra: float,
     step: float = 0.5,
-    fineness: float = 1.0,
 ) -> AllowedLoops:
     """All loops of the device's box and of any delay whose slow mode is the one seen.
 
@@ -101,56 +101,72 @@ def allowed_loops(
         seen: of the slow mode.
         extra: samples of delay that are to be judged beyond.
         step: between the delays looked at, samples.
-        fineness: 1 for a verdict; less takes fewer masses and dampings, for planning.
     """
-    box = device.simultaneous_box()
-    masses = _places(np.log(box.mass), round(fineness * _MASSES))
-    dampings = _places(box.damping, round(fineness * _DAMPINGS))
-    mass, damping = (
-        part.ravel() for part in np.meshgrid(np.exp(masses), dampings, indexing="ij")
-    )
-    shape = masses.size, dampings.size
-    used, T = used_filters(filters, effects), device.sample_time.value
+    box, T = device.simultaneous_box(), device.sample_time.value
     stated = box.delay[0] / box.sample_time[1], box.delay[1] / box.sample_time[0]
-    most = min(LONGEST_DELAY - extra, max(_MOST_SAMPLES, stated[1]))
+    most = min(LONGEST_DELAY - extra, max(_MOST_SAMPLES, float(np.ceil(stated[1]))))
     delays = np.unique([*np.arange(0.0, most + step / 2, step), *stated, device.delay.value / T])
-    delays = delays[(delays <= most) | (delays <= stated[1])]
-    kept: list[FloatArray] = []
-    for delay in delays.tolist():
-        poles = slow_poles(loops_over(device, mass, damping, delay, used), effects, T)
-        inside = np.ones(mass.size, dtype=np.bool_)
-        for values, wanted in ((damped_hertz(poles), seen.frequency), (-poles.real, seen.decay)):
-            if wanted is not None:
-                reach = _reach(values.reshape(shape)).ravel()
-                inside &= (values + reach >= wanted[0]) & (values - reach <= wanted[1])
-        kept.append(
-            np.stack([mass[inside], damping[inside], np.full(np.count_nonzero(inside), delay)])
-        )
-    found = np.concatenate(kept, axis=1)
+    masses = _places(np.log(box.mass), _MASSES)
+    dampings = _places(box.damping, _DAMPINGS)
+    grid = np.meshgrid(delays, masses, dampings, indexing="ij")
+    inside = np.ones(grid[0].shape, dtype=np.bool_)
+    knots = np.arange(most + 1), _places(np.log(box.mass), _KNOTS), _places(box.damping, _KNOTS)
+    for values, wanted in zip(
+        _mode(device, filters, effects, knots), (seen.frequency, seen.decay), strict=True
+    ):
+        if wanted is not None:
+            between = _interpolated(knots, values, grid)
+            reach = _reach(between)
+            inside &= (between + reach >= wanted[0]) & (between - reach <= wanted[1])
     return AllowedLoops(
-        mass=found[0],
-        damping=found[1],
-        delay_samples=found[2],
+        mass=np.exp(grid[1][inside]),
+        damping=grid[2][inside],
+        delay_samples=grid[0][inside],
         most=most,
         step=step,
         stated=stated,
     )
 
 
+def _mode(
+    device: Device, filters: Filters, effects: Effects, knots: tuple[FloatArray, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """(frequency, Hz; decay, 1/s) at delays, logarithms of mass and dampings; of their shape."""
+    delays, masses, dampings = knots
+    T, used = device.sample_time.value, used_filters(filters, effects)
+    mass, damping = (part.ravel() for part in np.meshgrid(np.exp(masses), dampings, indexing="ij"))
+    poles = np.stack(
+        [
+            slow_poles(loops_over(device, mass, damping, delay, used), effects, T)
+            for delay in delays.tolist()
+        ]
+    ).reshape(delays.size, masses.size, dampings.size)
+    return damped_hertz(poles), -poles.real
+
+
+def _interpolated(
+    knots: tuple[FloatArray, ...], values: FloatArray, grid: tuple[FloatArray, ...]
+) -> FloatArray:
+    """Values between the knots, linear in each direction; an axis of one knot is constant."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    wide = [axis for axis in range(values.ndim) if values.shape[axis] > 1]
+    between = RegularGridInterpolator(
+        tuple(knots[axis] for axis in wide), np.squeeze(values), bounds_error=False, fill_value=None
+    )
+    return np.asarray(between(np.stack([grid[axis] for axis in wide], axis=-1)), dtype=np.float64)
+
+
 def _places(ends: Range | FloatArray, count: int) -> FloatArray:
     """Places from end to end; one where the ends are the same."""
     low, high = float(ends[0]), float(ends[1])
-    return np.array([low]) if low == high else np.linspace(low, high, max(count, 3))
+    return np.array([low]) if low == high else np.linspace(low, high, count)
 
 
 def _reach(values: FloatArray) -> FloatArray:
-    """How far the values of a grid change halfway to its neighbours, so that none slips between."""
+    """How far values change halfway to the next mass and damping, so that none slips between."""
     reach = np.zeros_like(values)
-    for axis in (0, 1):
-        change = np.abs(np.diff(values, axis=axis)) / 2
-        rows = np.moveaxis(change, axis, 0)
-        if rows.shape[0] == 0:
-            continue
-        ends = [rows[0], *(np.maximum(a, b) for a, b in pairwise(rows)), rows[-1]]
-        reach += np.moveaxis(np.stack(ends), 0, axis)
+    for axis in (1, 2):
+        if values.shape[axis] > 1:
+            reach += np.abs(np.gradient(values, axis=axis)) / 2
     return reach

@@ -52,6 +52,7 @@ class Verification:
         gain: part of the profile's effects that was played; nan where no law was recognised.
         outcomes: encoder, law, gain, filters, frequency, decay, ripple and delay, in this order.
         law: the law that was seen.
+        cutoffs: intervals of the filters in use.
         motion: the free motion that was seen; None where no law says what to expect.
         delay: what is known of the delay, and of which elements the log tells that they keep their
             margin.
@@ -63,6 +64,7 @@ class Verification:
     gain: float
     outcomes: tuple[Outcome, ...]
     law: LawSeen
+    cutoffs: tuple[CutoffSeen, ...]
     motion: MotionSeen | None
     delay: DelaySeen
     trajectory: Trajectory
@@ -141,11 +143,14 @@ def verify(
         try:
             motion = _motion(profile, trajectory, law, law.effects, release)
             rest = (*motion.outcomes, _ripple(profile, trajectory, law, law.effects, motion, unit))
-            log = Log(force=trajectory.force, position=trajectory.position, used=law.used)
-            cutoffs = cutoffs_seen(log, law.loop, law.effects)
-            delay = judge_delay(
-                profile, law.loop, law.moment, law.effects, motion.mode, cutoffs
-            )
+            if law.outcomes[0].verdict == "agrees":
+                log = Log(force=trajectory.force, position=trajectory.position, used=law.used)
+                cutoffs = cutoffs_seen(log, law.loop, law.effects)
+                delay = judge_delay(
+                    profile, law.loop, law.moment, law.effects, motion.mode, cutoffs
+                )
+            else:
+                delay = unknown_delay("the law is not the profile's")
         except LoopError as error:  # the law was compared all the same
             rest = tuple(not_assessed(check, str(error)) for check in _OF_THE_MOTION)
             delay = unknown_delay(str(error))
@@ -162,6 +167,7 @@ def verify(
             delay.outcome,
         ),
         law=law,
+        cutoffs=cutoffs,
         motion=motion,
         delay=delay,
         trajectory=trajectory,

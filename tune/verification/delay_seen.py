@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from tune.effects import Effects
+from tune.filters import Filters
 from tune.profile import Design, LoopProfile
 from tune.verification.allowed import AllowedLoops, ModeSeen, allowed_loops
 from tune.verification.cutoffs_seen import CutoffSeen, filters_allowed
@@ -15,18 +17,18 @@ from tune.verification.outcome import Outcome, not_assessed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelaySeen:
-    """What a log tells of the delay, and of which moments it tells that they keep their margin.
+    """What a log tells of the delay, and whether what was played keeps its margin.
 
     Attributes:
         allowed: loops that move as the log shows; None where neither frequency nor decay is known.
         played: whether what was played keeps its margin on all of them; None likewise.
-        others: the same of every other moment.
+        filters: all that the log allows.
         outcome: "delay".
     """
 
     allowed: AllowedLoops | None
     played: Kept | None
-    others: tuple[Kept, ...]
+    filters: tuple[Filters, ...]
     outcome: Outcome
 
 
@@ -57,22 +59,28 @@ def judge_delay(
     extra = profile.margin.extra_delay_samples
     allowed = allowed_loops(profile.device, filters[0], effects, mode, extra=extra)
     played = margin_kept(profile, moment, filters, allowed)
-    others = tuple(
-        margin_kept(profile, each, filters, allowed)
-        for each in moments_of(profile, None)
-        if each != moment
-    )
     return DelaySeen(
-        allowed=allowed,
-        played=played,
-        others=others,
-        outcome=_outcome(profile, allowed, played),
+        allowed=allowed, played=played, filters=filters, outcome=_outcome(profile, allowed, played)
     )
+
+
+def margins_of_others(
+    profile: Design, seen: DelaySeen, say: Callable[[str], None] = lambda _: None
+) -> tuple[Kept, ...]:
+    """Which moments that were not played keep their margin on all loops that the log allows."""
+    if seen.allowed is None or seen.played is None:
+        return ()
+    found: list[Kept] = []
+    for moment in moments_of(profile, None):
+        if moment != seen.played.moment:
+            say(f"what the log tells of {spoken(moment)}")
+            found.append(margin_kept(profile, moment, seen.filters, seen.allowed))
+    return tuple(found)
 
 
 def unknown_delay(why: str) -> DelaySeen:
     """Nothing is known of the delay, and why."""
-    return DelaySeen(allowed=None, played=None, others=(), outcome=not_assessed("delay", why))
+    return DelaySeen(allowed=None, played=None, filters=(), outcome=not_assessed("delay", why))
 
 
 def spoken_delays(low: float, high: float) -> str:

@@ -39,8 +39,10 @@ def margin_kept(
 ) -> Kept:
     """Judge one moment, at the gain of the profile, on all allowed loops.
 
-    Every gain in (0, g] must be stable, and every gain in (0, 1] with the extra delay of the margin,
-    half of it and all of it; without a hand and with every corner of the hand's box.
+    Every gain in (0, g] must be stable, and every gain in (0, 1] with the extra delay of the
+    margin, half of it and all of it; without a hand and with every corner of the hand's box. Of
+    each mass the least and the largest damping that is allowed are judged, at whole samples of
+    delay and at the shortest and the longest delay.
 
     Args:
         profile: with the margin to keep.
@@ -51,15 +53,17 @@ def margin_kept(
     effects, margin = effects_of(profile, moment), profile.margin
     tasks = [(0.0, margin.gain), *((part * margin.extra_delay_samples, 1.0) for part in _PARTS)]
     used = dict.fromkeys(used_filters(each, effects) for each in filters)
-    for delay in np.unique(allowed.delay_samples).tolist():
-        here = allowed.delay_samples == delay
+    delays = np.unique(allowed.delay_samples)
+    ends = np.isin(delays, (delays.min(initial=np.inf), delays.max(initial=0.0)))
+    for delay in delays[ends | (delays % 1 == 0)].tolist():
+        masses, dampings = _extremes(allowed, delay)
         for each in used:
             for hand in hands_of(profile.hand):
                 for further, gain in tasks:
                     loop = loops_over(
                         profile.device,
-                        allowed.mass[here],
-                        allowed.damping[here],
+                        masses,
+                        dampings,
                         delay + further,
                         each,
                         hand,
@@ -67,3 +71,14 @@ def margin_kept(
                     if not np.all(safe_up_to(loop, effects, gain)):
                         return Kept(moment=moment, lost_at=delay)
     return Kept(moment=moment, lost_at=None)
+
+
+def _extremes(allowed: AllowedLoops, delay: float) -> tuple[FloatArray, FloatArray]:
+    """(mass, damping) of the least and the largest damping of each mass at one delay."""
+    here = allowed.delay_samples == delay
+    mass, damping = allowed.mass[here], allowed.damping[here]
+    order = np.lexsort((damping, mass))
+    mass, damping = mass[order], damping[order]
+    new = np.diff(mass) > 0
+    ends = np.concatenate([[True], new]) | np.concatenate([new, [True]])
+    return mass[ends], damping[ends]

@@ -98,9 +98,9 @@ def judge_motion(
     release = find_release(position, first)
     if release is not None and release.grows:
         return _growing(release, prediction)
-    obstacle = _obstacle(device, effects, prediction)
-    if obstacle is not None:
-        return _unseen(obstacle, "", prediction)
+    hindered = obstacle(device, effects, prediction)
+    if hindered is not None:
+        return _unseen(hindered, "", prediction)
     if release is not None and not np.all(used[release.first : release.end]):
         last = int(np.flatnonzero(~used[first:])[-1])
         release = find_release(position, first + last + 1)
@@ -133,7 +133,7 @@ def judge_motion(
     )
 
 
-def _obstacle(device: Device, effects: Effects, prediction: Prediction) -> str | None:
+def obstacle(device: Device, effects: Effects, prediction: Prediction) -> str | None:
     """Why the loop predicts no single mode to compare with."""
     own = 0.0 if device.position_stiffness is None else abs(device.position_stiffness.value)
     if device.gravity is not None:

@@ -29,8 +29,9 @@ FloatArray = NDArray[np.float64]
 _COUNT_TOLERANCE = 0.02
 #: A grid is seen where neighbouring readings are whole counts apart within this part.
 _ON_GRID = 0.05
-#: What the loop of a profile predicts of its motion.
+#: What the loop of a profile predicts of its motion, and of its slow mode.
 _OF_THE_MOTION = ("frequency", "decay", "ripple")
+_OF_THE_MODE = {"frequency", "decay"}
 #: What must be known to speak of agreement.
 _NEEDED = {
     "law": "the law that is played",
@@ -80,8 +81,11 @@ class Verification:
 
         The law, frequency or decay, and the margin on every loop that the log allows.
         """
-        told = {each.check for each in self.outcomes if each.verdict in {"agrees", "disagrees"}}
-        return {"law", "delay"} <= told and bool(told & {"frequency", "decay"})
+        return {"law", "delay"} <= self._told and bool(self._told & _OF_THE_MODE)
+
+    @property
+    def _told(self) -> set[str]:
+        return {each.check for each in self.outcomes if each.verdict in {"agrees", "disagrees"}}
 
     def refuse_unassessed(self, remedy: str) -> None:
         """Raise LogRefusedError unless enough was compared to speak of agreement.
@@ -91,17 +95,20 @@ class Verification:
         """
         if self.assessed:
             return
+        needed = {check: words for check, words in _NEEDED.items() if check not in self._told}
+        if self._told & _OF_THE_MODE:
+            needed = {check: needed[check] for check in needed if check not in _OF_THE_MODE}
         raise LogRefusedError(
             tuple(
                 Finding(
                     code="delay-unknown" if each.check == "delay" else "not-exciting-damping",
                     severity="refusal",
                     seen=each.told,
-                    needed=_NEEDED.get(each.check, ""),
+                    needed=needed[each.check],
                     remedy=remedy if each.check == "delay" else each.remedy,
                 )
                 for each in self.outcomes
-                if each.verdict in {"cannot tell", "not assessed"} and each.check in _NEEDED
+                if each.check in needed
             )
         )
 

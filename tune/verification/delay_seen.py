@@ -85,7 +85,7 @@ def unknown_delay(why: str) -> DelaySeen:
 
 def spoken_delays(low: float, high: float) -> str:
     """A range of delays in words."""
-    return f"{low:.3g} samples" if low == high else f"{low:.3g} to {high:.3g} samples"
+    return f"{low:.3g} sample(s)" if low == high else f"{low:.3g} to {high:.3g} samples"
 
 
 def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:

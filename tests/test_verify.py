@@ -98,9 +98,11 @@ def test_elements_without_spring_are_judged_by_the_decay_of_speed() -> None:
         "encoder": "agrees",
         "law": "agrees",
         "gain": "agrees",
+        "velocity filter": "agrees",
         "frequency": "not assessed",
         "decay": "agrees",
         "ripple": "",
+        "delay": "agrees",
     }
     heavy = AXIS.log("water", 0.8, position=0.0, velocity=0.5, other={"mass": 3.9})
     assert verdicts(verify(AXIS.profile, heavy))["decay"] == "disagrees"
@@ -123,7 +125,7 @@ def test_outside_of_a_one_sided_wall_nothing_is_claimed() -> None:
         assert seen.gain == pytest.approx(0.5, rel=1e-3)
         assert verdicts(seen)["frequency"] == "not assessed"
         with pytest.raises(LogRefusedError, match="outside of a one-sided wall"):
-            seen.refuse_unassessed()
+            seen.refuse_unassessed("Play more.")
 
 
 def test_a_growing_motion_is_never_called_agreement() -> None:

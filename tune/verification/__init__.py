@@ -3,7 +3,21 @@
 from __future__ import annotations
 
 from tune.verification.comparison import Verification, verify
+from tune.verification.delay_seen import DelaySeen, margins_of_others
+from tune.verification.margins_kept import Kept
 from tune.verification.outcome import Outcome
 from tune.verification.picture import verification_picture
+from tune.verification.plays import Advice, Play, advise
 
-__all__ = ["Outcome", "Verification", "verification_picture", "verify"]
+__all__ = [
+    "Advice",
+    "DelaySeen",
+    "Kept",
+    "Outcome",
+    "Play",
+    "Verification",
+    "advise",
+    "margins_of_others",
+    "verification_picture",
+    "verify",
+]

@@ -13,27 +13,32 @@ from tune.errors import LoopError
 from tune.filters import filters_of
 from tune.loop import Loop
 from tune.profile import Design
+from tune.verification.clock import check_clock
+from tune.verification.cutoffs_seen import CutoffSeen, cutoffs_seen
+from tune.verification.delay_seen import DelaySeen, judge_delay, unknown_delay
 from tune.verification.elements import moments_of
 from tune.verification.law_seen import LawSeen, judge_law, printed_digit
 from tune.verification.motion_seen import MotionSeen, judge_motion
 from tune.verification.outcome import Outcome, not_assessed
 from tune.verification.ripple_seen import judge_ripple
+from tune.verification.variants import Log
 
 FloatArray = NDArray[np.float64]
 
-#: A log whose steps differ from the sample time of the profile by more is of another loop.
-SAMPLE_TIME_TOLERANCE = 0.01
-#: A step this many times the usual one has lost a row, which the filters of the law need.
-_LOST = 1.5
-#: rms of the steps about their mean, as part of it, above which backward differences are not those
-#: of an even clock.
-_MOST_JITTER = 0.05
 #: Count of the log against the encoder of the device.
 _COUNT_TOLERANCE = 0.02
 #: A grid is seen where neighbouring readings are whole counts apart within this part.
 _ON_GRID = 0.05
-#: What the loop of a profile predicts, beside its law.
-_OF_THE_LOOP = ("frequency", "decay", "ripple")
+#: What the loop of a profile predicts of its motion, and of its slow mode.
+_OF_THE_MOTION = ("frequency", "decay", "ripple")
+_OF_THE_MODE = {"frequency", "decay"}
+#: What must be known to speak of agreement.
+_NEEDED = {
+    "law": "the law that is played",
+    "frequency": "frequency or decay of the free motion",
+    "decay": "frequency or decay of the free motion",
+    "delay": "the margin of the profile at every delay the log allows",
+}
 _UNITS = {"linear": "N", "rotary": "N·m"}
 _LENGTHS = {"linear": "m", "rotary": "rad"}
 
@@ -46,9 +51,12 @@ class Verification:
         source: the log.
         elements: that were played.
         gain: part of the profile's effects that was played; nan where no law was recognised.
-        outcomes: encoder, law, gain, frequency, decay and ripple, in this order.
+        outcomes: encoder, law, gain, filters, frequency, decay, ripple and delay, in this order.
         law: the law that was seen.
+        cutoffs: intervals of the filters in use.
         motion: the free motion that was seen; None where no law says what to expect.
+        delay: what is known of the delay, and of which elements the log tells that they keep their
+            margin.
         trajectory: the log.
     """
 
@@ -57,7 +65,9 @@ class Verification:
     gain: float
     outcomes: tuple[Outcome, ...]
     law: LawSeen
+    cutoffs: tuple[CutoffSeen, ...]
     motion: MotionSeen | None
+    delay: DelaySeen
     trajectory: Trajectory
 
     @property
@@ -67,25 +77,38 @@ class Verification:
 
     @property
     def assessed(self) -> bool:
-        """Whether enough was compared to speak of agreement: the law, and frequency or decay."""
-        told = {each.check for each in self.outcomes if each.verdict != "not assessed"}
-        return "law" in told and bool(told & {"frequency", "decay"})
+        """Whether enough was compared to speak of agreement.
 
-    def refuse_unassessed(self) -> None:
-        """Raise LogRefusedError unless enough was compared to speak of agreement."""
+        The law, frequency or decay, and the margin on every loop that the log allows.
+        """
+        return {"law", "delay"} <= self._told and bool(self._told & _OF_THE_MODE)
+
+    @property
+    def _told(self) -> set[str]:
+        return {each.check for each in self.outcomes if each.verdict in {"agrees", "disagrees"}}
+
+    def refuse_unassessed(self, remedy: str) -> None:
+        """Raise LogRefusedError unless enough was compared to speak of agreement.
+
+        Args:
+            remedy: what to play that tells more.
+        """
         if self.assessed:
             return
-        missing = [each for each in self.outcomes if each.verdict == "not assessed"]
+        needed = {check: words for check, words in _NEEDED.items() if check not in self._told}
+        if self._told & _OF_THE_MODE:
+            needed = {check: needed[check] for check in needed if check not in _OF_THE_MODE}
         raise LogRefusedError(
-            (
+            tuple(
                 Finding(
-                    code="not-exciting-damping",
+                    code="delay-unknown" if each.check == "delay" else "not-exciting-damping",
                     severity="refusal",
-                    seen="; ".join(str(each) for each in missing),
-                    needed="the law, and frequency or decay of the free motion",
-                    remedy="Play an element with a spring at a lower gain, displace the handle "
-                    "further, let go, and log until it rests.",
-                ),
+                    seen=each.told,
+                    needed=needed[each.check],
+                    remedy=remedy if each.check == "delay" else each.remedy,
+                )
+                for each in self.outcomes
+                if each.check in needed
             )
         )
 
@@ -113,27 +136,47 @@ def verify(
         LogRefusedError: rows lost, an uneven clock, another sample time.
     """
     _check_request(profile, trajectory, gain, release)
-    _check_clock(profile, trajectory)
+    check_clock(profile, trajectory)
     unit = _UNITS[profile.device.motion]
     moments = moments_of(profile, element)
     law = judge_law(profile, moments, trajectory.force, trajectory.position, gain, unit)
     motion: MotionSeen | None = None
+    cutoffs: tuple[CutoffSeen, ...] = ()
     if law.effects is None or law.gain <= 0:
         why = "no law is known that was played"
-        rest = tuple(not_assessed(check, why) for check in _OF_THE_LOOP)
+        rest = tuple(not_assessed(check, why) for check in _OF_THE_MOTION)
+        delay = unknown_delay(why)
     else:
         try:
             motion = _motion(profile, trajectory, law, law.effects, release)
             rest = (*motion.outcomes, _ripple(profile, trajectory, law, law.effects, motion, unit))
+            if law.outcomes[0].verdict == "agrees":
+                log = Log(force=trajectory.force, position=trajectory.position, used=law.used)
+                cutoffs = cutoffs_seen(log, law.loop, law.effects)
+                delay = judge_delay(
+                    profile, law.loop, law.moment, law.effects, motion.mode, cutoffs
+                )
+            else:
+                delay = unknown_delay("the law is not the profile's")
         except LoopError as error:  # the law was compared all the same
-            rest = tuple(not_assessed(check, str(error)) for check in _OF_THE_LOOP)
+            rest = tuple(not_assessed(check, str(error)) for check in _OF_THE_MOTION)
+            delay = unknown_delay(str(error))
+    filters = tuple(each.outcome for each in cutoffs)
     return Verification(
         source=trajectory.source,
         elements=law.moment,
         gain=law.gain,
-        outcomes=(_encoder(profile, trajectory), *law.outcomes, *rest),
+        outcomes=(
+            _encoder(profile, trajectory),
+            *law.outcomes,
+            *filters,
+            *rest,
+            delay.outcome,
+        ),
         law=law,
+        cutoffs=cutoffs,
         motion=motion,
+        delay=delay,
         trajectory=trajectory,
     )
 
@@ -160,45 +203,6 @@ def _check_request(
             "--release",
             f"{release:g} s is outside of the log, {begin:g} to {end:g} s",
             "Give the instant in the time of the log",
-        )
-
-
-def _check_clock(profile: Design, trajectory: Trajectory) -> None:
-    """Refuse a log whose rows are not those of the controller's loop."""
-    steps = np.diff(trajectory.time)
-    usual, stated = float(np.median(steps)), profile.loop.sample_time
-    known = profile.device.sample_time
-    low = min(stated, known.low) * (1 - SAMPLE_TIME_TOLERANCE)
-    high = max(stated, known.high) * (1 + SAMPLE_TIME_TOLERANCE)
-    long = int(np.count_nonzero(steps > _LOST * usual))
-    jitter = float(np.std(steps) / np.mean(steps))
-    finding: tuple[str, str, str, str] | None = None
-    if not low <= usual <= high:
-        finding = (
-            "dropped-samples" if usual > high else "jitter",
-            f"{trajectory.source} steps by {usual * 1e3:.5g} ms",
-            f"the sample time of the profile, {stated * 1e3:.5g} ms",
-            "Log every sample of the control loop, with time in seconds; if the loop runs at "
-            "another rate, correct the device and tune again.",
-        )
-    elif long:
-        finding = (
-            "dropped-samples",
-            f"{trajectory.source} has {long} gaps, the longest {steps.max() * 1e3:.4g} ms",
-            "every sample, since the filters of the law remember all of them",
-            "Log with a real-time thread, or cut the log to a part without gaps.",
-        )
-    elif jitter > _MOST_JITTER:
-        finding = (
-            "jitter",
-            f"the steps of {trajectory.source} vary by {jitter:.2%} rms",
-            f"at most {_MOST_JITTER:.0%}",
-            "Run the controller at a constant rate.",
-        )
-    if finding is not None:
-        code, seen, needed, remedy = finding
-        raise LogRefusedError(
-            (Finding(code=code, severity="refusal", seen=seen, needed=needed, remedy=remedy),)
         )
 
 

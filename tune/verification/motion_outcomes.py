@@ -50,7 +50,7 @@ def frequency_outcome(
     elif measured.frequency_half > _WIDEST * max(nominal, measured.frequency):
         why = f"it is seen as {measured.frequency:.4g} ± {measured.frequency_half:.2g} Hz only"
         return not_assessed("frequency", why, LOUDER)
-    tolerance = FREQUENCY_TOLERANCE + _BY_OTHER_MODES * prediction.nominal.nearness
+    tolerance = frequency_tolerance(prediction)
     agrees = turns > 0 and (
         measured.frequency + measured.frequency_half >= low * (1 - tolerance)
         and measured.frequency - measured.frequency_half <= high * (1 + tolerance)
@@ -65,6 +65,11 @@ def frequency_outcome(
         tolerance=f"{tolerance:.1%} and the interval of the measurement",
         remedy="" if agrees else _frequency_remedy(measured, turns, prediction, effects),
     )
+
+
+def frequency_tolerance(prediction: Prediction) -> float:
+    """What the fit of one mode may be off by, part of the frequency."""
+    return FREQUENCY_TOLERANCE + _BY_OTHER_MODES * prediction.nominal.nearness
 
 
 def _swing_back(

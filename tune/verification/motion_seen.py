@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.effects import Effects
 from tune.profile import LoopProfile
+from tune.verification.allowed import ModeSeen
 from tune.verification.free_motion import FreeMotion, measure_sprung, measure_unsprung
 from tune.verification.motion_outcomes import (
+    DECAY_TOLERANCE,
     LOUDER,
     decay_outcome,
     frequency_outcome,
+    frequency_tolerance,
     judged_decay,
 )
 from tune.verification.outcome import Outcome, not_assessed
@@ -55,6 +58,21 @@ class MotionSeen:
     prediction: Prediction | None
     outcomes: tuple[Outcome, ...]
 
+    @property
+    def mode(self) -> ModeSeen:
+        """Frequency and decay, as far as they were assessed, with intervals and tolerances."""
+        measured, prediction = self.measured, self.prediction
+        if measured is None or prediction is None:
+            return ModeSeen(frequency=None, decay=None)
+        told = {each.check for each in self.outcomes if each.verdict != "not assessed"}
+        swings = "frequency" in told and self.release is not None and bool(self.release.turns)
+        hertz = frequency_tolerance(prediction) * measured.frequency + measured.frequency_half
+        slack = DECAY_TOLERANCE * prediction.nominal.decay + measured.decay_half
+        return ModeSeen(
+            frequency=(measured.frequency - hertz, measured.frequency + hertz) if swings else None,
+            decay=(measured.decay - slack, measured.decay + slack) if "decay" in told else None,
+        )
+
 
 def judge_motion(
     device: Device,
@@ -80,9 +98,9 @@ def judge_motion(
     release = find_release(position, first)
     if release is not None and release.grows:
         return _growing(release, prediction)
-    obstacle = _obstacle(device, effects, prediction)
-    if obstacle is not None:
-        return _unseen(obstacle, "", prediction)
+    hindered = obstacle(device, effects, prediction)
+    if hindered is not None:
+        return _unseen(hindered, "", prediction)
     if release is not None and not np.all(used[release.first : release.end]):
         last = int(np.flatnonzero(~used[first:])[-1])
         release = find_release(position, first + last + 1)
@@ -115,7 +133,7 @@ def judge_motion(
     )
 
 
-def _obstacle(device: Device, effects: Effects, prediction: Prediction) -> str | None:
+def obstacle(device: Device, effects: Effects, prediction: Prediction) -> str | None:
     """Why the loop predicts no single mode to compare with."""
     own = 0.0 if device.position_stiffness is None else abs(device.position_stiffness.value)
     if device.gravity is not None:

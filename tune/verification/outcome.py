@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Verdict = Literal["agrees", "disagrees", "not assessed"]
+Verdict = Literal["agrees", "disagrees", "cannot tell", "not assessed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -13,8 +13,10 @@ class Outcome:
     """One comparison of a log with its profile.
 
     Attributes:
-        check: what was compared: "encoder", "law", "gain", "frequency", "decay" or "ripple".
-        verdict: "agrees" and "disagrees" only where both sides were computed.
+        check: what was compared: "encoder", "law", "gain", "velocity filter",
+            "acceleration filter", "frequency", "decay", "ripple" or "delay".
+        verdict: "agrees" and "disagrees" only where both sides were computed; "cannot tell" where
+            what is predicted is possible, and so is what must not be.
         seen: what the log shows; the reason where nothing was assessed.
         predicted: what the profile predicts; "" where that was not computed.
         tolerance: what is allowed between the two; "" likewise.
@@ -28,11 +30,16 @@ class Outcome:
     tolerance: str = ""
     remedy: str = ""
 
-    def __str__(self) -> str:
+    @property
+    def told(self) -> str:
+        """What was found, in one short line without the remedy."""
         if self.verdict == "not assessed":
-            return f"{self.check}: not assessed: {self.seen}. {self.remedy}".rstrip()
-        said = f"{self.check} {self.verdict}: {self.seen}; predicted: {self.predicted}"
-        return f"{said} ({self.tolerance}). {self.remedy}".rstrip()
+            return f"{self.check}: not assessed: {self.seen}"
+        return f"{self.check} {self.verdict}: {self.seen}; predicted: {self.predicted}"
+
+    def __str__(self) -> str:
+        allowed = "" if self.verdict == "not assessed" else f" ({self.tolerance})"
+        return f"{self.told}{allowed}. {self.remedy}".rstrip()
 
 
 def not_assessed(check: str, why: str, remedy: str = "") -> Outcome:

@@ -1,0 +1,172 @@
+"""AllowedLoops: the devices and delays under which a loop would move as the log shows.
+
+In free motion a delay d under a spring K looks like damping: what decays is m·q̈ + (b - K·d)·q̇ +
+K·q, so one log at one gain tells b - K·d and never d alone. What it tells is the set of all
+(m, b, d), m and b within the device's box, whose slow mode is the measured one. The range of d in
+it is the interval of the delay; and as each d comes with its own m and b, the set says more of
+other gains than that interval beside the box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import Device
+from tune.effects import Effects
+from tune.filters import Filters, used_filters
+from tune.loop import LONGEST_DELAY
+from tune.verification.loops_over import damped_hertz, loops_over, slow_poles
+
+FloatArray = NDArray[np.float64]
+Range = tuple[float, float]
+
+#: Samples of delay looked through beyond the stated one, and the step of the search.
+_MOST_SAMPLES = 16.0
+#: Masses and dampings that stand for the box, ...
+_MASSES, _DAMPINGS = 21, 17
+#: ... and those, with every whole delay, at which the mode is computed: it is smooth between.
+_KNOTS = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModeSeen:
+    """What is known of the slow mode, intervals and tolerances included; None where nothing is.
+
+    Attributes:
+        frequency: (low, high), Hz.
+        decay: (low, high), 1/s.
+    """
+
+    frequency: Range | None
+    decay: Range | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AllowedLoops:
+    """Masses, dampings and delays whose loop has a given slow mode, each of shape (n,).
+
+    Attributes:
+        mass: kg.
+        damping: N·s/m.
+        delay_samples: from command to measurement.
+        most: the longest delay that was looked at, samples.
+        step: between the delays that were looked at, samples.
+        stated: (low, high) of the device, samples.
+    """
+
+    mass: FloatArray
+    damping: FloatArray
+    delay_samples: FloatArray
+    most: float
+    step: float
+    stated: Range
+
+    @property
+    def delays(self) -> Range | None:
+        """(least, longest) delay, samples; None where no loop is allowed."""
+        if self.delay_samples.size == 0:
+            return None
+        return float(self.delay_samples.min()), float(self.delay_samples.max())
+
+    @property
+    def open_ended(self) -> bool:
+        """Whether the longest delay that was looked at is allowed, and so may be longer ones."""
+        return self.delays is not None and self.delays[1] >= self.most
+
+    @property
+    def allow_stated(self) -> bool:
+        """Whether a delay the device states is among them."""
+        low, high = self.stated
+        return bool(np.any((self.delay_samples >= low) & (self.delay_samples <= high)))
+
+
+def allowed_loops(
+    device: Device,
+    filters: Filters,
+    effects: Effects,
+    seen: ModeSeen,
+    *,
+    extra: float,
+    step: float = 0.5,
+) -> AllowedLoops:
+    """All loops of the device's box and of any delay whose slow mode is the one seen.
+
+    Args:
+        device: with its intervals.
+        filters: that were run.
+        effects: as played, single numbers.
+        seen: of the slow mode.
+        extra: samples of delay that are to be judged beyond.
+        step: between the delays looked at, samples.
+    """
+    box, T = device.simultaneous_box(), device.sample_time.value
+    stated = box.delay[0] / box.sample_time[1], box.delay[1] / box.sample_time[0]
+    most = min(LONGEST_DELAY - extra, max(_MOST_SAMPLES, float(np.ceil(stated[1]))))
+    delays = np.unique([*np.arange(0.0, most + step / 2, step), *stated, device.delay.value / T])
+    masses = _places(np.log(box.mass), _MASSES)
+    dampings = _places(box.damping, _DAMPINGS)
+    grid = np.meshgrid(delays, masses, dampings, indexing="ij")
+    inside = np.ones(grid[0].shape, dtype=np.bool_)
+    knots = np.arange(most + 1), _places(np.log(box.mass), _KNOTS), _places(box.damping, _KNOTS)
+    for values, wanted in zip(
+        _mode(device, filters, effects, knots), (seen.frequency, seen.decay), strict=True
+    ):
+        if wanted is not None:
+            between = _interpolated(knots, values, grid)
+            reach = _reach(between)
+            inside &= (between + reach >= wanted[0]) & (between - reach <= wanted[1])
+    return AllowedLoops(
+        mass=np.exp(grid[1][inside]),
+        damping=grid[2][inside],
+        delay_samples=grid[0][inside],
+        most=most,
+        step=step,
+        stated=stated,
+    )
+
+
+def _mode(
+    device: Device, filters: Filters, effects: Effects, knots: tuple[FloatArray, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """(frequency, Hz; decay, 1/s) at delays, logarithms of mass and dampings; of their shape."""
+    delays, masses, dampings = knots
+    T, used = device.sample_time.value, used_filters(filters, effects)
+    mass, damping = (part.ravel() for part in np.meshgrid(np.exp(masses), dampings, indexing="ij"))
+    poles = np.stack(
+        [
+            slow_poles(loops_over(device, mass, damping, delay, used), effects, T)
+            for delay in delays.tolist()
+        ]
+    ).reshape(delays.size, masses.size, dampings.size)
+    return damped_hertz(poles), -poles.real
+
+
+def _interpolated(
+    knots: tuple[FloatArray, ...], values: FloatArray, grid: tuple[FloatArray, ...]
+) -> FloatArray:
+    """Values between the knots, linear in each direction; an axis of one knot is constant."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    wide = [axis for axis in range(values.ndim) if values.shape[axis] > 1]
+    between = RegularGridInterpolator(
+        tuple(knots[axis] for axis in wide), np.squeeze(values), bounds_error=False, fill_value=None
+    )
+    return np.asarray(between(np.stack([grid[axis] for axis in wide], axis=-1)), dtype=np.float64)
+
+
+def _places(ends: Range | FloatArray, count: int) -> FloatArray:
+    """Places from end to end; one where the ends are the same."""
+    low, high = float(ends[0]), float(ends[1])
+    return np.array([low]) if low == high else np.linspace(low, high, count)
+
+
+def _reach(values: FloatArray) -> FloatArray:
+    """How far values change halfway to the next mass and damping, so that none slips between."""
+    reach = np.zeros_like(values)
+    for axis in (1, 2):
+        if values.shape[axis] > 1:
+            reach += np.abs(np.gradient(values, axis=axis)) / 2
+    return reach

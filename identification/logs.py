@@ -60,12 +60,17 @@ def load_trajectory(
         raise InvalidInputError(
             path, f"has columns of different lengths ({listed})", "Export columns of one length"
         )
-    reference = found.get("reference")
+    gains = {"force": columns.force_gain}
+    gains |= dict.fromkeys(("position", "reference"), columns.position_gain)
+    for role, gain in gains.items():
+        if role in found:
+            found[role] = found[role] * gain
+            found[role].setflags(write=False)  # then it is not copied once more
     trajectory = Trajectory(
         time=found["time"],
-        force=found["force"] * columns.force_gain,
-        position=found["position"] * columns.position_gain,
-        reference=None if reference is None else reference * columns.position_gain,
+        force=found["force"],
+        position=found["position"],
+        reference=found.get("reference"),
         axis=axis or columns.axis or "x",
         motion=motion,
         source=path.name,

@@ -6,8 +6,8 @@ import numpy as np
 
 from identification.trajectory import Trajectory
 
-#: Samples an estimate is made of at most: eight minutes at 1 kHz, where what limits the interval has
-#: long ceased to be noise. Estimators hold up to a hundred numbers a sample.
+#: Samples an estimate is made of at most: eight minutes at 1 kHz, where noise has long ceased to
+#: limit the intervals. Estimators hold up to a hundred numbers a sample.
 MOST_FITTED = 500_000
 
 

@@ -14,7 +14,14 @@ from identification import Device, Document, load_mapping, parse_document, to_ma
 from tune.certified import Certificate
 from tune.errors import CheckFailedError
 from tune.hand import Hand
-from tune.scene import LARGEST_GROUP, LONGEST_WINDOW, Margin, MarginName, Motion
+from tune.scene import (
+    LARGEST_GROUP,
+    LONGEST_WINDOW,
+    Margin,
+    MarginName,
+    Motion,
+    refuse_many_moments,
+)
 
 LimitedBy = Literal[
     "stability",
@@ -156,6 +163,7 @@ class Design(Document):
         for group in self.together:
             if len(group) > LARGEST_GROUP or not set(group) <= set(self.elements):
                 raise ValueError(f"together names {', '.join(group)[:80]}, which cannot be felt")
+        refuse_many_moments(len(self.moments()))
         return self
 
     def moments(self) -> tuple[tuple[str, ...], ...]:

@@ -17,6 +17,9 @@ MarginName = Literal["conservative", "balanced", "firm"]
 
 #: Elements felt together are certified in every subset, 2^n - 1 sums.
 LARGEST_GROUP = 5
+#: Moments of a scene, each tuned, certified and rehearsed: a hundred take one minute with an effect
+#: or two an element, two minutes with three.
+MOST_MOMENTS = 100
 #: SI units; whatever is felt, and how, lies far inside. Beyond, formulas overflow.
 SMALLEST, LARGEST = 1e-9, 1e9
 #: Samples of a moving window; each raises the degree of the loop by one.
@@ -215,6 +218,16 @@ class LoopFreedom(Document):
         return self
 
 
+def refuse_many_moments(count: int) -> None:
+    """Raises ValueError for more sets of elements felt at once than are worth waiting for."""
+    if count > MOST_MOMENTS:
+        raise ValueError(
+            f"elements and together make {count} moments to certify, more than {MOST_MOMENTS}; "
+            "name fewer elements, or fewer and smaller groups, and split the rest into scenes of "
+            "their own"
+        )
+
+
 class Scene(Document):
     """A scene (scene.yaml): elements, which of them act together, hand, margin, filters."""
 
@@ -241,6 +254,7 @@ class Scene(Document):
                 raise ValueError(f"together needs two or more different elements, not {group}")
             if len(group) > LARGEST_GROUP:
                 raise ValueError(f"together holds {len(group)} elements, more than {LARGEST_GROUP}")
+        refuse_many_moments(len(self.subsets()))
         return self
 
     def subsets(self) -> tuple[tuple[str, ...], ...]:

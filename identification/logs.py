@@ -10,6 +10,7 @@ from identification.readers import READERS
 from identification.readers.clock import refuse_clock
 from identification.readers.columns import LogColumns, quoted
 from identification.readers.limits import LARGEST_FILE
+from identification.sizes import refuse_sizes
 from identification.trajectory import Motion, Trajectory
 
 __all__ = ["LogColumns", "load_trajectory"]
@@ -37,7 +38,7 @@ def load_trajectory(
 
     Raises:
         InvalidInputError: a file that cannot be read, or not as asked, names what there is; or
-            time that cannot be in seconds.
+            time that cannot be in seconds, or numbers no device has.
         LogRefusedError: columns that cannot be a log (see Trajectory).
     """
     path = Path(path)
@@ -77,6 +78,7 @@ def load_trajectory(
         digest=digest,
     )
     refuse_clock(trajectory, columns.time)
+    refuse_sizes(trajectory)
     return trajectory
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import sys
 import time
 import warnings
@@ -19,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.commands import haptune, log_text
+from tests.commands import haptune
 
 #: What stands in place of a number or a name.
 SCALARS = (
@@ -146,7 +147,7 @@ class Outcome:
     Attributes:
         command: what was run.
         code: exit code.
-        seconds: of the wall.
+        seconds: of the processor: others may be at work beside.
         said: standard error, its beginning.
         warned: warnings of libraries.
     """
@@ -159,12 +160,19 @@ class Outcome:
 
 
 def prepare() -> None:
-    """Write the good files that the commands of all cases need into the current folder."""
+    """Write the good files that the commands of all cases need into the current folder.
+
+    They are kept in a folder of their own too: a case may name one of them as its output.
+    """
     for name, text in (*DOCUMENTS.items(), ("fluid", _FLUID)):
         Path(f"{name}.yaml").write_text(text, encoding="utf-8")
-    Path("log.csv").write_text(_log_text(), encoding="utf-8")
+    Path("log.csv").write_bytes(_csv(_motion(1000, np.random.default_rng(0))))
     made = haptune("tune", "device.yaml", "fluid.yaml", "-o", "profile.yaml", "--quiet")
     assert made.code == 0, made.err
+    good = [path for path in Path().iterdir() if path.is_file()]
+    Path("good").mkdir()
+    for path in good:
+        shutil.copy(path, "good")
 
 
 def run_yaml(seed: int) -> Outcome:
@@ -219,8 +227,9 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
 
 
 def ended(command: tuple[str, ...]) -> Outcome:
-    """Run a command and say how it ended."""
-    started = time.perf_counter()
+    """Run a command among the good files and say how it ended."""
+    shutil.copytree("good", ".", dirs_exist_ok=True)
+    started = time.process_time()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -231,7 +240,7 @@ def ended(command: tuple[str, ...]) -> Outcome:
     return Outcome(
         command=command,
         code=code,
-        seconds=time.perf_counter() - started,
+        seconds=time.process_time() - started,
         said=said[:600],
         warned=tuple(f"{Path(each.filename).name}: {each.message}" for each in caught),
     )
@@ -248,6 +257,16 @@ def fault(outcome: Outcome) -> str:
     if outcome.code and not outcome.said.strip():
         return "nothing was said"
     return "an internal error" if "internal error" in outcome.said else ""
+
+
+def peak_bytes() -> int:
+    """Largest memory that this process has held; 0 where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    unit = 1 if sys.platform == "darwin" else 1024
+    return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def _one_of(rng: np.random.Generator, choices: Any) -> Any:
@@ -267,10 +286,6 @@ def _motion(rows: int, rng: np.random.Generator) -> dict[str, Any]:
         "force": force,
         "position": np.rint(place / 6e-6) * 6e-6,
     }
-
-
-def _log_text() -> str:
-    return _csv(_motion(1000, np.random.default_rng(0))).decode() or log_text()
 
 
 # Text -------------------------------------------------------------------------------------------
@@ -469,16 +484,11 @@ _WRITERS: dict[str, Callable[[dict[str, Any]], bytes]] = {
 def main() -> None:
     """Run some cases as a program."""
     kind, first, last = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-    if not Path("profile.yaml").exists():
-        prepare()
+    prepare()
     for seed in range(first, last):
         outcome = KINDS[kind](seed)
         print(json.dumps({"seed": seed, "fault": fault(outcome)} | asdict(outcome)), flush=True)
-    try:
-        import resource
-    except ImportError:  # not on Windows
-        return
-    print(json.dumps({"peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss}), flush=True)
+    print(json.dumps({"peak": peak_bytes()}), flush=True)
 
 
 if __name__ == "__main__":

@@ -169,10 +169,10 @@ def prepare() -> None:
     Path("log.csv").write_bytes(_csv(_motion(1000, np.random.default_rng(0))))
     made = haptune("tune", "device.yaml", "fluid.yaml", "-o", "profile.yaml", "--quiet")
     assert made.code == 0, made.err
-    good = [path for path in Path().iterdir() if path.is_file()]
     Path("good").mkdir()
-    for path in good:
-        shutil.copy(path, "good")
+    for name in (*DOCUMENTS, "fluid", "profile"):
+        shutil.copy(f"{name}.yaml", "good")
+    shutil.copy("log.csv", "good")
 
 
 def run_yaml(seed: int) -> Outcome:

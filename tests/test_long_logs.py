@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ print(json.dumps({"loaded": loaded, "examined": time.process_time() - started,
 """
 
 
-def _log(rows: int, *, still: slice = slice(0)) -> dict[str, np.ndarray]:
+def _log(rows: int, *, still: slice = slice(0)) -> dict[str, Any]:
     """A device under coloured force, one sample late, counted in 6 µm; at rest in some rows."""
     from scipy.signal import lfilter
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Trajectory, examine, excited_part, identify, load_device
+from identification import Trajectory, examine, excited_part, identify
 from identification.excited_part import most_excited
 from tests.mutations import peak_bytes
 
@@ -68,7 +68,7 @@ def test_a_long_log_is_told_from_its_most_excited_part(monkeypatch: pytest.Monke
     assert found.device.logs[0].samples == 40_000
     for quantity, true in ((found.device.mass, MASS), (found.device.damping, DAMPING)):
         assert quantity.low < true < quantity.high
-    seen = examine(log, hardware=load_device("homerehab"))
+    seen = examine(log)
     assert (seen.samples, seen.fitted) == (40_000, 10_000)
 
 

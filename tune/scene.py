@@ -17,8 +17,8 @@ MarginName = Literal["conservative", "balanced", "firm"]
 
 #: Elements felt together are certified in every subset, 2^n - 1 sums.
 LARGEST_GROUP = 5
-#: Moments of a scene, each tuned, certified and rehearsed: a hundred take one minute with an effect
-#: or two an element, two minutes with three.
+#: Moments of a scene, each tuned, certified and rehearsed. Of groups of five elements, 62 moments
+#: took 34 s of processor time with one effect an element, and 31 took 42 s with three.
 MOST_MOMENTS = 100
 #: SI units; whatever is felt, and how, lies far inside. Beyond, formulas overflow.
 SMALLEST, LARGEST = 1e-9, 1e9

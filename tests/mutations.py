@@ -191,11 +191,11 @@ def run_log(seed: int) -> Outcome:
     """A command on a log of any format with values, columns or bytes changed."""
     rng = np.random.default_rng((2, seed))
     table = _motion(int(rng.choice([150, 200, 400, 2000])), rng)
-    for _ in range(int(rng.integers(0, 3))):
-        _one_of(rng, _TABLE_MUTATIONS)(table, rng)
-    ending = _one_of(rng, tuple(_WRITERS))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what the table is made of
+        for _ in range(int(rng.integers(0, 3))):
+            _one_of(rng, _TABLE_MUTATIONS)(table, rng)
+        ending = _one_of(rng, tuple(_WRITERS))
         content = _WRITERS[ending](table)
     for _ in range(int(rng.choice([0, 1, 3]))):
         mutations = _TEXT_MUTATIONS if ending == "csv" else _BYTE_MUTATIONS

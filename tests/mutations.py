@@ -7,7 +7,6 @@ is the one after the last line.
 
 from __future__ import annotations
 
-import io
 import json
 import shutil
 import sys
@@ -16,21 +15,13 @@ import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from tests.commands import haptune
+from tests.mutated_tables import TABLE_MUTATIONS, WRITERS, csv, motion
+from tests.mutated_text import BYTE_MUTATIONS, TEXT_MUTATIONS, one_of
 
-#: What stands in place of a number or a name.
-SCALARS = (
-    *("", "~", "null", "true", "no", ".nan", ".inf", "-.inf", "nan", "0", "-0.0", "1", "-1", "2.5"),
-    *("1e-300", "1e-12", "1e-9", "1e-6", "1e6", "1e9", "1e12", "1e300", "1e308", "-1e308", "1e999"),
-    *("9" * 30, "0x1F", "0o17", "1_000", "1:30:00", "2024-01-01", "'0.001'", '"\\0"', "'ü ☃'"),
-    *("[]", "{}", "[1, 2]", "{value: 1, low: 2, high: 0}", "{value: 1, low: 0.5, high: 2}"),
-    *("{min: 1, max: 2}", "max", "min", "free", "none", "linear", "rotary", "x" * 300, "!!str 3"),
-    *("&a 1", "*a", "|\n  text", "? 1", "- 1", "#", "@", "`", "%", "%A", "{", "]", ":", "\t"),
-)
 #: What stands in place of the value of an option.
 VALUES = (
     *("", " ", "0", "-0", "-1", "1", "3", "0.5", "nan", "inf", "-inf", "1e-300", "1e-12", "1e-6"),
@@ -166,7 +157,7 @@ def prepare() -> None:
     """
     for name, text in (*DOCUMENTS.items(), ("fluid", _FLUID)):
         Path(f"{name}.yaml").write_text(text, encoding="utf-8")
-    Path("log.csv").write_bytes(_csv(_motion(1000, np.random.default_rng(0))))
+    Path("log.csv").write_bytes(csv(motion(1000, np.random.default_rng(0))))
     made = haptune("tune", "device.yaml", "fluid.yaml", "-o", "profile.yaml", "--quiet")
     assert made.code == 0, made.err
     Path("good").mkdir()
@@ -178,40 +169,40 @@ def prepare() -> None:
 def run_yaml(seed: int) -> Outcome:
     """A command on a YAML file with a few places changed."""
     rng = np.random.default_rng((1, seed))
-    kind = _one_of(rng, (*DOCUMENTS, "profile"))
+    kind = one_of(rng, (*DOCUMENTS, "profile"))
     text = DOCUMENTS[kind] if kind in DOCUMENTS else Path("profile.yaml").read_text("utf-8")
     content = text.encode()
     for _ in range(int(rng.integers(1, 4))):
-        content = _one_of(rng, _TEXT_MUTATIONS)(content, rng)
+        content = one_of(rng, TEXT_MUTATIONS)(content, rng)
     Path("hostile.yaml").write_bytes(content)
-    return ended(_one_of(rng, READERS[kind]))
+    return ended(one_of(rng, READERS[kind]))
 
 
 def run_log(seed: int) -> Outcome:
     """A command on a log of any format with values, columns or bytes changed."""
     rng = np.random.default_rng((2, seed))
-    table = _motion(int(rng.choice([150, 200, 400, 2000])), rng)
+    table = motion(int(rng.choice([150, 200, 400, 2000])), rng)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what the table is made of
         for _ in range(int(rng.integers(0, 3))):
-            _one_of(rng, _TABLE_MUTATIONS)(table, rng)
-        ending = _one_of(rng, tuple(_WRITERS))
-        content = _WRITERS[ending](table)
+            one_of(rng, TABLE_MUTATIONS)(table, rng)
+        ending = one_of(rng, tuple(WRITERS))
+        content = WRITERS[ending](table)
     for _ in range(int(rng.choice([0, 1, 3]))):
-        mutations = _TEXT_MUTATIONS if ending == "csv" else _BYTE_MUTATIONS
-        content = _one_of(rng, mutations)(content, rng)
+        mutations = TEXT_MUTATIONS if ending == "csv" else BYTE_MUTATIONS
+        content = one_of(rng, mutations)(content, rng)
     Path(f"hostile.{ending}").write_bytes(content)
-    return ended((*_one_of(rng, READERS["log"]), f"hostile.{ending}"))
+    return ended((*one_of(rng, READERS["log"]), f"hostile.{ending}"))
 
 
 def run_options(seed: int) -> Outcome:
     """A command with a hostile value for one of its options, or in place of an argument."""
     rng = np.random.default_rng((3, seed))
-    command = _one_of(rng, tuple(COMMANDS))
-    value = _one_of(rng, VALUES)
+    command = one_of(rng, tuple(COMMANDS))
+    value = one_of(rng, VALUES)
     options = COMMANDS[command]
     if options and rng.random() < 0.8:
-        option = _one_of(rng, options)
+        option = one_of(rng, options)
         # As one word, so that "-1" is not taken for an option.
         stated = f"{option}={value}" if option.startswith("--") else f"{option}{value}"
         return ended((*command, stated))
@@ -267,218 +258,6 @@ def peak_bytes() -> int:
         return 0
     unit = 1 if sys.platform == "darwin" else 1024
     return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-def _one_of(rng: np.random.Generator, choices: Any) -> Any:
-    return choices[int(rng.integers(len(choices)))]
-
-
-def _motion(rows: int, rng: np.random.Generator) -> dict[str, Any]:
-    """A device of 3 kg and 10 N·s/m under random forces, counted in 6 µm."""
-    step = 0.001
-    force = np.convolve(rng.normal(size=rows + 30), np.ones(31) / 6, "valid")
-    velocity, place = np.zeros(rows), np.zeros(rows)
-    for k in range(1, rows):
-        velocity[k] = velocity[k - 1] + step * (force[k - 1] - 10 * velocity[k - 1]) / 3
-        place[k] = place[k - 1] + step * velocity[k]
-    return {
-        "time": np.arange(rows) * step,
-        "force": force,
-        "position": np.rint(place / 6e-6) * 6e-6,
-    }
-
-
-# Text -------------------------------------------------------------------------------------------
-
-
-def _flipped(content: bytes, rng: np.random.Generator) -> bytes:
-    changed = bytearray(content or b"?")
-    for place in rng.integers(0, len(changed), int(rng.integers(1, 5))):
-        changed[place] = int(rng.integers(256))
-    return bytes(changed)
-
-
-def _cut(content: bytes, rng: np.random.Generator) -> bytes:
-    return content[: int(rng.integers(0, len(content) + 1))]
-
-
-def _doubled(content: bytes, rng: np.random.Generator) -> bytes:
-    first, last = sorted(int(each) for each in rng.integers(0, len(content) + 1, 2))
-    return content[:last] + content[first:]
-
-
-def _lines(change: Callable[[list[bytes], int, np.random.Generator], None]) -> Any:
-    def changed(content: bytes, rng: np.random.Generator) -> bytes:
-        lines = content.split(b"\n")
-        change(lines, int(rng.integers(len(lines))), rng)
-        return b"\n".join(lines)
-
-    return changed
-
-
-def _gone(lines: list[bytes], place: int, rng: np.random.Generator) -> None:
-    del lines[place]
-
-
-def _again(lines: list[bytes], place: int, rng: np.random.Generator) -> None:
-    lines.insert(int(rng.integers(len(lines) + 1)), lines[place])
-
-
-def _indented(lines: list[bytes], place: int, rng: np.random.Generator) -> None:
-    lines[place] = b" " * int(rng.integers(1, 4)) + lines[place]
-
-
-def _another_value(lines: list[bytes], place: int, rng: np.random.Generator) -> None:
-    """A word of the line becomes a hostile one."""
-    line = lines[place].decode("utf-8", "replace")
-    marks = [i for i, letter in enumerate(line) if letter in " ,:{}[]"]
-    first = _one_of(rng, marks) + 1 if marks else 0
-    ends = [mark for mark in marks if mark > first]
-    last = ends[0] if ends and rng.random() < 0.7 else len(line)
-    lines[place] = (line[:first] + " " + _one_of(rng, SCALARS) + line[last:]).encode()
-
-
-_BYTE_MUTATIONS: Any = (_flipped, _cut, _doubled)
-_TEXT_MUTATIONS: Any = (
-    *_BYTE_MUTATIONS,
-    *(_lines(change) for change in (_gone, _again, _indented, *[_another_value] * 6)),
-)
-
-# Tables -----------------------------------------------------------------------------------------
-
-
-def _some(table: dict[str, Any], rng: np.random.Generator) -> str:
-    return str(_one_of(rng, tuple(table)))
-
-
-def _scaled(table: dict[str, Any], rng: np.random.Generator) -> None:
-    name = _some(table, rng)
-    table[name] = np.asarray(table[name], dtype=float) * 10.0 ** float(rng.uniform(-20, 20))
-
-
-def _spoiled(table: dict[str, Any], rng: np.random.Generator) -> None:
-    name = _some(table, rng)
-    column = np.array(table[name], dtype=float)
-    column[rng.integers(0, column.size, 3)] = _one_of(
-        rng, (np.nan, np.inf, -np.inf, 0.0, 1e308, -1e9, 1e-300)
-    )
-    table[name] = column
-
-
-def _constant(table: dict[str, Any], rng: np.random.Generator) -> None:
-    name = _some(table, rng)
-    table[name] = np.full(len(table[name]), _one_of(rng, (0.0, 1.0, -1e9)))
-
-
-def _replaced(table: dict[str, Any], rng: np.random.Generator) -> None:
-    """By another column, noise, whole numbers, a sine, a step, or a line."""
-    name, other = _some(table, rng), _some(table, rng)
-    rows = len(table[name])
-    table[name] = _one_of(
-        rng,
-        (
-            np.array(table[other]),
-            rng.normal(size=rows),
-            rng.integers(-3, 3, rows),
-            np.sin(0.1 * np.arange(rows)),
-            (np.arange(rows) > rows // 2) * 1.0,
-            np.arange(rows) * 1e-3,
-            -np.asarray(table[name], dtype=float),
-        ),
-    )
-
-
-def _uneven(table: dict[str, Any], rng: np.random.Generator) -> None:
-    """Steps of very different length; lost rows; a clock that is short, or stands."""
-    rows = len(table["time"])
-    steps = _one_of(
-        rng,
-        (
-            rng.exponential(1e-3, rows),
-            10.0 ** rng.uniform(-6, -1, rows),
-            np.full(rows, 2e-7),
-            np.where(rng.random(rows) < 0.02, 0.5, 1e-3),
-            rng.choice([0.0, 1e-3], rows),
-        ),
-    )
-    table["time"] = np.cumsum(steps)
-
-
-def _kind(table: dict[str, Any], rng: np.random.Generator) -> None:
-    name = _some(table, rng)
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        table[name] = np.asarray(table[name]).astype(
-            _one_of(rng, ("f4", "i4", "u1", "?", "U8", "c16", "f2", "datetime64[ms]"))
-        )
-
-
-def _shorter(table: dict[str, Any], rng: np.random.Generator) -> None:
-    name = _some(table, rng)
-    table[name] = table[name][: int(rng.integers(0, len(table[name])))]
-
-
-def _lacking(table: dict[str, Any], rng: np.random.Generator) -> None:
-    if len(table) > 1:
-        kept = table.pop(_some(table, rng))
-        table[_one_of(rng, ("x", "reference", "", "ü", "time ", "a" * 400))] = kept
-    table.setdefault("time", np.arange(3.0))
-
-
-_TABLE_MUTATIONS: Any = (
-    *(_scaled, _spoiled, _constant, _replaced, _replaced, _uneven, _uneven, _kind, _shorter),
-    _lacking,
-)
-
-
-def _csv(table: dict[str, Any]) -> bytes:
-    rows = zip(*(column.tolist() for column in table.values()), strict=False)
-    lines = [",".join(table), *(",".join(str(cell) for cell in row) for row in rows)]
-    return ("\n".join(lines) + "\n").encode()
-
-
-def _npz(table: dict[str, Any]) -> bytes:
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **{name or "_": column for name, column in table.items()})
-    return stream.getvalue()
-
-
-def _mat(table: dict[str, Any]) -> bytes:
-    import scipy.io
-
-    stream = io.BytesIO()
-    named = {
-        "".join(letter for letter in name if letter.isascii() and letter.isalnum())[:30] or "a": (
-            column.astype(float) if column.dtype.kind in "Mm" else column
-        )
-        for name, column in table.items()
-    }
-    writer: Any = scipy.io
-    writer.savemat(stream, named, do_compression=True)
-    return stream.getvalue()
-
-
-def _parquet(table: dict[str, Any]) -> bytes:
-    import polars as pl
-
-    rows = min(len(column) for column in table.values())
-    stream = io.BytesIO()
-    pl.DataFrame(
-        {
-            name: (column.real if column.dtype.kind == "c" else column)[:rows].tolist()
-            for name, column in table.items()
-        },
-        strict=False,
-    ).write_parquet(stream)
-    return stream.getvalue()
-
-
-_WRITERS: dict[str, Callable[[dict[str, Any]], bytes]] = {
-    "csv": _csv,
-    "npz": _npz,
-    "mat": _mat,
-    "parquet": _parquet,
-}
 
 
 def main() -> None:

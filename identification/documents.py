@@ -15,6 +15,9 @@ from identification.errors import InvalidInputError
 
 #: Bytes. No device, scene or profile comes near this; a larger file is a mistake or an attack.
 LARGEST_FILE = 1_000_000
+#: Values, keys and brackets of one file, which is what time goes by: a profile of a hundred
+#: elements has a third of it.
+MOST_EVENTS = 20_000
 #: Levels of lists and mappings; a profile has five.
 DEEPEST = 32
 #: Complaints listed about one file; the rest is counted.
@@ -97,6 +100,9 @@ def _yaml_sentence(error: Any) -> str:
 
 def _read(path: Path) -> str:
     try:
+        if path.is_fifo() or path.is_socket():  # nobody may ever write to it
+            problem = "cannot be read (it is a pipe or a socket, not a file)"
+            raise InvalidInputError(path, problem, "Write it to a file first")
         with path.open("rb") as stream:
             data = stream.read(LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
@@ -114,7 +120,9 @@ def _read(path: Path) -> str:
 def _unsafe_parts(events: Iterable[Any]) -> Iterator[str]:
     """What makes a YAML file grow beyond its text, found before anything is built from it."""
     depth = 0
-    for event in events:
+    for number, event in enumerate(events, start=1):
+        if number > MOST_EVENTS:
+            yield f"holds more than {MOST_EVENTS} keys, values and brackets"
         kind = type(event).__name__
         depth += kind.endswith(("SequenceStartEvent", "MappingStartEvent"))
         depth -= kind.endswith(("SequenceEndEvent", "MappingEndEvent"))

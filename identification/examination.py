@@ -29,6 +29,7 @@ class Examination:
         source: where the log comes from.
         motion: "linear" or "rotary".
         samples: number of rows.
+        fitted: rows that mass and damping are told from; None if they are not told.
         duration: s.
         sample_time: usual step, s.
         travel: m, from end to end.
@@ -47,6 +48,7 @@ class Examination:
     source: str
     motion: str
     samples: int
+    fitted: int | None
     duration: float
     sample_time: float
     travel: float
@@ -93,6 +95,7 @@ def examine(
         source=trajectory.source,
         motion=trajectory.motion,
         samples=len(trajectory),
+        fitted=None if found is None else found.logs[0].fitted,
         duration=float(time[-1] - time[0]),
         sample_time=trajectory.sample_time,
         travel=float(np.ptp(trajectory.position)),

@@ -11,6 +11,7 @@ from identification.readers import READERS
 from identification.readers.clock import refuse_clock
 from identification.readers.columns import LogColumns, quoted
 from identification.readers.limits import LARGEST_FILE
+from identification.sizes import refuse_sizes
 from identification.trajectory import Motion, Trajectory
 
 __all__ = ["LogColumns", "load_trajectory"]
@@ -38,7 +39,7 @@ def load_trajectory(
 
     Raises:
         InvalidInputError: a file that cannot be read, or not as asked, names what there is; or
-            time that cannot be in seconds.
+            time that cannot be in seconds, or numbers no device has.
         LogRefusedError: columns that cannot be a log (see Trajectory).
     """
     path = Path(path)
@@ -61,18 +62,24 @@ def load_trajectory(
         raise InvalidInputError(
             path, f"has columns of different lengths ({listed})", "Export columns of one length"
         )
-    reference = found.get("reference")
+    gains = {"force": columns.force_gain}
+    gains |= dict.fromkeys(("position", "reference"), columns.position_gain)
+    for role, gain in gains.items():
+        if role in found:
+            found[role] = found[role] * gain
+            found[role].setflags(write=False)  # then it is not copied once more
     trajectory = Trajectory(
         time=found["time"],
-        force=found["force"] * columns.force_gain,
-        position=found["position"] * columns.position_gain,
-        reference=None if reference is None else reference * columns.position_gain,
+        force=found["force"],
+        position=found["position"],
+        reference=found.get("reference"),
         axis=axis or columns.axis or "x",
         motion=motion,
         source=path.name,
         digest=digest,
     )
     refuse_clock(trajectory, columns.time)
+    refuse_sizes(trajectory)
     return trajectory
 
 

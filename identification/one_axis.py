@@ -13,14 +13,11 @@ from identification.errors import Finding, InvalidInputError, LogRefusedError, U
 from identification.estimators.model import Estimate
 from identification.findings import CODES, inspect
 from identification.one_log import LogFit, fit_log
+from identification.sizes import refuse_sizes
 from identification.trajectory import Trajectory
 
 #: Methods that can be asked for.
 METHODS = ("auto", "least-squares", "weak", "instruments", "output-error", "innovations")
-#: Size of any column, and least change of force and position, in SI units. Micro-manipulators and
-#: presses lie many orders inside.
-LARGEST = 1e12
-SMALLEST = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +74,8 @@ def identify(
     """
     trajectories = (trajectory,) if isinstance(trajectory, Trajectory) else tuple(trajectory)
     _check_request(trajectories, hardware, method, allow)
-    _check_size(trajectories)
+    for log in trajectories:
+        refuse_sizes(log)
     noticed = [inspect(log, hardware) for log in trajectories]
     _refuse([finding for found in noticed for finding in found], allow)
     fits = [fit_log(_clocked(log, hardware), hardware, method) for log in trajectories]
@@ -141,20 +139,6 @@ def _check_request(
                 f"the logs are of {seen[0]}, the hardware of {getattr(hardware, name)}",
                 f"Give the logs and the hardware of one {name}",
             )
-
-
-def _check_size(trajectories: Sequence[Trajectory]) -> None:
-    """Numbers no device has, in any unit: their squares would not be numbers any more."""
-    for log in trajectories:
-        for name, column in log.columns():
-            largest, change = float(np.max(np.abs(column))), float(np.ptp(column))
-            if largest > LARGEST or (name in {"force", "position"} and change < SMALLEST):
-                raise InvalidInputError(
-                    log.source,
-                    f"{name} reaches {largest:.3g} and changes by {change:.3g}, outside of "
-                    f"{SMALLEST:g} to {LARGEST:g}",
-                    f"Name the right column with --{name}, and give gains that make it SI",
-                )
 
 
 def _refuse(findings: Sequence[Finding], allow: Collection[str]) -> None:

@@ -10,6 +10,7 @@ from identification.choice import choose
 from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate
+from identification.excited_part import most_excited
 from identification.findings import judge
 from identification.hardware import Hardware
 from identification.selection import distinguishable, widened, without_noise
@@ -24,6 +25,7 @@ class LogFit:
 
     Attributes:
         trajectory: the log.
+        fitted: samples that the estimates were made of: all, or the most excited part.
         estimate: the one believed.
         others: estimates by the other methods that were tried.
         delay: read from the log, or None if it was stated.
@@ -33,6 +35,7 @@ class LogFit:
     """
 
     trajectory: Trajectory
+    fitted: int
     estimate: Estimate
     others: tuple[Estimate, ...]
     delay: Delay | None
@@ -60,13 +63,17 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         method: "auto" or a key of estimators.METHODS.
     """
     stated = None if hardware is None else hardware.delay
-    workshop, structure = widened(Workshop.of(trajectory, distinguishable(trajectory), stated))
+    part = most_excited(trajectory)
+    workshop, structure = widened(Workshop.of(part, distinguishable(part), stated))
     regression = workshop.fit("least-squares")
     chosen, reason = choose(workshop, method)
     chosen = without_noise(workshop, chosen)
+    if len(part) < len(trajectory):
+        reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
     delay = _delay(workshop, chosen)
     return LogFit(
         trajectory=trajectory,
+        fitted=len(part),
         estimate=chosen,
         others=tuple(each for each in workshop.fitted if each.method != chosen.method),
         delay=delay,

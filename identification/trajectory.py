@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -53,30 +53,26 @@ class Trajectory:
     motion: Motion = "linear"
     source: str = "trajectory"
     digest: str = ""
+    #: Median step between samples, s.
+    sample_time: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("time", "force", "position", "reference"):
             column = getattr(self, name)
             if column is not None:
-                array = np.array(column, dtype=np.float64)
-                array.setflags(write=False)
-                object.__setattr__(self, name, array)
+                object.__setattr__(self, name, _frozen(column))
         if any(column.shape != (self.time.size,) for _, column in self.columns()):
             shapes = {name: column.shape for name, column in self.columns()}
             raise ValueError(f"columns must be one-dimensional and of one length, not {shapes}")
         findings = _defects(self)
         if findings:
             raise LogRefusedError(findings)
+        object.__setattr__(self, "sample_time", float(np.median(np.diff(self.time))))
 
     def columns(self) -> tuple[tuple[str, FloatArray], ...]:
         """The columns present, by name."""
         named = (("time", self.time), ("force", self.force), ("position", self.position))
         return named if self.reference is None else (*named, ("reference", self.reference))
-
-    @property
-    def sample_time(self) -> float:
-        """Median step between samples, s."""
-        return float(np.median(np.diff(self.time)))
 
     @property
     def steps(self) -> float | FloatArray:
@@ -101,6 +97,16 @@ class Trajectory:
 
     def __len__(self) -> int:
         return self.time.size
+
+
+def _frozen(column: FloatArray) -> FloatArray:
+    """A read-only array that nobody else can write to; one that is so already is not copied."""
+    array = np.asarray(column, dtype=np.float64)
+    if array is column and array.base is None and not array.flags.writeable:
+        return array
+    array = np.array(array)
+    array.setflags(write=False)
+    return array
 
 
 def _printed_digit(time: FloatArray, step: float) -> float:

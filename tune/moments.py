@@ -6,6 +6,9 @@ from collections.abc import Iterable, Sequence
 
 #: Elements felt together are certified in every subset, 2^n - 1 sums.
 LARGEST_GROUP = 5
+#: Moments of a scene, each tuned, certified and rehearsed. Of groups of five elements, 62 moments
+#: took 34 s of processor time with one effect an element, and 31 took 42 s with three.
+MOST_MOMENTS = 100
 
 
 def moments_of(
@@ -41,7 +44,7 @@ def refuse_strange_groups(elements: Iterable[str], together: Iterable[Sequence[s
 
     Raises:
         ValueError: a name is blank or not printable; a group names no element, one twice, fewer
-            than two or more than LARGEST_GROUP.
+            than two or more than LARGEST_GROUP; or there are more than MOST_MOMENTS moments.
     """
     known = dict.fromkeys(elements)
     for name in known:
@@ -55,3 +58,10 @@ def refuse_strange_groups(elements: Iterable[str], together: Iterable[Sequence[s
             raise ValueError(f"together needs two or more different elements, not {group}"[:200])
         if len(group) > LARGEST_GROUP:
             raise ValueError(f"together holds {len(group)} elements, more than {LARGEST_GROUP}")
+    count = len(moments_of(known, together))
+    if count > MOST_MOMENTS:
+        raise ValueError(
+            f"elements and together make {count} moments to certify, more than {MOST_MOMENTS}; "
+            "name fewer elements, or fewer and smaller groups, and split the rest into scenes of "
+            "their own"
+        )

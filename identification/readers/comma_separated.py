@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.errors import InvalidInputError
 from identification.readers.columns import FloatArray, LogColumns, quoted, wanted_columns
-from identification.readers.limits import refuse_long
+from identification.readers.limits import refuse_long, refuse_packed, refuse_wide
 from identification.readers.recognition import (
     refuse_encoding,
     refuse_other_rows,
@@ -22,16 +22,20 @@ if TYPE_CHECKING:
 
 #: Separators tried; the one most frequent in the header wins, the first of equals.
 _SEPARATORS = ",;\t"
+#: What a line without a name consists of: its end, and the mark of a file in UTF-8.
+_NOTHING = b"\xef\xbb\xbf\r\n"
 
 
 def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, FloatArray]:
     """Columns by role; empty cells are NaN. Raises InvalidInputError."""
     import polars as pl
 
+    refuse_packed(path, content)
     refuse_encoding(path, content)
     refuse_long(path, content.count(b"\n") - 1)
-    header = content[: content.find(b"\n") + 1] or content
-    separator = max(_SEPARATORS, key=header.decode("utf-8", "replace").count)
+    header = _header(path, content)
+    separator = max(_SEPARATORS, key=lambda mark: header.count(mark.encode()))
+    refuse_wide(path, header, header.count(separator.encode()) + 1)
     stored = _table(path, content, separator, n_rows=0).columns
     # A header line that begins with # comes from loggers that mark it as a comment.
     shown = [name.strip("# ") for name in stored]
@@ -54,6 +58,16 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
         table = _table(path, content, separator, columns=names)
         refuse_other_rows(path, table)
     return {role: _numbers(path, table[stored_as[name]], name) for role, name in wanted.items()}
+
+
+def _header(path: Path, content: bytes) -> bytes:
+    """The first line that holds anything. Raises InvalidInputError where it does not end there."""
+    header = next((line for line in BytesIO(content) if line.strip(_NOTHING)), b"")
+    if header.count(b'"') % 2:
+        raise InvalidInputError(
+            path, "has a quote in its header line that is not closed", "Leave out the quote"
+        )
+    return header
 
 
 def _parsed(content: bytes, separator: str, **options: Any) -> polars.DataFrame:

@@ -13,6 +13,21 @@ from identification.readers.columns import quoted
 
 #: Bytes. A CSV log of MOST_SAMPLES rows of three full-precision numbers is about 1.2 GB.
 LARGEST_FILE = 2_000_000_000
+#: Bytes of the header line and columns of a table: memory is spent on each name.
+LONGEST_HEADER = 5_000_000
+MOST_COLUMNS = 10_000
+#: How packed streams begin; a reader of text would unpack some of them by itself.
+_PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"\x78\x01": "zlib",
+    b"\x78\x5e": "zlib",
+    b"\x78\x9c": "zlib",
+    b"\x78\xda": "zlib",
+    b"PK\x03\x04": "zip or spreadsheet",
+    b"\xfd7zXZ\x00": "xz",
+    b"BZh": "bzip2",
+}
 #: Over five hours at 1 kHz; more tells nothing new of one axis. 160 MB a column.
 MOST_SAMPLES = 20_000_000
 
@@ -25,6 +40,32 @@ def refuse_long(path: Path, samples: int) -> None:
             f"holds or claims {samples} samples, more than the {MOST_SAMPLES} that are read",
             "Cut the log to a shorter part",
         )
+
+
+def refuse_packed(path: Path, content: bytes) -> None:
+    """Raises InvalidInputError for a packed stream where text is expected."""
+    for beginning, kind in _PACKED.items():
+        if content.startswith(beginning):
+            raise InvalidInputError(
+                path, f"is a packed file ({kind}), not text", "Unpack it, and give what was in it"
+            )
+
+
+def refuse_wide(path: Path, header: bytes, columns: int) -> None:
+    """Raises InvalidInputError for a header line no table of a log has.
+
+    Args:
+        path: the file, for the message.
+        header: its first line.
+        columns: how many columns the line names.
+    """
+    if len(header) > LONGEST_HEADER:
+        problem = f"has a header line of {len(header)} bytes, more than {LONGEST_HEADER}"
+    elif columns > MOST_COLUMNS:
+        problem = f"has {columns} columns, more than {MOST_COLUMNS}"
+    else:
+        return
+    raise InvalidInputError(path, problem, "Export the columns of the log alone, a row a line")
 
 
 def refuse_shape(path: Path, name: str, shape: tuple[int, ...]) -> None:

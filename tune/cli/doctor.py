@@ -98,8 +98,10 @@ def _table(seen: Examination) -> Table:
     table.add_column("value", overflow="fold")
     rate = f"{1 / seen.sample_time:.4g} Hz, usual step {seen.sample_time * 1e3:.4g} ms"
     count = "none seen" if seen.count is None else f"{seen.count:.4g} {units['length']}"
+    whole = seen.fitted is None or seen.fitted == seen.samples
+    part = "" if whole else f", fitted the {seen.fitted} that move most"
     for name, value in (
-        ("length", f"{seen.duration:.4g} s, {seen.samples} samples"),
+        ("length", f"{seen.duration:.4g} s, {seen.samples} samples{part}"),
         ("rate", rate),
         ("travel", f"{seen.travel:.4g} {units['length']}"),
         ("peak speed", f"{seen.peak_speed:.4g} {units['speed']}"),

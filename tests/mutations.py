@@ -1,0 +1,274 @@
+"""Files and options as chance and malice leave them: each from a seed, each always the same.
+
+As a program: ``python -m tests.mutations KIND FIRST LAST`` runs the cases of some seeds in the
+current folder, in this process, and prints a line of JSON for each; a case that ends the process
+is the one after the last line.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.commands import haptune
+from tests.mutated_tables import TABLE_MUTATIONS, WRITERS, csv, motion
+from tests.mutated_text import BYTE_MUTATIONS, TEXT_MUTATIONS, one_of
+
+#: What stands in place of the value of an option.
+VALUES = (
+    *("", " ", "0", "-0", "-1", "1", "3", "0.5", "nan", "inf", "-inf", "1e-300", "1e-12", "1e-6"),
+    *("1e6", "1e12", "1e300", "1e308", "-1e308", "1e999", "9" * 400, "0x10", "1_0", "1,5", "٣"),
+    *("true", "time", "force", "x" * 5000, "ü☃", "\x1b[31m", "\n", "a\nb", "..", ".", "/"),
+    "/dev/null",
+    *("/dev/zero", "/dev/full", "/nowhere/at.all", "--json", "-", "--", "%s%n", "{}", "*", "[red]"),
+    *("scene.yaml", "log.csv", "device.yaml", "profile.yaml", "x" * 300 + ".yaml", "c,c", "json,"),
+)
+
+_SCENE = """schema: haptune/scene/1
+name: pool
+hand: none
+margin: balanced
+loop: {velocity_filter_hz: 30.0, acceleration_filter_hz: none}
+ripple_limit: 0.1
+elements:
+  water: {damping: 10.0, speed: 0.2, priority: 1}
+  wall: {stiffness: {min: 50.0, max: 300.0}, penetration: 0.01}
+"""
+_DEVICE = """schema: haptune/device/1
+name: axis
+axis: x
+motion: linear
+sample_time: 0.001
+mass: {value: 3.0, low: 2.7, high: 3.3}
+damping: {value: 10.0, low: 9.0, high: 11.0}
+coulomb_friction: {value: 0.8, low: 0.7, high: 0.9}
+force_offset: 0.0
+delay: 0.001
+encoder_resolution: 0.000006
+force_limit: {continuous: 14.0, peak: 28.0}
+"""
+_HARDWARE = """schema: haptune/hardware/1
+name: axis
+axis: x
+motion: linear
+sample_time: {value: 0.001, low: 0.000999, high: 0.001001}
+delay: 0.001
+encoder_resolution: 0.000006
+force_limit: {continuous: 14.0, peak: 28.0}
+"""
+_EXCITATION = """schema: haptune/excitation/1
+name: axis
+axis: x
+motion: linear
+sample_time: 0.001
+duration: 2.0
+ramp: 0.2
+force: 14.0
+travel: 0.1
+speed: 1.0
+mass: {value: 3.0, low: 2.5, high: 3.5}
+damping: 10.0
+encoder_resolution: 0.000006
+delay: known
+"""
+_FLUID = "elements: {water: {damping: 10.0}}\n"
+
+#: The good files: name, text.
+DOCUMENTS = {
+    "scene": _SCENE,
+    "device": _DEVICE,
+    "hardware": _HARDWARE,
+    "excitation": _EXCITATION,
+}
+#: What reads the mutated file, hostile.yaml or the log.
+READERS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "scene": (("tune", "device.yaml", "hostile.yaml", "--dry-run"),),
+    "device": (
+        ("tune", "hostile.yaml", "fluid.yaml", "--dry-run"),
+        ("audit", "hostile.yaml", "--damping", "5"),
+    ),
+    "hardware": (("doctor", "log.csv", "--hardware", "hostile.yaml"),),
+    "excitation": (("excite", "hostile.yaml", "--dry-run"),),
+    "profile": (
+        ("check", "hostile.yaml"),
+        ("export", "hostile.yaml", "--dry-run"),
+        ("verify", "hostile.yaml", "log.csv"),
+    ),
+    "log": (("doctor",), ("identify", "--dry-run"), ("verify", "profile.yaml")),
+}
+#: Commands that work, and the options of each that take a value.
+_NAMES = ("--time", "--force", "--position", "--axis")
+_GAINS = ("--force-gain", "--position-gain")
+_LOG = (*_NAMES, "--reference", *_GAINS, "--hardware", "--allow")
+COMMANDS: dict[tuple[str, ...], tuple[str, ...]] = {
+    ("doctor", "log.csv"): _LOG,
+    ("identify", "log.csv", "--dry-run"): (*_LOG, "--method", "-o"),
+    ("calibrate", "log.csv", "--scene", "fluid.yaml", "--dry-run"): (
+        *_LOG,
+        *("--method", "--margin", "--scene", "-o"),
+    ),
+    ("tune", "device.yaml", "fluid.yaml", "--dry-run"): ("--margin", "-o"),
+    ("audit", "device.yaml", "--damping", "5"): (
+        *("--stiffness", "--damping", "--mass", "--extra-delay-samples", "--velocity-filter"),
+        *("--acceleration-filter", "--margin"),
+    ),
+    ("check", "profile.yaml"): (),
+    ("verify", "profile.yaml", "log.csv"): (
+        *(*_NAMES, *_GAINS, "--element", "--gain", "--release", "--picture"),
+    ),
+    ("export", "profile.yaml", "--dry-run"): ("--to", "-o"),
+    ("excite", "excitation.yaml", "--dry-run"): ("-o", "--picture"),
+    ("simulate", "hand-held"): ("-o", "--seed"),
+    ("new", "hardware", "--dry-run"): ("--device", "-o"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """How one case ended.
+
+    Attributes:
+        command: what was run.
+        code: exit code.
+        seconds: of the processor: others may be at work beside.
+        said: standard error, its beginning.
+        warned: warnings of libraries.
+    """
+
+    command: tuple[str, ...]
+    code: int
+    seconds: float
+    said: str
+    warned: tuple[str, ...]
+
+
+def prepare() -> None:
+    """Write the good files that the commands of all cases need into the current folder.
+
+    They are kept in a folder of their own too: a case may name one of them as its output.
+    """
+    for name, text in (*DOCUMENTS.items(), ("fluid", _FLUID)):
+        Path(f"{name}.yaml").write_text(text, encoding="utf-8")
+    Path("log.csv").write_bytes(csv(motion(1000, np.random.default_rng(0))))
+    made = haptune("tune", "device.yaml", "fluid.yaml", "-o", "profile.yaml", "--quiet")
+    assert made.code == 0, made.err
+    Path("good").mkdir()
+    for name in (*DOCUMENTS, "fluid", "profile"):
+        shutil.copy(f"{name}.yaml", "good")
+    shutil.copy("log.csv", "good")
+
+
+def run_yaml(seed: int) -> Outcome:
+    """A command on a YAML file with a few places changed."""
+    rng = np.random.default_rng((1, seed))
+    kind = one_of(rng, (*DOCUMENTS, "profile"))
+    text = DOCUMENTS[kind] if kind in DOCUMENTS else Path("profile.yaml").read_text("utf-8")
+    content = text.encode()
+    for _ in range(int(rng.integers(1, 4))):
+        content = one_of(rng, TEXT_MUTATIONS)(content, rng)
+    Path("hostile.yaml").write_bytes(content)
+    return ended(one_of(rng, READERS[kind]))
+
+
+def run_log(seed: int) -> Outcome:
+    """A command on a log of any format with values, columns or bytes changed."""
+    rng = np.random.default_rng((2, seed))
+    table = motion(int(rng.choice([150, 200, 400, 2000])), rng)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what the table is made of
+        for _ in range(int(rng.integers(0, 3))):
+            one_of(rng, TABLE_MUTATIONS)(table, rng)
+        ending = one_of(rng, tuple(WRITERS))
+        content = WRITERS[ending](table)
+    for _ in range(int(rng.choice([0, 1, 3]))):
+        mutations = TEXT_MUTATIONS if ending == "csv" else BYTE_MUTATIONS
+        content = one_of(rng, mutations)(content, rng)
+    Path(f"hostile.{ending}").write_bytes(content)
+    return ended((*one_of(rng, READERS["log"]), f"hostile.{ending}"))
+
+
+def run_options(seed: int) -> Outcome:
+    """A command with a hostile value for one of its options, or in place of an argument."""
+    rng = np.random.default_rng((3, seed))
+    command = one_of(rng, tuple(COMMANDS))
+    value = one_of(rng, VALUES)
+    options = COMMANDS[command]
+    if options and rng.random() < 0.8:
+        option = one_of(rng, options)
+        # As one word, so that "-1" is not taken for an option.
+        stated = f"{option}={value}" if option.startswith("--") else f"{option}{value}"
+        return ended((*command, stated))
+    place = int(rng.integers(1, 1 + sum(not word.startswith("-") for word in command[1:2])))
+    return ended((*command[:place], value, *command[place + 1 :]))
+
+
+KINDS: dict[str, Callable[[int], Outcome]] = {
+    "yaml": run_yaml,
+    "log": run_log,
+    "options": run_options,
+}
+
+
+def ended(command: tuple[str, ...]) -> Outcome:
+    """Run a command among the good files and say how it ended."""
+    shutil.copytree("good", ".", dirs_exist_ok=True)
+    started = time.process_time()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            end = haptune(*command)
+            code, said = end.code, end.err
+        except BaseException as error:  # noqa: BLE001 - what a user would see as a traceback
+            code, said = 1, f"Traceback: {type(error).__name__}: {error}"
+    return Outcome(
+        command=command,
+        code=code,
+        seconds=time.process_time() - started,
+        said=said[:600],
+        warned=tuple(f"{Path(each.filename).name}: {each.message}" for each in caught),
+    )
+
+
+def fault(outcome: Outcome) -> str:
+    """What is wrong with how a case ended; empty if nothing is."""
+    if outcome.code not in {0, 2, 3, 4, 5, 6, 7}:
+        return f"exit {outcome.code}"
+    if outcome.warned:
+        return "a library warns"
+    if outcome.seconds > 10:
+        return f"took {outcome.seconds:.0f} s"
+    if outcome.code and not outcome.said.strip():
+        return "nothing was said"
+    return "an internal error" if "internal error" in outcome.said else ""
+
+
+def peak_bytes() -> int:
+    """Largest memory that this process has held; 0 where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    unit = 1 if sys.platform == "darwin" else 1024
+    return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def main() -> None:
+    """Run some cases as a program."""
+    kind, first, last = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+    prepare()
+    for seed in range(first, last):
+        outcome = KINDS[kind](seed)
+        print(json.dumps({"seed": seed, "fault": fault(outcome)} | asdict(outcome)), flush=True)
+    print(json.dumps({"peak": peak_bytes()}), flush=True)
+
+
+if __name__ == "__main__":
+    main()

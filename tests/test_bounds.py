@@ -1,0 +1,163 @@
+"""Files that would take minutes or gigabytes are refused before any are spent, in one sentence."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import os
+import sys
+import time
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from io import BytesIO
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from identification import InvalidInputError, load_device, load_trajectory
+from identification.documents import LARGEST_FILE, MOST_EVENTS, load_mapping
+from identification.readers.limits import LONGEST_HEADER, MOST_COLUMNS
+from tune.moments import MOST_MOMENTS
+from tune.optimisation import optimise
+from tune.profile import load_profile
+from tune.scene import Scene, load_scene
+
+TABLE = b"time,force,position\n" + b"0,0,0\n" * 300
+
+
+def _refusal(read: Callable[[Path], object], path: Path) -> str:
+    started = time.process_time()
+    with pytest.raises(InvalidInputError) as caught:
+        read(path)
+    assert time.process_time() - started < 10
+    text = str(caught.value)
+    assert len(text) < 500
+    return text
+
+
+def _zipped(content: bytes) -> bytes:
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("log.csv", content)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("kind", "pack"),
+    [
+        ("gzip", gzip.compress),
+        ("zlib", zlib.compress),
+        ("zlib", lambda content: zlib.compress(content, 1)),
+        ("zlib", lambda content: zlib.compress(content, 3)),
+        ("zlib", lambda content: zlib.compress(content, 9)),
+        ("zstd", lambda content: b"\x28\xb5\x2f\xfd" + content),
+        ("zip or spreadsheet", _zipped),
+        ("xz", lzma.compress),
+        ("bzip2", bz2.compress),
+    ],
+)
+def test_packed_streams_are_not_unpacked(
+    tmp_path: Path, kind: str, pack: Callable[[bytes], bytes]
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(pack(TABLE))
+    assert f"is a packed file ({kind})" in _refusal(load_trajectory, path)
+
+
+@pytest.mark.parametrize("before", [b"", b"\n\r\n", b"\xef\xbb\xbf\n"])
+def test_wide_headers_are_not_parsed(tmp_path: Path, before: bytes) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(before + b"," * MOST_COLUMNS + b"\n" + TABLE)
+    assert f"has {MOST_COLUMNS + 1} columns" in _refusal(load_trajectory, path)
+    path.write_bytes(before + b"a" * LONGEST_HEADER + b"," + TABLE)
+    assert "has a header line of 50000" in _refusal(load_trajectory, path)
+    path.write_bytes(before + b'"time\n"' + b"," * MOST_COLUMNS + b"\n" + TABLE)
+    assert "quote in its header line" in _refusal(load_trajectory, path)
+
+
+#: Each as long as a file may be.
+YAML = {
+    "flat list": "1, ",
+    "flow list": "[], ",
+    "sexagesimal": "1:1:1, ",
+    "words": "b, ",
+}
+
+
+@pytest.mark.parametrize("name", YAML)
+def test_lists_without_end(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "list.yaml"
+    item = YAML[name]
+    path.write_text(f"a: [{item * (LARGEST_FILE // len(item) - 2)}]", encoding="utf-8")
+    assert f"holds more than {MOST_EVENTS} keys" in _refusal(load_mapping, path)
+
+
+def test_keys_without_end(tmp_path: Path) -> None:
+    path = tmp_path / "keys.yaml"
+    path.write_text("".join(f"k{i}: 1\n" for i in range(90_000)), encoding="utf-8")
+    assert f"holds more than {MOST_EVENTS} keys" in _refusal(load_mapping, path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes have no names in folders there")
+@pytest.mark.parametrize("name", ["scene.yaml", "log.csv"])
+def test_a_pipe_nobody_writes_to(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    os.mkfifo(path)
+    read = load_mapping if path.suffix == ".yaml" else load_trajectory
+    assert "not a file" in _refusal(read, path)
+
+
+_FULL: dict[str, Any] = {
+    "elements": {"cup": {"stiffness": 100.0, "damping": 5.0, "mass": 0.5}},
+    "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+}
+
+
+def _scene(elements: int, groups: Iterable[Sequence[str]]) -> str:
+    listed = ", ".join(f"e{i}: {{damping: 1.0}}" for i in range(elements))
+    together = ", ".join(f"[{', '.join(group)}]" for group in groups)
+    return f"elements: {{{listed}}}\ntogether: [{together}]\n"
+
+
+@pytest.mark.parametrize(
+    ("elements", "groups", "moments"),
+    [
+        (12, list(combinations([f"e{i}" for i in range(12)], 5)), 1585),
+        (500, [[f"e{5 * i + k}" for k in range(5)] for i in range(100)], 3100),
+        (MOST_MOMENTS + 1, [], MOST_MOMENTS + 1),
+    ],
+)
+def test_scenes_without_end_are_told_before_work_begins(
+    tmp_path: Path, elements: int, groups: list[Sequence[str]], moments: int
+) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(_scene(elements, groups), encoding="utf-8")
+    assert f"make {moments} moments" in _refusal(load_scene, path)
+
+
+def test_the_largest_scene_is_no_offence(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    names = [f"e{i}" for i in range(15)]
+    groups = [names[5 * i : 5 * i + 5] for i in range(3)]
+    path.write_text(_scene(22, groups), encoding="utf-8")
+    assert len(load_scene(path).subsets()) == MOST_MOMENTS
+
+
+def test_a_profile_of_the_largest_scene_is_read(tmp_path: Path) -> None:
+    """With every key that an element can have, and every moment named where moments are named."""
+    profile = optimise(load_device("homerehab"), Scene.model_validate(_FULL))
+    elements = {f"element {i:03}": profile.elements["cup"] for i in range(MOST_MOMENTS)}
+    interior = dict.fromkeys(elements, next(iter(profile.certificate.interior.values())))
+    many = profile.model_copy(
+        update={
+            "elements": elements,
+            "certificate": profile.certificate.model_copy(update={"interior": interior}),
+        }
+    )
+    path = tmp_path / "profile.yaml"
+    path.write_text(many.to_yaml(), encoding="utf-8")
+    assert len(load_profile(path).elements) == MOST_MOMENTS

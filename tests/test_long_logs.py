@@ -1,0 +1,119 @@
+"""Logs of millions of samples: what they are told from, and what they cost."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification import Trajectory, examine, excited_part, identify
+from identification.excited_part import most_excited
+from tests.mutations import peak_bytes
+
+MASS, DAMPING, STEP = 3.0, 10.0, 1e-3
+
+#: Run by itself, so that the memory is its own: doctor on the log, numpy.load of the same data.
+_MEASURED = """
+import json, sys, time
+import numpy as np
+from tests.commands import haptune
+from tests.mutations import peak_bytes
+
+started = time.process_time()
+with np.load("log.npz") as stored:
+    columns = [stored[name] for name in stored.files]
+loaded = time.process_time() - started
+del columns
+started = time.process_time()
+ended = haptune("doctor", "log.npz", "--json")
+print(json.dumps({"loaded": loaded, "examined": time.process_time() - started,
+                  "peak": peak_bytes(), "code": ended.code, "said": ended.err}))
+"""
+
+
+def _log(rows: int, *, still: slice = slice(0)) -> dict[str, Any]:
+    """A device under coloured force, one sample late, counted in 6 µm; at rest in some rows."""
+    from scipy.signal import lfilter
+
+    force = 10 * np.asarray(lfilter([0.02], [1, -0.98], np.random.default_rng(5).normal(size=rows)))
+    force[still] = 0.0
+    late = np.append(0.0, force[:-1])
+    decay = np.exp(-DAMPING / MASS * STEP)
+    gain = (1 - decay) * MASS / DAMPING
+    velocity = np.asarray(lfilter([0, (1 - decay) / DAMPING], [1, -decay], late))
+    moved = np.cumsum(gain * velocity + (STEP - gain) / DAMPING * late)
+    place = np.append(0.0, moved[:-1])
+    return {
+        "time": np.arange(rows) * STEP,
+        "force": force,
+        "position": np.rint(place / 6e-6) * 6e-6,
+    }
+
+
+def test_a_long_log_is_told_from_its_most_excited_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(excited_part, "MOST_FITTED", 10_000)
+    log = Trajectory(**_log(40_000, still=slice(0, 27_000)))
+    part = most_excited(log)
+    assert len(part) == 10_000
+    assert part.time[0] >= 25.0
+    found = identify(log)
+    assert found.logs[0].fitted == 10_000
+    assert "from the 10000 samples that move most of 40000" in found.reason
+    assert found.device.logs[0].samples == 40_000
+    for quantity, true in ((found.device.mass, MASS), (found.device.damping, DAMPING)):
+        assert quantity.low < true < quantity.high
+    seen = examine(log)
+    assert (seen.samples, seen.fitted) == (40_000, 10_000)
+
+
+def test_a_log_of_the_usual_length_is_taken_whole() -> None:
+    log = Trajectory(**_log(2_000))
+    assert most_excited(log) is log
+
+
+def test_a_change_in_the_part_left_out_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last quarter is of a device of another mass: its force is doubled there."""
+    monkeypatch.setattr(excited_part, "MOST_FITTED", 10_000)
+    columns = _log(40_000)
+    columns["force"][30_000:] *= 2
+    found = identify(Trajectory(**columns), allow=["heldout-misfit", "hand-on-device"])
+    assert "heldout-misfit" in found.device.logs[0].findings
+
+
+def test_columns_that_nobody_can_change_are_not_copied() -> None:
+    columns = _log(300)
+    columns["force"].setflags(write=False)
+    log = Trajectory(**columns)
+    assert log.force is columns["force"]
+    assert log.position is not columns["position"]
+    columns["position"][0] = 7.0
+    assert log.position[0] != 7.0
+
+
+@pytest.mark.long
+def test_doctor_on_ten_million_rows(tmp_path: Path) -> None:
+    if not peak_bytes():
+        pytest.skip("the system does not tell the memory of a process")
+    np.savez(tmp_path / "log.npz", **_log(10_000_000))
+    ended = subprocess.run(
+        [sys.executable, "-c", _MEASURED],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=_environment(),
+    )
+    measured = json.loads(ended.stdout)
+    assert measured["code"] == 0, measured
+    assert measured["peak"] < 1_000_000_000
+    assert measured["examined"] < 100 * measured["loaded"]
+
+
+def _environment() -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tune.cli.interruption import FilesWhole
 from tune.cli.options import DryRun, Json, Quiet
 from tune.cli.session import Session, run_command
 
@@ -42,8 +43,9 @@ def export(
             files |= {output / name: text for name, text in export_to(checked, target).items()}
         for path in files:
             session.target(path, profile)
-        for path, text in files.items():
-            session.write(path, text, dry_run=dry_run)
+        with FilesWhole():  # a guard and its header belong together
+            for path, text in files.items():
+                session.write(path, text, dry_run=dry_run)
 
     run_command("export", action, as_json=json, quiet=quiet)
 

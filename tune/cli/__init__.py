@@ -9,12 +9,16 @@ from __future__ import annotations
 def main() -> None:
     """Entry point of the command ``haptune``."""
     try:
-        from tune.cli.interruption import Interruption, unwind_on_signals
+        from tune.cli.interruption import unwind_on_signals, was_interrupted
 
-        unwind_on_signals()
         try:
+            unwind_on_signals()
             _run()
-        except Interruption:
+        except SystemExit:
+            raise
+        except BaseException:
+            if not was_interrupted():
+                raise
             _end_early()
     except KeyboardInterrupt:  # before signals were taken over
         _end_early()

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import signal
 import sys
-from time import monotonic
+from _thread import interrupt_main, start_new_thread
+from time import monotonic, sleep
 from types import FrameType
 
 #: Keyboard, a request to end, a terminal that was closed, a console's break; where they exist.
@@ -16,6 +17,9 @@ _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 #: Seconds in which another signal says no more than the first: shell and system both send one.
 _SAME_WISH = 1.0
+
+#: Seconds until an interruption is raised again that came where Python cannot raise.
+_AGAIN = 0.1
 
 
 class Interruption(BaseException):
@@ -26,23 +30,33 @@ class _Asked:
     """What signals have asked of this process so far; there is one, as there is of signals."""
 
     def __init__(self) -> None:
-        self.handled: list[int] = []
-        self.since: float | None = None
+        self.handled: list[signal.Signals] = []
+        self.came = False
+        self.deaf_until = 0.0
         self.writing = False
 
     def receive(self, number: int, frame: FrameType | None) -> None:
         """Unwind at once, or when the file that is being written is whole."""
         del number, frame
-        now = monotonic()
-        again = self.since is not None and now - self.since < _SAME_WISH
-        if not again:
-            self.since = now
-            self.raise_unless_writing()
+        if monotonic() < self.deaf_until:
+            return
+        self.came, self.deaf_until = True, monotonic() + _SAME_WISH
+        self.raise_unless_writing()
 
     def raise_unless_writing(self) -> None:
         """Raise Interruption if a signal came, and not while a file is written."""
-        if self.since is not None and not self.writing:
+        if self.came and not self.writing:
             raise Interruption
+
+    def raise_again(self) -> None:
+        """Raise Interruption in the main thread in a moment."""
+
+        def later() -> None:
+            sleep(_AGAIN)
+            self.deaf_until = 0.0
+            interrupt_main(self.handled[0])
+
+        start_new_thread(later, ())
 
 
 _asked = _Asked()
@@ -50,19 +64,21 @@ _asked = _Asked()
 
 def unwind_on_signals() -> None:
     """Let signals that end a process raise Interruption instead, in the main thread."""
+    others = sys.unraisablehook
+
+    def unraisable(ignored: sys.UnraisableHookArgs) -> None:
+        """What Python drops on the floor, as in a weak reference's callback."""
+        if issubclass(ignored.exc_type, Interruption):
+            _asked.raise_again()
+        else:
+            others(ignored)
+
+    sys.unraisablehook = unraisable
     for name in _SIGNALS:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
             _asked.handled.append(number)
             signal.signal(number, _asked.receive)
-    others = sys.unraisablehook
-
-    def unraisable(ignored: sys.UnraisableHookArgs) -> None:
-        """Say nothing of an interruption that cannot be raised; it is before the next file."""
-        if not issubclass(ignored.exc_type, Interruption):
-            others(ignored)
-
-    sys.unraisablehook = unraisable
 
 
 def ignore_signals() -> None:
@@ -73,7 +89,7 @@ def ignore_signals() -> None:
 
 def was_interrupted() -> bool:
     """Whether a signal came, though a library may have turned it into another error."""
-    return _asked.since is not None
+    return _asked.came
 
 
 class FilesWhole:

@@ -22,7 +22,7 @@ from tune.cli.exit_codes import (
     EXIT_USAGE,
     STATUS,
 )
-from tune.cli.interruption import FilesWhole, Interruption, ignore_signals, was_interrupted
+from tune.cli.interruption import FilesWhole, ignore_signals, was_interrupted
 from tune.cli.streams import undelivered
 
 if TYPE_CHECKING:
@@ -217,10 +217,9 @@ def run_command(
         ignore_signals()
     except typer.Exit:
         raise
-    except (KeyboardInterrupt, Interruption):
-        code = _interrupted(session)
-    except Exception as error:  # noqa: BLE001 - no traceback ever reaches a user
-        code = _interrupted(session) if was_interrupted() else _ended(session, error)
+    except BaseException as error:  # noqa: BLE001 - no traceback ever reaches a user
+        interrupted = was_interrupted() or isinstance(error, KeyboardInterrupt)
+        code = _interrupted(session) if interrupted else _ended(session, error)
     else:
         code = session.finish(0)
     raise typer.Exit(code)
@@ -236,7 +235,7 @@ def _interrupted(session: Session) -> int:
     return session.finish(EXIT_INTERRUPTED, f"interrupted; {session.whereabouts()}")
 
 
-def _ended(session: Session, error: Exception) -> int:
+def _ended(session: Session, error: BaseException) -> int:
     """Print why a command failed and return its exit code."""
     from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
     from tune.errors import CheckFailedError, LoopError, NoFeasibleEffectError

@@ -54,8 +54,17 @@ def test_nothing_printed_is_nothing_lost() -> None:
     assert redirected(">/dev/full", "new", "scene", "--quiet").returncode == 0
 
 
-@pytest.mark.parametrize("redirection", [">&-", ">&- 2>&- <&-", "2>&-", "2>/dev/full", "| true"])
-@pytest.mark.parametrize("arguments", ["--help", "new scene"])
+@pytest.mark.parametrize(
+    ("redirection", "arguments"),
+    [
+        (">&-", "new scene"),
+        (">&- 2>&- <&-", "new scene"),
+        ("2>/dev/full", "new scene"),
+        ("2>&-", "--help"),
+        (">&-", "--version"),
+        ("| true", "--help"),
+    ],
+)
 def test_streams_nobody_reads_change_nothing(redirection: str, arguments: str) -> None:
     ended = redirected(redirection, *arguments.split())
     assert ended.returncode == 0

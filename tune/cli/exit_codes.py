@@ -9,7 +9,7 @@ EXIT_REFUSED = 4
 EXIT_NOTHING = 5
 EXIT_CHECK = 6
 EXIT_NOT_WRITTEN = 7
-EXIT_INTERRUPTED = 130
+EXIT_INTERRUPTED = 130  # whichever signal it was: callers have one code to know
 
 #: Code → status of the result.
 STATUS = {

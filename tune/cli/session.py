@@ -274,21 +274,6 @@ def _plain(finding: Finding) -> dict[str, str]:
     }
 
 
-def report_usage(error: Exception) -> None:
-    """A usage error in one line, as JSON too where that was asked for."""
-    context: Any = getattr(error, "ctx", None)
-    command = getattr(context, "info_name", None) or "haptune"
-    path = getattr(context, "command_path", "haptune")
-    text: str = getattr(error, "format_message", error.__str__)()
-    if text.startswith("Usage:"):  # no command was given: the text is the help
-        print(text, file=sys.stderr)  # noqa: T201
-        return
-    sentence = " ".join(text.replace("Value error, ", "").split()).rstrip(".")
-    Session(command=command, as_json="--json" in sys.argv, quiet=False).finish(
-        EXIT_USAGE, f"{sentence}. See '{path} --help'"
-    )
-
-
 def _owner(path: Path) -> str | None:
     """Owner and group of a file by number; None where there is no file."""
     try:

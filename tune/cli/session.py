@@ -237,10 +237,10 @@ def _interrupted(session: Session) -> int:
 
 def _ended(session: Session, error: BaseException) -> int:
     """Print why a command failed and return its exit code."""
+    ignore_signals()
     from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
     from tune.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
-    ignore_signals()
     if isinstance(error, LogRefusedError):
         session.findings += [_plain(finding) for finding in error.findings]
         lines = [f"{finding.severity}: {finding}" for finding in error.findings]

@@ -1,14 +1,15 @@
 """Tuning of haptic effects: the largest perceivable K, B and M that the sampled loop can hold.
 
-The public names load on first use, so that a verdict does not import a solver.
+The public names load on first use, so that a verdict does not import a solver. Nothing is imported
+before, so that the command is ready to be interrupted at once.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # what checkers of types take for true
+    from typing import Any
 
-if TYPE_CHECKING:
     from tune.certificate.check import CheckReport, check
     from tune.damping_margin import least_damping_ratio, slowest_decay
     from tune.delay_search import DelayMargin, delay_margin
@@ -104,6 +105,8 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split
 
 def __getattr__(name: str) -> Any:
     if name in _HOME_OF:
+        from importlib import import_module
+
         return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

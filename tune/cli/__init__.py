@@ -1,10 +1,44 @@
-"""The command line: one file a command, contracts kept in `tune.cli.session`."""
+"""The command line: one file a command, contracts kept in `tune.cli.session`.
+
+Nothing is imported before `main` runs, so that a signal finds it ready from its first line on.
+"""
 
 from __future__ import annotations
 
 
 def main() -> None:
     """Entry point of the command ``haptune``."""
+    try:
+        from tune.cli.interruption import unwind_on_signals, was_interrupted
+
+        try:
+            unwind_on_signals()
+            _run()
+        except SystemExit:
+            raise
+        except BaseException:
+            if not was_interrupted():
+                raise
+            _end_early()
+    except KeyboardInterrupt:  # before signals were taken over
+        _end_early()
+
+
+def _run() -> None:
+    from tune.cli.streams import prepare_streams
+
+    prepare_streams()
     from tune.cli.app import run
 
     run()
+
+
+def _end_early() -> None:
+    """End where a signal came before a command began, or in the moment after it ended."""
+    import sys
+
+    from tune.cli.session import finish_interrupted
+    from tune.cli.streams import prepare_streams
+
+    prepare_streams()
+    sys.exit(finish_interrupted())

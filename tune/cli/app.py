@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -21,7 +21,9 @@ from tune.cli import (
     tune,
     verify,
 )
-from tune.cli.session import EXIT_INTERRUPTED, EXIT_USAGE, prepare_streams, report_usage
+from tune.cli.exit_codes import EXIT_USAGE
+from tune.cli.interruption import ignore_signals
+from tune.cli.session import Session, finish_interrupted
 
 #: What every complaint about options and arguments derives from; typer does not export it.
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
@@ -75,12 +77,30 @@ def haptune(
 
 def run() -> None:
     """Run the command line and exit with the code of the contract."""
-    prepare_streams()
     try:
         code: object = app(standalone_mode=False, prog_name="haptune")
+        ignore_signals()
     except _USAGE_ERROR as error:
-        report_usage(error)
+        ignore_signals()
+        _report_usage(error)
         sys.exit(EXIT_USAGE)
-    except (typer.Abort, KeyboardInterrupt, EOFError):
-        sys.exit(EXIT_INTERRUPTED)
-    sys.exit(code if isinstance(code, int) else 0)
+    except (typer.Abort, EOFError):
+        sys.exit(finish_interrupted())
+    ended = code if isinstance(code, int) else 0
+    # Help and version are printed outside of a session.
+    sys.exit(ended or Session(command="haptune", as_json=False, quiet=False).delivered())
+
+
+def _report_usage(error: Exception) -> None:
+    """A usage error in one line, as JSON too where that was asked for."""
+    context: Any = getattr(error, "ctx", None)
+    command = getattr(context, "info_name", None) or "haptune"
+    path = getattr(context, "command_path", "haptune")
+    text: str = getattr(error, "format_message", error.__str__)()
+    if text.startswith("Usage:"):  # no command was given: the text is the help
+        print(text, file=sys.stderr)  # noqa: T201
+        return
+    sentence = " ".join(text.replace("Value error, ", "").split()).rstrip(".")
+    Session(command=command, as_json="--json" in sys.argv, quiet=False).finish(
+        EXIT_USAGE, f"{sentence}. See '{path} --help'"
+    )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tune.cli.interruption import FilesWhole
 from tune.cli.options import DryRun, Json, Quiet
 from tune.cli.session import Session, run_command
 
@@ -35,33 +36,39 @@ def export(
         from tune.export import export as export_to
 
         targets = _targets(to)
-        # The function of os.path also takes names that no file can have.
-        new = not os.path.exists(output)  # noqa: PTH110
-        if new:
-            session.target(output)
+        _refuse_homeless(output)
         with session.progress() as say:
             say("re-computing the certificate")
             checked = recheck(profile).profile
         files: dict[Path, str] = {}
         for target in targets:
             files |= {output / name: text for name, text in export_to(checked, target).items()}
-        if not new:
+        if not dry_run:
+            _make(output)
             for path in files:
                 session.target(path, profile)
-        elif not dry_run:
-            _make(output)
-        for path, text in files.items():
-            session.write(path, text, dry_run=dry_run)
+        with FilesWhole():  # a guard and its header belong together
+            for path, text in files.items():
+                session.write(path, text, dry_run=dry_run)
 
     run_command("export", action, as_json=json, quiet=quiet)
 
 
+def _refuse_homeless(folder: Path) -> None:
+    """A folder is made in one that exists, not deeper. Raises NotWrittenError."""
+    from identification import NotWrittenError
+
+    # The functions of os.path also take names that no folder can have.
+    if not os.path.isdir(folder.parent):  # noqa: PTH112
+        raise NotWrittenError(folder, f"there is no folder {folder.parent}")
+
+
 def _make(folder: Path) -> None:
-    """A new folder in one that exists. Raises NotWrittenError."""
+    """A folder that is there, made where it is new. Raises NotWrittenError."""
     from identification import NotWrittenError
 
     try:
-        folder.mkdir()
+        folder.mkdir(exist_ok=True)
     except OSError as error:
         raise NotWrittenError(folder, error.strerror or str(error)) from None
 

@@ -9,36 +9,31 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from tune.cli.exit_codes import (
+    EXIT_CHECK,
+    EXIT_INTERNAL,
+    EXIT_INTERRUPTED,
+    EXIT_INVALID,
+    EXIT_NOT_WRITTEN,
+    EXIT_NOTHING,
+    EXIT_REFUSED,
+    EXIT_USAGE,
+    STATUS,
+)
+from tune.cli.interruption import FilesWhole, ignore_signals, was_interrupted
+from tune.cli.streams import undelivered
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from identification import Finding
 
-EXIT_INTERNAL = 1
-EXIT_USAGE = 2
-EXIT_INVALID = 3
-EXIT_REFUSED = 4
-EXIT_NOTHING = 5
-EXIT_CHECK = 6
-EXIT_NOT_WRITTEN = 7
-EXIT_INTERRUPTED = 130
-
 #: Columns where no terminal says how wide it is: tables are as wide as they need to be.
 _WIDE = 200
 
-_STATUS = {
-    0: "done",
-    EXIT_INTERNAL: "internal-error",
-    EXIT_USAGE: "usage",
-    EXIT_INVALID: "invalid-input",
-    EXIT_REFUSED: "log-refused",
-    EXIT_NOTHING: "no-feasible-effect",
-    EXIT_CHECK: "check-failed",
-    EXIT_NOT_WRITTEN: "not-written",
-    EXIT_INTERRUPTED: "interrupted",
-}
+_Result = TypeVar("_Result")
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,6 +45,7 @@ class Session:
         as_json: one JSON object on standard output, nothing else.
         quiet: only errors.
         findings: about logs, in the order found.
+        targets: files that are to be written.
         outputs: files written.
         details: what a command computed, by name; in the JSON result where there is any.
     """
@@ -58,6 +54,7 @@ class Session:
     as_json: bool
     quiet: bool
     findings: list[dict[str, str]] = field(default_factory=list[dict[str, str]])
+    targets: list[str] = field(default_factory=list[str])
     outputs: list[str] = field(default_factory=list[str])
     details: dict[str, object] = field(default_factory=dict[str, object])
 
@@ -76,7 +73,8 @@ class Session:
         printed = captured.get()
         if not isinstance(text, str):  # tables are padded to their width
             printed = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
-        _out(printed)
+        sys.stdout.write(printed)
+        sys.stdout.flush()
 
     def found(self, findings: tuple[Finding, ...]) -> None:
         """Keep findings for the JSON result and warn on standard error."""
@@ -106,18 +104,18 @@ class Session:
                 raise NotWrittenError(output, "it is a folder or a device, not a file")
         except OSError as error:
             raise NotWrittenError(output, error.strerror or str(error)) from None
+        self.targets.append(str(output))
 
     def write(self, path: Path, text: str, *, dry_run: bool = False) -> None:
         """Write a file atomically, keep a backup, show what changed. Raises NotWrittenError."""
-        from identification import write_text
-
         if dry_run:
             self.say(f"dry run: {path} would be written")
             self.say(text)
             return
+        from identification import write_text
+
         before = path.exists()
-        difference = write_text(path, text)
-        self.outputs.append(str(path))
+        difference = self._store(path, lambda: write_text(path, text))
         if difference:
             self.say(difference)
             self.say(f"{path} written; the file before is {path}.bak")
@@ -133,9 +131,23 @@ class Session:
         stream = BytesIO()
         picture: Any = figure
         picture.savefig(stream, format="png", dpi=120)
-        write_bytes(path, stream.getvalue())
-        self.outputs.append(str(path))
+        self._store(path, lambda: write_bytes(path, stream.getvalue()))
         self.say(f"{path} written")
+
+    def _store(self, path: Path, store: Callable[[], _Result]) -> _Result:
+        """Write a file and note it as written, both or neither; tell if it changed hands."""
+        before = _owner(path)
+        with FilesWhole():
+            stored = store()
+            self.outputs.append(str(path))
+        now = _owner(path)
+        if before not in {None, now} and not self.quiet:
+            print(  # noqa: T201
+                f"warning: {path} belongs to {now} now and belonged to {before} before, which this "
+                "user may not keep",
+                file=sys.stderr,
+            )
+        return stored
 
     @contextmanager
     def progress(self) -> Generator[Callable[[str], None]]:
@@ -154,7 +166,7 @@ class Session:
             result: dict[str, object] = {
                 "schema": "haptune/result/1",
                 "command": self.command,
-                "status": _STATUS[code],
+                "status": STATUS[code],
                 "exit_code": code,
                 "findings": self.findings,
                 "outputs": self.outputs,
@@ -163,11 +175,33 @@ class Session:
                 result["details"] = self.details
             if message:
                 result["message"] = message
-            _out(json.dumps(result) + "\n")
+            print(json.dumps(result), flush=True)  # noqa: T201
         if message:
-            name = "haptune" if self.command == "haptune" else f"haptune {self.command}"
-            print(f"{name}: {message}", file=sys.stderr)  # noqa: T201
-        return code
+            self._complain(message)
+        return self.delivered() if code == 0 else code
+
+    def delivered(self) -> int:
+        """The exit code of a command that did all it should, if what it printed was taken too."""
+        reason = undelivered()
+        if not reason:
+            return 0
+        self._complain(
+            f"standard output: not written: {reason}; {self.whereabouts()}. Print to another "
+            "place, or use --quiet where nothing need be printed"
+        )
+        return EXIT_NOT_WRITTEN
+
+    def whereabouts(self) -> str:
+        """Which files were written and which were not."""
+        left = [target for target in self.targets if target not in self.outputs]
+        if not self.outputs:
+            return "no file was written"
+        written = f"written: {', '.join(self.outputs)}"
+        return f"{written}; not written: {', '.join(left)}" if left else written
+
+    def _complain(self, message: str) -> None:
+        name = "haptune" if self.command == "haptune" else f"haptune {self.command}"
+        print(f"{name}: {message}", file=sys.stderr)  # noqa: T201
 
 
 def run_command(
@@ -183,18 +217,30 @@ def run_command(
     session = Session(command=command, as_json=as_json, quiet=quiet)
     try:
         action(session)
+        ignore_signals()
     except typer.Exit:
         raise
-    except KeyboardInterrupt:
-        code = session.finish(EXIT_INTERRUPTED, "interrupted; nothing was half-written")
-    except Exception as error:  # noqa: BLE001 - no traceback ever reaches a user
-        code = _ended(session, error)
+    except BaseException as error:  # noqa: BLE001 - no traceback ever reaches a user
+        interrupted = was_interrupted() or isinstance(error, KeyboardInterrupt)
+        code = _interrupted(session) if interrupted else _ended(session, error)
     else:
         code = session.finish(0)
     raise typer.Exit(code)
 
 
-def _ended(session: Session, error: Exception) -> int:
+def finish_interrupted() -> int:
+    """Print that a signal came before a command began or after it ended; return the exit code."""
+    return _interrupted(Session(command="haptune", as_json="--json" in sys.argv, quiet=False))
+
+
+def _interrupted(session: Session) -> int:
+    ignore_signals()
+    return session.finish(EXIT_INTERRUPTED, f"interrupted; {session.whereabouts()}")
+
+
+def _ended(session: Session, error: BaseException) -> int:
+    """Print why a command failed and return its exit code."""
+    ignore_signals()
     from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
     from tune.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
@@ -202,19 +248,21 @@ def _ended(session: Session, error: Exception) -> int:
         session.findings += [_plain(finding) for finding in error.findings]
         lines = [f"{finding.severity}: {finding}" for finding in error.findings]
         return session.finish(EXIT_REFUSED, "log refused\n" + "\n".join(lines))
+    if isinstance(error, NotWrittenError):
+        others = f" Of all files, {session.whereabouts()}." if session.outputs else ""
+        return session.finish(EXIT_NOT_WRITTEN, f"{error}{others}")
     for kind, code in (
         (UsageError, EXIT_USAGE),
         (InvalidInputError, EXIT_INVALID),
         (LoopError, EXIT_INVALID),
         (NoFeasibleEffectError, EXIT_NOTHING),
         (CheckFailedError, EXIT_CHECK),
-        (NotWrittenError, EXIT_NOT_WRITTEN),
     ):
         if isinstance(error, kind):
             return session.finish(code, str(error))
     return session.finish(
         EXIT_INTERNAL,
-        f"internal error: {type(error).__name__}: {error}. Nothing was written after it. "
+        f"internal error: {type(error).__name__}: {error}; {session.whereabouts()}. "
         "Please report it with the command and the files",
     )
 
@@ -229,35 +277,13 @@ def _plain(finding: Finding) -> dict[str, str]:
     }
 
 
-def report_usage(error: Exception) -> None:
-    """A usage error in one line, as JSON too where that was asked for."""
-    context: Any = getattr(error, "ctx", None)
-    command = getattr(context, "info_name", None) or "haptune"
-    path = getattr(context, "command_path", "haptune")
-    text: str = getattr(error, "format_message", error.__str__)()
-    if text.startswith("Usage:"):  # no command was given: the text is the help
-        print(text, file=sys.stderr)  # noqa: T201
-        return
-    sentence = " ".join(text.replace("Value error, ", "").split()).rstrip(".")
-    Session(command=command, as_json="--json" in sys.argv, quiet=False).finish(
-        EXIT_USAGE, f"{sentence}. See '{path} --help'"
-    )
-
-
-def prepare_streams() -> None:
-    """Letters that a terminal cannot show become question marks instead of an error."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # type: ignore[attr-defined]
-
-
-def _out(text: str) -> None:
-    """Write to standard output; a reader that has gone away stops nothing."""
+def _owner(path: Path) -> str | None:
+    """Owner and group of a file by number; None where there is no file."""
     try:
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = path.stat()
+    except OSError:
+        return None
+    return f"user {status.st_uid}, group {status.st_gid}"
 
 
 def _nothing(sentence: str) -> None:

@@ -1,0 +1,54 @@
+"""Commands as processes of their own, with real streams and real signals."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+_MAIN = """
+import os, sys
+from tune.cli import interruption, main
+def take_over(really=interruption.unwind_on_signals):
+    {before}
+    really()
+    {ready}
+interruption.unwind_on_signals = take_over
+sys.argv[0] = "haptune"
+main()
+"""
+
+#: What the shell of this system must understand, and the device that is always full.
+needs_full_device = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+needs_posix = pytest.mark.skipif(os.name != "posix", reason="signals and owners are of POSIX")
+
+
+def redirected(redirection: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run ``haptune ARGUMENTS REDIRECTION`` in a shell and wait for it."""
+    haptune = [sys.executable, "-c", _MAIN.format(before="pass", ready="pass"), *arguments]
+    return subprocess.run(
+        ["sh", "-c", f'exec "$@" {redirection}', "sh", *haptune],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def started(*arguments: str, before: str = "pass") -> subprocess.Popen[str]:
+    """Start ``haptune ARGUMENTS`` after a statement of the test's; return once signals are caught.
+
+    What comes before is Python's own start, in which signals do what Python does.
+    """
+    code = _MAIN.format(before=before, ready=r"os.write(1, b'ready\n')")
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process

@@ -1,0 +1,212 @@
+"""Files out under attack: killed writers, two writers, other owners, names of any length."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+from identification import NotWrittenError, write_bytes, write_text
+from tests.commands import files, haptune
+from tests.processes import needs_posix
+
+_SIZE = 20_000
+
+#: Writes versions of one file for ever; a version is one number, many times.
+_WRITER = f"""
+import sys
+from itertools import count
+from pathlib import Path
+from identification import write_text
+start = int(sys.argv[1])
+for k in count(start):
+    write_text(Path("a.yaml"), f"{{k}}\\n" * {_SIZE // 8})
+    if k == start:
+        print("ready", flush=True)
+"""
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def _writer(start: int) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", _WRITER, str(start)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def _version(name: str) -> int:
+    """Number of the version in a file, which must be whole."""
+    lines = Path(name).read_text(encoding="utf-8").splitlines()
+    assert len(lines) == _SIZE // 8
+    assert len(set(lines)) == 1
+    return int(lines[0])
+
+
+def _kill(times: int, seed: int) -> None:
+    """Kill a writer at any moment: file and backup are whole, and the backup is the older."""
+    rng = random.Random(seed)  # noqa: S311
+    write_text(Path("a.yaml"), "0\n" * (_SIZE // 8))
+    write_text(Path("a.yaml"), "1\n" * (_SIZE // 8))
+    for k in range(1, times + 1):
+        process = _writer(10_000_000 * k)
+        time.sleep(rng.uniform(0.0, 0.02))
+        process.kill()
+        process.communicate()
+        assert _version("a.yaml.bak") <= _version("a.yaml")
+
+
+def test_a_backup_outlives_killed_writers() -> None:
+    _kill(8, seed=1)
+
+
+@pytest.mark.long
+def test_a_backup_outlives_two_hundred_kills() -> None:
+    _kill(200, seed=2)
+
+
+@pytest.mark.parametrize("step", ["os.link", "pathlib.Path.replace"])
+def test_a_backup_is_there_at_every_step(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_text(Path("a.yaml"), "one\n")
+    write_text(Path("a.yaml"), "two\n")
+
+    def interrupted(*_: object) -> NoReturn:
+        assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(step, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_text(Path("a.yaml"), "three\n")
+    assert Path("a.yaml").read_text(encoding="utf-8") == "two\n"
+    assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
+    assert files() == {"a.yaml", "a.yaml.bak"}
+
+
+def test_a_backup_of_the_very_same_file_is_no_obstacle() -> None:
+    """As a kill between the two steps leaves it: a link to the file itself."""
+    write_text(Path("a.yaml"), "one\n")
+    Path("a.yaml.bak").hardlink_to("a.yaml")
+    write_text(Path("a.yaml"), "two\n")
+    assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
+    assert files() == {"a.yaml", "a.yaml.bak"}
+
+
+def test_file_systems_without_links_get_a_copy(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unable(*_: object) -> NoReturn:
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr("os.link", unable)
+    for text in ("one\n", "two\n", "three\n"):
+        write_text(Path("a.yaml"), text)
+    assert Path("a.yaml.bak").read_text(encoding="utf-8") == "two\n"
+    assert files() == {"a.yaml", "a.yaml.bak"}
+
+
+def test_two_writers_at_once_both_succeed() -> None:
+    """The file and its backup are whole at every moment; the last to write wins."""
+    write_text(Path("a.yaml"), "0\n" * (_SIZE // 8))
+    writers = [_writer(10_000_000 * k) for k in (1, 2)]
+    for _ in range(100):
+        _version("a.yaml")
+        _version("a.yaml.bak")
+    for process in writers:
+        assert process.poll() is None, process.communicate()[1]
+        process.kill()
+        process.communicate()
+
+
+def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed() -> None:
+    write_text(Path("a.yaml"), "one\n")
+    Path("a.yaml.bak").mkdir()
+    with pytest.raises(NotWrittenError, match=r"its backup a\.yaml\.bak cannot be kept: "):
+        write_text(Path("a.yaml"), "two\n")
+    assert Path("a.yaml").read_text(encoding="utf-8") == "one\n"
+    assert files() == {"a.yaml", "a.yaml.bak"}
+
+
+def test_a_name_may_be_as_long_as_the_system_allows() -> None:
+    longest = "a" * 251
+    for text in (b"one", b"two"):
+        write_bytes(Path(longest), text)
+    assert Path(longest + ".bak").read_bytes() == b"one"
+
+
+@needs_posix
+def test_the_folder_is_forced_to_the_disk_after_the_file_has_its_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    synced: list[tuple[bool, bool]] = []
+
+    def sync(handle: int) -> None:
+        is_folder = stat.S_ISDIR(os.fstat(handle).st_mode)
+        synced.append((is_folder, Path("a.yaml").exists()))
+
+    monkeypatch.setattr("os.fsync", sync)
+    write_text(Path("a.yaml"), "one\n")
+    assert synced == [(False, False), (True, True)]
+
+
+@needs_posix
+def test_what_others_may_not_read_they_cannot_read_meanwhile(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    write_text(Path("a.yaml"), "one\n")
+    Path("a.yaml").chmod(0o640)
+    modes: list[int] = []
+
+    def change(path: Path, mode: int) -> None:
+        modes.append(stat.S_IMODE(path.stat().st_mode))
+        os.chmod(path, mode)  # noqa: PTH101 - the method of the path is what is replaced
+
+    monkeypatch.setattr("pathlib.Path.chmod", change)
+    write_text(Path("a.yaml"), "two\n")
+    assert modes == [0o600]
+    assert stat.S_IMODE(Path("a.yaml").stat().st_mode) == 0o640
+
+
+needs_root = pytest.mark.skipif(
+    getattr(os, "geteuid", lambda: 1)() != 0, reason="only root gives files away"
+)
+
+
+@needs_root
+def test_a_file_rewritten_by_root_stays_its_owners() -> None:
+    write_text(Path("a.yaml"), "one\n")
+    shutil.chown("a.yaml", 12345, 23456)
+    Path("a.yaml").chmod(0o640)
+    write_text(Path("a.yaml"), "two\n")
+    status = Path("a.yaml").stat()
+    assert (status.st_uid, status.st_gid) == (12345, 23456)
+    assert stat.S_IMODE(status.st_mode) == 0o640
+
+
+@needs_posix
+def test_a_file_that_changes_hands_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another user may replace a file in a shared folder, but not in its owner's name."""
+
+    def forbidden(*_: object) -> NoReturn:
+        raise PermissionError(1, "Operation not permitted")
+
+    give = os.chown
+    monkeypatch.setattr("os.chown", forbidden)
+    Path("scene.yaml").write_text("before\n", encoding="utf-8")
+    assert haptune("new", "scene").err == ""
+    if os.geteuid() == 0:
+        Path("scene.yaml").write_text("before\n", encoding="utf-8")
+        give("scene.yaml", 12345, 23456)
+        assert haptune("new", "scene").err == (
+            "warning: scene.yaml belongs to user 0, group 0 now and belonged to user 12345, group "
+            "23456 before, which this user may not keep\n"
+        )

@@ -61,6 +61,8 @@ def _refuse_homeless(folder: Path) -> None:
     # The functions of os.path also take names that no folder can have.
     if not os.path.isdir(folder.parent):  # noqa: PTH112
         raise NotWrittenError(folder, f"there is no folder {folder.parent}")
+    if os.path.exists(folder) and not os.path.isdir(folder):  # noqa: PTH110, PTH112
+        raise NotWrittenError(folder, "there is no folder, but a file of that name")
 
 
 def _make(folder: Path) -> None:

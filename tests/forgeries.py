@@ -65,7 +65,7 @@ def fields(
 
 
 #: What stands for nothing when it is taken away.
-GONE = object()
+GONE = "taken away"
 
 
 def forgeries(field: Field) -> list[Any]:

@@ -22,7 +22,8 @@ def _pushed(rows: int = 400) -> tuple[FloatArray, FloatArray, FloatArray]:
     for row in range(rows - 1):
         speed[row + 1] = speed[row] + (force[row] - 10 * speed[row]) / 3 * step
         position[row + 1] = position[row] + speed[row + 1] * step
-    return time, force, np.round(position / 6e-6) * 6e-6
+    counts = np.rint(position / 6e-6)
+    return time, force, np.asarray(counts * 6e-6, dtype=np.float64)
 
 
 def _doctor(folder: Path, time: FloatArray, force: FloatArray, position: FloatArray) -> int:

@@ -16,8 +16,10 @@ FloatArray = NDArray[np.float64]
 def _pushed(rows: int = 400) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Time, force and position of 3 kg and 10 N·s/m at 1 kHz."""
     step = 1e-3
-    time = np.arange(rows) * step
-    force = 5 * np.sign(np.sin(2 * np.pi * 3 * time)) + 2 * np.sin(2 * np.pi * 11 * time)
+    time: FloatArray = np.arange(rows, dtype=np.float64) * step
+    force: FloatArray = 5 * np.sign(np.sin(2 * np.pi * 3 * time)) + 2 * np.sin(
+        2 * np.pi * 11 * time
+    )
     speed, position = np.zeros(rows), np.zeros(rows)
     for row in range(rows - 1):
         speed[row + 1] = speed[row] + (force[row] - 10 * speed[row]) / 3 * step

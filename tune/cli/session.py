@@ -199,13 +199,14 @@ def _ended(session: Session, error: Exception) -> int:
         session.findings += [_plain(finding) for finding in error.findings]
         lines = [f"{finding.severity}: {finding}" for finding in error.findings]
         return session.finish(EXIT_REFUSED, "log refused\n" + "\n".join(lines))
-    if isinstance(error, CheckFailedError):
+    if isinstance(error, CheckFailedError) and len(error.failures) > 1:
         return session.finish(EXIT_CHECK, "\n".join(("check failed", *error.failures)))
     for kind, code in (
         (UsageError, EXIT_USAGE),
         (InvalidInputError, EXIT_INVALID),
         (LoopError, EXIT_INVALID),
         (NoFeasibleEffectError, EXIT_NOTHING),
+        (CheckFailedError, EXIT_CHECK),
         (NotWrittenError, EXIT_NOT_WRITTEN),
     ):
         if isinstance(error, kind):

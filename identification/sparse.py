@@ -40,21 +40,18 @@ def paying_terms(whitened: FloatArray, answers: FloatArray, price: float) -> Boo
     columns[rows, count] = 1.0
     anchor = _ANCHOR + np.linalg.norm(answers, axis=0)
     anchored = np.vstack((answers, anchor))
-    # pysindy charges kappa times the condition number for each term.
-    search = SSR(
-        alpha=0.0,
-        kappa=price / float(np.linalg.cond(columns)),
-        criteria="model_residual",
-        max_iter=count + 1,
-        unbias=False,
-    )
+    # Without a charge of its own pysindy notes the squared residual of every model on the way. Its
+    # own charge counts coefficients that are not zero, so a term whose coefficient happens to be
+    # exactly zero would come free, and the model that holds it would be the best.
+    search = SSR(alpha=0.0, kappa=0.0, criteria="model_residual", max_iter=count + 1, unbias=False)
+    charges = price * np.arange(count, -1, -1, dtype=np.float64)
     chosen = np.zeros((answers.shape[1], count), dtype=bool)
     # scikit-learn, on which pysindy rests, would spend half of the time on checking arguments.
     with config_context(skip_parameter_validation=True):
         for index, answer in enumerate(anchored.T):
             search.fit(columns, answer[:, None])
+            best = int(np.argmin(np.add(search.err_history_, charges)))
             # pysindy 2.1 overwrites the coefficients of the first model, the one with every term,
-            # while it drops terms; which model was the best is still right.
-            everything = int(np.argmin(search.err_history_)) == 0
-            chosen[index] = everything | (search.coef_[0, :count] != 0)
+            # while it drops terms.
+            chosen[index] = best == 0 or search.history_[best][0, :count] != 0
     return chosen

@@ -18,7 +18,6 @@ from identification import Trajectory
 from identification.candidates import candidate_columns, structure_of
 from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.model import Model
-from identification.sparse import paying_terms
 from identification.structure import Structure, suggest
 from tests.axes_with_terms import KnownAxis, known_axes
 
@@ -175,26 +174,6 @@ def test_what_cannot_be_judged_is_an_error(change, message: str) -> None:
     columns = _unrelated(9, ("a",))
     with pytest.raises(ValueError, match=message):
         suggest(*change(columns, columns["mass"]))
-
-
-# pysindy itself.
-
-
-def test_terms_that_pay_are_picked() -> None:
-    """With independent unit errors a term's χ² is the square of its coefficient."""
-    answers = np.array([[9.0, 0.1, 9.0, 2.0], [9.0, -0.3, 2.4, 0.0], [-7.0, 0.0, -2.6, 0.0]])
-    picked = paying_terms(np.eye(3), answers, 2.5**2)
-    expected = [[True, True, True], [False] * 3, [True, False, True], [False] * 3]
-    assert picked.tolist() == expected
-
-
-def test_the_best_subset_is_found_among_correlated_columns() -> None:
-    """Two columns at 5 degrees: either alone seems to explain the other's part."""
-    tilt = np.deg2rad(5.0)
-    columns = np.array([[1.0, np.cos(tilt)], [0.0, np.sin(tilt)]])
-    answers = np.stack([columns[:, 1] * 20, columns[:, 0] * 20, columns @ [200.0, -150.0]], axis=1)
-    picked = paying_terms(columns, answers, 1.0)
-    assert picked.tolist() == [[False, True], [True, False], [True, True]]
 
 
 # Units, zeros and ranges of real columns.

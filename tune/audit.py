@@ -8,12 +8,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device, as_stored
+from identification import Device, as_stored, parse_document, to_mapping
 from tune.certified import Certificate
 from tune.climb import climb, closed_form
 from tune.delays import Felt, extra_delays
+from tune.describe import reasons_for_nothing
 from tune.effects import EFFECT_NAMES, Effects
-from tune.errors import CheckFailedError, NoFeasibleEffectError
+from tune.errors import CheckFailedError
 from tune.filters import used_filters
 from tune.limits import forces, ripple, worst_gain
 from tune.loop import Filters, Loop
@@ -113,20 +114,9 @@ def audit(
     from tune.certificate.certify import certify
 
     filters = filters or Filters()
-    device = as_stored(_later(device, extra_delay_samples))
-    scene = Scene.model_validate(
-        {
-            "name": "audit",
-            "margin": margin,
-            "elements": {
-                ELEMENT: {
-                    name: float(value)
-                    for name, value in zip(EFFECT_NAMES, effects.arrays(), strict=True)
-                    if value is not None and value != 0
-                }
-            },
-        }
-    )
+    later = to_mapping(_later(device, extra_delay_samples))
+    device = parse_document(Device, later, "the device with its extra delay")
+    scene = parse_document(Scene, _scene_of(effects, filters, margin), "the gains and filters")
     job = Job.of(device, scene, default_table())
     problem = pose(job, elements=[ELEMENT], filters=filters)
     sizes = np.array([abs(unknown.wish.high or 0.0) for unknown in problem.unknowns])
@@ -163,9 +153,22 @@ def audit(
         felt=thresholds,
         jumps=_jumps(device, felt, filters),
         faults=faults,
-        nearest=_nearest(problem) if faults else None,
+        nearest=_nearest(job, filters) if faults else None,
         certificate=certificate,
     )
+
+
+def _scene_of(effects: Effects, filters: Filters, margin: MarginName) -> dict[str, object]:
+    """A scene file of these gains with these filters: its ranges are those of an audit."""
+    wanted = zip(EFFECT_NAMES, effects.arrays(), strict=True)
+    gains = {name: float(size) for name, size in wanted if size is not None and size != 0}
+    loop: dict[str, object] = {
+        "velocity_filter_hz": "none" if filters.velocity_hz is None else filters.velocity_hz,
+        "acceleration_filter_hz": (
+            "none" if filters.acceleration_hz is None else filters.acceleration_hz
+        ),
+    }
+    return {"name": "audit", "margin": margin, "elements": {ELEMENT: gains}, "loop": loop}
 
 
 def _later(device: Device, samples: float) -> Device:
@@ -255,12 +258,16 @@ def _jumps(device: Device, felt: Effects, filters: Filters) -> dict[str, float]:
     return {name: getattr(jump, name) for name, value in present if value is not None}
 
 
-def _nearest(problem: Problem) -> Effects | None:
-    """The safe values closest to those wanted on the perceptual scale."""
-    try:
-        found = closed_form(problem) if len(problem.unknowns) == 1 else climb(problem, backends())
-    except NoFeasibleEffectError:
+def _nearest(job: Job, filters: Filters) -> Effects | None:
+    """The safe values closest to those wanted on the perceptual scale; what none is, left out."""
+    gone: frozenset[str] = frozenset()
+    problem = pose(job, elements=[ELEMENT], filters=filters)
+    while impossible := reasons_for_nothing(problem):
+        gone |= impossible.keys()
+        problem = pose(job, elements=[ELEMENT], filters=filters, gone=gone)
+    if not problem.unknowns:
         return None
+    found = closed_form(problem) if len(problem.unknowns) == 1 else climb(problem, backends())
     if found.sizes is None:
         return None
     sizes = settled(problem, found.sizes)

@@ -185,12 +185,15 @@ def element_profile(
     for index, word in zip(own, bindings(problem, sizes, own), strict=True):
         unknown = problem.unknowns[index]
         values[unknown.effect] = unknown.sign * float(sizes[index])
-        steps[unknown.effect] = rounded(unknown.steps(float(sizes[index])), 4)
+        counted = unknown.steps(float(sizes[index]))
+        if np.isfinite(counted):
+            steps[unknown.effect] = rounded(counted, 4)
         limited[unknown.effect] = word
     moments = [m for m in problem.moments if name in m.elements and any(m.members)]
     gains = [worst_gain(problem, m, sizes, late=False) for m in moments]
     alone = [m for m in problem.moments if m.elements == (name,)]
-    noise = ripple(problem, alone[0], sizes) if alone else None
+    # What an unstable loop makes of the encoder's noise has no number.
+    noise = ripple(problem, alone[0], sizes) if alone and min(gains) > 1 else None
     gain = min([*gains, _MARGIN_CAP])
     late = min([float(MOST), *(delays[moment.elements] for moment in moments)])
     if slack:

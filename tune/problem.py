@@ -40,7 +40,7 @@ class Unknown:
         element: name in the scene.
         effect: which of K, B, M.
         sign: -1 where something is taken away from the device.
-        low: least size allowed, SI.
+        low: least size looked at, SI; what is wanted where that is less.
         high: largest size wanted or physically sensible.
         wish: what the scene says.
         reference: the commanded size that is felt as much as what the device has of it: K_ref, b
@@ -264,12 +264,12 @@ def _unknown(
     bare = references(device, table, scene.motion(element, device.motion).penetration)[effect]
     felt = bare / _share(device, filters, effect)
     high = BOUNDLESS * bare if wish.high is None else abs(wish.high)
+    low = wish.low if wish.kind == "range" and wish.low else min(NOTHING * bare, high)
     if wish.sign < 0:
         # The bare device must keep the same margin downwards: M >= -m_low/g, B >= -b_low/g.
         lowest = {"mass": region.box.mass[0], "damping": region.box.damping[0]}[effect]
         most = min(lowest / margin.gain, (1 - REMAINS) * min(bare, felt))
         high = most if wish.high is None else min(high, most)
-    low = wish.low if wish.kind == "range" and wish.low else NOTHING * bare
     return Unknown(
         element=element,
         effect=effect,

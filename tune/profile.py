@@ -140,8 +140,9 @@ class Rendered(Document):
 class ElementProfile(Document):
     """What one element plays; effects that do not act are zero.
 
-    ``perceived_steps`` count what is felt of an effect at the motions people make; ``rendered`` is
-    absent in profiles written before it was computed, which `check` refuses.
+    ``perceived_steps`` count what is felt of an effect at the motions people make, none where less
+    than nothing is left of the device; ``rendered`` is absent in profiles written before it was
+    computed, which `check` refuses.
     """
 
     stiffness: float

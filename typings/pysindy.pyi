@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 _Array = NDArray[np.float64]
 
 class SSR:
-    coef_: _Array
+    history_: list[_Array]
     err_history_: list[float]
     def __init__(
         self,

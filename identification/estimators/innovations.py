@@ -204,7 +204,9 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
         shape=np.ones(1),
     )
     mass, damping = table.solve(first)[:2]
-    best = solve(problem, _start(problem, damping / mass if mass > 0 else 0.0, first))
+    # Where the force follows the position there is next to no mass, and a rate out of all bounds.
+    rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
+    best = solve(problem, _start(problem, rate, first))
     for _ in range(_ROUNDS):
         if not is_coloured(best.residual):
             break

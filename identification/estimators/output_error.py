@@ -248,7 +248,7 @@ def _projected(table: least_squares.Regression, delay: float | None, first: floa
         known=table.known,
     )
     mass, damping = table.solve(first)[:2]
-    rate = damping / mass if mass > 0 else 0.0
+    rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
     best = solve(problem, np.array([rate] if delay is not None else [rate, first]))
     values, jacobian = physical(best, len(table.model.parameters))
     return Fitted(

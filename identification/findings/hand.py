@@ -80,12 +80,13 @@ def _tremor(trajectory: Trajectory, chosen: Estimate) -> tuple[float, float]:
     """
     from scipy.signal import welch
 
-    if trajectory.sample_time > _SLOWEST:
+    shortest = _PIECE / 2
+    if trajectory.sample_time > _SLOWEST or np.ptp(trajectory.time) < shortest:
         return 0.0, 0.0
     rows = balance_at(trajectory, _HALF_WIDTH, chosen.delay)
     step = float(np.median(np.diff(rows.time)))
     piece = min(len(rows), round(_PIECE / step))
-    if piece * step < _PIECE / 2:
+    if piece * step < shortest:
         return 0.0, 0.0
     frequency, left = welch(rows.unexplained(), 1 / step, nperseg=piece)
     _, driven = welch(rows.force, 1 / step, nperseg=piece)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -72,8 +73,13 @@ def certify(design: Design, most_cells: int | None = None) -> Certificate:
         if setting is None:
             continue
         found.failures += force_failures(design, moment)
-        for region in regions:
+        proved = [
             _judge(design, moment, setting, region, found, most_cells or MOST_CELLS)
+            for region in regions
+        ]
+        if not all(proved):
+            # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
+            continue
         interior[" + ".join(moment)] = "proved"
         found.failures += ripple_failures(design, moment, setting)
         found.failures += passivity_failures(design, moment, setting, bare)
@@ -169,8 +175,8 @@ def _judge(
     region: Region,
     found: _Findings,
     most_cells: int,
-) -> None:
-    """Search for an unstable point; where none is found, prove that there is none."""
+) -> bool:
+    """Search for an unstable point; where none is found, prove that there is none: True."""
     where = " + ".join(moment) + (" in a hand" if region.hand is not None else "")
     named = list(_claims(design, moment))
     unstable = False
@@ -185,17 +191,17 @@ def _judge(
         ):
             found.worst = (moment, each.claim.gain, worst)
     if unstable:
-        return
+        return False
     proof = prove(region, setting, [each.claim for each in named], most_cells)
     found.cells += proof.cells
     if proof.proved:
-        return
+        return True
     assert proof.doubt is not None
     for each in named:
         worst = worst_point(region, setting, each.claim, proof.doubt, thorough=_THOROUGH)
         if worst.verdict.answer != "stable":
             _refuse(found, moment, where, each, worst)
-            return
+            return False
     worst = worst_point(region, setting, named[0].claim)
     found.failures.append(
         f"{where}: not proved for every device of the box within {proof.cells} cells; nothing "
@@ -203,6 +209,7 @@ def _judge(
         f"{worst.point.words()}, gain {named[0].claim.gain:.6g}. Ask for less, or narrow the "
         "intervals of the device"
     )
+    return False
 
 
 def _refuse(
@@ -210,7 +217,9 @@ def _refuse(
 ) -> None:
     """Keep a point that is not stable, and the sentence about it."""
     gain, verdict = each.claim.gain, worst.verdict
-    found.unstable.append(_place(moment, gain, worst.point, verdict.radius))
+    # Where the poles could not be isolated there is no radius to tell.
+    if math.isfinite(verdict.radius):
+        found.unstable.append(_place(moment, gain, worst.point, verdict.radius))
     found.failures.append(
         f"{where}: {each.words}: {verdict.answer} at {worst.point.words()}, gain {gain:.6g}: "
         f"{verdict.reason}"

@@ -112,8 +112,10 @@ def _steps(
         commanded: float = getattr(element, effect)
         least = _BARELY * commanded
         felt = least if commanded == 0 or felt / commanded < _BARELY else felt
-        relative = 1 + felt / reference
-        seen = abs(np.log(relative)) / np.log1p(getattr(table, effect)) if relative > 0 else np.inf
+        with np.errstate(over="ignore"):
+            relative = 1 + np.divide(felt, reference)
+            steps = abs(np.log(relative)) if relative > 0 else np.inf
+            seen = np.divide(steps, np.log1p(getattr(table, effect)))
         yield f"perceived_steps.{effect}", said, float(seen), abs(said)
 
 
@@ -122,9 +124,9 @@ def _reference(
 ) -> float:
     """What an effect is compared with: the stiffness that friction masks, b or m."""
     device = design.device
+    masked = max(device.coulomb_friction.value, table.threshold)
     return {
-        "stiffness": max(device.coulomb_friction.value, table.threshold)
-        / element.motion.penetration,
+        "stiffness": masked / element.motion.penetration if element.motion.penetration else np.inf,
         "damping": max(device.damping.value, _FOOT * device.mass.value),
         "mass": device.mass.value,
     }[effect]

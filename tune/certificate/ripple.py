@@ -21,6 +21,8 @@ _AGREE = 1e-6
 def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> float:
     """Force ripple, N rms, from white quantisation noise of variance resolution²/12.
 
+    It is inf where it is too large for a double to hold.
+
     Where nothing holds the position and there is no spring, plant and law share z = 1, which is
     divided out. Polynomials are moved to powers of z - 1 before they become doubles: at low
     frequency those of z cancel.
@@ -42,9 +44,13 @@ def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> 
     while count <= _MOST:
         angle = (np.arange(count) + 0.5) * (np.pi / count)
         away: ComplexArray = np.expm1(1j * angle)
-        response = np.polyval(numerator, away) / np.polyval(denominator, away)
+        with np.errstate(all="ignore"):
+            response = np.polyval(numerator, away) / np.polyval(denominator, away)
+            energy = float(np.mean(np.abs(response) ** 2))
+        if not np.isfinite(energy):
+            return float("inf")
         previous, count = value, count * 4
-        value = float(np.sqrt(np.mean(np.abs(response) ** 2) / 12) * resolution)
+        value = float(np.sqrt(energy / 12) * resolution)
         if abs(value - previous) <= _AGREE * value:
             break
     return value

@@ -28,13 +28,18 @@ class Loops:
     feedback: FloatArray
 
     def radius(self, gain: float) -> FloatArray:
-        """Largest pole modulus at a gain, by eigenvalues of companion matrices."""
-        full = self.open + gain * self.feedback
-        size = full.shape[1] - 1
+        """Largest pole modulus at a gain, by companion matrices; inf where doubles overflow."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            full = self.open + gain * self.feedback
+            monic = full[:, 1:] / full[:, :1]
+        size = monic.shape[1]
         companion = np.zeros((len(full), size, size))
-        companion[:, 0, :] = -full[:, 1:] / full[:, :1]
+        companion[:, 0, :] = -monic
         companion[:, np.arange(1, size), np.arange(size - 1)] = 1.0
-        return np.abs(np.linalg.eigvals(companion)).max(axis=1)
+        radius = np.full(len(full), np.inf)
+        finite = np.isfinite(monic).all(axis=1)
+        radius[finite] = np.abs(np.linalg.eigvals(companion[finite])).max(axis=1)
+        return radius
 
     def distance(self, gain: float, z: ComplexArray) -> FloatArray:
         """Least |1 + s·L| over the given points of the circle and every gain in [0, gain]."""
@@ -43,9 +48,12 @@ class Loops:
             ratio: ComplexArray = (self.feedback @ powers) / (self.open @ powers)
             nearest = np.clip(-ratio.real / np.abs(ratio) ** 2, 0, gain)
             size = np.abs(1 + nearest * ratio)
-        return np.nanmin(size, axis=1)
+        # A loop too weak or too strong for doubles comes near -1 nowhere that they can tell.
+        return np.min(np.where(np.isnan(size), np.inf, size), axis=1)
 
 
+# What doubles cannot hold is looked at in many digits.
+@np.errstate(over="ignore", invalid="ignore")
 def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: FloatArray) -> Loops:
     """Loops at points of a region.
 

@@ -28,6 +28,7 @@ def _run() -> None:
     from tune.cli.streams import prepare_streams
 
     prepare_streams()
+    _silence_libraries()
     from tune.cli.app import run
 
     run()
@@ -42,3 +43,14 @@ def _end_early() -> None:
 
     prepare_streams()
     sys.exit(finish_interrupted())
+
+
+def _silence_libraries() -> None:
+    """Keep what libraries say to programmers off standard error, unless Python's -W asks for it."""
+    import logging
+    import sys
+    import warnings
+
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    logging.getLogger().addHandler(logging.NullHandler())

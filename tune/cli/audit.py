@@ -81,7 +81,7 @@ def audit(
         nearest = _sentence(found.nearest)
         raise CheckFailedError(
             (
-                *(f"{f.limit}: {f.seen}; needed: {f.needed}. {f.remedy}" for f in found.faults),
+                *(f"{f.limit}: {f.seen}; needed: {f.needed}\n  {f.remedy}" for f in found.faults),
                 f"nearest safe values: {nearest}" if nearest else "no safe value was found",
             )
         )
@@ -93,6 +93,7 @@ def _refuse_nonsense(
     wanted: dict[str, float], extra: float, velocity: float | None, acceleration: float | None
 ) -> None:
     from identification import UsageError
+    from tune.scene import LARGEST, SMALLEST
 
     if not any(wanted.values()):
         raise UsageError("--stiffness, --damping, --mass", "all are zero", "Give one of them")
@@ -100,15 +101,22 @@ def _refuse_nonsense(
         raise UsageError(
             "--stiffness", f"{wanted['stiffness']:g} is never stable", "Give zero or more"
         )
-    named = {f"--{name}": value for name, value in wanted.items()}
-    named["--extra-delay-samples"] = extra
-    for option, value in named.items():
+    gains = {f"--{name}": value for name, value in wanted.items()}
+    for option, value in (gains | {"--extra-delay-samples": extra}).items():
         if not math.isfinite(value):
             raise UsageError(option, f"{value} is no finite number", "Give a number")
-    for option, value in (("--velocity-filter", velocity), ("--acceleration-filter", acceleration)):
+    cutoffs = {"--velocity-filter": velocity, "--acceleration-filter": acceleration}
+    for option, value in cutoffs.items():
         if value is not None and not (math.isfinite(value) and value > 0):
             raise UsageError(
                 option, f"{value} is no cut-off", "Give Hz above zero, or leave it out"
+            )
+    for option, value in (gains | cutoffs).items():
+        if value and not SMALLEST <= abs(value) <= LARGEST:
+            raise UsageError(
+                option,
+                f"{value:g} is beyond {SMALLEST:g} to {LARGEST:g}",
+                "Give a number within, or leave it out",
             )
 
 

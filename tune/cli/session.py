@@ -251,6 +251,8 @@ def _ended(session: Session, error: BaseException) -> int:
     if isinstance(error, NotWrittenError):
         others = f" Of all files, {session.whereabouts()}." if session.outputs else ""
         return session.finish(EXIT_NOT_WRITTEN, f"{error}{others}")
+    if isinstance(error, CheckFailedError) and len(error.failures) > 1:
+        return session.finish(EXIT_CHECK, "\n".join(("check failed", *error.failures)))
     for kind, code in (
         (UsageError, EXIT_USAGE),
         (InvalidInputError, EXIT_INVALID),

@@ -1,0 +1,134 @@
+"""Whatever the gains, ``haptune audit`` ends in a verdict or a sentence, and without warnings."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from identification import InvalidInputError, load_device, named_devices
+from tests.commands import haptune
+from tune.audit import audit
+from tune.effects import Effects
+from tune.loop import Filters, Loop
+from tune.stability import largest
+
+EFFECTS = ("stiffness", "damping", "mass")
+
+
+def _limits(name: str) -> dict[str, float]:
+    """What each effect may be alone on the device at its best estimate; below zero all it has."""
+    device = load_device(name)
+    loop = Loop.from_parts(device, Filters())
+    found = {effect: float(largest(loop, effect, Effects())) for effect in EFFECTS}
+    return found | {"less damping": -device.damping.value, "less mass": -device.mass.value}
+
+
+def _judged(name: str, gains: dict[str, float], filters: Filters | None = None) -> None:
+    """An audit has an answer in numbers: safe with a certificate, or the faults."""
+    found = audit(load_device(name), Effects(**gains), filters=filters)
+    assert found.safe == (found.certificate is not None) == (not found.faults)
+    assert found.gain >= 0
+    assert (found.margins is None) == (found.gain <= 1)
+    assert found.ripple is None or math.isfinite(found.ripple)
+    if found.nearest is not None:
+        assert all(np.isfinite(size) for size in found.nearest.arrays() if size is not None)
+
+
+def _each(shares: list[float]) -> list[tuple[str, dict[str, float]]]:
+    return [
+        (name, {effect.removeprefix("less "): share * limit})
+        for name in named_devices()
+        for effect, limit in _limits(name).items()
+        for share in shares
+    ]
+
+
+@pytest.mark.parametrize(("name", "gains"), _each([0.5, 1.001, 10.0]))
+def test_every_named_device_is_judged_at_and_beyond_its_limit(
+    name: str, gains: dict[str, float]
+) -> None:
+    _judged(name, gains)
+
+
+@pytest.mark.long
+def test_every_named_device_is_judged_on_a_dense_grid() -> None:
+    for name, gains in _each(np.geomspace(0.5, 10.0, 60).tolist()):
+        _judged(name, gains)
+    shares = (0.0, 0.5, 0.99, 1.01, 10.0)
+    filters = (None, Filters(velocity_hz=30.0, acceleration_hz=30.0))
+    for name in named_devices():
+        limits = _limits(name)
+        for parts in itertools.product(shares, repeat=3):
+            gains = {e: s * limits[e] for e, s in zip(EFFECTS, parts, strict=True) if s}
+            for chosen in filters if gains else ():
+                _judged(name, gains, chosen)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--stiffness", "6680"),
+        ("--stiffness", "10000"),
+        ("--damping", "2500"),
+        ("--mass", "3.72"),
+        ("--mass", "-1e9"),
+        ("--stiffness", "1e9"),
+        ("--stiffness", "2e-9", "--mass", "1e7"),
+        ("--stiffness", "6680", "--damping", "2500"),
+    ],
+    ids=" ".join,
+)
+def test_gains_beyond_the_limit_are_unsafe(options: tuple[str, ...]) -> None:
+    ended = haptune("audit", "homerehab", *options, "--json")
+    assert ended.code == 6, ended.err
+    assert ended.result["details"]["faults"]
+    first, *lines = ended.err.splitlines()
+    assert first == "haptune audit: check failed"
+    assert any(line.startswith("stability: ") for line in lines)
+    assert lines[-1].startswith("nearest safe values: ")
+    assert max(map(len, lines)) <= 120
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--stiffness", "1e308"), "--stiffness: 1e+308 is beyond 1e-09 to 1e+09"),
+        (("--damping", "-1e10"), "--damping: -1e+10 is beyond"),
+        (("--mass", "1e-308"), "--mass: 1e-308 is beyond"),
+        (("--mass", "1", "--velocity-filter", "1e-300"), "--velocity-filter: 1e-300 is beyond"),
+        (("--mass", "1", "--acceleration-filter", "1e300"), "--acceleration-filter: 1e+300 is"),
+    ],
+)
+def test_values_that_no_scene_holds_are_a_usage_error(options: tuple[str, ...], words: str) -> None:
+    ended = haptune("audit", "homerehab", *options)
+    assert ended.code == 2
+    assert words in ended.err
+
+
+@pytest.mark.parametrize("samples", ["1e5", "1e13", "1e308"])
+def test_a_delay_of_ages_is_invalid(samples: str) -> None:
+    ended = haptune("audit", "homerehab", "--stiffness", "100", "--extra-delay-samples", samples)
+    assert ended.code == 3
+    assert "delay: " in ended.err
+
+
+def test_the_function_refuses_what_no_scene_holds() -> None:
+    device = load_device("homerehab")
+    with pytest.raises(InvalidInputError, match=r"elements\.gains\.stiffness: 1e\+308 is beyond"):
+        audit(device, Effects(stiffness=1e308))
+    with pytest.raises(InvalidInputError, match="velocity_filter_hz must lie in"):
+        audit(device, Effects(damping=1.0), filters=Filters(velocity_hz=1e-300))
+
+
+def test_what_is_next_to_nothing_is_left_out_of_the_nearest() -> None:
+    """Less than the least size that is looked at."""
+    device = load_device("homerehab")
+    found = audit(device, Effects(stiffness=2e-9, mass=1e7))
+    assert found.nearest is not None
+    stiffness, _, mass = found.nearest.arrays()
+    assert stiffness == 0
+    assert mass is not None
+    assert mass > 0

@@ -21,7 +21,7 @@ import pytest
 from identification import InvalidInputError, load_device, load_trajectory
 from identification.documents import LARGEST_FILE, MOST_EVENTS, load_mapping
 from identification.readers.limits import LONGEST_HEADER, MOST_COLUMNS
-from tune.moments import MOST_MOMENTS
+from tune.moments import MOST_ELEMENTS, MOST_SUMS, moments_of
 from tune.optimisation import optimise
 from tune.profile import load_profile
 from tune.scene import Scene, load_scene
@@ -111,6 +111,11 @@ def test_a_pipe_nobody_writes_to(tmp_path: Path, name: str) -> None:
     assert "not a file" in _refusal(read, path)
 
 
+#: 3 · 26 + 2 · 11 = 100 sums.
+_GROUPS = [
+    *([f"e{5 * i + k}" for k in range(5)] for i in range(3)),
+    *([f"e{15 + 4 * i + k}" for k in range(4)] for i in range(2)),
+]
 _FULL: dict[str, Any] = {
     "elements": {"cup": {"stiffness": 100.0, "damping": 5.0, "mass": 0.5}},
     "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
@@ -124,40 +129,41 @@ def _scene(elements: int, groups: Iterable[Sequence[str]]) -> str:
 
 
 @pytest.mark.parametrize(
-    ("elements", "groups", "moments"),
+    ("elements", "groups", "told"),
     [
-        (12, list(combinations([f"e{i}" for i in range(12)], 5)), 1585),
-        (500, [[f"e{5 * i + k}" for k in range(5)] for i in range(100)], 3100),
-        (MOST_MOMENTS + 1, [], MOST_MOMENTS + 1),
+        (12, list(combinations([f"e{i}" for i in range(12)], 5)), "makes 1573 sums"),
+        (250, [[f"e{5 * i + k}" for k in range(5)] for i in range(50)], "makes 1300 sums"),
+        (500, [[f"e{5 * i + k}" for k in range(5)] for i in range(100)], "are 500 elements"),
+        (MOST_ELEMENTS + 1, [], f"are {MOST_ELEMENTS + 1} elements"),
     ],
 )
 def test_scenes_without_end_are_told_before_work_begins(
-    tmp_path: Path, elements: int, groups: list[Sequence[str]], moments: int
+    tmp_path: Path, elements: int, groups: list[Sequence[str]], told: str
 ) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(_scene(elements, groups), encoding="utf-8")
-    assert f"make {moments} moments" in _refusal(load_scene, path)
+    assert told in _refusal(load_scene, path)
 
 
 def test_the_largest_scene_is_no_offence(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
-    names = [f"e{i}" for i in range(15)]
-    groups = [names[5 * i : 5 * i + 5] for i in range(3)]
-    path.write_text(_scene(22, groups), encoding="utf-8")
-    assert len(load_scene(path).subsets()) == MOST_MOMENTS
+    path.write_text(_scene(MOST_ELEMENTS, _GROUPS), encoding="utf-8")
+    assert len(load_scene(path).subsets()) == MOST_ELEMENTS + MOST_SUMS
 
 
 def test_a_profile_of_the_largest_scene_is_read(tmp_path: Path) -> None:
     """With every key that an element can have, and every moment named where moments are named."""
     profile = optimise(load_device("homerehab"), Scene.model_validate(_FULL))
-    elements = {f"element {i:03}": profile.elements["cup"] for i in range(MOST_MOMENTS)}
-    interior = dict.fromkeys(elements, next(iter(profile.certificate.interior.values())))
+    elements = {f"e{i}": profile.elements["cup"] for i in range(MOST_ELEMENTS)}
+    moments = (" + ".join(moment) for moment in moments_of(elements, _GROUPS))
+    interior = dict.fromkeys(moments, next(iter(profile.certificate.interior.values())))
     many = profile.model_copy(
         update={
             "elements": elements,
+            "together": tuple(tuple(group) for group in _GROUPS),
             "certificate": profile.certificate.model_copy(update={"interior": interior}),
         }
     )
     path = tmp_path / "profile.yaml"
     path.write_text(many.to_yaml(), encoding="utf-8")
-    assert len(load_profile(path).elements) == MOST_MOMENTS
+    assert len(load_profile(path).elements) == MOST_ELEMENTS

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import pytest
 
@@ -74,23 +73,9 @@ def test_a_held_object_is_felt_as_mass_within_what_the_paper_could_simulate() ->
     assert cup.limited_by == {"mass": "ripple"}
 
 
-def test_the_readme_shows_these_numbers() -> None:
-    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+def test_margins_and_box_are_wide() -> None:
     profile = _profile()
-    wall, water, cup = (profile.elements[name] for name in ("wall", "water", "cup"))
-    assert cup.rendered is not None
-    for shown in (
-        f"velocity {profile.loop.velocity_filter_hz:g} Hz, "
-        f"acceleration {profile.loop.acceleration_filter_hz:g} Hz",
-        f"| wall stiffness | {wall.stiffness:.0f} N/m | {wall.perceived_steps['stiffness']:.1f} |",
-        f"| wall damping | {wall.damping:.1f} N·s/m | {wall.perceived_steps['damping']:.1f} |",
-        f"| water damping | {water.damping:.0f} N·s/m | {water.perceived_steps['damping']:.1f} |",
-        f"| cup mass | {cup.mass:.2f} kg, felt as {cup.rendered.mass:.2f} kg and "
-        f"{cup.rendered.damping:.1f} N·s/m | {cup.perceived_steps['mass']:.1f} |",
-    ):
-        assert shown in text
-    assert min(one.margins.gain for one in (wall, water, cup)) >= 11
-    assert profile.certificate is not None
+    assert min(profile.elements[name].margins.gain for name in ("wall", "water", "cup")) >= 11
     assert [round(end, 2) for end in profile.certificate.mass] == [2.42, 3.65]
     assert [round(end, 1) for end in profile.certificate.damping] == [7.9, 12.1]
 

@@ -9,18 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from datasets_synthetic import (
-    Controller,
-    Hand,
-    Rig,
-    Vibration,
-    Wall,
-    limit_by_experiment,
-    named_rig,
-    ripple_by_simulation,
-)
-from datasets_synthetic.experiment import EFFECTS, EffectName
+from datasets_synthetic import Controller, Hand, Rig, Vibration, Wall, named_rig
 from tests.sampled_bench import SampledBench
+from tests.simulated.experiment import EFFECTS, EffectName, limit_by_experiment
+from tests.simulated.ripple import ripple_by_simulation
 from tune import Effects, Filters, Loop, force_ripple, largest, safe_gain
 from tune.mechanism import HandNumbers, ModeNumbers
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic.catalogue import LEVELS, Case, GoodLog, RawLog, cases, good_logs
 from identification import (
     Finding,
     ForceLimit,
@@ -22,6 +21,9 @@ from identification import (
 )
 from identification.findings import CODES, inspect
 from tests.exact_axis import Axis, counted, multisine, positions
+from tests.simulated.catalogue.cases import LEVELS, Case, cases
+from tests.simulated.catalogue.good import GoodLog, good_logs
+from tests.simulated.catalogue.raw import RawLog
 
 Array = NDArray[np.float64]
 STEP = 1e-3

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic import Clock, Faults, Rig, family_named, fit_to_limits, multisine, simulate
+from datasets_synthetic import Clock, Faults, Rig, fit_to_limits, multisine, simulate
 from identification import Trajectory
 from identification.estimators import METHODS, Estimate, Model, instruments, weak
 from identification.estimators.banded import Covariance, bands
@@ -23,6 +23,7 @@ from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
 from identification.estimators.shaping import is_coloured
 from identification.estimators.stick_slip import Way, path
 from identification.intervals import MOST_BLOCKS, spread
+from tests.simulated.families import family_named
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,6 @@ from tune.mechanism import HandNumbers, ModeNumbers
 
 FloatArray = NDArray[np.float64]
 
-
 T = 0.001
 DEVICE: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": T}
 DEVICES = ("homerehab", "stylus", "knob", "emps")

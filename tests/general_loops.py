@@ -1,10 +1,11 @@
-"""Random general loops, judged and compared with 360-digit arithmetic."""
+"""General loops, one known and many random, judged and compared with 360-digit arithmetic."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from flint import arb
@@ -14,6 +15,11 @@ from tests.reference import ReferenceLoop
 from tune.effects import Effects
 from tune.loop import Filters, HandNumbers, Loop, ModeNumbers
 from tune.stability import safe_gain, stable_gains, verdict
+
+#: A mode, a hand and a device to begin from.
+MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)
+HAND = HandNumbers(mass=0.1, damping=5.0, stiffness=300.0)
+HOMEREHAB: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": 1e-3}
 
 Ray = tuple[float | None, float | None, float | None]
 

@@ -24,8 +24,6 @@ from tests.sampled_bench import SampledBench
 from tests.simulated.experiment import EFFECTS, limit_by_experiment
 from tune import Effects, largest, safe_gain
 
-FloatArray = NDArray[np.float64]
-
 
 @pytest.mark.parametrize(
     ("setting", "printed"),

@@ -6,15 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from datasets_synthetic import Controller, Hand, Rig, Vibration, Wall
 from tests.bench_settings import DEVICE, FLEXIBLE, SECOND, T, column, loop_of
 from tests.simulated.experiment import EFFECTS, EffectName
 from tests.simulated.ripple import ripple_by_simulation
 from tune import Effects, Filters, Loop, force_ripple, largest
-
-FloatArray = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("cutoff", [None, 50.0])

@@ -11,7 +11,6 @@ from identification.intervals import MOST_BLOCKS, spread
 
 Array = NDArray[np.float64]
 
-
 #: Values behind the columns of ``told_unevenly``.
 TOLD = np.array([2.0, -0.1])
 

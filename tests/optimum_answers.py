@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.general_reference import GeneralCase
 from tests.optimum_loops import Corner
 from tests.optimum_pairs import Pair
 from tests.optimum_reference import Reference
+from tests.sampled_loops import Case
 from tune.climb import climb, closed_form
 from tune.perception import default_table
 from tune.problem import Job
@@ -40,16 +40,16 @@ def reference_of(pair: Pair, solved: Solved) -> Reference:
     )
 
 
-def case_of(corner: Corner, filters_hz: tuple[float | None, float | None]) -> GeneralCase:
+def case_of(corner: Corner, filters_hz: tuple[float | None, float | None]) -> Case:
     velocity, acceleration = filters_hz
-    return GeneralCase(
+    return Case(
         mass=corner.mass,
         damping=corner.damping,
         sample_time=corner.sample_time,
-        delay=corner.samples,
-        hand=corner.hand if any(corner.hand) else None,
-        velocity=("low-pass", velocity, 1, 1.0) if velocity else ("none",),
-        acceleration=("low-pass", acceleration, 2, 1.0) if acceleration else ("none",),
+        delay_samples=corner.samples,
+        hand=corner.hand,
+        velocity_hz=velocity,
+        acceleration_hz=acceleration,
     )
 
 

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from tests.general_loops import HAND, HOMEREHAB, MODE, loop_of
-from tests.general_reference import (
-    GeneralCase,
-    crossings,
-    general_loop,
-)
+from tests.reference import crossings
+from tests.sampled_loops import Case, loop_along
 from tune.effects import EFFECT_NAMES, Effects
 from tune.filters import LONGEST_WINDOW
 from tune.loop import LONGEST_DELAY, Filters, HandNumbers, Loop, ModeNumbers
@@ -56,16 +53,16 @@ def test_a_window_of_one_sample_is_the_plain_difference() -> None:
 )
 def test_the_longest_windows_and_delays_are_still_judged(window: int, delay: float) -> None:
     """Degrees up to 65, against 360 digits."""
-    case = GeneralCase(
+    case = Case(
         mass=3.0,
         damping=10.0,
         sample_time=1e-3,
-        delay=delay,
-        velocity=("window", float(window)),
+        delay_samples=delay,
+        velocity_window=window,
         modes=((80.0, 0.02, 0.5, -2.0),),
         hand=(0.1, 5.0, 300.0),
     )
-    limit = float(crossings(general_loop(case, None, 1.0, None))[0].mid())
+    limit = float(crossings(loop_along(case, None, 1.0, None))[0].mid())
     loop = loop_of(case)
     assert float(largest(loop, "damping")) == pytest.approx(limit, rel=1e-9)
     factors = np.array([1e-3, 1 - 1e-6, 1 + 1e-6])

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.general_loops import MODE, draw_case, draw_ray, effects_at, loop_of
-from tests.general_reference import (
-    GeneralCase,
-)
 from tune.effects import Effects
 from tune.loop import HandNumbers, Loop
 from tune.stability import largest, safe_gain
@@ -74,27 +73,20 @@ def test_units_scale_of_time_and_sign_of_a_mode_do_not_matter(
     k, b, m = draw_ray(rng, case)
     plain = float(safe_gain(loop_of(case), effects_at((k, b, m), 1.0)))
 
-    def cut(chosen: tuple[str | float, ...]) -> tuple[str | float, ...]:
-        if chosen[0] != "low-pass":
-            return chosen
-        return (chosen[0], float(chosen[1]) / time, *chosen[2:])
+    def cut(chosen: float | None) -> float | None:
+        return None if chosen is None else chosen / time
 
-    other = GeneralCase(
+    mass, damping, stiffness = case.hand
+    other = replace(
+        case,
         mass=case.mass * unit,
         damping=case.damping * unit / time,
         sample_time=case.sample_time * time,
-        delay=case.delay,
         modes=tuple((f / time, z, -e, -h) for f, z, e, h in case.modes),
-        hand=None
-        if case.hand is None
-        else (
-            case.hand[0] * unit,
-            case.hand[1] * unit / time,
-            case.hand[2] * unit / time**2,
-        ),
-        lag=case.lag * time,
-        velocity=cut(case.velocity),
-        acceleration=cut(case.acceleration),
+        hand=(mass * unit, damping * unit / time, stiffness * unit / time**2),
+        current_lag=case.current_lag * time,
+        velocity_hz=cut(case.velocity_hz),
+        acceleration_hz=cut(case.acceleration_hz),
     )
     ray = (
         None if k is None else k * unit / time**2,

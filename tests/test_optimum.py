@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from benchmarks.solver_rows import CASES, posed_of, task_of
 from benchmarks.solvers import SOLVERS
-from tests.general_reference import crossings, general_loop
 from tests.optimum_answers import (
     UNDECIDED,
     case_of,
@@ -24,6 +23,8 @@ from tests.optimum_answers import (
 from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import Reference
 from tests.optimum_search import gaps, highest
+from tests.reference import crossings
+from tests.sampled_loops import loop_along
 from tune.certificate.check import check
 from tune.errors import NoFeasibleEffectError
 from tune.optimisation import optimise
@@ -48,7 +49,7 @@ def _exactly_stable(reference: Reference, pair: Pair, sizes: FloatArray) -> bool
         mine = found.moment == moment
         for index in np.unique(found.corner[mine & (found.gain < 1.02 * reference.gain)]):
             corner = reference.loops.corners[index]
-            loop = general_loop(
+            loop = loop_along(
                 case_of(corner, pair.filters_hz), stiffness or None, damping or None, mass or None
             )
             if not float(crossings(loop)[0].mid()) > reference.gain * (1 - UNDECIDED):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from identification import Device, ForceLimit, load_device, quantity
-from tests.general_reference import crossings, general_loop
 from tests.optimum_answers import (
     UNDECIDED,
     case_of,
@@ -20,6 +19,8 @@ from tests.optimum_pairs import random_pair
 from tests.optimum_reference import Reference
 from tests.optimum_ripple import force_ripple
 from tests.optimum_wishes import MARGINS, felt_share, weber_fraction
+from tests.reference import crossings
+from tests.sampled_loops import loop_along
 from tune.loop import Filters
 from tune.perception import default_table
 from tune.problem import Job
@@ -41,7 +42,7 @@ def test_first_crossings_are_those_of_360_digits(seed: int) -> None:
     totals[0] += (not totals.any()) * mass
     one = Loops([corner], pair.filters_hz)
     truth = crossings(
-        general_loop(case_of(corner, pair.filters_hz), *(float(x) or None for x in totals))
+        loop_along(case_of(corner, pair.filters_hz), *(float(x) or None for x in totals))
     )
     found = one.crossings(totals[None], 1e9).gain
     assert bool(truth) == bool(found.size)

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from benchmarks.other_methods import OTHERS
 from benchmarks.row import Row, best_seconds
-from datasets_synthetic import FAMILIES, SCENARIOS, run_batch
+from datasets_synthetic import SCENARIOS, run_batch
 from identification import Hardware, IdentificationError, Trajectory, identify, quantity
 from identification.estimators import METHODS, Model
+from tests.simulated.families import FAMILIES
 
 FloatArray = NDArray[np.float64]
 Method = Callable[[Trajectory, Model, float], FloatArray]

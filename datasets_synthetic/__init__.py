@@ -15,22 +15,11 @@ if TYPE_CHECKING:
     from datasets_synthetic.controller import Controller, Servo
     from datasets_synthetic.devices import named_rig, rig_of
     from datasets_synthetic.excitation import Excitation, fit_to_limits, multisine
-    from datasets_synthetic.experiment import Limit, limit_by_experiment
-    from datasets_synthetic.families import (
-        FAMILIES,
-        POSE_FACTORS,
-        family_named,
-        pose_logs,
-        poses,
-    )
-    from datasets_synthetic.family import Drive, Family
     from datasets_synthetic.faults import Faults
-    from datasets_synthetic.fleet import Fleet, random_devices
     from datasets_synthetic.hand import Hand
     from datasets_synthetic.recording import Recording, Truth
     from datasets_synthetic.rehearsal import Rehearsal, Trial, rehearse
     from datasets_synthetic.rig import Rig
-    from datasets_synthetic.ripple import ripple_by_simulation
     from datasets_synthetic.scenarios import (
         SCENARIOS,
         Scenario,
@@ -43,19 +32,13 @@ if TYPE_CHECKING:
     from datasets_synthetic.wall import Wall
 
 __all__ = [
-    "FAMILIES",
-    "POSE_FACTORS",
     "SCENARIOS",
     "Bounces",
     "Clock",
     "Controller",
-    "Drive",
     "Excitation",
-    "Family",
     "Faults",
-    "Fleet",
     "Hand",
-    "Limit",
     "Recording",
     "Rehearsal",
     "Rig",
@@ -67,18 +50,12 @@ __all__ = [
     "Wall",
     "bounce",
     "bundled",
-    "family_named",
     "fit_to_limits",
-    "limit_by_experiment",
     "log_text",
     "multisine",
     "named_rig",
-    "pose_logs",
-    "poses",
-    "random_devices",
     "rehearse",
     "rig_of",
-    "ripple_by_simulation",
     "run",
     "run_batch",
     "scenario_named",
@@ -92,16 +69,11 @@ _HOMES = {
     "controller": "Controller Servo",
     "devices": "named_rig rig_of",
     "excitation": "Excitation fit_to_limits multisine",
-    "experiment": "Limit limit_by_experiment",
-    "families": "FAMILIES POSE_FACTORS family_named pose_logs poses",
-    "family": "Drive Family",
     "faults": "Faults",
-    "fleet": "Fleet random_devices",
     "hand": "Hand",
     "recording": "Recording Truth",
     "rehearsal": "Rehearsal Trial rehearse",
     "rig": "Rig",
-    "ripple": "ripple_by_simulation",
     "scenarios": "SCENARIOS Scenario run run_batch scenario_named",
     "simulation": "simulate",
     "vibration": "Vibration",

@@ -7,7 +7,8 @@ D ↦ 2·D + D², so that slow motion loses no digits beside one.
 
 Error: with h the first step and p the fastest rate the motion behaves like that of a law wrong by
 a relative |h·p|⁴/120; rounding adds about one part in 1e15 a doubling. No exponential and no other
-closed form of the solution is used.
+closed form of the solution is used: scipy's would serve as well, but tests compare with it,
+and the simulator, which runs before every profile is written, loads no scipy.
 """
 
 from __future__ import annotations

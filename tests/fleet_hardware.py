@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from datasets_synthetic import Fleet
 from identification import ForceLimit, Hardware, quantity
+from tests.simulated.fleet import Fleet
 
 
 def data_sheet(fleet: Fleet, member: int) -> Hardware:

@@ -1,57 +1,62 @@
-"""Random general loops, judged and compared with 360-digit arithmetic."""
+"""General loops, one known and many random, judged and compared with 360-digit arithmetic."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from flint import arb
 
-from tests.general_reference import GeneralCase, crossings, general_loop, stable_by_jury
-from tests.reference import ReferenceLoop
+from tests.reference import ReferenceLoop, crossings, stable_by_jury
+from tests.sampled_loops import Case, loop_along
 from tune.effects import Effects
 from tune.loop import Filters, HandNumbers, Loop, ModeNumbers
 from tune.stability import safe_gain, stable_gains, verdict
 
+#: A mode, a hand and a device to begin from.
+MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)
+HAND = HandNumbers(mass=0.1, damping=5.0, stiffness=300.0)
+HOMEREHAB: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": 1e-3}
+
 Ray = tuple[float | None, float | None, float | None]
 
 
-def loop_of(case: GeneralCase) -> Loop:
-    """The same loop by the code under test."""
-    velocity, acceleration = case.velocity, case.acceleration
-    ratio = 1.0
-    for chosen in (velocity, acceleration):
-        if chosen[0] == "low-pass" and chosen[2] == 2:
-            ratio = float(chosen[3])
-    low_pass = velocity[0] == "low-pass"
-    filters = Filters(
-        velocity_hz=float(velocity[1]) if low_pass else None,
-        velocity_order=2 if low_pass and velocity[2] == 2 else 1,
-        velocity_window=int(velocity[1]) if velocity[0] == "window" else None,
-        acceleration_hz=float(acceleration[1]) if acceleration[0] == "low-pass" else None,
-        acceleration_order=1 if acceleration[0] == "low-pass" and acceleration[2] == 1 else 2,
-        damping_ratio=ratio,
+def filters_of(case: Case) -> Filters:
+    """The filters of a case by the code under test."""
+    return Filters(
+        velocity_hz=case.velocity_hz,
+        velocity_order=case.velocity_order,  # type: ignore[arg-type]
+        velocity_window=case.velocity_window,
+        acceleration_hz=case.acceleration_hz,
+        acceleration_order=case.acceleration_order,  # type: ignore[arg-type]
+        damping_ratio=case.damping_ratio,
     )
+
+
+def loop_of(case: Case) -> Loop:
+    """The same loop by the code under test."""
+    mass, damping, stiffness = case.hand
     return Loop.from_numbers(
         mass=case.mass,
         damping=case.damping,
         sample_time=case.sample_time,
-        delay_samples=case.delay,
-        filters=filters,
+        delay_samples=case.delay_samples,
+        filters=filters_of(case),
         modes=tuple(
             ModeNumbers(frequency_hz=f, damping_ratio=z, at_encoder=e, at_handle=h)
             for f, z, e, h in case.modes
         ),
-        hand=None
-        if case.hand is None
-        else HandNumbers(mass=case.hand[0], damping=case.hand[1], stiffness=case.hand[2]),
-        current_lag=case.lag,
+        hand=HandNumbers(mass=mass, damping=damping, stiffness=stiffness)
+        if any(case.hand)
+        else None,
+        current_lag=case.current_lag,
     )
 
 
-def draw_case(rng: np.random.Generator) -> GeneralCase:
+def draw_case(rng: np.random.Generator) -> Case:
     """0.1 to 10 ms, delay 0 to 5 samples, filters 5 Hz to Nyquist, hand, one mode, current lag."""
     T = 10 ** rng.uniform(-4, -2)
 
@@ -72,7 +77,7 @@ def draw_case(rng: np.random.Generator) -> GeneralCase:
         modes = ((frequency, float(10 ** rng.uniform(-3, 0)), encoder, handle),)
     m = float(10 ** rng.uniform(-1.5, 1.2))
     b = float(m * 10 ** rng.uniform(-2, 2)) if rng.random() < 0.95 else 0.0
-    hand = None
+    hand = (0.0, 0.0, 0.0)
     if rng.random() < 0.6:
         grip = 10 ** rng.uniform([-2.3, -0.5, 1.0], [0.3, 1.7, 3.5])
         grip[int(rng.integers(3))] *= rng.random() < 0.67  # at times one of them is missing
@@ -80,29 +85,33 @@ def draw_case(rng: np.random.Generator) -> GeneralCase:
             grip[1] = 5.0  # what nothing but a mode damps has a test of its own
         hand = (float(grip[0]), float(grip[1]), float(grip[2]))
     shape = ratio()  # one damping ratio for both
-    velocity: tuple[str | float, ...] = ("none",)
+    velocity_hz = velocity_window = acceleration_hz = None
+    velocity_order, acceleration_order = 1, 2
     lot = rng.random()
     if lot < 0.15:
-        velocity = ("window", float(rng.integers(1, 9)))
+        velocity_window = int(rng.integers(1, 9))
     elif lot < 0.75:
-        velocity = ("low-pass", cutoff(), int(rng.integers(1, 3)), shape)
-    acceleration: tuple[str | float, ...] = ("none",)
+        velocity_hz, velocity_order = cutoff(), int(rng.integers(1, 3))
     if rng.random() < 0.7:
-        acceleration = ("low-pass", cutoff(), int(rng.integers(1, 3)), shape)
-    return GeneralCase(
+        acceleration_hz, acceleration_order = cutoff(), int(rng.integers(1, 3))
+    return Case(
         mass=m,
         damping=b,
         sample_time=float(T),
-        delay=delay,
+        delay_samples=delay,
         modes=modes,
         hand=hand,
-        lag=float(T * 10 ** rng.uniform(-1.5, 0.7)) if rng.random() < 0.4 else 0.0,
-        velocity=velocity,
-        acceleration=acceleration,
+        current_lag=float(T * 10 ** rng.uniform(-1.5, 0.7)) if rng.random() < 0.4 else 0.0,
+        velocity_hz=velocity_hz,
+        velocity_order=velocity_order,
+        velocity_window=velocity_window,
+        acceleration_hz=acceleration_hz,
+        acceleration_order=acceleration_order,
+        damping_ratio=shape,
     )
 
 
-def draw_ray(rng: np.random.Generator, case: GeneralCase) -> Ray:
+def draw_ray(rng: np.random.Generator, case: Case) -> Ray:
     """K, B and M over many magnitudes, negative at times, at least one of them there."""
     m, T = case.mass, case.sample_time
     sizes = 10 ** rng.uniform([-7, -6, -3], [-1, 0, 1]) * [m / T**2, m / T, m]
@@ -126,7 +135,7 @@ def compare(count: int, seed: int) -> Counter[str]:
     for _ in range(count):
         case = draw_case(rng)
         ray = draw_ray(rng, case)
-        reference, loop = general_loop(case, *ray), loop_of(case)
+        reference, loop = loop_along(case, *ray), loop_of(case)
         ends = crossings(reference)
         gains, kinds = [1.0], ["draw"]
         if ends:
@@ -179,6 +188,6 @@ def _compare_intervals(
     tally["several intervals"] += len(truths) > 1
 
 
-def without_filters(case: GeneralCase) -> GeneralCase:
+def without_filters(case: Case) -> Case:
     """The same plant behind plain differences."""
-    return replace(case, velocity=("none",), acceleration=("none",))
+    return replace(case, velocity_hz=None, velocity_window=None, acceleration_hz=None)

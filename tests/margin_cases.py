@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.sampled_reference import Case, Sampled
+from tests import general_loops
+from tests.sampled_loops import Case
+from tests.sampled_reference import Sampled
 from tune.effects import Effects
-from tune.loop import Filters, HandNumbers, Loop, ModeNumbers
+from tune.loop import Filters, Loop
 
 
 def draw(rng: np.random.Generator, *, plain: bool = False) -> Case:
@@ -68,35 +70,23 @@ def _drawn(rng: np.random.Generator, *, plain: bool) -> Case:
     )
 
 
-def filters_of(case: Case) -> Filters:
-    """The filters of the effects that are there."""
-    return Filters(
+def felt_only(case: Case) -> Case:
+    """Without the filters of effects that are not there."""
+    return replace(
+        case,
         velocity_hz=case.velocity_hz if case.added_damping else None,
-        velocity_order=case.velocity_order,  # type: ignore[arg-type]
         velocity_window=case.velocity_window if case.added_damping else None,
         acceleration_hz=case.acceleration_hz if case.added_mass else None,
-        acceleration_order=case.acceleration_order,  # type: ignore[arg-type]
-        damping_ratio=case.damping_ratio,
     )
+
+
+def filters_of(case: Case) -> Filters:
+    """The filters of the effects that are there."""
+    return general_loops.filters_of(felt_only(case))
 
 
 def loop_of(case: Case) -> Loop:
-    mass, damping, stiffness = case.hand
-    return Loop.from_numbers(
-        mass=case.mass,
-        damping=case.damping,
-        sample_time=case.sample_time,
-        delay_samples=case.delay_samples,
-        filters=filters_of(case),
-        modes=tuple(
-            ModeNumbers(frequency_hz=f, damping_ratio=z, at_encoder=e, at_handle=h)
-            for f, z, e, h in case.modes
-        ),
-        hand=HandNumbers(mass=mass, damping=damping, stiffness=stiffness)
-        if any(case.hand)
-        else None,
-        current_lag=case.current_lag,
-    )
+    return general_loops.loop_of(felt_only(case))
 
 
 def effects_of(case: Case) -> Effects:

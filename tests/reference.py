@@ -1,7 +1,8 @@
 """The loop of the paper in z, equation (37) with its factors, in 360-digit ball arithmetic.
 
 Written from the paper and from the definition of the zero-order hold, not from the code under
-test: at this precision the cancellation of the printed form does not matter.
+test: at this precision the cancellation of the printed form does not matter. Its boundaries are
+compared with those of `tests.sampled_loops`, which knows no closed form.
 """
 
 from __future__ import annotations
@@ -63,7 +64,10 @@ def reference_loop(
 
 
 def stable_by_roots(polynomial: arb_poly) -> bool:
-    """All roots of the polynomial certainly inside the unit circle, or certainly not all."""
+    """All roots of the polynomial certainly inside the unit circle, or certainly not all.
+
+    By isolated roots; ``stable_by_jury`` tells the same without any, and a test compares both.
+    """
     coefficients = list(polynomial.coeffs())
     lowest = next(k for k, c in enumerate(coefficients) if c != 0)
     roots = acb_poly([acb(c) for c in coefficients[lowest:]]).roots(tol=TOLERANCE)
@@ -76,9 +80,10 @@ def stable_by_roots(polynomial: arb_poly) -> bool:
 
 
 def boundary_gains(loop: ReferenceLoop) -> list[arb]:
-    """Every s > 0 at which a root of P(z; s) lies on the unit circle.
+    """Every s > 0 at which a root of P(z; s) lies on the unit circle, from roots in z.
 
-    On the circle fixed(z)/varied(z) is real, so z is a root of fixed(z)·varied(1/z) minus its
+    ``crossings`` finds the same from roots in cos of the angle, and a test compares both. On the
+    circle fixed(z)/varied(z) is real, so z is a root of fixed(z)·varied(1/z) minus its
     mirror image.
     """
     degree = max(loop.fixed.degree(), loop.varied.degree())
@@ -105,6 +110,76 @@ def boundary_gains(loop: ReferenceLoop) -> list[arb]:
         if gain.real > 0:
             gains.append(gain.real)
     return sorted(gains, key=lambda gain: float(gain.mid()))
+
+
+def crossings(loop: ReferenceLoop) -> list[arb]:
+    """Every s > 0 at which a root of P(z; s) lies on the unit circle.
+
+    On the circle fixed(z)·varied(1/z) is real: its imaginary part, a polynomial in cos of the
+    angle times the sine, is zero there; z = ±1 stand for themselves.
+    """
+    degree = max(loop.fixed.degree(), loop.varied.degree())
+    fixed = [arb(c) for c in loop.fixed.coeffs()]
+    varied = [arb(c) for c in loop.varied.coeffs()]
+    fixed += [arb(0)] * (degree + 1 - len(fixed))
+    varied += [arb(0)] * (degree + 1 - len(varied))
+    product = arb_poly(fixed) * arb_poly(varied[::-1])
+    mirror = arb_poly(varied) * arb_poly(fixed[::-1])
+    sines = list((product - mirror).coeffs())[degree + 1 :]
+    # Σ c_k sin(kθ) = sin θ · Σ c_k U_{k-1}(cos θ), Chebyshev polynomials of the second kind.
+    x2 = arb_poly([0, 2])
+    before, now = arb_poly([0]), arb_poly([1])
+    total = arb_poly([0])
+    for c in sines:
+        total = total + c * now
+        before, now = now, x2 * now - before
+    for point in (arb(1), arb(-1)):
+        while total.degree() > 0 and total(point).contains(0):
+            total = total // arb_poly([-point, 1])
+    coefficients = list(total.coeffs())
+    while coefficients and coefficients[-1].contains(0):
+        coefficients.pop()
+    gains: list[arb] = []
+    for root in [*roots_of(coefficients), acb(1), acb(-1)]:
+        if not root.imag.contains(0) or abs(root.real) > 1:
+            continue
+        cosine = arb(root.real)
+        place = acb(cosine, (1 - cosine * cosine).sqrt()) if abs(cosine) < 1 else acb(cosine)
+        below = loop.varied(place)
+        if below.contains(0):
+            continue
+        gain = (-loop.fixed(place) / below).real
+        if gain > 0:
+            gains.append(gain)
+    return sorted(gains, key=lambda gain: float(gain.mid()))
+
+
+def roots_of(coefficients: list[arb]) -> list[acb]:
+    """All roots, once each; turned where the library's own starting points lead nowhere."""
+    lowest = next(k for k, c in enumerate(coefficients) if not c.contains(0))
+    zero = [acb(0)] if lowest else []
+    coefficients = coefficients[lowest:]
+    turn = acb(1)
+    for _ in range(5):
+        turned = [acb(c) * turn**power for power, c in enumerate(coefficients)]
+        try:
+            return zero + [root * turn for root in acb_poly(turned).roots(tol=TOLERANCE)]
+        except ValueError:
+            turn *= acb(arb(3) / 5, arb(4) / 5)
+    raise ArithmeticError("the roots cannot be isolated")
+
+
+def stable_by_jury(polynomial: arb_poly) -> bool:
+    """All roots inside the unit circle, by the recursion of Schur and Cohn in balls."""
+    c = [arb(x) for x in polynomial.coeffs()][::-1]
+    while len(c) > 1:
+        ratio = c[-1] / c[0]
+        if abs(ratio) > 1:
+            return False
+        if not abs(ratio) < 1:
+            raise ArithmeticError(f"a root touches the unit circle: {ratio}")
+        c = [x - ratio * y for x, y in zip(c[:-1], c[:0:-1], strict=True)]
+    return True
 
 
 def _coefficients(polynomial: arb_poly, degree: int) -> list[arb]:

@@ -13,10 +13,10 @@ import pytest
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from datasets_synthetic import FAMILIES, POSE_FACTORS, family_named, poses
 from identification import Trajectory, identify
 from identification.intervals import quantile
 from identification.one_log import LogFit, fit_log
+from tests.simulated.families import FAMILIES, POSE_FACTORS, family_named, poses
 
 Array = NDArray[np.float64]
 NAMES = ("mass", "damping")

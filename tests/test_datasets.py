@@ -19,7 +19,6 @@ from datasets_synthetic import (
     log_text,
     multisine,
     named_rig,
-    random_devices,
     run,
     run_batch,
     simulate,
@@ -33,6 +32,7 @@ from identification import (
     load_mapping,
     named_devices,
 )
+from tests.simulated.fleet import random_devices
 
 
 def test_emps_is_the_published_model() -> None:
@@ -248,7 +248,7 @@ def test_public_names_exist_and_load_lazily() -> None:
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = datasets_synthetic.nothing  # pyright: ignore[reportAttributeAccessIssue, reportUnknownVariableType, reportUnknownMemberType]
     listing = (
-        "import sys, datasets_synthetic as d; d.SCENARIOS; d.simulate; d.random_devices;"
+        "import sys, datasets_synthetic as d; d.SCENARIOS; d.simulate; d.rehearse;"
         "print(sorted({'scipy', 'scipy.signal', 'casadi', 'matplotlib'} & set(sys.modules)))"
     )
     shown = subprocess.run(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from flint import arb
 
-from datasets_synthetic import Faults, Fleet, random_devices
+from datasets_synthetic import Faults
 from identification import (
     Device,
     LogRefusedError,
@@ -17,6 +17,7 @@ from identification import (
 )
 from tests.fleet_hardware import data_sheet
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
+from tests.simulated.fleet import Fleet, random_devices
 from tune.certificate.certify import regions_of, setting_of
 from tune.certificate.proof import Claim
 from tune.certificate.worst import worst_point

@@ -8,17 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic import (
-    FAMILIES,
-    POSE_FACTORS,
-    Clock,
-    Family,
-    family_named,
-    pose_logs,
-    poses,
-    simulate,
-)
+from datasets_synthetic import Clock, simulate
 from identification import InvalidInputError
+from tests.simulated.families import FAMILIES, POSE_FACTORS, family_named, pose_logs, poses
+from tests.simulated.family import Family
 
 FloatArray = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""The findings: every fault gets its code, and no good log is refused."""
+"""The findings one by one, on an axis simulated elsewhere."""
 
 from __future__ import annotations
 
@@ -9,25 +9,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic.catalogue import LEVELS, Case, GoodLog, RawLog, cases, good_logs
 from identification import (
-    Finding,
     ForceLimit,
     Hardware,
-    Identification,
     LogRefusedError,
     Trajectory,
-    identify,
     quantity,
 )
-from identification.findings import CODES, inspect
+from identification.findings import inspect
 from tests.exact_axis import Axis, counted, multisine, positions
+from tests.findings import findings_of, refusals, warnings
+from tests.simulated.catalogue.raw import RawLog
 
 Array = NDArray[np.float64]
 STEP = 1e-3
 COUNT = 6e-6
-#: Hardware files leave it open: a warning of the same code as what a log can be refused for.
-UNSTATED = ("no delay is stated", "no force limit is stated", "no encoder resolution is stated")
 
 
 @cache
@@ -44,101 +40,6 @@ def plain(samples: int = 8000, seed: int = 0) -> Trajectory:
 def log(force: Array, position: Array, time: Array | None = None) -> Trajectory:
     stamps = STEP * np.arange(force.size, dtype=np.float64) if time is None else time
     return Trajectory(time=stamps, force=force, position=position)
-
-
-def findings_of(
-    trajectory: Trajectory, hardware: Hardware | None = None
-) -> tuple[tuple[Finding, ...], Identification | None]:
-    """Every finding but that hardware is not stated, and what was identified, if anything."""
-    found = None
-    try:
-        found = identify(trajectory, hardware=hardware)
-        all_of_them = found.findings
-    except LogRefusedError as error:
-        all_of_them = error.findings
-    for each in all_of_them:
-        assert each.code in CODES
-        assert each.seen
-        assert each.needed
-        assert each.remedy.endswith(".")
-    return tuple(each for each in all_of_them if not each.seen.startswith(UNSTATED)), found
-
-
-def refusals(trajectory: Trajectory, hardware: Hardware | None = None) -> set[str]:
-    findings, found = findings_of(trajectory, hardware)
-    codes = {each.code for each in findings if each.severity == "refusal"}
-    assert bool(codes) == (found is None)
-    return codes
-
-
-def warnings(trajectory: Trajectory, hardware: Hardware | None = None) -> set[str]:
-    findings, found = findings_of(trajectory, hardware)
-    assert found is not None
-    return {each.code for each in findings}
-
-
-# The catalogue and the good logs
-
-
-def missing(case: Case) -> str:
-    """What is wrong with the answer to one faulty log; "" if it is right."""
-    try:
-        findings, _ = findings_of(case.log.trajectory(), case.hardware)
-    except LogRefusedError as error:
-        findings = error.findings
-    codes = {each.code for each in findings}
-    if case.level == "mild" or case.code in codes:
-        return ""
-    return f"{case.code} {case.level}: {sorted(codes) or 'nothing'}"
-
-
-def check_catalogue(seed: int, levels: tuple[str, ...] = LEVELS) -> None:
-    catalogue = cases(seed)
-    assert [case.level for case in catalogue] == list(LEVELS) * len(CODES)
-    assert {case.code for case in catalogue} == set(CODES)
-    looked_at = [case for case in catalogue if case.level in levels]
-    assert not [told for told in map(missing, looked_at) if told]
-
-
-def test_every_plain_fault_gets_its_code() -> None:
-    check_catalogue(1, ("plain",))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(100, 110))
-def test_every_fault_gets_its_code_whatever_the_noise(seed: int) -> None:
-    check_catalogue(seed)
-
-
-def refused(good: GoodLog, *, known: bool) -> str:
-    """Why a good log is refused; "" if it is not."""
-    hardware = Hardware(
-        motion=good.log.motion,
-        delay=quantity(good.delay) if known else None,
-        encoder_resolution=quantity(good.encoder_resolution) if known else None,
-    )
-    codes = refusals(good.log.trajectory(), hardware)
-    return f"{good.name}: {sorted(codes)}" if codes else ""
-
-
-def check_good(count: int, seed: int) -> None:
-    logs = good_logs(count, seed)
-    assert len(logs) == count
-    why = [refused(each, known=bool(index % 2)) for index, each in enumerate(logs)]
-    assert not [told for told in why if told]
-
-
-def test_no_good_log_is_refused() -> None:
-    check_good(8, 1)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(200, 205))
-def test_no_good_log_of_five_hundred_is_refused(seed: int) -> None:
-    check_good(100, seed)
-
-
-# One by one, on an axis simulated elsewhere
 
 
 def test_a_clean_log_has_nothing_to_say() -> None:

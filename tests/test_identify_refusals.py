@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic import FAMILIES
 from identification import (
     ForceLimit,
     Hardware,
@@ -21,6 +20,7 @@ from identification import (
 from identification.findings import CODES
 from tests.axis_logs import COUNT, HARDWARE, STEP, codes, homerehab, log, refused
 from tests.exact_axis import Axis, counted, multisine, positions
+from tests.simulated.families import FAMILIES
 
 
 def test_jitter_is_doubted_and_then_refused() -> None:

@@ -3,30 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from identification import load_device
-from tests.general_loops import draw_case, draw_ray, effects_at, loop_of
-from tests.general_reference import (
-    GeneralCase,
-    crossings,
-    general_loop,
-)
+from tests.general_loops import HAND, HOMEREHAB, MODE, loop_of
+from tests.reference import crossings
+from tests.sampled_loops import Case, loop_along
 from tune.effects import EFFECT_NAMES, Effects
-from tune.errors import LoopError
 from tune.filters import LONGEST_WINDOW
-from tune.hand import FREE_TO_RIGID
 from tune.loop import LONGEST_DELAY, Filters, HandNumbers, Loop, ModeNumbers
-from tune.stability import is_stable, largest, safe_gain, verdict
-
-MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)
-HAND = HandNumbers(mass=0.1, damping=5.0, stiffness=300.0)
-HOMEREHAB: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": 1e-3}
+from tune.stability import is_stable, largest, verdict
 
 
 @pytest.mark.parametrize(
@@ -66,16 +53,16 @@ def test_a_window_of_one_sample_is_the_plain_difference() -> None:
 )
 def test_the_longest_windows_and_delays_are_still_judged(window: int, delay: float) -> None:
     """Degrees up to 65, against 360 digits."""
-    case = GeneralCase(
+    case = Case(
         mass=3.0,
         damping=10.0,
         sample_time=1e-3,
-        delay=delay,
-        velocity=("window", float(window)),
+        delay_samples=delay,
+        velocity_window=window,
         modes=((80.0, 0.02, 0.5, -2.0),),
         hand=(0.1, 5.0, 300.0),
     )
-    limit = float(crossings(general_loop(case, None, 1.0, None))[0].mid())
+    limit = float(crossings(loop_along(case, None, 1.0, None))[0].mid())
     loop = loop_of(case)
     assert float(largest(loop, "damping")) == pytest.approx(limit, rel=1e-9)
     factors = np.array([1e-3, 1 - 1e-6, 1 + 1e-6])
@@ -220,157 +207,3 @@ def test_two_bodies_on_a_spring_are_a_rigid_mass_and_a_mode(first: float) -> Non
             for state, top in ((0, parts.plant_numerator), (1, parts.handle_numerator)):
                 found = np.polyval(top[::-1], w) / below * T**2 / total
                 assert found == pytest.approx(states[state], rel=1e-9)
-
-
-def test_transfer_and_terms_belong_together() -> None:
-    rng = np.random.default_rng(8)
-    for _ in range(20):
-        loop = loop_of(draw_case(rng))
-        parts = loop.transfer
-        for term, factors in (
-            (loop.terms.free, (parts.plant_denominator, parts.law_denominator)),
-            (loop.terms.alpha, (parts.plant_numerator, parts.alpha)),
-            (loop.terms.beta, (parts.plant_numerator, parts.beta)),
-            (loop.terms.gamma, (parts.plant_numerator, parts.gamma)),
-        ):
-            product = np.convolve(*factors)
-            largest_part = float(np.max(np.abs(product)))
-            np.testing.assert_allclose(
-                term[: len(product)], product, rtol=1e-13, atol=1e-13 * largest_part
-            )
-            assert not np.any(term[len(product) :])
-
-
-def test_arrays_of_devices_are_judged_like_each_of_them() -> None:
-    rng = np.random.default_rng(9)
-    masses, hands = rng.uniform(0.5, 5, 6), 10 ** rng.uniform(1, 3, (4, 1))
-    many = Loop.from_numbers(
-        mass=masses,
-        damping=10.0,
-        sample_time=1e-3,
-        delay_samples=1.4,
-        modes=(MODE,),
-        hand=HandNumbers(mass=0.1, damping=5.0, stiffness=hands),
-    )
-    limits = largest(many, "stiffness", Effects(damping=5.0))
-    assert limits.shape == (4, 6)
-    for row in (0, 3):
-        for column in (0, 5):
-            single = Loop.from_numbers(
-                mass=masses[column],
-                damping=10.0,
-                sample_time=1e-3,
-                delay_samples=1.4,
-                modes=(MODE,),
-                hand=HandNumbers(mass=0.1, damping=5.0, stiffness=hands[row, 0]),
-            )
-            assert limits[row, column] == pytest.approx(
-                float(largest(single, "stiffness", Effects(damping=5.0))), rel=1e-10
-            )
-
-
-@settings(max_examples=50)
-@given(seed=st.integers(0, 10_000), unit=st.floats(1e-3, 1e3), time=st.floats(1e-2, 1e2))
-def test_units_scale_of_time_and_sign_of_a_mode_do_not_matter(
-    seed: int, unit: float, time: float
-) -> None:
-    """Grams for kilograms, another time unit, a mode counted the other way: the same physics."""
-    rng = np.random.default_rng(seed)
-    case = draw_case(rng)
-    k, b, m = draw_ray(rng, case)
-    plain = float(safe_gain(loop_of(case), effects_at((k, b, m), 1.0)))
-
-    def cut(chosen: tuple[str | float, ...]) -> tuple[str | float, ...]:
-        if chosen[0] != "low-pass":
-            return chosen
-        return (chosen[0], float(chosen[1]) / time, *chosen[2:])
-
-    other = GeneralCase(
-        mass=case.mass * unit,
-        damping=case.damping * unit / time,
-        sample_time=case.sample_time * time,
-        delay=case.delay,
-        modes=tuple((f / time, z, -e, -h) for f, z, e, h in case.modes),
-        hand=None
-        if case.hand is None
-        else (
-            case.hand[0] * unit,
-            case.hand[1] * unit / time,
-            case.hand[2] * unit / time**2,
-        ),
-        lag=case.lag * time,
-        velocity=cut(case.velocity),
-        acceleration=cut(case.acceleration),
-    )
-    ray = (
-        None if k is None else k * unit / time**2,
-        None if b is None else b * unit / time,
-        None if m is None else m * unit,
-    )
-    assert float(safe_gain(loop_of(other), effects_at(ray, 1.0))) == pytest.approx(plain, rel=1e-9)
-
-
-def test_from_parts_reads_the_device_and_the_hand() -> None:
-    device = load_device("homerehab")
-    hand = FREE_TO_RIGID["linear"]
-    filters = Filters(velocity_hz=50.0)
-    loop = Loop.from_parts(device, filters, hand, extra_delay_samples=0.25)
-    numbers = Loop.from_numbers(
-        mass=device.mass.value,
-        damping=device.damping.value,
-        sample_time=device.sample_time.value,
-        delay_samples=device.delay.value / device.sample_time.value + 0.25,
-        filters=filters,
-        hand=HandNumbers(
-            mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value
-        ),
-    )
-    assert loop.held
-    for mine, theirs in ((loop.terms, numbers.terms), (loop.sizes, numbers.sizes)):
-        np.testing.assert_array_equal(mine.free, theirs.free)
-        np.testing.assert_array_equal(mine.alpha, theirs.alpha)
-
-
-def test_a_quotient_that_should_be_whole_is_whole() -> None:
-    """0.0003/0.0001 is 2.9999999999999996 in doubles."""
-    quotient = 0.0003 / 0.0001
-    assert quotient < 3
-    exact = Loop.from_numbers(**HOMEREHAB, delay_samples=3)
-    assert Loop.from_numbers(**HOMEREHAB, delay_samples=quotient).degree == exact.degree
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"delay_samples": -1e-3}, "negative"),
-        ({"delay_samples": LONGEST_DELAY + 0.5}, "22"),
-        ({"delay_samples": np.array([0.5, 1.75])}, "whole part"),
-        ({"delay_samples": np.nan}, "delay"),
-        ({"mass": 0.0}, "mass"),
-        ({"current_lag": -1e-3}, "current_lag"),
-        ({"modes": (replace(MODE, frequency_hz=0.0),)}, "frequency"),
-        ({"modes": (replace(MODE, damping_ratio=-0.1),)}, "damping ratio"),
-        ({"hand": replace(HAND, mass=-0.1)}, "hand"),
-    ],
-)
-def test_what_cannot_be_is_refused(change: dict[str, object], words: str) -> None:
-    with pytest.raises(LoopError, match=words):
-        Loop.from_numbers(**{**HOMEREHAB, **change})
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"velocity_hz": 0.0}, "velocity_hz"),
-        ({"acceleration_hz": np.inf}, "acceleration_hz"),
-        ({"velocity_order": 3}, "velocity_order"),
-        ({"damping_ratio": 0.0}, "damping_ratio"),
-        ({"damping_ratio": 1.5}, "damping_ratio"),
-        ({"velocity_window": 0}, "velocity_window"),
-        ({"velocity_window": LONGEST_WINDOW + 1}, "velocity_window"),
-        ({"velocity_window": 5, "velocity_hz": 30.0}, "exclude"),
-    ],
-)
-def test_filters_that_do_not_exist_are_refused(wrong: dict[str, float], words: str) -> None:
-    with pytest.raises(LoopError, match=words):
-        Filters(**wrong)  # type: ignore[arg-type]

@@ -9,13 +9,8 @@ import pytest
 from flint import arb, arb_poly
 
 from tests.general_loops import compare, draw_case, draw_ray, loop_of, without_filters
-from tests.general_reference import (
-    GeneralCase,
-    crossings,
-    general_loop,
-    plant,
-    stable_by_jury,
-)
+from tests.reference import crossings, stable_by_jury
+from tests.sampled_loops import Case, loop_along, plant
 from tune.criterion import ULPS, UNIT
 from tune.effects import EFFECT_NAMES, Effects
 from tune.stability import largest, stable_values
@@ -60,7 +55,7 @@ def test_intervals_in_one_coordinate_end_where_360_digits_change_sides() -> None
                 # Absent effects stay absent: the pole of free motion is not asked for.
                 values = dict(zip(EFFECT_NAMES, (k, b, m), strict=True))
                 values[name] = float(end) * factor
-                reference = general_loop(case, *values.values())
+                reference = loop_along(case, *values.values())
                 sides.append(stable_by_jury(reference.at(arb(1))))
             assert sides[0] != sides[1], (case, name, others, end)
             ends += 1
@@ -69,16 +64,16 @@ def test_intervals_in_one_coordinate_end_where_360_digits_change_sides() -> None
 
 def test_what_only_a_mode_damps_is_right_to_six_digits() -> None:
     """Neither device nor hand damped: a limit below a micronewton a metre."""
-    case = GeneralCase(
+    case = Case(
         mass=0.8867971407624056,
         damping=0.0,
         sample_time=0.0004781793265835689,
-        delay=4.92123431421505,
+        delay_samples=4.92123431421505,
         modes=((921.7719055287816, 0.03217871237458136, 0.836262837133392, -0.4787695160788501),),
         hand=(0.04449676578842037, 0.0, 111.86542948705485),
-        velocity=("low-pass", 21.023882775083973, 1, 1.0),
+        velocity_hz=21.023882775083973,
     )
-    limit = float(crossings(general_loop(case, 1.0, None, None))[0].mid())
+    limit = float(crossings(loop_along(case, 1.0, None, None))[0].mid())
     assert limit < 1e-6
     assert float(largest(loop_of(case), "stiffness")) == pytest.approx(limit, rel=1e-6)
 
@@ -100,7 +95,7 @@ def test_coefficients_are_right_to_a_few_units_of_their_sizes() -> None:
     for _ in range(60):
         case = without_filters(draw_case(rng))
         loop = loop_of(case)
-        numerator, denominator = plant(case)
+        numerator, _, denominator = plant(case)
         degree = denominator.degree()
         unit = arb(case.mass) / arb(case.sample_time) ** 2
         square = arb_poly([0, 0, 1])  # of the two plain differences

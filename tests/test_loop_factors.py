@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat, arb_poly
 
-from tests.general_reference import roots_of
+from tests.reference import roots_of
 from tune.criterion import UNIT, routh
 from tune.effects import Effects
 from tune.held_blocks import block

@@ -11,7 +11,8 @@ from flint import acb, arb
 
 from identification import Device, quantity
 from tests.margin_cases import draw, effects_of, loop_of
-from tests.sampled_reference import Case, Sampled
+from tests.sampled_loops import Case
+from tests.sampled_reference import Sampled
 from tune.damping_margin import least_damping_ratio, slowest_decay
 from tune.effects import Effects
 from tune.hand import Hand

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.margin_cases import draw, effects_of, loop_of
-from tests.sampled_reference import Case, Sampled
+from tests.sampled_loops import Case
+from tests.sampled_reference import Sampled
 from tune.delay_search import delay_margin
 from tune.effects import Effects
 from tune.loop import Loop

@@ -5,26 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from datasets_synthetic import Clock, Faults, Rig, family_named, fit_to_limits, multisine, simulate
+from datasets_synthetic import Clock, Faults, Rig, fit_to_limits, multisine, simulate
 from identification import Trajectory
 from identification.estimators import METHODS, Estimate, Model, instruments, weak
-from identification.estimators.banded import Covariance, bands
-from identification.estimators.bumps import Operators, bumps
-from identification.estimators.held import Held
-from identification.estimators.held_response import Coasting
-from identification.estimators.linear import gauss_newton
-from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
-from identification.estimators.shaping import is_coloured
-from identification.estimators.stick_slip import Way, path
-from identification.intervals import MOST_BLOCKS, spread
-
-Array = NDArray[np.float64]
+from tests.simulated.families import family_named
 
 COUNT = 2e-5
 STEP = 1e-3
@@ -200,154 +188,8 @@ def test_without_a_moving_reference_instruments_are_simulated() -> None:
         assert "open loop" in found.notes[0]
 
 
-def test_bumps_are_weights_that_end() -> None:
-    place = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 500)) * STEP
-    weights = bumps(place, 0.01)
-    dense = weights.toarray()
-    np.testing.assert_allclose(dense.sum(axis=1), 1.0, rtol=1e-12)
-    assert np.all(dense >= 0)
-    middle = dense[len(dense) // 2]
-    centre = middle @ place
-    deviation = np.sqrt(middle @ (place - centre) ** 2)
-    assert deviation == pytest.approx(0.01, rel=0.05)
-    assert np.ptp(place[middle > 0]) < 0.1
-
-
-def test_operators_are_the_rows() -> None:
-    generator = np.random.default_rng(1)
-    steps = generator.uniform(0.8e-3, 1.2e-3, 299)
-    position = generator.standard_normal(300)
-    known = 3
-    rows = Kinematics.of(position, steps)
-    place = np.cumsum(steps)[FIRST - 1 : -LAST][known:]
-    weights = bumps(place, 0.004)
-    found = Operators.of(weights, steps, 300, known)
-    middle = Held.constant((position[1:] + position[:-1]) / 2, steps)
-    for operator, row in (
-        (found.acceleration, rows.acceleration),
-        (found.velocity, rows.velocity),
-        (found.place, of_rows(middle.triangle())),
-    ):
-        expected = weights @ row[known:]
-        np.testing.assert_allclose(
-            operator @ position, expected, atol=1e-9 * np.abs(expected).max()
-        )
-
-
-def test_banded_covariance_is_the_dense_one() -> None:
-    place = np.arange(200) * np.float64(STEP)
-    weights = bumps(place, 0.005)
-    dense = (weights @ weights.T).toarray()
-    banded = bands(weights @ weights.T)[0]
-    # On its own the overlap of smooth functions is all but singular.
-    dense += 0.01 * np.eye(len(dense))
-    banded[0] += 0.01
-    covariance = Covariance.of(banded)
-    right = np.random.default_rng(2).standard_normal((2, len(dense)))
-    white = covariance.whitened(right)
-    inverse = np.linalg.inv(dense)
-    np.testing.assert_allclose(white @ white.T, right @ inverse @ right.T, rtol=1e-6)
-    np.testing.assert_allclose(covariance.solve(right[0]), inverse @ right[0], rtol=1e-5)
-    assert covariance.log_determinant == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-9)
-
-
 def test_weak_residual_is_white_where_its_covariance_is_true() -> None:
     for log in logs("even", 0.4 * STEP):
         found = weak.estimate(log, Model(coulomb=False), 0.4 * STEP)
         # Bartlett: beyond 1.63/√(n/2) once in a hundred.
         assert found.whiteness < 1.63 / np.sqrt(found.residual.size / 2)
-
-
-#: Values behind the columns of ``told_unevenly``.
-TOLD = np.array([2.0, -0.1])
-
-
-def told_unevenly(generator: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Columns, instruments and target; the second column is loud in a tenth of the rows only."""
-    rows = 1200
-    loud = np.where(np.arange(rows) < rows // 10, 50.0, 5.0)
-    tests = generator.standard_normal((2, rows)) * np.stack((np.ones(rows), loud))
-    columns = tests + 0.3 * generator.standard_normal((2, rows))
-    return columns, tests, TOLD @ columns + generator.standard_normal(rows)
-
-
-def test_covariance_is_the_jackknife_done_by_hand() -> None:
-    columns, _, target = told_unevenly(np.random.default_rng(3))
-    values = np.linalg.lstsq(columns.T, target, rcond=None)[0]
-    rows = target.size
-    found = spread(columns, target - values @ columns, 2, signal=np.zeros(rows))
-    left_out = np.empty((MOST_BLOCKS, 2))
-    edges = np.linspace(0, rows, MOST_BLOCKS + 1).astype(int).tolist()
-    for block, (first, last) in enumerate(pairwise(edges)):
-        kept = np.r_[0:first, last:rows]
-        part = columns[:, kept]
-        left_out[block] = np.linalg.solve(part @ part.T, part @ target[kept])
-    off = left_out - values
-    expected = (MOST_BLOCKS - 1) / MOST_BLOCKS * off.T @ off
-    np.testing.assert_allclose(found.covariance, expected, rtol=1e-8)
-    assert found.degrees_of_freedom == MOST_BLOCKS - 1
-
-
-def test_a_path_is_finite_whatever_drives_it() -> None:
-    """The search asks for such rates, and forces that change inside an interval for any mean."""
-    generator = np.random.default_rng(8)
-    for _ in range(200):
-        device = Coasting.at(generator.uniform(-0.25, 2.0) / STEP, STEP)
-        way = Way.of(device, 0.01 * generator.standard_normal(201))
-        found = path(
-            way,
-            way,
-            2.0 * generator.standard_normal(200),
-            mass=1.0,
-            friction=1.0,
-            start=0.01 * generator.standard_normal(),
-        )
-        assert np.all(np.isfinite(found.speed))
-        assert np.all(np.isfinite(found.kept))
-        left = np.asarray(found.motion.direction.left)
-        assert np.all((left >= 0) & (left <= STEP))
-
-
-def test_a_parameter_that_changes_nothing_does_not_move() -> None:
-    generator = np.random.default_rng(6)
-    slopes = np.stack((generator.standard_normal(500), np.zeros(500)))
-    move, _ = gauss_newton(slopes, 2.0 * slopes[0] + generator.standard_normal(500), 1e-13)
-    assert move[0] == pytest.approx(2.0, abs=0.2)
-    assert move[1] == 0
-
-
-def test_white_noise_is_seldom_taken_for_coloured() -> None:
-    """Eight octaves, each once in 10 000 times: 8 of 10 000 logs at most."""
-    noise = np.random.default_rng(7)
-    taken = sum(is_coloured(noise.standard_normal(2000)) for _ in range(10_000))
-    assert taken <= 8 + 3 * np.sqrt(8)
-
-
-def test_with_instruments_each_block_counts_by_the_root_of_what_leaving_it_out_would() -> None:
-    from scipy.linalg import sqrtm
-
-    columns, tests, target = told_unevenly(np.random.default_rng(4))
-    inverse = np.linalg.inv(tests @ columns.T)
-    residual = target - (inverse @ tests @ target) @ columns
-    rows = target.size
-    found = spread(columns, residual, 2, signal=np.zeros(rows), instruments=tests)
-    expected = np.zeros((2, 2))
-    for first, last in pairwise(np.linspace(0, rows, MOST_BLOCKS + 1).astype(int).tolist()):
-        part = slice(first, last)
-        rest = np.eye(2) - inverse @ tests[:, part] @ columns[:, part].T
-        adds = inverse @ tests[:, part] @ residual[part]
-        shift = np.linalg.solve(np.asarray(sqrtm(rest)).real, adds)
-        expected += np.outer(shift, shift)
-    np.testing.assert_allclose(found.covariance, expected, rtol=1e-8)
-
-
-def test_with_instruments_the_covariance_is_without_bias() -> None:
-    errors, variances = np.empty((2, 300, 2))
-    for seed in range(300):
-        columns, tests, target = told_unevenly(np.random.default_rng([5, seed]))
-        values = np.linalg.solve(tests @ columns.T, tests @ target)
-        residual = target - values @ columns
-        found = spread(columns, residual, 2, signal=np.zeros(target.size), instruments=tests)
-        errors[seed], variances[seed] = values - TOLD, np.diag(found.covariance)
-    # 300 squares know their mean to 8 %.
-    np.testing.assert_allclose(np.mean(np.square(errors), 0), np.mean(variances, 0), rtol=0.25)

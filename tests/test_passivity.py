@@ -10,7 +10,8 @@ from flint import acb, arb
 
 from identification import Device
 from tests.margin_cases import draw, filters_of
-from tests.sampled_reference import Case, Sampled
+from tests.sampled_loops import Case
+from tests.sampled_reference import Sampled
 from tune.effects import Effects
 from tune.loop import Filters
 from tune.passivity import damping_needed, passivity

@@ -9,16 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from datasets_synthetic import Clock, Controller, Faults, Hand, Rig, Servo, simulate
+from tests.plain_rigs import B, M, T, rig
 
 FloatArray = NDArray[np.float64]
-
-T = 0.001
-M, B = 3.0, 10.0
-
-
-def rig(**changes: Any) -> Rig:
-    values: dict[str, Any] = {"mass": M, "damping": B, "sample_time": T}
-    return Rig(**values | changes)
 
 
 def step_response(time: FloatArray) -> FloatArray:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter, tf2zpk
 
 from datasets_synthetic import Controller, Faults, Rig, simulate
+from tests.plain_rigs import B, M, T
 
 FloatArray = NDArray[np.float64]
 
-T = 0.001
 #: Held in place by friction, so that the reading is its noise.
 FIXED = Rig(mass=3.0, damping=10.0, sample_time=T, coulomb_friction=1e12)
 
@@ -109,3 +109,23 @@ def test_two_equal_poles_are_the_cascade_of_first_order() -> None:
 def test_impossible_filters_are_refused(wrong: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Controller(**wrong)
+
+
+def test_filters_are_the_stated_difference_equations() -> None:
+    """Held in place by friction, so that the reading is noise only and the forces can be redone."""
+    fixed = Rig(mass=M, damping=B, sample_time=T, coulomb_friction=1e9)
+    effects = Controller(
+        stiffness=100.0, damping=7.0, mass=0.3, velocity_cutoff=40.0, acceleration_cutoff=25.0
+    )
+    log = simulate(fixed, np.full(300, 0.5), controller=effects, faults=Faults(position_noise=1e-3))
+    q = log.position[0]
+    pole, other = np.exp(-2 * np.pi * 40.0 * T), np.exp(-2 * np.pi * 25.0 * T)
+    velocity = slope = acceleration = 0.0
+    expected = [0.5 - 100.0 * q[0]]
+    for k in range(1, 300):
+        change = (q[k] - q[k - 1]) / T
+        velocity = pole * velocity + (1 - pole) * change
+        last, slope = slope, other * slope + (1 - other) * change
+        acceleration = other * acceleration + (1 - other) * (slope - last) / T
+        expected.append(0.5 - 100.0 * q[k] - 7.0 * velocity - 0.3 * acceleration)
+    np.testing.assert_allclose(log.force[0], expected, rtol=1e-9, atol=1e-9)

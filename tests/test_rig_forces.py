@@ -13,19 +13,13 @@ from scipy.signal import welch
 from scipy.special import ellipk
 
 from datasets_synthetic import Faults, Hand, Recording, Rig, simulate
+from tests.plain_rigs import B, M, T, rig
 
 FloatArray = NDArray[np.float64]
 
-T = 0.001
-M, B = 3.0, 10.0
 #: Relative error of one integration step, |h·p|⁴/120 at the default 0.02, with a margin of ten for
 #: what adds up over a few hundred samples.
 STEP_ERROR = 1e-8
-
-
-def rig(**changes: Any) -> Rig:
-    values: dict[str, Any] = {"mass": M, "damping": B, "sample_time": T}
-    return Rig(**values | changes)
 
 
 def resisting(truth: dict[str, Any], q: float) -> float:

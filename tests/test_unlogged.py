@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from datasets_synthetic import Faults, random_devices
+from datasets_synthetic import Faults
 from identification import LogRefusedError, identify
 from identification.estimators.unlogged import covariance
 from tests.fleet_hardware import data_sheet
+from tests.simulated.fleet import random_devices
 
 MASS, RATE, STEP, ROWS = 2.0, 3.0, 1e-3, 3000
 NOISE, FORCE = 2e-6, 0.02  # m, N

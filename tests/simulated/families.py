@@ -17,12 +17,12 @@ import numpy as np
 from datasets_synthetic.clock import Clock
 from datasets_synthetic.controller import Servo
 from datasets_synthetic.excitation import fit_to_limits, multisine
-from datasets_synthetic.family import Drive, Family
 from datasets_synthetic.faults import Faults
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import simulate
 from identification import Hardware, InvalidInputError, Trajectory
+from tests.simulated.family import Drive, Family
 
 #: Masses of the poses of ``poses`` over the mass of their family.
 POSE_FACTORS = (0.95, 1.0, 1.05)

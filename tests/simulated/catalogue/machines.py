@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.catalogue.motions import Course, multisine
-from datasets_synthetic.catalogue.raw import RawLog
 from datasets_synthetic.clock import Clock
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.faults import Faults
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import simulate
+from tests.simulated.catalogue.motions import Course, multisine
+from tests.simulated.catalogue.raw import RawLog
 
 FloatArray = NDArray[np.float64]
 Three = tuple[RawLog, RawLog, RawLog]

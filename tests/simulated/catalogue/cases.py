@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from datasets_synthetic.catalogue import arrays, machines
-from datasets_synthetic.catalogue.raw import RawLog
 from identification import Hardware
+from tests.simulated.catalogue import arrays, machines
+from tests.simulated.catalogue.raw import RawLog
 
 Level = Literal["mild", "plain", "severe"]
 LEVELS: tuple[Level, ...] = ("mild", "plain", "severe")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from datasets_synthetic.catalogue.raw import RawLog
+from tests.simulated.catalogue.raw import RawLog
 
 
 def counted(log: RawLog, counts: float) -> RawLog:

@@ -1,0 +1,104 @@
+"""Settings of simulated benches, their exact limits, and the same loops as ``tune`` sees them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datasets_synthetic import named_rig
+from tests.sampled_bench import SampledBench
+from tune import Filters, Loop
+from tune.mechanism import HandNumbers, ModeNumbers
+
+FloatArray = NDArray[np.float64]
+
+T = 0.001
+DEVICE: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": T}
+DEVICES = ("homerehab", "stylus", "knob", "emps")
+#: Along each effect alone, and along the paper's own setting.
+RAYS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1000.0, 10.0, 1.0]])
+FARTHEST = (3e5, 3e4, 300.0, 300.0)
+#: What a bracket of the experiment, and its verdict near the limit, may be off: a third of 1 %.
+CLOSE = 1 / 300
+
+
+def exact_limits(bench: SampledBench) -> FloatArray:
+    """Of the four rays."""
+    rays = [(K, B, M) for K, B, M in RAYS.tolist()]
+    return np.array([bench.limit(ray, high) for ray, high in zip(rays, FARTHEST, strict=True)])
+
+
+MODE = (60.0, 0.02, 0.5, -1.2)
+GRIP = (0.5, 8.0, 400.0)
+SECOND: dict[str, Any] = {
+    "velocity_cutoff": 60.0,
+    "acceleration_cutoff": 40.0,
+    "velocity_order": 2,
+    "damping_ratio": 0.7071,
+}
+
+
+RIGID: tuple[dict[str, Any], ...] = (
+    {},
+    {"delay": 0.4 * T},
+    {"delay": T},
+    {"delay": 2.3 * T},
+    {"delay": T, "hand": GRIP},
+    {"delay": T, "velocity_cutoff": 50.0, "acceleration_cutoff": 30.0},
+)
+FLEXIBLE: tuple[dict[str, Any], ...] = (
+    {"delay": T, "modes": (MODE,)},
+    {"delay": T, "current_lag": 0.7 * T},
+    {"delay": T, **SECOND},
+    {"delay": T, "acceleration_cutoff": 40.0, "acceleration_order": 1},
+    {"velocity_window": 15},
+    {"delay": 1.4 * T, "hand": GRIP, "modes": (MODE,), "current_lag": 0.3 * T, **SECOND},
+)
+EVERYTHING: dict[str, Any] = {
+    "delay": 0.0,
+    "current_lag": 0.0,
+    "modes": ((60.0, 0.02, 0.0, 0.0),),
+    "hand": (0.0, 0.0, 0.0),
+    "velocity_cutoff": np.inf,
+    "acceleration_cutoff": np.inf,
+    "velocity_order": 1,
+    "acceleration_order": 2,
+    "damping_ratio": 1.0,
+    "velocity_window": 1,
+}
+
+
+def loop_of(setting: dict[str, Any], device: dict[str, float] = DEVICE) -> Loop:
+    """The same as ``tune`` sees it."""
+    of = EVERYTHING | setting
+    return Loop.from_numbers(
+        **device,
+        delay_samples=of["delay"] / T,
+        filters=Filters(
+            velocity_hz=None if np.isinf(of["velocity_cutoff"]) else of["velocity_cutoff"],
+            acceleration_hz=(
+                None if np.isinf(of["acceleration_cutoff"]) else of["acceleration_cutoff"]
+            ),
+            velocity_order=of["velocity_order"],
+            acceleration_order=of["acceleration_order"],
+            damping_ratio=of["damping_ratio"],
+            velocity_window=None if of["velocity_window"] == 1 else of["velocity_window"],
+        ),
+        modes=[
+            ModeNumbers(frequency_hz=f, damping_ratio=z, at_encoder=e, at_handle=h)
+            for f, z, e, h in setting.get("modes", ())
+        ],
+        hand=(
+            None
+            if "hand" not in setting
+            else HandNumbers(**dict(zip(("mass", "damping", "stiffness"), of["hand"], strict=True)))
+        ),
+        current_lag=of["current_lag"],
+    )
+
+
+def column(name: str) -> FloatArray:
+    """Of the four named devices."""
+    return np.concatenate([getattr(named_rig(each), name) for each in DEVICES])

@@ -1,0 +1,57 @@
+"""What the optimiser answers for a pair, and the reference that judges it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.optimum_loops import Corner
+from tests.optimum_pairs import Pair
+from tests.optimum_reference import Reference
+from tests.sampled_loops import Case
+from tune.climb import climb, closed_form
+from tune.perception import default_table
+from tune.problem import Job
+from tune.solve import Solved, backends, solve
+
+FloatArray = NDArray[np.float64]
+
+#: A size that is allowed may lie beyond the boundary by what no verdict decides.
+UNDECIDED = 2e-9
+
+
+def solved_of(pair: Pair) -> Solved:
+    job = Job.of(pair.device, pair.scene, default_table())
+    return solve(job, pair.elements, pair.filters)
+
+
+def unrounded_sizes(solved: Solved) -> FloatArray:
+    if len(solved.problem.unknowns) == 1:
+        sizes = closed_form(solved.problem).sizes
+    else:
+        sizes = climb(solved.problem, backends()).sizes
+    assert sizes is not None
+    return sizes
+
+
+def reference_of(pair: Pair, solved: Solved) -> Reference:
+    return Reference(
+        pair.device, pair.scene, pair.elements, pair.filters_hz, frozenset(solved.dropped)
+    )
+
+
+def case_of(corner: Corner, filters_hz: tuple[float | None, float | None]) -> Case:
+    velocity, acceleration = filters_hz
+    return Case(
+        mass=corner.mass,
+        damping=corner.damping,
+        sample_time=corner.sample_time,
+        delay_samples=corner.samples,
+        hand=corner.hand,
+        velocity_hz=velocity,
+        acceleration_hz=acceleration,
+    )
+
+
+def nothing_dropped() -> Solved:
+    return Solved(problem=None, sizes=np.empty(0), dropped={})  # type: ignore[arg-type]

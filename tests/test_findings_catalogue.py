@@ -1,0 +1,73 @@
+"""Findings of the catalogue of faulty logs, and none that refuses a good one."""
+
+from __future__ import annotations
+
+import pytest
+
+from identification import (
+    Hardware,
+    LogRefusedError,
+    quantity,
+)
+from identification.findings import CODES
+from tests.findings import findings_of, refusals
+from tests.simulated.catalogue.cases import LEVELS, Case, cases
+from tests.simulated.catalogue.good import GoodLog, good_logs
+
+
+def missing(case: Case) -> str:
+    """What is wrong with the answer to one faulty log; "" if it is right."""
+    try:
+        findings, _ = findings_of(case.log.trajectory(), case.hardware)
+    except LogRefusedError as error:
+        findings = error.findings
+    codes = {each.code for each in findings}
+    if case.level == "mild" or case.code in codes:
+        return ""
+    return f"{case.code} {case.level}: {sorted(codes) or 'nothing'}"
+
+
+def check_catalogue(seed: int, levels: tuple[str, ...] = LEVELS) -> None:
+    catalogue = cases(seed)
+    assert [case.level for case in catalogue] == list(LEVELS) * len(CODES)
+    assert {case.code for case in catalogue} == set(CODES)
+    looked_at = [case for case in catalogue if case.level in levels]
+    assert not [told for told in map(missing, looked_at) if told]
+
+
+def test_every_plain_fault_gets_its_code() -> None:
+    check_catalogue(1, ("plain",))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(100, 110))
+def test_every_fault_gets_its_code_whatever_the_noise(seed: int) -> None:
+    check_catalogue(seed)
+
+
+def refused(good: GoodLog, *, known: bool) -> str:
+    """Why a good log is refused; "" if it is not."""
+    hardware = Hardware(
+        motion=good.log.motion,
+        delay=quantity(good.delay) if known else None,
+        encoder_resolution=quantity(good.encoder_resolution) if known else None,
+    )
+    codes = refusals(good.log.trajectory(), hardware)
+    return f"{good.name}: {sorted(codes)}" if codes else ""
+
+
+def check_good(count: int, seed: int) -> None:
+    logs = good_logs(count, seed)
+    assert len(logs) == count
+    why = [refused(each, known=bool(index % 2)) for index, each in enumerate(logs)]
+    assert not [told for told in why if told]
+
+
+def test_no_good_log_is_refused() -> None:
+    check_good(8, 1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(200, 205))
+def test_no_good_log_of_five_hundred_is_refused(seed: int) -> None:
+    check_good(100, seed)

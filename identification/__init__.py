@@ -63,6 +63,12 @@ if TYPE_CHECKING:
     from identification.errors import (
         UsageError as UsageError,
     )
+    from identification.estimators import (
+        METHODS as METHODS,
+    )
+    from identification.estimators import (
+        Method as Method,
+    )
     from identification.evidence import (
         Covariance as Covariance,
     )
@@ -147,6 +153,7 @@ _HOMES = {
     "errors": (
         "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError UsageError"
     ),
+    "estimators": "METHODS Method",
     "evidence": "Covariance LogRecord",
     "examination": "Examination examine",
     "excitation": "Excitation plan_excitation",
@@ -168,6 +175,7 @@ _HOMES = {
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
 __all__ = [
+    "METHODS",
     "AnyQuantity",
     "Box",
     "ByDirection",
@@ -188,6 +196,7 @@ __all__ = [
     "LogFit",
     "LogRecord",
     "LogRefusedError",
+    "Method",
     "Mode",
     "NotWrittenError",
     "Plant",

@@ -10,13 +10,12 @@ import numpy as np
 from identification.device import Device, Hardware, LogRecord
 from identification.documents import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
+from identification.estimators import METHODS, Method
 from identification.estimators.model import Estimate
 from identification.findings import CODES, inspect
 from identification.one_log import LogFit, fit_log
 from identification.trajectory import Trajectory
 
-#: Methods that can be asked for.
-METHODS = ("auto", "least-squares", "weak", "instruments", "output-error", "innovations")
 #: Size of any column, and least change of force and position, in SI units. Micro-manipulators and
 #: presses lie many orders inside.
 LARGEST = 1e12
@@ -57,7 +56,7 @@ def identify(
     trajectory: Trajectory | Sequence[Trajectory],
     *,
     hardware: Hardware | None = None,
-    method: str = "auto",
+    method: Method = "auto",
     allow: Collection[str] = (),
 ) -> Identification:
     """Identify one axis from one log or several.

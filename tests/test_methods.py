@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,16 +12,17 @@ from numpy.typing import NDArray
 
 from datasets_synthetic import Clock, Faults, Rig, family_named, fit_to_limits, multisine, simulate
 from identification import Trajectory
-from identification.estimators import METHODS, Estimate, Model, instruments, weak
+from identification.estimators import ESTIMATORS
 from identification.estimators.banded import Covariance, bands
 from identification.estimators.bumps import Operators, bumps
 from identification.estimators.held import Held
 from identification.estimators.held_response import Coasting
 from identification.estimators.linear import gauss_newton
+from identification.estimators.model import Estimate, Model
 from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
 from identification.estimators.shaping import is_coloured
 from identification.estimators.stick_slip import Way, path
-from identification.intervals import MOST_BLOCKS, spread
+from tests.estimates import estimate_by
 
 Array = NDArray[np.float64]
 
@@ -73,18 +73,18 @@ def check(found: Sequence[Estimate], truth: dict[str, float], part: float) -> No
             assert off < part * max(abs(value), 1.0), f"{name} {each.value(name)}"
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 @pytest.mark.parametrize("clock", CLOCKS)
 @pytest.mark.parametrize("delay", [0.4 * STEP, 2.3 * STEP])
 def test_known_devices_are_recovered(method: str, clock: str, delay: float) -> None:
-    found = [METHODS[method](log, Model(coulomb=False), delay) for log in logs(clock, delay)]
+    found = [estimate_by(method, log, Model(coulomb=False), delay) for log in logs(clock, delay)]
     check(found, {"mass": 3.0, "damping": 10.0, "force_offset": 0.3}, 0.02)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 @pytest.mark.parametrize("clock", ["even", "jittered"])
 def test_friction_is_recovered(method: str, clock: str) -> None:
-    found = [METHODS[method](log, Model(), STEP) for log in logs(clock, STEP, coulomb=0.8)]
+    found = [estimate_by(method, log, Model(), STEP) for log in logs(clock, STEP, coulomb=0.8)]
     truth = {"mass": 3.0, "damping": 10.0, "coulomb_friction": 0.8, "force_offset": 0.3}
     check(found, truth, 0.06)
 
@@ -92,41 +92,35 @@ def test_friction_is_recovered(method: str, clock: str) -> None:
 @pytest.mark.parametrize("method", ["weak", "instruments", "output-error", "innovations"])
 def test_a_delay_nobody_states_is_fitted(method: str) -> None:
     for log in logs("even", 2.3 * STEP):
-        found = METHODS[method](log, Model(coulomb=False), None)
+        found = estimate_by(method, log, Model(coulomb=False), None)
         assert found.delay_deviation is not None
         assert abs(found.delay - 2.3 * STEP) < SIGMAS * found.delay_deviation
         assert found.delay_deviation < 0.2 * STEP
         check([found], {"mass": 3.0, "damping": 10.0}, 0.02)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 def test_gravity_is_recovered(method: str) -> None:
     family = family_named("offset-gravity")
     found = [
-        METHODS[method](log, Model(coulomb=False, gravity="pendulum"), family.truth["delay"])
+        estimate_by(method, log, Model(coulomb=False, gravity="pendulum"), family.truth["delay"])
         for log in family.logs(SEEDS)
     ]
     names = ("mass", "damping", "force_offset", "gravity_sine", "gravity_cosine")
     check(found, {name: family.truth[name] for name in names}, 0.01)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 def test_friction_by_direction_is_recovered(method: str) -> None:
     family = family_named("directional-friction")
     for log in family.logs(SEEDS):
-        found = METHODS[method](log, Model(directional=True), family.truth["delay"])
+        found = estimate_by(method, log, Model(directional=True), family.truth["delay"])
         truth = {name: family.truth[name] for name in ("mass", "damping", "coulomb_friction")}
         check([found], truth | {"damping_asymmetry": family.truth["damping_asymmetry"]}, 0.1)
         # Coulomb friction by direction is Fc ± (f0 - a·s).
         sides = found.combined(force_offset=1.0, damping_asymmetry=-found.mean_speed)
         asymmetry = family.truth["coulomb_asymmetry"] + family.truth["force_offset"]
         assert abs(sides[0] - asymmetry) < SIGMAS * sides[1]
-
-
-def test_the_command_line_offers_every_method() -> None:
-    from tune.cli.options import Method
-
-    assert {each.value for each in Method} == {"auto", *METHODS}
 
 
 CHANGES: dict[str, dict[str, float]] = {
@@ -139,7 +133,7 @@ CHANGES: dict[str, dict[str, float]] = {
 }
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 @pytest.mark.parametrize("clock", ["even", "jittered"])
 @pytest.mark.parametrize("change", CHANGES)
 def test_units_clock_sign_and_origin_do_not_matter(method: str, clock: str, change: str) -> None:
@@ -151,8 +145,8 @@ def test_units_clock_sign_and_origin_do_not_matter(method: str, clock: str, chan
         position=log.position * position + CHANGES[change].get("shift", 0.0),
     )
     model = Model(coulomb=False)
-    plain = METHODS[method](log, model, 0.4 * STEP)
-    other = METHODS[method](moved, model, 0.4 * STEP * time)
+    plain = estimate_by(method, log, model, 0.4 * STEP)
+    other = estimate_by(method, moved, model, 0.4 * STEP * time)
     scale = np.array([force / position * time**2, force / position * time, force])
     # Stamps and positions lose digits where a number is added; the searches end within a hundredth
     # of a deviation either way.
@@ -170,7 +164,7 @@ def test_a_reference_frees_from_noise_that_the_force_carries() -> None:
     found: dict[str, list[float]] = {"least-squares": [], "instruments": []}
     for log in family.logs(range(40)):
         for method, masses in found.items():
-            estimate = METHODS[method](log, model, truth["delay"])
+            estimate = estimate_by(method, log, model, truth["delay"])
             masses.append(estimate.value("mass") / truth["mass"] - 1)
             if method == "instruments":
                 assert estimate.notes[0] == "instruments from the logged reference"
@@ -183,7 +177,7 @@ def test_a_reference_finds_the_delay_in_closed_loop() -> None:
     """Unlogged force comes back through the controller and looks like another delay."""
     family = family_named("closed-loop-force-noise")
     for log in family.logs(range(6)):
-        found = instruments.estimate(log, Model(coulomb=False), None)
+        found = estimate_by("instruments", log, Model(coulomb=False), None)
         assert found.delay_deviation is not None
         assert abs(found.delay - family.truth["delay"]) < 3 * found.delay_deviation
         assert abs(found.value("damping") - 10.0) < 3 * found.deviation("damping")
@@ -193,8 +187,8 @@ def test_a_reference_finds_the_delay_in_closed_loop() -> None:
 def test_without_a_moving_reference_instruments_are_simulated() -> None:
     log = logs("even", 0.4 * STEP)[0]
     for reference in (None, np.full(len(log), 0.1)):
-        found = instruments.estimate(
-            replace(log, reference=reference), Model(coulomb=False), 0.4 * STEP
+        found = estimate_by(
+            "instruments", replace(log, reference=reference), Model(coulomb=False), 0.4 * STEP
         )
         assert "simulated" in found.notes[0]
         assert "open loop" in found.notes[0]
@@ -253,39 +247,9 @@ def test_banded_covariance_is_the_dense_one() -> None:
 
 def test_weak_residual_is_white_where_its_covariance_is_true() -> None:
     for log in logs("even", 0.4 * STEP):
-        found = weak.estimate(log, Model(coulomb=False), 0.4 * STEP)
+        found = estimate_by("weak", log, Model(coulomb=False), 0.4 * STEP)
         # Bartlett: beyond 1.63/√(n/2) once in a hundred.
         assert found.whiteness < 1.63 / np.sqrt(found.residual.size / 2)
-
-
-#: Values behind the columns of ``told_unevenly``.
-TOLD = np.array([2.0, -0.1])
-
-
-def told_unevenly(generator: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Columns, instruments and target; the second column is loud in a tenth of the rows only."""
-    rows = 1200
-    loud = np.where(np.arange(rows) < rows // 10, 50.0, 5.0)
-    tests = generator.standard_normal((2, rows)) * np.stack((np.ones(rows), loud))
-    columns = tests + 0.3 * generator.standard_normal((2, rows))
-    return columns, tests, TOLD @ columns + generator.standard_normal(rows)
-
-
-def test_covariance_is_the_jackknife_done_by_hand() -> None:
-    columns, _, target = told_unevenly(np.random.default_rng(3))
-    values = np.linalg.lstsq(columns.T, target, rcond=None)[0]
-    rows = target.size
-    found = spread(columns, target - values @ columns, 2, signal=np.zeros(rows))
-    left_out = np.empty((MOST_BLOCKS, 2))
-    edges = np.linspace(0, rows, MOST_BLOCKS + 1).astype(int).tolist()
-    for block, (first, last) in enumerate(pairwise(edges)):
-        kept = np.r_[0:first, last:rows]
-        part = columns[:, kept]
-        left_out[block] = np.linalg.solve(part @ part.T, part @ target[kept])
-    off = left_out - values
-    expected = (MOST_BLOCKS - 1) / MOST_BLOCKS * off.T @ off
-    np.testing.assert_allclose(found.covariance, expected, rtol=1e-8)
-    assert found.degrees_of_freedom == MOST_BLOCKS - 1
 
 
 def test_a_path_is_finite_whatever_drives_it() -> None:
@@ -321,33 +285,3 @@ def test_white_noise_is_seldom_taken_for_coloured() -> None:
     noise = np.random.default_rng(7)
     taken = sum(is_coloured(noise.standard_normal(2000)) for _ in range(10_000))
     assert taken <= 8 + 3 * np.sqrt(8)
-
-
-def test_with_instruments_each_block_counts_by_the_root_of_what_leaving_it_out_would() -> None:
-    from scipy.linalg import sqrtm
-
-    columns, tests, target = told_unevenly(np.random.default_rng(4))
-    inverse = np.linalg.inv(tests @ columns.T)
-    residual = target - (inverse @ tests @ target) @ columns
-    rows = target.size
-    found = spread(columns, residual, 2, signal=np.zeros(rows), instruments=tests)
-    expected = np.zeros((2, 2))
-    for first, last in pairwise(np.linspace(0, rows, MOST_BLOCKS + 1).astype(int).tolist()):
-        part = slice(first, last)
-        rest = np.eye(2) - inverse @ tests[:, part] @ columns[:, part].T
-        adds = inverse @ tests[:, part] @ residual[part]
-        shift = np.linalg.solve(np.asarray(sqrtm(rest)).real, adds)
-        expected += np.outer(shift, shift)
-    np.testing.assert_allclose(found.covariance, expected, rtol=1e-8)
-
-
-def test_with_instruments_the_covariance_is_without_bias() -> None:
-    errors, variances = np.empty((2, 300, 2))
-    for seed in range(300):
-        columns, tests, target = told_unevenly(np.random.default_rng([5, seed]))
-        values = np.linalg.solve(tests @ columns.T, tests @ target)
-        residual = target - values @ columns
-        found = spread(columns, residual, 2, signal=np.zeros(target.size), instruments=tests)
-        errors[seed], variances[seed] = values - TOLD, np.diag(found.covariance)
-    # 300 squares know their mean to 8 %.
-    np.testing.assert_allclose(np.mean(np.square(errors), 0), np.mean(variances, 0), rtol=0.25)

@@ -114,8 +114,8 @@ if TYPE_CHECKING:
     )
     from identification.one_log import LogFit as LogFit
     from identification.pictures import fit_picture as fit_picture
-    from identification.planning.force_file import force_text as force_text
-    from identification.planning.picture import excitation_picture as excitation_picture
+    from identification.planning.presented import excitation_picture as excitation_picture
+    from identification.planning.presented import force_text as force_text
     from identification.planning.spec import (
         ExcitationSpec as ExcitationSpec,
     )
@@ -164,8 +164,7 @@ _HOMES = {
     "one_axis": "Identification identify",
     "one_log": "LogFit",
     "pictures": "fit_picture",
-    "planning.force_file": "force_text",
-    "planning.picture": "excitation_picture",
+    "planning.presented": "excitation_picture force_text",
     "planning.spec": "ExcitationSpec load_excitation",
     "plant": "Plant",
     "quantities": "AnyQuantity Quantity quantity",

@@ -17,7 +17,7 @@ from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Model
 from identification.estimators.noise import encoder_count, finest_reading, position_noise
 from identification.estimators.rows import Signals
-from identification.estimators.whiteness import whiteness
+from identification.estimators.shaping import whiteness
 from identification.intervals import correlation_length, half_width, spread
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions

@@ -23,7 +23,7 @@ from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.output_error_turns import Fitted, Turns
 from identification.estimators.separable import physical, solve
-from identification.estimators.whiteness import whiteness
+from identification.estimators.shaping import whiteness
 from identification.intervals import spread
 
 FloatArray = NDArray[np.float64]

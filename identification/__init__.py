@@ -16,10 +16,16 @@ if TYPE_CHECKING:
         ByDirection as ByDirection,
     )
     from identification.device import (
+        Covariance as Covariance,
+    )
+    from identification.device import (
         Device as Device,
     )
     from identification.device import (
         Gravity as Gravity,
+    )
+    from identification.device import (
+        LogRecord as LogRecord,
     )
     from identification.documents import (
         Document as Document,
@@ -68,12 +74,6 @@ if TYPE_CHECKING:
     )
     from identification.estimators import (
         Method as Method,
-    )
-    from identification.evidence import (
-        Covariance as Covariance,
-    )
-    from identification.evidence import (
-        LogRecord as LogRecord,
     )
     from identification.examination import (
         Examination as Examination,
@@ -146,7 +146,7 @@ if TYPE_CHECKING:
 #: it would take the function's place.
 _HOMES = {
     "box": "Box",
-    "device": "ByDirection Device Gravity",
+    "device": "ByDirection Covariance Device Gravity LogRecord",
     "documents": (
         "Document as_stored load_document load_mapping parse_document rounded to_mapping to_yaml"
     ),
@@ -154,7 +154,6 @@ _HOMES = {
         "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError UsageError"
     ),
     "estimators": "METHODS Method",
-    "evidence": "Covariance LogRecord",
     "examination": "Examination examine",
     "excitation": "Excitation plan_excitation",
     "hardware": "ForceLimit Hardware",

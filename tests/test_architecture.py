@@ -25,7 +25,7 @@ class Plan:
     lines: int = 300
 
 
-PLANS = {"identification": Plan(rooms=33)}
+PLANS = {"identification": Plan(rooms=32)}
 
 
 def file_graph(package: str) -> Graph:

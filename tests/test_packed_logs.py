@@ -16,7 +16,7 @@ import pytest
 import scipy.io
 
 from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
-from identification.readers.limits import MOST_SAMPLES
+from identification.readers.columns import MOST_SAMPLES
 
 ROWS = 300
 TIME = np.arange(ROWS) * 1e-3

@@ -1,4 +1,8 @@
-"""Which columns of a file are what, and the sentences about columns that are not there."""
+"""Which columns of a file are what, how large they may be, and the sentences where they are not.
+
+Packed files can claim or unfold to far more than their size on disk, so what is too large is
+refused before any memory is spent on it.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,10 @@ from identification.errors import InvalidInputError
 
 FloatArray = NDArray[np.float64]
 
+#: Bytes. A CSV log of MOST_SAMPLES rows of three full-precision numbers is about 1.2 GB.
+LARGEST_FILE = 2_000_000_000
+#: Over five hours at 1 kHz; more tells nothing new of one axis. 160 MB a column.
+MOST_SAMPLES = 20_000_000
 #: Column names listed in a message at most; a wrong file may have thousands.
 _MOST_NAMED = 20
 #: Characters of a file's own text quoted in a message at most.
@@ -102,3 +110,25 @@ def quoted(text: str) -> str:
 def first_words(error: BaseException) -> str:
     """A library's complaint in one line short enough to print, with the kind of error."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]
+
+
+def refuse_long(path: Path, samples: int) -> None:
+    """Raises InvalidInputError for more samples than a log may have."""
+    if samples > MOST_SAMPLES:
+        raise InvalidInputError(
+            path,
+            f"holds or claims {samples} samples, more than the {MOST_SAMPLES} that are read",
+            "Cut the log to a shorter part",
+        )
+
+
+def refuse_shape(path: Path, name: str, shape: tuple[int, ...]) -> None:
+    """Raises InvalidInputError for a stored array that is no single column, or too long."""
+    refuse_long(path, math.prod(shape))
+    if len([size for size in shape if size != 1]) != 1:
+        size = " x ".join(str(size) for size in shape) or "a single number"
+        raise InvalidInputError(
+            path,
+            f"variable '{quoted(name)}' is {size}, not a single column",
+            "Name a variable with one value for each sample",
+        )

@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import FloatArray, LogColumns, quoted, wanted_columns
-from identification.readers.limits import refuse_long
+from identification.readers.columns import (
+    FloatArray,
+    LogColumns,
+    quoted,
+    refuse_long,
+    wanted_columns,
+)
 
 if TYPE_CHECKING:
     import polars

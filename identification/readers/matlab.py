@@ -15,9 +15,9 @@ from identification.readers.columns import (
     LogColumns,
     first_words,
     quoted,
+    refuse_shape,
     wanted_columns,
 )
-from identification.readers.limits import refuse_shape
 
 #: A MATLAB v7.3 file is HDF5 behind a header of this many bytes, or HDF5 from its first byte.
 _HEADER = 512

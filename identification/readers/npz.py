@@ -15,9 +15,9 @@ from identification.readers.columns import (
     LogColumns,
     first_words,
     quoted,
+    refuse_shape,
     wanted_columns,
 )
-from identification.readers.limits import refuse_shape
 
 #: What an array's name ends in inside the archive.
 _ENDING = ".npy"

@@ -14,9 +14,9 @@ from identification.readers.columns import (
     LogColumns,
     first_words,
     quoted,
+    refuse_long,
     wanted_columns,
 )
-from identification.readers.limits import refuse_long
 
 if TYPE_CHECKING:
     import polars

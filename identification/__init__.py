@@ -9,6 +9,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from identification._identify import (
+        Identification as Identification,
+    )
+    from identification._identify import (
+        identify as identify,
+    )
     from identification.box import (
         Box as Box,
     )
@@ -106,12 +112,6 @@ if TYPE_CHECKING:
         load_trajectory as load_trajectory,
     )
     from identification.mechanism import Mode as Mode
-    from identification.one_axis import (
-        Identification as Identification,
-    )
-    from identification.one_axis import (
-        identify as identify,
-    )
     from identification.one_log import LogFit as LogFit
     from identification.pictures import fit_picture as fit_picture
     from identification.planning.presented import excitation_picture as excitation_picture
@@ -142,7 +142,7 @@ if TYPE_CHECKING:
         write_text as write_text,
     )
 
-#: Public names by module. No module has the name of a function (identify, quantity): once loaded,
+#: Public names by module. No module has the name of a function (so _identify): once loaded,
 #: it would take the function's place.
 _HOMES = {
     "box": "Box",
@@ -160,7 +160,7 @@ _HOMES = {
     "known_devices": "load_device named_devices",
     "logs": "LogColumns load_trajectory",
     "mechanism": "Mode",
-    "one_axis": "Identification identify",
+    "_identify": "Identification identify",
     "one_log": "LogFit",
     "pictures": "fit_picture",
     "planning.presented": "excitation_picture force_text",

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification._identify import Identification, identify
 from identification.device import Quantity
 from identification.errors import Finding, InvalidInputError, LogRefusedError
 from identification.estimators.noise import encoder_count, position_noise
 from identification.findings import CODES
 from identification.findings.balance import Balance, balance_of
 from identification.hardware import Hardware
-from identification.one_axis import Identification, identify
 from identification.trajectory import Trajectory
 
 #: The excited band holds the power of the velocity but for this part at either end.

@@ -133,6 +133,8 @@ def test_a_method_can_be_asked_for(method: Method) -> None:
     found = identify(homerehab()[0], hardware=HARDWARE, method=method)
     assert found.method == method
     assert "as asked" in found.reason
+    assert found.method in repr(found)
+    assert len(repr(found)) < 300
 
 
 def test_terms_stay_unless_they_are_noise() -> None:

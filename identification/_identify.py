@@ -36,6 +36,14 @@ class Identification:
     logs: tuple[LogFit, ...]
     findings: tuple[Finding, ...]
 
+    def __repr__(self) -> str:
+        mass, damping = self.device.mass, self.device.damping
+        return (
+            f"Identification(mass {mass.value:.4g} ({mass.low:.4g} to {mass.high:.4g}), "
+            f"damping {damping.value:.4g} ({damping.low:.4g} to {damping.high:.4g}), "
+            f"by {self.method} from {len(self.logs)} log(s), {len(self.findings)} finding(s))"
+        )
+
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """The estimate believed of each log."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from identification._identify import Identification, identify
 from identification.device import Quantity
 from identification.errors import Finding, InvalidInputError, LogRefusedError
+from identification.estimators import Method
 from identification.estimators.noise import encoder_count, position_noise
 from identification.findings import CODES
 from identification.findings.balance import Balance, balance_of
@@ -65,7 +66,7 @@ def examine(
     trajectory: Trajectory,
     *,
     hardware: Hardware | None = None,
-    method: str = "auto",
+    method: Method = "auto",
     allow: Collection[str] = (),
 ) -> Examination:
     """Look at one log as identify would, and refuse nothing.
@@ -109,7 +110,7 @@ def examine(
 
 
 def _anyway(
-    trajectory: Trajectory, hardware: Hardware | None, method: str
+    trajectory: Trajectory, hardware: Hardware | None, method: Method
 ) -> Identification | None:
     """What the log would say if every finding were accepted; None if nothing."""
     try:

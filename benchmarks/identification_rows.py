@@ -13,7 +13,9 @@ from benchmarks.other_methods import OTHERS
 from benchmarks.row import Row, best_seconds
 from datasets_synthetic import SCENARIOS, run_batch
 from identification import Hardware, IdentificationError, Trajectory, identify, quantity
-from identification.estimators import METHODS, Model
+from identification.estimators import ESTIMATORS
+from identification.estimators.model import Model
+from identification.workshop import Workshop
 from tests.simulated.families import FAMILIES
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +71,7 @@ def _cases() -> Iterator[_Case]:
 
 
 def _ours(name: str, log: Trajectory, model: Model, delay: float) -> FloatArray:
-    found = METHODS[name](log, model, delay)
+    found = Workshop.of(log, model, quantity(delay)).fit(name)
     return np.array([found.value("mass"), found.value("damping")])
 
 
@@ -82,7 +84,7 @@ def _auto(log: Trajectory, model: Model, delay: float) -> FloatArray:
 
 def rows() -> Iterator[Row]:
     """Root mean square errors over seeds."""
-    methods: dict[str, Method] = {name: partial(_ours, name) for name in METHODS}
+    methods: dict[str, Method] = {name: partial(_ours, name) for name in ESTIMATORS}
     methods |= {"auto, all of identify": _auto} | OTHERS
     for case in _cases():
         for label, method in methods.items():

@@ -1,4 +1,4 @@
-"""Output error by length of the log: even stamps and uneven ones."""
+"""Output error by length of the log, its preparation included: even stamps and uneven ones."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ import numpy as np
 
 from benchmarks.long_log import DAMPING, DELAY, MASS, long_log
 from benchmarks.row import Row, best_seconds
-from identification.estimators import METHODS, Estimate, Model
+from identification import Trajectory, quantity
+from identification.estimators.model import Estimate, Model
+from identification.workshop import Workshop
 
 _MODEL = Model(coulomb=True, offset=True)
 
 
 def rows() -> Iterator[Row]:
     """Friction, offset and a known delay; the error shows that the timed fit is a fit."""
-    estimate = METHODS["output-error"]
     even: dict[int, float] = {}
     for uneven in (False, True):
         for samples, repeats in ((5_000, 5), (1_000_000, 2)):
             log = long_log(samples, uneven=uneven)
             kept: list[Estimate] = []
-            fit = partial(_keep, kept, partial(estimate, log, _MODEL, DELAY))
+            fit = partial(_keep, kept, partial(_fit, log))
             seconds = best_seconds(fit, repeats)
             found = np.array([kept[-1].value("mass"), kept[-1].value("damping")])
             error = np.abs(found / (MASS, DAMPING) - 1)
@@ -37,6 +38,10 @@ def rows() -> Iterator[Row]:
                 error=f"one log: m {error[0]:.1e}, b {error[1]:.1e}",
                 against=against,
             )
+
+
+def _fit(log: Trajectory) -> Estimate:
+    return Workshop.of(log, _MODEL, quantity(DELAY)).fit("output-error")
 
 
 def _keep(kept: list[Estimate], fit: partial[Estimate]) -> None:

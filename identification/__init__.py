@@ -9,6 +9,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from identification._identify import (
+        Identification as Identification,
+    )
+    from identification._identify import (
+        identify as identify,
+    )
     from identification.box import (
         Box as Box,
     )
@@ -16,10 +22,16 @@ if TYPE_CHECKING:
         ByDirection as ByDirection,
     )
     from identification.device import (
+        Covariance as Covariance,
+    )
+    from identification.device import (
         Device as Device,
     )
     from identification.device import (
         Gravity as Gravity,
+    )
+    from identification.device import (
+        LogRecord as LogRecord,
     )
     from identification.documents import (
         Document as Document,
@@ -63,11 +75,11 @@ if TYPE_CHECKING:
     from identification.errors import (
         UsageError as UsageError,
     )
-    from identification.evidence import (
-        Covariance as Covariance,
+    from identification.estimators import (
+        METHODS as METHODS,
     )
-    from identification.evidence import (
-        LogRecord as LogRecord,
+    from identification.estimators import (
+        Method as Method,
     )
     from identification.examination import (
         Examination as Examination,
@@ -101,16 +113,10 @@ if TYPE_CHECKING:
         load_trajectory as load_trajectory,
     )
     from identification.mechanism import Mode as Mode
-    from identification.one_axis import (
-        Identification as Identification,
-    )
-    from identification.one_axis import (
-        identify as identify,
-    )
     from identification.one_log import LogFit as LogFit
     from identification.pictures import fit_picture as fit_picture
-    from identification.planning.force_file import force_text as force_text
-    from identification.planning.picture import excitation_picture as excitation_picture
+    from identification.planning.presented import excitation_picture as excitation_picture
+    from identification.planning.presented import force_text as force_text
     from identification.planning.spec import (
         ExcitationSpec as ExcitationSpec,
     )
@@ -137,18 +143,18 @@ if TYPE_CHECKING:
         write_text as write_text,
     )
 
-#: Public names by module. No module has the name of a function (identify, quantity): once loaded,
+#: Public names by module. No module has the name of a function (so _identify): once loaded,
 #: it would take the function's place.
 _HOMES = {
     "box": "Box",
-    "device": "ByDirection Device Gravity",
+    "device": "ByDirection Covariance Device Gravity LogRecord",
     "documents": (
         "Document as_stored load_document load_mapping parse_document rounded to_mapping to_yaml"
     ),
     "errors": (
         "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError UsageError"
     ),
-    "evidence": "Covariance LogRecord",
+    "estimators": "METHODS Method",
     "examination": "Examination examine",
     "excitation": "Excitation plan_excitation",
     "figure": "NotebookFigure",
@@ -156,11 +162,10 @@ _HOMES = {
     "known_devices": "load_device named_devices",
     "logs": "LogColumns load_trajectory",
     "mechanism": "Mode",
-    "one_axis": "Identification identify",
+    "_identify": "Identification identify",
     "one_log": "LogFit",
     "pictures": "fit_picture",
-    "planning.force_file": "force_text",
-    "planning.picture": "excitation_picture",
+    "planning.presented": "excitation_picture force_text",
     "planning.spec": "ExcitationSpec load_excitation",
     "plant": "Plant",
     "quantities": "AnyQuantity Quantity quantity",
@@ -170,6 +175,7 @@ _HOMES = {
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
 __all__ = [
+    "METHODS",
     "AnyQuantity",
     "Box",
     "ByDirection",
@@ -190,6 +196,7 @@ __all__ = [
     "LogFit",
     "LogRecord",
     "LogRefusedError",
+    "Method",
     "Mode",
     "NotWrittenError",
     "NotebookFigure",

@@ -47,7 +47,7 @@ def choose(workshop: Workshop, method: str) -> tuple[Estimate, str]:
 
     Args:
         workshop: of one log.
-        method: "auto" or a key of estimators.METHODS.
+        method: "auto" or a name of estimators.ESTIMATORS.
     """
     regression = workshop.fit("least-squares")
     if method == "least-squares":

@@ -10,7 +10,6 @@ from pydantic import ConfigDict, Field, model_validator
 
 from identification.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
 from identification.documents import Document
-from identification.evidence import Covariance, LogRecord
 from identification.hardware import SHORTEST_STEP, ForceLimit, Hardware
 from identification.mechanism import MOST_MODES, Mode
 from identification.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
@@ -32,6 +31,34 @@ __all__ = [
 
 #: kg (kg·m²): a milligram at a lever of a millimetre.
 LIGHTEST = 1e-12
+
+
+class Covariance(Document):
+    """Joint covariance of everything identified together, in the units of the device."""
+
+    parameters: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    degrees_of_freedom: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _square(self) -> Covariance:
+        size = len(self.parameters)
+        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
+            raise ValueError(f"matrix must be {size} x {size}, one row for each parameter")
+        if any(self.matrix[i][i] < 0 for i in range(size)):
+            raise ValueError("matrix has a negative variance")
+        return self
+
+
+class LogRecord(Document):
+    """One log the device was identified from, and what was let through."""
+
+    source: str
+    digest: str
+    samples: int
+    method: str
+    findings: tuple[str, ...] = ()
+    allowed: tuple[str, ...] = ()
 
 
 class ByDirection(Document):

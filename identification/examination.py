@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification._identify import Identification, identify
 from identification.device import Quantity
 from identification.errors import Finding, InvalidInputError, LogRefusedError
+from identification.estimators import Method
 from identification.estimators.noise import encoder_count, position_noise
 from identification.findings import CODES
 from identification.findings.balance import Balance, balance_of
 from identification.hardware import Hardware
-from identification.one_axis import Identification, identify
 from identification.trajectory import Trajectory
 
 #: The excited band holds the power of the velocity but for this part at either end.
@@ -67,7 +68,7 @@ def examine(
     trajectory: Trajectory,
     *,
     hardware: Hardware | None = None,
-    method: str = "auto",
+    method: Method = "auto",
     allow: Collection[str] = (),
 ) -> Examination:
     """Look at one log as identify would, and refuse nothing.
@@ -112,7 +113,7 @@ def examine(
 
 
 def _anyway(
-    trajectory: Trajectory, hardware: Hardware | None, method: str
+    trajectory: Trajectory, hardware: Hardware | None, method: Method
 ) -> Identification | None:
     """What the log would say if every finding were accepted; None if nothing."""
     try:

@@ -60,7 +60,7 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     Args:
         trajectory: time stamps are used as they are.
         hardware: states the delay, if it does.
-        method: "auto" or a key of estimators.METHODS.
+        method: "auto" or a name of estimators.ESTIMATORS.
     """
     stated = None if hardware is None else hardware.delay
     part = most_excited(trajectory)

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from types import ModuleType
+from importlib import import_module
+from typing import Protocol, cast
 
 import numpy as np
 
-from identification.estimators import (
-    innovations,
-    instruments,
-    least_squares,
-    output_error,
-    weak,
-)
 from identification.estimators.delay import Delay, find_delay
 from identification.estimators.drive import MOST_SAMPLES
+from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.model import Estimate, Model
 from identification.intervals import NORMAL_95
 from identification.quantities import Quantity
@@ -23,15 +18,16 @@ from identification.trajectory import Trajectory
 
 #: Change of delay, in samples, for the slope of the estimates over delay.
 _DELAY_STEP = 0.05
-#: Methods that are given a delay ...
-_GIVEN: dict[str, ModuleType] = {"least-squares": least_squares}
-#: ... and methods that fit one if nobody states it.
-_FITTED: dict[str, ModuleType] = {
-    "weak": weak,
-    "instruments": instruments,
-    "output-error": output_error,
-    "innovations": innovations,
-}
+#: The method that is given a delay; the others fit one if nobody states it.
+_GIVEN = "least-squares"
+
+
+class _Fit(Protocol):
+    """What every file of estimators has by this name."""
+
+    def __call__(
+        self, table: Regression, delay: float | None, *, start: float = 0.0
+    ) -> Estimate: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +43,7 @@ class Workshop:
     """
 
     trajectory: Trajectory
-    table: least_squares.Regression
+    table: Regression
     stated: Quantity | None
     found: Delay | None
     made: dict[str, Estimate] = field(default_factory=dict[str, Estimate])
@@ -62,7 +58,7 @@ class Workshop:
         room = (
             delay + _DELAY_STEP * step if found is None else min(delay + step, MOST_SAMPLES * step)
         )
-        table = least_squares.prepare(trajectory, model, room, refine=False).refined(delay)
+        table = prepare(trajectory, model, room, refine=False).refined(delay)
         return cls(trajectory=trajectory, table=table, stated=stated, found=found)
 
     def widened(self, model: Model) -> Workshop:
@@ -117,15 +113,17 @@ class Workshop:
             self.made[method] = self._fit(self.table, method)
         return self.made[method]
 
-    def _fit(self, table: least_squares.Regression, method: str) -> Estimate:
-        if method in _FITTED and self.stated is None:
-            return _FITTED[method].fit(table, None, start=self.delay)
-        estimator = _GIVEN.get(method) or _FITTED[method]
-        fixed: Estimate = estimator.fit(table, self.delay)
+    def _fit(self, table: Regression, method: str) -> Estimate:
+        # Only the estimators that a log needs are loaded.
+        module = import_module(f"identification.estimators.{method.replace('-', '_')}")
+        fit = cast("_Fit", module.fit)
+        if self.stated is None and method != _GIVEN:
+            return fit(table, None, start=self.delay)
+        fixed = fit(table, self.delay)
         if self.doubt == 0:
             return fixed
         # A delay of d looks like an added damping of -m·ω²·d: often most of the interval.
         step = _DELAY_STEP * self.trajectory.sample_time
-        slope = (estimator.fit(table, self.delay + step).values - fixed.values) / step
+        slope = (fit(table, self.delay + step).values - fixed.values) / step
         added = self.doubt**2 * np.outer(slope, slope)
         return replace(fixed, covariance=fixed.covariance + added)

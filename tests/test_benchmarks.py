@@ -9,7 +9,8 @@ from benchmarks.long_log import DAMPING, DELAY, MASS, long_log
 from benchmarks.other_methods import OTHERS, arriving
 from datasets_synthetic import Rig, multisine, simulate
 from identification import Trajectory
-from identification.estimators import METHODS, Model
+from identification.estimators.model import Model
+from tests.estimates import estimate_by
 
 
 @pytest.mark.parametrize(
@@ -53,7 +54,7 @@ def test_a_long_log_is_what_the_simulator_gives(uneven: bool) -> None:
     # One period on, the device has moved as before, to the noise of two readings of 5 um.
     again = log.position[5_000:10_000] - log.position[:5_000]
     assert np.std(again) == pytest.approx(5e-6 * np.sqrt(2), rel=0.05)
-    found = METHODS["least-squares"](log, Model(), DELAY)
+    found = estimate_by("least-squares", log, Model(), DELAY)
     assert found.value("mass") == pytest.approx(MASS, rel=2e-3)
     assert found.value("damping") == pytest.approx(DAMPING, rel=2e-2)
 

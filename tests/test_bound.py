@@ -11,7 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import Trajectory
-from identification.estimators import METHODS, Model
+from identification.estimators import ESTIMATORS
+from identification.estimators.model import Model
+from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
 
 Array = NDArray[np.float64]
@@ -87,7 +89,7 @@ class Experiment:
                 force=self.force[:, 0],
                 position=counted(self.clean + noise, self.count),
             )
-            found = METHODS[method](log, Model(coulomb=False), self.delay)
+            found = estimate_by(method, log, Model(coulomb=False), self.delay)
             errors.append(found.values[:2] - self.truth)
         return np.sqrt(np.mean(np.square(errors), axis=0)) / self.bound
 
@@ -109,7 +111,7 @@ FACTORS: dict[str, tuple[float, float]] = {
 }
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 def test_errors_over_the_bound(method: str) -> None:
     """One device; the few seeds leave a sampling error of the ratio that is allowed for thrice."""
     seeds = 150 if method == "output-error" else 40

@@ -79,7 +79,8 @@ def test_friction_is_found_to_differ_by_direction() -> None:
 
 def test_the_model_explains_the_force() -> None:
     """Inverse-force error of at most 3.2 % after a 40 Hz filter on both sides; published 3.11 %."""
-    estimate = least_squares.estimate(log(), Model(directional=True), 0.0, cut_off=40.0)
+    table = least_squares.prepare(log(), Model(directional=True), 0.0).at_cut_off(40.0)
+    estimate = least_squares.fit(table.refined(0.0), 0.0)
     assert np.sqrt(1 - estimate.explained) <= 0.032
 
 

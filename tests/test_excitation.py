@@ -12,9 +12,10 @@ from identification import (
     ExcitationSpec,
     plan_excitation,
 )
-from identification.estimators import Model, output_error
+from identification.estimators.model import Model
 from identification.information import NORMAL_95, predict
 from identification.planning.stick_slip import Guess
+from tests.estimates import estimate_by
 from tests.excitation_plans import FRICTION, LIMITS, RANGES, STEP, Array, planned, rig_of, spec
 
 
@@ -135,7 +136,7 @@ def obtained(plan: ExcitationSpec, force: Array, logs: int, seed: int = 1000) ->
     recording = simulate(rig, force, faults=faults, seed=list(range(seed, seed + logs)))
     model = Model(coulomb=plan.coulomb_friction.value > 0, offset=True)
     values = [
-        output_error.estimate(recording.trajectory(log), model, 0.0).values[:2]
+        estimate_by("output-error", recording.trajectory(log), model, 0.0).values[:2]
         for log in range(logs)
     ]
     return NORMAL_95 * np.std(values, axis=0, ddof=1)

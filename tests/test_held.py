@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from identification import Trajectory
 from identification.estimators.held import LOST, Commands, Held, unknown_intervals
 from identification.estimators.held_response import Coasting, phi
-from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
+from identification.estimators.rows import FIRST, LAST, Kinematics, Signals, of_rows
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -247,3 +248,29 @@ def test_lost_at_both_ends_is_what_the_rows_cannot_read() -> None:
     rows = Kinematics.of(np.arange(50.0), STEP)
     assert rows.velocity.size == 50 - FIRST - LAST
     np.testing.assert_allclose(rows.velocity, 1 / STEP)
+
+
+@pytest.mark.parametrize("steps", ["even", "uneven", "lost"])
+def test_a_part_of_a_log_is_as_if_no_more_had_been_logged(steps: str) -> None:
+    """A long log is begun with its first samples."""
+    generator, samples, kept = np.random.default_rng(1), 300, 250
+    lengths = np.full(samples - 1, STEP)
+    if steps != "even":
+        lengths *= generator.uniform(0.8, 1.2, samples - 1)
+    lengths[[5, 280]] *= 3.0 if steps == "lost" else 1.0
+    time = np.concatenate(([0.0], np.cumsum(lengths)))
+    force, position, reference = generator.standard_normal((3, samples))
+    log = Trajectory(time=time, force=force, position=position, reference=reference)
+    part, alone = Signals.of(log).part(kept), Signals.of(log.part(slice(kept)))
+    np.testing.assert_allclose(part.steps, alone.steps, rtol=1e-12)
+    np.testing.assert_array_equal(part.position, alone.position)
+    assert part.reference is not None
+    np.testing.assert_array_equal(part.reference, alone.reference)
+    np.testing.assert_allclose(part.speed, alone.speed, rtol=1e-9)
+    for delay in DELAYS:
+        found, truth = part.commands.after(delay), alone.commands.after(delay)
+        np.testing.assert_allclose(found.triangle(), truth.triangle(), atol=1e-9)
+    scale = np.max(np.abs(alone.kinematics.acceleration))
+    for name in ("acceleration", "velocity"):
+        seen, expected = getattr(part.kinematics, name), getattr(alone.kinematics, name)
+        np.testing.assert_allclose(seen, expected, atol=1e-9 * scale)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from identification import (
     Device,
     Hardware,
+    Method,
     Trajectory,
     as_stored,
     identify,
@@ -50,7 +51,7 @@ def test_friction_and_unknown_force_cost_less_than_a_per_cent() -> None:
         (0.8, 0.1, 0.0, "auto"),
     ],
 )
-def test_coverage(coulomb: float, disturbance: float, noise: float, method: str) -> None:
+def test_coverage(coulomb: float, disturbance: float, noise: float, method: Method) -> None:
     """95 % intervals hold the truth in at least 93 % of 300 logs."""
     logs = homerehab(coulomb, disturbance=disturbance, noise=noise, runs=300, seed=1)
     truth = {"mass": 3.0, "damping": 10.0, "coulomb_friction": coulomb, "force_offset": 0.0}

@@ -13,6 +13,7 @@ from identification import (
     ForceLimit,
     Hardware,
     IdentificationError,
+    Method,
     Trajectory,
     identify,
     quantity,
@@ -154,7 +155,7 @@ STRANGE: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {
 @pytest.mark.parametrize("method", ["auto", "output-error"])
 @pytest.mark.parametrize("name", STRANGE)
 def test_no_log_ends_in_anything_but_a_device_or_a_sentence(
-    name: str, method: str, allow: tuple[str, ...]
+    name: str, method: Method, allow: tuple[str, ...]
 ) -> None:
     force, place = STRANGE[name]
     with suppress(IdentificationError):

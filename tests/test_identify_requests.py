@@ -15,7 +15,7 @@ from identification import (
     identify,
     quantity,
 )
-from identification.estimators import METHODS
+from identification.estimators import ESTIMATORS, Method
 from tests.axis_logs import COUNT, HARDWARE, NAMES, STEP, codes, homerehab, log, refused
 from tests.exact_axis import Axis, counted, multisine, positions
 
@@ -121,18 +121,20 @@ def test_axes_are_not_mixed(kind: dict[str, Any]) -> None:
 def test_requests_that_cannot_be_met() -> None:
     trajectory = homerehab()[0]
     with pytest.raises(UsageError, match="auto, least-squares, weak, instruments, output-error"):
-        identify(trajectory, method="guess")
+        identify(trajectory, method="guess")  # pyright: ignore[reportArgumentType]
     with pytest.raises(UsageError, match="nonsense"):
         identify(trajectory, allow=["jitter", "nonsense"])
     with pytest.raises(UsageError):
         identify([])
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_method_can_be_asked_for(method: str) -> None:
+@pytest.mark.parametrize("method", ESTIMATORS)
+def test_a_method_can_be_asked_for(method: Method) -> None:
     found = identify(homerehab()[0], hardware=HARDWARE, method=method)
     assert found.method == method
     assert "as asked" in found.reason
+    assert found.method in repr(found)
+    assert len(repr(found)) < 300
 
 
 def test_terms_stay_unless_they_are_noise() -> None:

@@ -11,7 +11,9 @@ import pytest
 
 from datasets_synthetic import Clock, Faults, Rig, fit_to_limits, multisine, simulate
 from identification import Trajectory
-from identification.estimators import METHODS, Estimate, Model, instruments, weak
+from identification.estimators import ESTIMATORS
+from identification.estimators.model import Estimate, Model
+from tests.estimates import estimate_by
 from tests.simulated.families import family_named
 
 COUNT = 2e-5
@@ -61,18 +63,18 @@ def check(found: Sequence[Estimate], truth: dict[str, float], part: float) -> No
             assert off < part * max(abs(value), 1.0), f"{name} {each.value(name)}"
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 @pytest.mark.parametrize("clock", CLOCKS)
 @pytest.mark.parametrize("delay", [0.4 * STEP, 2.3 * STEP])
 def test_known_devices_are_recovered(method: str, clock: str, delay: float) -> None:
-    found = [METHODS[method](log, Model(coulomb=False), delay) for log in logs(clock, delay)]
+    found = [estimate_by(method, log, Model(coulomb=False), delay) for log in logs(clock, delay)]
     check(found, {"mass": 3.0, "damping": 10.0, "force_offset": 0.3}, 0.02)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 @pytest.mark.parametrize("clock", ["even", "jittered"])
 def test_friction_is_recovered(method: str, clock: str) -> None:
-    found = [METHODS[method](log, Model(), STEP) for log in logs(clock, STEP, coulomb=0.8)]
+    found = [estimate_by(method, log, Model(), STEP) for log in logs(clock, STEP, coulomb=0.8)]
     truth = {"mass": 3.0, "damping": 10.0, "coulomb_friction": 0.8, "force_offset": 0.3}
     check(found, truth, 0.06)
 
@@ -80,41 +82,35 @@ def test_friction_is_recovered(method: str, clock: str) -> None:
 @pytest.mark.parametrize("method", ["weak", "instruments", "output-error", "innovations"])
 def test_a_delay_nobody_states_is_fitted(method: str) -> None:
     for log in logs("even", 2.3 * STEP):
-        found = METHODS[method](log, Model(coulomb=False), None)
+        found = estimate_by(method, log, Model(coulomb=False), None)
         assert found.delay_deviation is not None
         assert abs(found.delay - 2.3 * STEP) < SIGMAS * found.delay_deviation
         assert found.delay_deviation < 0.2 * STEP
         check([found], {"mass": 3.0, "damping": 10.0}, 0.02)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 def test_gravity_is_recovered(method: str) -> None:
     family = family_named("offset-gravity")
     found = [
-        METHODS[method](log, Model(coulomb=False, gravity="pendulum"), family.truth["delay"])
+        estimate_by(method, log, Model(coulomb=False, gravity="pendulum"), family.truth["delay"])
         for log in family.logs(SEEDS)
     ]
     names = ("mass", "damping", "force_offset", "gravity_sine", "gravity_cosine")
     check(found, {name: family.truth[name] for name in names}, 0.01)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 def test_friction_by_direction_is_recovered(method: str) -> None:
     family = family_named("directional-friction")
     for log in family.logs(SEEDS):
-        found = METHODS[method](log, Model(directional=True), family.truth["delay"])
+        found = estimate_by(method, log, Model(directional=True), family.truth["delay"])
         truth = {name: family.truth[name] for name in ("mass", "damping", "coulomb_friction")}
         check([found], truth | {"damping_asymmetry": family.truth["damping_asymmetry"]}, 0.1)
         # Coulomb friction by direction is Fc ± (f0 - a·s).
         sides = found.combined(force_offset=1.0, damping_asymmetry=-found.mean_speed)
         asymmetry = family.truth["coulomb_asymmetry"] + family.truth["force_offset"]
         assert abs(sides[0] - asymmetry) < SIGMAS * sides[1]
-
-
-def test_the_command_line_offers_every_method() -> None:
-    from tune.cli.options import Method
-
-    assert {each.value for each in Method} == {"auto", *METHODS}
 
 
 CHANGES: dict[str, dict[str, float]] = {
@@ -127,7 +123,7 @@ CHANGES: dict[str, dict[str, float]] = {
 }
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 @pytest.mark.parametrize("clock", ["even", "jittered"])
 @pytest.mark.parametrize("change", CHANGES)
 def test_units_clock_sign_and_origin_do_not_matter(method: str, clock: str, change: str) -> None:
@@ -139,8 +135,8 @@ def test_units_clock_sign_and_origin_do_not_matter(method: str, clock: str, chan
         position=log.position * position + CHANGES[change].get("shift", 0.0),
     )
     model = Model(coulomb=False)
-    plain = METHODS[method](log, model, 0.4 * STEP)
-    other = METHODS[method](moved, model, 0.4 * STEP * time)
+    plain = estimate_by(method, log, model, 0.4 * STEP)
+    other = estimate_by(method, moved, model, 0.4 * STEP * time)
     scale = np.array([force / position * time**2, force / position * time, force])
     # Stamps and positions lose digits where a number is added; the searches end within a hundredth
     # of a deviation either way.
@@ -158,7 +154,7 @@ def test_a_reference_frees_from_noise_that_the_force_carries() -> None:
     found: dict[str, list[float]] = {"least-squares": [], "instruments": []}
     for log in family.logs(range(40)):
         for method, masses in found.items():
-            estimate = METHODS[method](log, model, truth["delay"])
+            estimate = estimate_by(method, log, model, truth["delay"])
             masses.append(estimate.value("mass") / truth["mass"] - 1)
             if method == "instruments":
                 assert estimate.notes[0] == "instruments from the logged reference"
@@ -171,7 +167,7 @@ def test_a_reference_finds_the_delay_in_closed_loop() -> None:
     """Unlogged force comes back through the controller and looks like another delay."""
     family = family_named("closed-loop-force-noise")
     for log in family.logs(range(6)):
-        found = instruments.estimate(log, Model(coulomb=False), None)
+        found = estimate_by("instruments", log, Model(coulomb=False), None)
         assert found.delay_deviation is not None
         assert abs(found.delay - family.truth["delay"]) < 3 * found.delay_deviation
         assert abs(found.value("damping") - 10.0) < 3 * found.deviation("damping")
@@ -181,8 +177,8 @@ def test_a_reference_finds_the_delay_in_closed_loop() -> None:
 def test_without_a_moving_reference_instruments_are_simulated() -> None:
     log = logs("even", 0.4 * STEP)[0]
     for reference in (None, np.full(len(log), 0.1)):
-        found = instruments.estimate(
-            replace(log, reference=reference), Model(coulomb=False), 0.4 * STEP
+        found = estimate_by(
+            "instruments", replace(log, reference=reference), Model(coulomb=False), 0.4 * STEP
         )
         assert "simulated" in found.notes[0]
         assert "open loop" in found.notes[0]
@@ -190,6 +186,6 @@ def test_without_a_moving_reference_instruments_are_simulated() -> None:
 
 def test_weak_residual_is_white_where_its_covariance_is_true() -> None:
     for log in logs("even", 0.4 * STEP):
-        found = weak.estimate(log, Model(coulomb=False), 0.4 * STEP)
+        found = estimate_by("weak", log, Model(coulomb=False), 0.4 * STEP)
         # Bartlett: beyond 1.63/√(n/2) once in a hundred.
         assert found.whiteness < 1.63 / np.sqrt(found.residual.size / 2)

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from datasets_synthetic import Faults
-from identification import LogRefusedError, identify
+from identification import LogRefusedError, Method, identify
 from identification.estimators.unlogged import covariance
 from tests.fleet_hardware import data_sheet
 from tests.simulated.fleet import random_devices
@@ -96,7 +96,7 @@ def test_nothing_is_added_where_the_fit_takes_all(rows: int) -> None:
         np.testing.assert_array_equal(added, 0)
 
 
-def _coverage(seeds: range, force_noise: float, method: str) -> np.ndarray:
+def _coverage(seeds: range, force_noise: float, method: Method) -> np.ndarray:
     """Part of random devices whose mass and damping are within their intervals."""
     inside: list[tuple[bool, bool]] = []
     for seed in seeds:
@@ -125,6 +125,6 @@ def test_intervals_of_output_error_hold_under_a_force_the_log_does_not_know() ->
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["auto", "output-error"])
 @pytest.mark.parametrize("force_noise", [0.0, 1e-3, 1e-2])
-def test_intervals_hold_under_any_such_force(force_noise: float, method: str) -> None:
+def test_intervals_hold_under_any_such_force(force_noise: float, method: Method) -> None:
     """320 devices each: half of them with friction, encoders from 1 to 50 micrometres."""
     assert np.all(_coverage(range(1, 9), force_noise, method) >= 0.94)

@@ -1,27 +1,14 @@
-"""Estimators: each takes a log, a model and a delay, and gives an Estimate.
+"""Estimators, one file each, named as on the command line and entered at its ``fit``.
 
-estimate(trajectory, model, delay) -> Estimate; a delay of None is found from the log.
+``fit(table, delay, start=...) -> Estimate`` takes a log as least_squares.prepare gives it; where
+the delay is None it is fitted too, from ``start`` on. Least squares alone needs to be given one.
 """
 
 from __future__ import annotations
 
-from identification.estimators import (
-    innovations,
-    instruments,
-    least_squares,
-    output_error,
-    weak,
-)
-from identification.estimators.model import Estimate as Estimate
-from identification.estimators.model import Model as Model
+from typing import Literal, get_args
 
-#: Estimators by the name they have on the command line.
-METHODS = {
-    "least-squares": least_squares.estimate,
-    "weak": weak.estimate,
-    "instruments": instruments.estimate,
-    "output-error": output_error.estimate,
-    "innovations": innovations.estimate,
-}
-
-__all__ = ["METHODS", "Estimate", "Model"]
+#: What may be asked for: the method that the evidence allows, or an estimator by its name.
+Method = Literal["auto", "least-squares", "weak", "instruments", "output-error", "innovations"]
+METHODS: tuple[Method, ...] = get_args(Method)
+ESTIMATORS: tuple[Method, ...] = METHODS[1:]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.linear import explained
 from identification.estimators.model import Estimate, Model
-from identification.estimators.whiteness import whiteness
+from identification.estimators.shaping import whiteness
 from identification.intervals import Spread
 
 FloatArray = NDArray[np.float64]

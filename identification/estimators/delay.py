@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators import least_squares
 from identification.estimators.drive import MOST_SAMPLES
+from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Model
 from identification.intervals import spread
@@ -87,29 +87,12 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
     )
 
 
-def prepared(
-    trajectory: Trajectory, model: Model, delay: float | None
-) -> tuple[least_squares.Regression, float]:
-    """One log for a method that fits the delay where nobody states it, and where to begin.
-
-    Args:
-        trajectory: the log.
-        model: which terms to estimate.
-        delay: s, or None to find it; the fit may then move it by a sample.
-    """
-    if delay is not None:
-        return least_squares.prepare(trajectory, model, delay), delay
-    start = find_delay(trajectory, model).value
-    room = min(start + trajectory.sample_time, MOST_SAMPLES * trajectory.sample_time)
-    return least_squares.prepare(trajectory, model, room, refine=False).refined(start), start
-
-
-def _table(trajectory: Trajectory, model: Model) -> least_squares.Regression:
+def _table(trajectory: Trajectory, model: Model) -> Regression:
     most = MOST_SAMPLES * trajectory.sample_time
-    return least_squares.prepare(trajectory, model, most, refine=False)
+    return prepare(trajectory, model, most, refine=False)
 
 
-def _costs(table: least_squares.Regression, samples: FloatArray) -> FloatArray:
+def _costs(table: Regression, samples: FloatArray) -> FloatArray:
     """Sum of squared residuals of the best fit at each delay, in samples."""
     basis, _ = np.linalg.qr(unit_columns(table.columns)[0])
     step = table.signals.step

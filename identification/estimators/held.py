@@ -136,6 +136,14 @@ class Commands:
             sent=np.append(sent[row] + part * steps[row], sent[-1]),
         )
 
+    def part(self, samples: int) -> Commands:
+        """Those of the first samples of the log."""
+        if not isinstance(self.steps, np.ndarray) or self.sent is None:
+            return replace(self, value=self.value[:samples])
+        steps = self.steps[: samples - 1]
+        count = int(np.searchsorted(self.sent, np.sum(steps), side="right"))
+        return Commands(steps=steps, value=self.value[:count], sent=self.sent[:count])
+
     def after(self, delay: float) -> Held:
         """The forces where they act, a delay in s later, not negative, need not be whole steps.
 

@@ -15,18 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators import least_squares
 from identification.estimators.answer import answer
-from identification.estimators.delay import find_delay
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
-from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS
+from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS, Regression
 from identification.estimators.linear import solve as solved
-from identification.estimators.model import Estimate, Model
+from identification.estimators.model import Estimate
 from identification.estimators.separable import Solution, physical, solve
 from identification.estimators.shaping import is_coloured, whitener
 from identification.intervals import spread
-from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
@@ -170,29 +167,18 @@ def _slope_of_position(device: Coasting, position: FloatArray) -> FloatArray:
     return changed - _earlier(whole.decay_slope) * speed[:-1]
 
 
-def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate:
+def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by a Kalman innovations fit.
 
     Args:
-        trajectory: the log; time stamps are used as they are.
-        model: which terms to estimate.
+        table: gives the start and the direction of motion; it has at least as many known
+            intervals as the delay needs.
         delay: s, command to force, a fraction of a sample is honoured; None fits it, from 0 to
             MOST_SAMPLES samples.
+        start: where the search for the delay begins, s.
 
     Returns:
         Estimate with the residual, the innovations, in position (m).
-    """
-    start = find_delay(trajectory, model).value if delay is None else delay
-    return fit(least_squares.prepare(trajectory, model, start), delay, start=start)
-
-
-def fit(table: least_squares.Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
-    """The same from a prepared regression, which gives the start and the direction of motion.
-
-    Args:
-        table: with at least as many known intervals as the delay needs.
-        delay: as for estimate.
-        start: where the search for the delay begins, s.
     """
     first = start if delay is None else delay
     table = _settled(table, first)
@@ -240,7 +226,7 @@ def fit(table: least_squares.Regression, delay: float | None, *, start: float = 
     )
 
 
-def _settled(table: least_squares.Regression, delay: float) -> least_squares.Regression:
+def _settled(table: Regression, delay: float) -> Regression:
     """With the direction of motion where refining it ends, wherever it began.
 
     Where noise moves turns by more than refining does, steps do not become shorter: there is no
@@ -257,9 +243,7 @@ def _settled(table: least_squares.Regression, delay: float) -> least_squares.Reg
     return table
 
 
-def _leaning(
-    table: least_squares.Regression, problem: _Problem, best: Solution, delay: float
-) -> FloatArray:
+def _leaning(table: Regression, problem: _Problem, best: Solution, delay: float) -> FloatArray:
     """Half of what another filter for the direction of motion changes, one more deviation.
 
     Where a noisy position turns is in doubt by part of a sample, which blocks of one log share.

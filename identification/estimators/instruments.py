@@ -16,18 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.answer import answer
-from identification.estimators.delay import prepared
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import Commands, Held
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.least_squares import Regression
 from identification.estimators.linear import unit_columns
-from identification.estimators.model import Estimate, Model
+from identification.estimators.model import Estimate
 from identification.estimators.motion import Motion
 from identification.estimators.rows import Kinematics
 from identification.estimators.terms import terms
 from identification.intervals import spread
-from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
@@ -47,29 +45,18 @@ _NUDGE = 0.05
 _UNEXCITED = 1e-6
 
 
-def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate:
+def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by instrumental variables.
 
     Args:
-        trajectory: the log; time stamps are used as they are; its reference is used if it moves.
-        model: which terms to estimate.
+        table: gives the filter, the direction of motion and the reference, which is used if it
+            moves; it has at least as many known intervals as the delay needs.
         delay: s, command to force; a fraction of a sample is honoured. None fits it, from 0 to
             MOST_SAMPLES samples.
+        start: where the search for the delay begins, s.
 
     Returns:
         Estimate with the residual in force, filtered; its first note says which instruments.
-    """
-    table, start = prepared(trajectory, model, delay)
-    return fit(table, delay, start=start)
-
-
-def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
-    """The same from a prepared regression, which gives the filter and the direction of motion.
-
-    Args:
-        table: with at least as many known intervals as the delay needs.
-        delay: as for estimate.
-        start: where the search for the delay begins, s.
     """
     source = _Simulated(table) if table.signals.reference is None else _Referenced.of(table)
     size, fits_delay = len(table.model.parameters), delay is None

@@ -207,25 +207,19 @@ def prepare(
     model: Model,
     delay: float,
     *,
-    cut_off: float | None = None,
     refine: bool = True,
 ) -> Regression:
     """The regression of one log.
 
     Args:
-        trajectory: as for estimate.
-        model: as for estimate.
+        trajectory: the log; time stamps are used as they are.
+        model: which terms to estimate.
         delay: s; the force can later be had with any delay up to this one.
-        cut_off: as for estimate.
         refine: settle the direction of motion at this delay.
     """
     signals = Signals.of(trajectory)
     acceleration = signals.kinematics.acceleration
-    chosen = (
-        choose_cut_off(acceleration, signals.step, signals.noise)
-        if cut_off is None
-        else CutOff(frequency=cut_off)
-    )
+    chosen = choose_cut_off(acceleration, signals.step, signals.noise)
     motion = Motion.always(signals.speed.size, signals.steps)
     if model.coulomb:
         smooth = LowPass.at(chosen.frequency, signals.step)(acceleration)
@@ -236,30 +230,17 @@ def prepare(
     return table.refined(delay) if refine else table
 
 
-def estimate(
-    trajectory: Trajectory, model: Model, delay: float | None, *, cut_off: float | None = None
-) -> Estimate:
+def fit(table: Regression, delay: float) -> Estimate:
     """Mass, damping and friction by filtered least squares.
 
     Args:
-        trajectory: the log; time stamps are used as they are.
-        model: which terms to estimate.
-        delay: s, command to force; a fraction of a sample is honoured. None scans for it.
-        cut_off: Hz; None chooses one from the log (choose_cut_off).
+        table: with at least as many known intervals as the delay needs.
+        delay: s, command to force; a fraction of a sample is honoured.
 
     Returns:
         Estimate with the residual in force, filtered; its notes state the cut-off and what mass
         and damping become at half and at twice of it.
     """
-    if delay is None:
-        from identification.estimators.delay import find_delay
-
-        delay = find_delay(trajectory, model).value
-    return fit(prepare(trajectory, model, delay, cut_off=cut_off), delay)
-
-
-def fit(table: Regression, delay: float) -> Estimate:
-    """The same from a prepared regression."""
     force, columns = table.force(delay), table.columns
     values = table.solve(delay)
     residual = force - columns @ values

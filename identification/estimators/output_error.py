@@ -14,19 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators import least_squares, unlogged
+from identification.estimators import unlogged
 from identification.estimators.answer import answer
-from identification.estimators.drive import MOST_SAMPLES, Drive
-from identification.estimators.held import unknown_intervals
+from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.least_squares import Regression
 from identification.estimators.linear import unit_columns
-from identification.estimators.model import Estimate, Model
+from identification.estimators.model import Estimate
 from identification.estimators.output_error_turns import Fitted, Turns
-from identification.estimators.rows import Signals
 from identification.estimators.separable import physical, solve
-from identification.estimators.whiteness import whiteness
+from identification.estimators.shaping import whiteness
 from identification.intervals import spread
-from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
@@ -100,84 +98,29 @@ class _Problem:
         return np.stack(slopes)
 
 
-def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate:
+def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by output error.
 
     Args:
-        trajectory: the log; time stamps are used as they are.
-        model: which terms to estimate.
+        table: gives the start and the direction of motion; it has at least as many known
+            intervals as the delay needs.
         delay: s, command to force, a fraction of a sample is honoured; None fits it, from 0 to
             MOST_SAMPLES samples.
+        start: where the search for the delay begins, s.
 
     Returns:
         Estimate with the residual in position.
     """
-    if model.coulomb and len(trajectory) > _LONG:
-        long = _from_section(trajectory, model, delay)
-        if long is not None:
-            return long
-    most = MOST_SAMPLES * trajectory.sample_time if delay is None else delay
-    table = least_squares.prepare(trajectory, model, most, refine=False)
-    # The delay enters smoothly; the usual one is near enough to begin with.
-    first = trajectory.sample_time if delay is None else delay
-    return _fit(table, delay, first, refined=False)
-
-
-def fit(table: least_squares.Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
-    """The same from a prepared regression, which gives the start and the direction of motion.
-
-    Args:
-        table: with at least as many known intervals as the delay needs.
-        delay: as for estimate.
-        start: where the search for the delay begins, s.
-    """
-    return _fit(table, delay, start if delay is None else delay, refined=True)
-
-
-def _fit(
-    table: least_squares.Regression, delay: float | None, first: float, *, refined: bool
-) -> Estimate:
-    found = None
-    if table.model.coulomb:
-        values, standing = table.solve(first), table.motion.moving[0] == 0
-        found = _turning(table, values, delay, first, standing=bool(standing))
+    first = start if delay is None else delay
+    found = _turning(table, delay, first) if table.model.coulomb else None
     if found is None or not _rubs(table, found) or whiteness(found.residual) > _DOUBTED:
-        settled = table if refined else table.refined(first)
-        projected = _projected(settled, delay, first)
+        projected = _projected(table, delay, first)
         if found is None or not _rubs(table, projected) or projected.cost < found.cost:
             found = projected
     return _estimate(table, found, delay)
 
 
-def _from_section(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate | None:
-    """The fit of a long log, begun where its first part ends up; None if that has no friction."""
-    begun = estimate(trajectory.part(slice(_LONG)), model, delay)
-    if not begun.value("coulomb_friction") > _RUBBING * begun.deviation("coulomb_friction"):
-        return None
-    signals = Signals.of(trajectory)
-    log = _Log(
-        signals=signals,
-        model=model,
-        known=unknown_intervals(signals.steps, begun.delay),
-        mean_speed=begun.mean_speed,
-    )
-    found = _turning(log, begun.values, delay, begun.delay, standing=False)
-    return None if found is None else _estimate(log, found, delay)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Log:
-    """As much of a regression as the fit with turns needs."""
-
-    signals: Signals
-    model: Model
-    known: int
-    mean_speed: float
-
-
-def _estimate(
-    table: _Log | least_squares.Regression, found: Fitted, delay: float | None
-) -> Estimate:
+def _estimate(table: Regression, found: Fitted, delay: float | None) -> Estimate:
     size, fitted = len(table.model.parameters), int(delay is None)
     values, jacobian, residual = found.values[:size], found.jacobian, found.residual
     around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
@@ -206,7 +149,7 @@ def _estimate(
     )
 
 
-def _rubs(table: least_squares.Regression, found: Fitted) -> bool:
+def _rubs(table: Regression, found: Fitted) -> bool:
     """Whether there is friction to speak of, without which nothing turns."""
     if not table.model.coulomb:
         return False
@@ -217,29 +160,28 @@ def _rubs(table: least_squares.Regression, found: Fitted) -> bool:
     return bool(found.values[at] > _RUBBING * np.sqrt(variance * inverse[at, at]) / norms[at])
 
 
-def _turning(
-    log: _Log | least_squares.Regression,
-    values: FloatArray,
-    delay: float | None,
-    first: float,
-    *,
-    standing: bool,
-) -> Fitted | None:
-    """The fit whose turns are those of its own simulation, from values of the parameters on."""
-    signals = log.signals
+def _turning(table: Regression, delay: float | None, first: float) -> Fitted | None:
+    """The fit whose turns are those of its own simulation."""
+    signals = table.signals
     turns = Turns(
         signals=signals,
-        model=log.model,
+        model=table.model,
         drive=Drive.bare(signals, delay),
-        known=log.known,
-        mean_speed=log.mean_speed,
+        known=table.known,
+        mean_speed=table.mean_speed,
     )
+    standing = table.motion.moving[0] == 0
     speed = 0.0 if standing else float(np.mean(signals.speed[:_FIRST_LOOK]))
     fitted = [first] if delay is None else []
-    return turns.fit(np.array([*values, *fitted, speed, signals.position[0]]))
+    start = np.array([*table.solve(first), *fitted, speed, signals.position[0]])
+    if signals.position.size > _LONG:
+        begun = turns.part(_LONG).fit(start)
+        if begun is not None and begun.converged and _rubs(table, begun):
+            start = begun.values
+    return turns.fit(start)
 
 
-def _projected(table: least_squares.Regression, delay: float | None, first: float) -> Fitted:
+def _projected(table: Regression, delay: float | None, first: float) -> Fitted:
     """The fit with the direction of motion as measured, which matters only with friction."""
     signals = table.signals
     problem = _Problem(

@@ -108,6 +108,11 @@ class Turns:
     known: int
     mean_speed: float
 
+    def part(self, samples: int) -> Turns:
+        """The same of the first samples alone."""
+        signals = self.signals.part(samples)
+        return replace(self, signals=signals, drive=Drive.bare(signals, self.drive.delay))
+
     def fit(self, start: FloatArray) -> Fitted | None:
         """The best fit; None if friction or mass vanish at the start.
 

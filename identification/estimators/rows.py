@@ -8,7 +8,7 @@ integral (Held.triangle). Any weighted sum of rows holds as well, so filters act
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,4 +93,19 @@ class Signals:
             kinematics=Kinematics.of(position - np.mean(position), steps),
             noise=position_noise(position, trajectory.force, steps),
             reference=None if reference is None or np.ptp(reference) == 0 else reference,
+        )
+
+    def part(self, samples: int) -> Signals:
+        """Those of the first samples alone, read with the noise of all."""
+        steps = self.steps[: samples - 1] if isinstance(self.steps, np.ndarray) else self.steps
+        position, reference = self.position[:samples], self.reference
+        return replace(
+            self,
+            steps=steps,
+            step=float(np.mean(steps)),
+            position=position,
+            commands=self.commands.part(samples),
+            speed=self.speed[: samples - 1],
+            kinematics=Kinematics.of(position - np.mean(position), steps),
+            reference=None if reference is None else reference[:samples],
         )

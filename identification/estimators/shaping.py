@@ -1,4 +1,4 @@
-"""A causal filter that whitens a residual of any colour, from its own spectrum.
+"""How white a residual is, and the causal filter that whitens it, from its own spectrum.
 
 Tremor of a hand, cogging and friction that a model misses colour the residual in bands no moving
 average of two terms can follow, and it is in these bands that mass and damping are read. The
@@ -45,6 +45,21 @@ def smoothed(power: FloatArray) -> FloatArray:
     low, high = np.maximum(line - 1 - half, 0), np.minimum(line + half, power.size)
     total = np.concatenate(([0.0], np.cumsum(power)))
     return (total[high] - total[low]) / (high - low)
+
+
+def whiteness(residual: FloatArray) -> float:
+    """Largest distance of the cumulated periodogram from the straight line of white noise.
+
+    0 is white, 1 is all power at one end of the spectrum (Bartlett's test: Bartlett, An
+    Introduction to Stochastic Processes, 1966, section 9.3.2; chance alone exceeds 1.63/√(n/2)
+    once in a hundred times).
+    """
+    power = np.abs(np.fft.rfft(residual)[1:]) ** 2
+    total = float(np.sum(power))
+    if total == 0:
+        return 0.0
+    line = np.arange(1, power.size + 1) / power.size
+    return float(np.max(np.abs(np.cumsum(power) / total - line)))
 
 
 def is_coloured(residual: FloatArray) -> bool:

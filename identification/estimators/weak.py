@@ -17,13 +17,11 @@ from dataclasses import replace
 import numpy as np
 
 from identification.estimators.answer import answer
-from identification.estimators.delay import prepared
 from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
-from identification.estimators.model import Estimate, Model
+from identification.estimators.model import Estimate
 from identification.estimators.weak_rows import Solution, TestedRows
 from identification.intervals import spread
-from identification.trajectory import Trajectory
 
 #: Test functions pass half of the power at this multiple of the frequency that holds most of the
 #: motion: what is learnt of mass and damping goes with the power of position.
@@ -40,30 +38,19 @@ _CORNERS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 _CHOICES = 2
 
 
-def estimate(trajectory: Trajectory, model: Model, delay: float | None) -> Estimate:
+def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by the weak form.
 
     Args:
-        trajectory: the log; time stamps are used as they are.
-        model: which terms to estimate.
+        table: gives the start and the direction of motion; it has at least as many known
+            intervals as the delay needs.
         delay: s, command to force; a fraction of a sample is honoured. None fits it, from 0 to
             MOST_SAMPLES samples.
+        start: where the search for the delay begins, s.
 
     Returns:
         Estimate with the residual in force, whitened by its covariance and scaled to the root mean
         square of the tested rows.
-    """
-    table, start = prepared(trajectory, model, delay)
-    return fit(table, delay, start=start)
-
-
-def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
-    """The same from a prepared regression, which gives the start and the direction of motion.
-
-    Args:
-        table: with at least as many known intervals as the delay needs.
-        delay: as for estimate.
-        start: where the search for the delay begins, s.
     """
     frequency = _half_power(table)
     tested = TestedRows.of(table, width_of(frequency), fits_delay=delay is None)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tune.cli.identify import DEVICE_COMMENT, identified
 from tune.cli.new import template
-from tune.cli.options import Json, Method, Quiet
+from tune.cli.options import Json, Quiet
 from tune.cli.session import Session, run_command
 from tune.cli.tune import tuned, wanted
 
@@ -25,7 +25,7 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
         log = bundled("homerehab.csv")
         hardware = bundled("homerehab.hardware.yaml")
         session.say(f"log: {log}")
-        found = identified(session, [log], LogColumns(), hardware, Method.auto, [])
+        found = identified(session, [log], LogColumns(), hardware, "auto", [])
         session.write(Path("device.yaml"), to_yaml(to_mapping(found.device), DEVICE_COMMENT))
         scene = Path("scene.yaml")
         session.write(scene, template("scene"))

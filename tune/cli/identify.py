@@ -15,7 +15,6 @@ from tune.cli.options import (
     HardwareFile,
     Json,
     Logs,
-    Method,
     MethodOption,
     Position,
     PositionGain,
@@ -26,7 +25,7 @@ from tune.cli.options import (
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
-    from identification import Hardware, Identification, LogColumns, Trajectory
+    from identification import Hardware, Identification, LogColumns, Method, Trajectory
 
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
@@ -44,7 +43,7 @@ def identify(
     axis: Axis = None,
     hardware: HardwareFile = None,
     allow: Allow = None,
-    method: MethodOption = Method.auto,
+    method: MethodOption = "auto",
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -100,7 +99,7 @@ def identified(
         say("reading logs")
         trajectories = [read_log(path, columns, known) for path in logs]
         say("identifying")
-        result = estimate(trajectories, hardware=known, method=method.value, allow=allow)
+        result = estimate(trajectories, hardware=known, method=method, allow=allow)
     session.found(result.findings)
     session.say(device_table(result.device))
     session.say(f"method: {result.method}; {result.reason}")

@@ -8,16 +8,7 @@ from typing import Annotated, Optional
 
 import typer
 
-
-class Method(StrEnum):
-    """Estimators by name."""
-
-    auto = "auto"
-    least_squares = "least-squares"
-    weak = "weak"
-    instruments = "instruments"
-    output_error = "output-error"
-    innovations = "innovations"
+from identification import Method
 
 
 class MarginChoice(StrEnum):

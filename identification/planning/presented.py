@@ -1,4 +1,4 @@
-"""A picture of a planned force and of the motion it is predicted to cause, limits drawn."""
+"""A planned force as the controller reads it, and a picture of it and its predicted motion."""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false
@@ -11,6 +11,16 @@ from identification.excitation import Excitation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+#: Significant digits: a nanosecond in three minutes, and more than the force was rounded to.
+_DIGITS = 12
+
+
+def force_text(excitation: Excitation) -> str:
+    """One row a sample; the force of each is held until the next, the first and last are zero."""
+    rows = zip(excitation.time.tolist(), excitation.best.force.tolist(), strict=True)
+    lines = (f"{time:.{_DIGITS}g},{force + 0.0:.{_DIGITS}g}" for time, force in rows)
+    return "\n".join(("time,force", *lines)) + "\n"
 
 
 def excitation_picture(excitation: Excitation) -> Figure:

@@ -10,14 +10,12 @@ import numpy as np
 from identification.device import Device, Hardware, LogRecord
 from identification.documents import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
+from identification.estimators import METHODS, Method
 from identification.estimators.model import Estimate
 from identification.findings import CODES, inspect
 from identification.one_log import LogFit, fit_log
 from identification.sizes import refuse_sizes
 from identification.trajectory import Trajectory
-
-#: Methods that can be asked for.
-METHODS = ("auto", "least-squares", "weak", "instruments", "output-error", "innovations")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +31,14 @@ class Identification:
     device: Device
     logs: tuple[LogFit, ...]
     findings: tuple[Finding, ...]
+
+    def __repr__(self) -> str:
+        mass, damping = self.device.mass, self.device.damping
+        return (
+            f"Identification(mass {mass.value:.4g} ({mass.low:.4g} to {mass.high:.4g}), "
+            f"damping {damping.value:.4g} ({damping.low:.4g} to {damping.high:.4g}), "
+            f"by {self.method} from {len(self.logs)} log(s), {len(self.findings)} finding(s))"
+        )
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
@@ -54,7 +60,7 @@ def identify(
     trajectory: Trajectory | Sequence[Trajectory],
     *,
     hardware: Hardware | None = None,
-    method: str = "auto",
+    method: Method = "auto",
     allow: Collection[str] = (),
 ) -> Identification:
     """Identify one axis from one log or several.

@@ -1,0 +1,13 @@
+"""One estimator's answer, entered where identify enters it."""
+
+from __future__ import annotations
+
+from identification import Trajectory, quantity
+from identification.estimators.model import Estimate, Model
+from identification.workshop import Workshop
+
+
+def estimate_by(method: str, log: Trajectory, model: Model, delay: float | None) -> Estimate:
+    """The estimate of one method; a delay of None (s) is found in the log and fitted."""
+    stated = None if delay is None else quantity(delay)
+    return Workshop.of(log, model, stated).fit(method)

@@ -1,0 +1,100 @@
+"""The plan of each package, computed from its imports: rooms, floors, circles.
+
+A room is a file or a folder at the top of a package; its floor is the length of the longest chain
+of imports from it down. The package's own __init__ only hands on names and is not counted.
+"""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+Graph = dict[str, set[str]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What a package keeps to: lowered as it is put in order, never raised."""
+
+    rooms: int
+    lines: int = 300
+
+
+PLANS = {"identification": Plan(rooms=32)}
+
+
+def file_graph(package: str) -> Graph:
+    """Modules of a package, and those of it that each imports, for types or when called too."""
+    files = {_dotted(path): path for path in sorted((ROOT / package).rglob("*.py"))}
+    del files[package]
+    return {name: _imported(path, files) - {name} for name, path in files.items()}
+
+
+def _dotted(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _imported(path: Path, files: dict[str, Path]) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            named = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= (named & files.keys()) or {node.module}
+    return found & files.keys()
+
+
+def room_graph(files: Graph) -> Graph:
+    """The same between rooms."""
+    rooms: Graph = {_room(name): set() for name in files}
+    for name, imported in files.items():
+        rooms[_room(name)] |= {_room(each) for each in imported} - {_room(name)}
+    return rooms
+
+
+def _room(name: str) -> str:
+    return name.split(".")[1]
+
+
+def circle(graph: Graph) -> list[str]:
+    """Names that import each other in a ring; empty if there is none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+@pytest.mark.parametrize("package", PLANS)
+def test_no_file_imports_itself_through_others(package: str) -> None:
+    assert circle(file_graph(package)) == []
+
+
+@pytest.mark.parametrize("package", PLANS)
+def test_there_are_no_more_rooms_than_planned(package: str) -> None:
+    rooms = room_graph(file_graph(package))
+    assert len(rooms) <= PLANS[package].rooms, sorted(rooms)
+
+
+@pytest.mark.parametrize("package", PLANS)
+def test_no_file_has_more_lines_than_planned(package: str) -> None:
+    lines = {
+        str(path): len(path.read_text(encoding="utf-8").splitlines())
+        for path in (ROOT / package).rglob("*.py")
+    }
+    assert {path for path, count in lines.items() if count > PLANS[package].lines} == set()
+
+
+def test_a_circle_is_seen() -> None:
+    assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}})) == {"a", "b", "c"}
+    assert room_graph({"p.a.x": {"p.b"}, "p.b": {"p.a.y"}, "p.a.y": set()}) == {
+        "a": {"b"},
+        "b": {"a"},
+    }

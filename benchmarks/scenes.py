@@ -8,14 +8,14 @@ from typing import Any
 
 from identification import Device, as_stored, load_device
 from tune.certificate.certify import certify
-from tune.certified import Certificate
-from tune.loop import Filters
-from tune.optimisation import design_of
-from tune.perception import default_table
-from tune.problem import Job
-from tune.profile import Design
-from tune.scene import Scene
-from tune.solve import Solved, groups, solve
+from tune.documents.certified import Certificate
+from tune.documents.perception import default_table
+from tune.documents.profile import Design
+from tune.documents.scene import Scene
+from tune.loop.loop import Filters
+from tune.optimisation._optimise import design_of
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import Solved, groups, solve
 
 #: Cut-offs where a case does not say otherwise, Hz.
 FILTERS = Filters(velocity_hz=50.0, acceleration_hz=30.0)

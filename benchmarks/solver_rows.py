@@ -13,12 +13,12 @@ from benchmarks.scenes import Case, case, proposal
 from benchmarks.solvers import SOLVERS, Task
 from tests.optimum_reference import Reference
 from tests.optimum_search import highest
-from tune.backends.program import program_of
-from tune.climb import climb, closed_form
-from tune.limits import weakest
-from tune.problem import Problem
-from tune.solve import backends
-from tune.starts import interior
+from tune.optimisation.backends.program import program_of
+from tune.optimisation.climb import climb, closed_form
+from tune.optimisation.limits import weakest
+from tune.optimisation.problem import Problem
+from tune.optimisation.solve import backends
+from tune.optimisation.starts import interior
 
 FloatArray = NDArray[np.float64]
 

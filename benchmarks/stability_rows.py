@@ -11,9 +11,9 @@ from flint import arb
 
 from benchmarks.row import Row, best_seconds
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
-from tune.effects import Effects
-from tune.loop import Filters, Loop, ModeNumbers
-from tune.stability import largest, verdict
+from tune.documents.effects import Effects
+from tune.loop.loop import Filters, Loop, ModeNumbers
+from tune.stability.verdict import largest, verdict
 
 _POINTS = 1_000_000
 _FEW = 20_000

@@ -8,8 +8,8 @@ import numpy as np
 
 from datasets_synthetic import Controller, Rig, simulate
 from identification import Device, Trajectory, quantity
-from tune.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
-from tune.scene import Motion
+from tune.documents.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
+from tune.documents.scene import Motion
 from tune.verification import Verification
 
 T = 0.001

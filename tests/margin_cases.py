@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from tests.sampled_reference import Case, Sampled
-from tune.effects import Effects
-from tune.loop import Filters, HandNumbers, Loop, ModeNumbers
+from tune.documents.effects import Effects
+from tune.loop.loop import Filters, HandNumbers, Loop, ModeNumbers
 
 
 def draw(rng: np.random.Generator, *, plain: bool = False) -> Case:

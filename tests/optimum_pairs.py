@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from identification import Device, ForceLimit, quantity
-from tune.loop import Filters
-from tune.scene import Scene
+from tune.documents.scene import Scene
+from tune.loop.loop import Filters
 
 #: What a scene may ask for.
 KINDS = (

@@ -16,8 +16,8 @@ from scipy.stats import norm
 
 from identification import Device, Quantity
 from tests.optimum_loops import Corner, Loops, force_ripple
-from tune.hand import Hand
-from tune.scene import Element, Scene, Wish
+from tune.documents.hand import Hand
+from tune.documents.scene import Element, Scene, Wish
 
 FloatArray = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from datasets_synthetic import (
 from datasets_synthetic.experiment import EFFECTS, EffectName
 from tests.sampled_bench import SampledBench
 from tune import Effects, Filters, Loop, force_ripple, largest, safe_gain
-from tune.mechanism import HandNumbers, ModeNumbers
+from tune.loop.mechanism import HandNumbers, ModeNumbers
 
 FloatArray = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from identification import load_device, quantity
 from tune import Scene, optimise
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.roots import judge
-from tune.effects import Effects
-from tune.loop import Filters, Loop
-from tune.stability import safe_gain
+from tune.documents.effects import Effects
+from tune.loop.loop import Filters, Loop
+from tune.stability.verdict import safe_gain
 
 
 def _case(seed: int) -> tuple[Point, Setting, Loop, Effects]:

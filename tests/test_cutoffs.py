@@ -13,13 +13,13 @@ import pytest
 from identification import load_device, quantity
 from tests.filter_cases import DEVICES, RIPPLES, SCENES, best_of_grid, job_of, worth_of
 from tune import NoFeasibleEffectError, Scene, optimise
-from tune.cutoffs import choose_filters
-from tune.filters import Filters
-from tune.perception import default_table
-from tune.problem import Job
-from tune.rendered import impedances
-from tune.solve import groups, solve
-from tune.worth import FELT, net_steps, worth
+from tune.documents.perception import default_table
+from tune.loop.filters import Filters
+from tune.optimisation.cutoffs import choose_filters
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import groups, solve
+from tune.optimisation.worth import FELT, net_steps, worth
+from tune.rendering.rendered import impedances
 
 #: Worth is a sum of logarithms of steps: one per cent of all of them multiplied.
 ONE_PERCENT = 0.01
@@ -188,7 +188,7 @@ def test_effects_that_are_alone_find_their_filters_without_a_solver() -> None:
     code = (
         "import sys\n"
         "from tests.filter_cases import job_of\n"
-        "from tune.cutoffs import choose_filters\n"
+        "from tune.optimisation.cutoffs import choose_filters\n"
         "job = job_of('homerehab', {'water': {'damping': 'max'}, 'cup': {'mass': 'max'}})\n"
         "assert choose_filters(job, print).acceleration_hz\n"
         "sys.exit(', '.join({'casadi', 'nlopt'} & set(sys.modules)) or 0)"

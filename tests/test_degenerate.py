@@ -12,10 +12,10 @@ from identification import Device, ForceLimit, load_device, quantity, to_mapping
 from tests.commands import Ended, haptune
 from tests.reference import boundary_gains, reference_loop
 from tune import Scene, load_profile, optimise
-from tune.loop import Filters
-from tune.perception import default_table
-from tune.problem import Job
-from tune.solve import solve
+from tune.documents.perception import default_table
+from tune.loop.loop import Filters
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import solve
 
 FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
 WALL = "elements: {wall: {stiffness: max}}\n"

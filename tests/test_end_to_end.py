@@ -20,10 +20,10 @@ from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune.certificate.certify import regions_of, setting_of
 from tune.certificate.proof import Claim
 from tune.certificate.worst import worst_point
-from tune.errors import NoFeasibleEffectError
-from tune.optimisation import optimise
-from tune.profile import SafeProfile
-from tune.scene import Scene
+from tune.documents.errors import NoFeasibleEffectError
+from tune.documents.profile import SafeProfile
+from tune.documents.scene import Scene
+from tune.optimisation._optimise import optimise
 
 
 def _scene(elements: dict[str, dict[str, str]], *together: list[str]) -> Scene:

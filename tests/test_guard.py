@@ -14,7 +14,7 @@ from datasets_synthetic.law import ControlLaw
 from tests.exported import LOOPS, STEP, Array, changed, poles, tuned
 from tests.guard import FLAGS, Guard, built, compiler, compiles, enter, push, write
 from tune import SafeProfile
-from tune.export import export
+from tune.exporters import export
 
 WALL, CUP, RUBBER = 1, 2, 4
 

@@ -8,9 +8,9 @@ import pytest
 from flint import arb
 
 from tests.reference import reference_loop, stable_by_roots
-from tune.effects import EFFECT_NAMES, Effects
-from tune.loop import Filters, Loop
-from tune.stability import is_stable, largest
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.loop.loop import Filters, Loop
+from tune.stability.verdict import is_stable, largest
 
 
 def _printed_43(delta: float, alpha: float, beta: float, gamma: float) -> mpmath.mpf:

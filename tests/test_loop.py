@@ -17,12 +17,12 @@ from tests.general_reference import (
     crossings,
     general_loop,
 )
-from tune.effects import EFFECT_NAMES, Effects
-from tune.errors import LoopError
-from tune.filters import LONGEST_WINDOW
-from tune.hand import FREE_TO_RIGID
-from tune.loop import LONGEST_DELAY, Filters, HandNumbers, Loop, ModeNumbers
-from tune.stability import is_stable, largest, safe_gain, verdict
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.errors import LoopError
+from tune.documents.hand import FREE_TO_RIGID
+from tune.loop.filters import LONGEST_WINDOW
+from tune.loop.loop import LONGEST_DELAY, Filters, HandNumbers, Loop, ModeNumbers
+from tune.stability.verdict import is_stable, largest, safe_gain, verdict
 
 MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)
 HAND = HandNumbers(mass=0.1, damping=5.0, stiffness=300.0)

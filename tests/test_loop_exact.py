@@ -16,9 +16,10 @@ from tests.general_reference import (
     plant,
     stable_by_jury,
 )
-from tune.criterion import ULPS, UNIT
-from tune.effects import EFFECT_NAMES, Effects
-from tune.stability import largest, stable_values
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.loop.polynomials import UNIT
+from tune.stability.criterion import ULPS
+from tune.stability.verdict import largest, stable_values
 
 
 def _accept(tally: Counter[str], count: int) -> None:

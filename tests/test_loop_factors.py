@@ -9,13 +9,13 @@ import pytest
 from flint import arb, arb_mat, arb_poly
 
 from tests.general_reference import roots_of
-from tune.criterion import UNIT, routh
-from tune.effects import Effects
-from tune.held_blocks import block
-from tune.loop import Filters, Loop, ModeNumbers
-from tune.polynomials import Polynomial
-from tune.quadratics import split, split_fractions
-from tune.stability import is_stable, verdict
+from tune.documents.effects import Effects
+from tune.loop.loop import Filters, Loop, ModeNumbers
+from tune.loop.polynomials import UNIT, Polynomial
+from tune.loop.quadratics import split, split_fractions
+from tune.loop.zero_order_hold import block
+from tune.stability.criterion import routh
+from tune.stability.verdict import is_stable, verdict
 
 
 def _step(a: float, b: float, span: arb) -> tuple[arb, arb]:

@@ -12,13 +12,13 @@ from flint import acb, arb
 from identification import Device, quantity
 from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_reference import Case, Sampled
-from tune.damping_margin import least_damping_ratio, slowest_decay
-from tune.effects import Effects
-from tune.hand import Hand
-from tune.loop import Filters, Loop
-from tune.margins import margins_of
-from tune.response_margins import disk_margin, phase_margin
-from tune.stability import safe_gain
+from tune.documents.effects import Effects
+from tune.documents.hand import Hand
+from tune.loop.loop import Filters, Loop
+from tune.margins.damping import least_damping_ratio, slowest_decay
+from tune.margins.margins import margins_of
+from tune.margins.response import disk_margin, phase_margin
+from tune.stability.verdict import safe_gain
 
 #: What every margin must agree to, relative.
 AGREEMENT = 1e-9

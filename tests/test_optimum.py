@@ -19,14 +19,14 @@ from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import MARGINS, Reference, felt_share, weber_fraction
 from tests.optimum_search import gaps, highest
 from tune.certificate.check import check
-from tune.climb import climb, closed_form
-from tune.errors import NoFeasibleEffectError
-from tune.loop import Filters
-from tune.optimisation import optimise
-from tune.perception import default_table
-from tune.problem import Job
-from tune.scene import Scene
-from tune.solve import Solved, backends, groups, solve
+from tune.documents.errors import NoFeasibleEffectError
+from tune.documents.perception import default_table
+from tune.documents.scene import Scene
+from tune.loop.loop import Filters
+from tune.optimisation._optimise import optimise
+from tune.optimisation.climb import climb, closed_form
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import Solved, backends, groups, solve
 
 FloatArray = NDArray[np.float64]
 

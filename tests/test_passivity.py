@@ -11,9 +11,9 @@ from flint import acb, arb
 from identification import Device
 from tests.margin_cases import draw, filters_of
 from tests.sampled_reference import Case, Sampled
-from tune.effects import Effects
-from tune.loop import Filters
-from tune.passivity import damping_needed, passivity
+from tune.documents.effects import Effects
+from tune.loop.loop import Filters
+from tune.margins.passivity import damping_needed, passivity
 
 
 def test_spring_and_damper() -> None:

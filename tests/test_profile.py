@@ -16,7 +16,7 @@ from tests.commands import haptune
 from tune import CheckFailedError, Scene, check, damping_needed, load_profile, optimise
 from tune.certificate.passivity import passive
 from tune.certificate.polynomial import Setting
-from tune.profile import SafeProfile, digest_of
+from tune.documents.profile import SafeProfile, digest_of
 
 #: The digit in a name is in a key, those of the device are in numbers, text and exponents.
 SPRING: dict[str, Any] = {"elements": {"wall 2": {"stiffness": "max"}}}

@@ -13,11 +13,11 @@ from datasets_synthetic import Controller, Rig, simulate
 from identification import Device, load_device, parse_document, quantity, to_mapping
 from tests.commands import haptune
 from tune import Scene, load_profile, optimise
-from tune.filters import Filters
-from tune.perception import default_table, references
-from tune.problem import Job, Problem, pose
-from tune.profile import SafeProfile, digest_of
-from tune.rendered import FASTEST, SLOWEST, Shares, impedances, rendered
+from tune.documents.perception import default_table, references
+from tune.documents.profile import SafeProfile, digest_of
+from tune.loop.filters import Filters
+from tune.optimisation.problem import Job, Problem, pose
+from tune.rendering.rendered import FASTEST, SLOWEST, Shares, impedances, rendered
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -11,10 +11,10 @@ from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_reference import Sampled
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.ripple import ripple_by_integration
-from tune.effects import Effects
-from tune.loop import Filters, Loop
-from tune.ripple import count_jump, force_ripple, handle_vibration
-from tune.stability import is_stable
+from tune.documents.effects import Effects
+from tune.loop.loop import Filters, Loop
+from tune.rendering.ripple import count_jump, force_ripple, handle_vibration
+from tune.stability.verdict import is_stable
 
 
 def _homerehab(delay: int, cutoff: float | None) -> Loop:

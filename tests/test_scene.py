@@ -9,8 +9,16 @@ import pytest
 from pydantic import ValidationError
 
 from identification import InvalidInputError
-from tune.perception import default_table
-from tune.scene import LARGEST_GROUP, MARGINS, Motion, Scene, Wish, load_scene, perception_of
+from tune.documents.perception import default_table
+from tune.documents.scene import (
+    LARGEST_GROUP,
+    MARGINS,
+    Motion,
+    Scene,
+    Wish,
+    load_scene,
+    perception_of,
+)
 
 WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
 

@@ -10,10 +10,10 @@ import pytest
 from pydantic import ValidationError
 
 from identification import InvalidInputError, load_document
-from tune.effects import Effects
-from tune.loop import Filters, Loop
-from tune.ripple import handle_vibration
-from tune.vibration import (
+from tune.documents.effects import Effects
+from tune.loop.loop import Filters, Loop
+from tune.rendering.ripple import handle_vibration
+from tune.rendering.vibration import (
     ThresholdCurve,
     default_thresholds,
     felt_vibration,

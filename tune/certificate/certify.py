@@ -16,9 +16,9 @@ from tune.certificate.proof import Claim, prove
 from tune.certificate.region import HandRegion, ModeRegion, Region
 from tune.certificate.words import METHOD, assumptions, not_assessed
 from tune.certificate.worst import Worst, worst_point
-from tune.certified import Certificate, HandBox, HandPlace, ModeBox, ModePlace, WorstPoint
-from tune.errors import CheckFailedError
-from tune.profile import Design
+from tune.documents.certified import Certificate, HandBox, HandPlace, ModeBox, ModePlace, WorstPoint
+from tune.documents.errors import CheckFailedError
+from tune.documents.profile import Design
 
 #: Cells looked at for one moment before it counts as not proved. With a fifth of margin to spare a
 #: plain device takes a hundred, on the edge some thousands; a hand and modes take ten times more.

@@ -11,9 +11,9 @@ import numpy as np
 from tune.certificate.certify import certify, setting_of
 from tune.certificate.point import HandPoint, ModePoint, Point
 from tune.certificate.roots import judge
-from tune.certified import Certificate, HandBox, ModeBox, WorstPoint
-from tune.errors import CheckFailedError
-from tune.profile import SafeProfile, load_profile
+from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint
+from tune.documents.errors import CheckFailedError
+from tune.documents.profile import SafeProfile, load_profile
 
 #: Bounds of the box are stored with twelve digits.
 _AGREE = 1e-9

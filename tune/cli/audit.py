@@ -13,8 +13,8 @@ from tune.cli.session import Session, run_command
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tune.audit import Audit
-    from tune.effects import Effects
+    from tune._audit import Audit
+    from tune.documents.effects import Effects
 
 
 def audit(
@@ -50,10 +50,10 @@ def audit(
 
     def action(session: Session) -> None:
         from identification import UsageError, load_device
-        from tune.audit import audit as judged
-        from tune.effects import Effects
-        from tune.errors import CheckFailedError
-        from tune.loop import Filters
+        from tune._audit import audit as judged
+        from tune.documents.effects import Effects
+        from tune.documents.errors import CheckFailedError
+        from tune.loop.loop import Filters
 
         wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
         _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from datasets_synthetic import Controller, Hand
-    from tune.profile import Design
+    from tune.documents.profile import Design
 
 #: Amplitude of force that may last, in ripple limits: the peak of three rms of a sinusoid. Within a
 #: count the encoder keeps a frictionless device moving for ever.
@@ -59,7 +59,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
         CheckFailedError: some trial diverges or keeps oscillating; nothing may be written.
     """
     from datasets_synthetic import rehearse, rig_of
-    from tune.errors import CheckFailedError
+    from tune.documents.errors import CheckFailedError
 
     device = design.device
     rig, hand = rig_of(device), _grip(design)

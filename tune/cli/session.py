@@ -193,7 +193,7 @@ def run_command(
 
 def _ended(session: Session, error: Exception) -> int:
     from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
-    from tune.errors import CheckFailedError, LoopError, NoFeasibleEffectError
+    from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
     if isinstance(error, LogRefusedError):
         session.findings += [_plain(finding) for finding in error.findings]

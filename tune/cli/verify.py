@@ -59,8 +59,8 @@ def verify(
 
     def action(session: Session) -> None:
         from identification import LogColumns, load_trajectory
-        from tune.errors import CheckFailedError
-        from tune.profile import load_profile
+        from tune.documents.errors import CheckFailedError
+        from tune.documents.profile import load_profile
         from tune.verification import verification_picture, verify
 
         if picture is not None:

@@ -12,7 +12,9 @@ from flint import arb
 from tests.general_reference import GeneralCase, crossings, general_loop, stable_by_jury
 from tests.reference import ReferenceLoop
 from tune.documents.effects import Effects
-from tune.loop.loop import Filters, HandNumbers, Loop, ModeNumbers
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers, ModeNumbers
 from tune.stability.verdict import safe_gain, stable_gains, verdict
 
 Ray = tuple[float | None, float | None, float | None]

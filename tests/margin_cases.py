@@ -8,7 +8,9 @@ import numpy as np
 
 from tests.sampled_reference import Case, Sampled
 from tune.documents.effects import Effects
-from tune.loop.loop import Filters, HandNumbers, Loop, ModeNumbers
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers, ModeNumbers
 
 
 def draw(rng: np.random.Generator, *, plain: bool = False) -> Case:

@@ -12,7 +12,8 @@ from tune import Scene, optimise
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.roots import judge
 from tune.documents.effects import Effects
-from tune.loop.loop import Filters, Loop
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
 from tune.stability.verdict import safe_gain
 
 

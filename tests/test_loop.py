@@ -20,8 +20,10 @@ from tests.general_reference import (
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.errors import LoopError
 from tune.documents.hand import FREE_TO_RIGID
-from tune.loop.filters import LONGEST_WINDOW
-from tune.loop.loop import LONGEST_DELAY, Filters, HandNumbers, Loop, ModeNumbers
+from tune.loop.filters import LONGEST_WINDOW, Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers, ModeNumbers
+from tune.loop.sampled_plant import LONGEST_DELAY
 from tune.stability.verdict import is_stable, largest, safe_gain, verdict
 
 MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)

@@ -10,7 +10,9 @@ from flint import arb, arb_mat, arb_poly
 
 from tests.general_reference import roots_of
 from tune.documents.effects import Effects
-from tune.loop.loop import Filters, Loop, ModeNumbers
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import ModeNumbers
 from tune.loop.polynomials import UNIT, Polynomial
 from tune.loop.quadratics import split, split_fractions
 from tune.loop.zero_order_hold import block

@@ -14,7 +14,8 @@ from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_reference import Case, Sampled
 from tune.documents.effects import Effects
 from tune.documents.hand import Hand
-from tune.loop.loop import Filters, Loop
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
 from tune.margins.damping import least_damping_ratio, slowest_decay
 from tune.margins.margins import margins_of
 from tune.margins.response import disk_margin, phase_margin

@@ -15,7 +15,8 @@ from tune.documents.effects import Effects
 from tune.documents.perception import default_table
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene
-from tune.loop.loop import Filters, Loop
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
 from tune.optimisation._optimise import optimise
 from tune.optimisation.climb import climb
 from tune.optimisation.limits import allowed

@@ -22,7 +22,7 @@ from tune.certificate.check import check
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.perception import default_table
 from tune.documents.scene import Scene
-from tune.loop.loop import Filters
+from tune.loop.filters import Filters
 from tune.optimisation._optimise import optimise
 from tune.optimisation.climb import climb, closed_form
 from tune.optimisation.problem import Job

@@ -12,7 +12,7 @@ from identification import Device
 from tests.margin_cases import draw, filters_of
 from tests.sampled_reference import Case, Sampled
 from tune.documents.effects import Effects
-from tune.loop.loop import Filters
+from tune.loop.filters import Filters
 from tune.margins.passivity import damping_needed, passivity
 
 

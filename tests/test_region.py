@@ -12,7 +12,8 @@ from identification import Device, parse_document
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.hand import FREE_TO_RIGID, Hand
-from tune.loop.loop import Filters, Loop
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
 from tune.optimisation.region import Region, Spot
 from tune.stability.verdict import largest
 

@@ -12,7 +12,8 @@ from tests.sampled_reference import Sampled
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.ripple import ripple_by_integration
 from tune.documents.effects import Effects
-from tune.loop.loop import Filters, Loop
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
 from tune.rendering.ripple import count_jump, force_ripple, handle_vibration
 from tune.stability.verdict import is_stable
 

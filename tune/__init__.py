@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from tune.documents.profile import SafeProfile, load_profile
     from tune.documents.scene import Element, Scene, load_scene
     from tune.exporters import export
-    from tune.loop.loop import Filters, Loop
+    from tune.loop.filters import Filters
+    from tune.loop.loop import Loop
     from tune.margins.damping import least_damping_ratio, slowest_decay
     from tune.margins.delay import DelayMargin, delay_margin
     from tune.margins.margins import LoopMargins, margins_of
@@ -105,7 +106,8 @@ _HOMES = {
     "documents.profile": "SafeProfile load_profile",
     "documents.scene": "Element Scene load_scene",
     "exporters": "export",
-    "loop.loop": "Filters Loop",
+    "loop.filters": "Filters",
+    "loop.loop": "Loop",
     "margins.damping": "least_damping_ratio slowest_decay",
     "margins.delay": "DelayMargin delay_margin",
     "margins.margins": "LoopMargins margins_of",

@@ -15,8 +15,8 @@ from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.perception import default_table
 from tune.documents.profile import Design
 from tune.documents.scene import MarginName, Scene
-from tune.loop.filters import used_filters
-from tune.loop.loop import Filters, Loop
+from tune.loop.filters import Filters, used_filters
+from tune.loop.loop import Loop
 from tune.margins.margins import LoopMargins, margins_of
 from tune.optimisation._optimise import design_of
 from tune.optimisation.climb import climb, closed_form

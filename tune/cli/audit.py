@@ -53,7 +53,7 @@ def audit(
         from tune._audit import audit as judged
         from tune.documents.effects import Effects
         from tune.documents.errors import CheckFailedError
-        from tune.loop.loop import Filters
+        from tune.loop.filters import Filters
 
         wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
         _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)

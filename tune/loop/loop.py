@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.hand import Hand
+from tune.loop.coefficients import Terms, Transfer
 from tune.loop.factors import Factors
 from tune.loop.filters import (
     Filters,
@@ -28,8 +29,6 @@ from tune.loop.filters import (
 from tune.loop.mechanism import HandNumbers, ModeNumbers
 from tune.loop.polynomials import padded
 from tune.loop.sampled_plant import (
-    LONGEST_DELAY,
-    WHOLE,
     HoldEquivalent,
     SampledPlant,
     ideal_equivalent,
@@ -37,55 +36,6 @@ from tune.loop.sampled_plant import (
 )
 
 FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "LONGEST_DELAY",
-    "WHOLE",
-    "Filters",
-    "HandNumbers",
-    "Loop",
-    "ModeNumbers",
-    "Terms",
-    "Transfer",
-]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Terms:
-    """Coefficients of 1, α, β and γ in the loop polynomial, each (degree+1, *shape), by power."""
-
-    free: FloatArray
-    alpha: FloatArray
-    beta: FloatArray
-    gamma: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Transfer:
-    """Plant and control law apart, for transfer functions other than the stability polynomial.
-
-    Each is (its degree+1, *shape), ascending in w. Position from force is (T²/m) times
-    plant_numerator/plant_denominator, the delay included; force from position is -(m/T²) times
-    (alpha·α + beta·β + gamma·γ)/law_denominator. Hence the terms of the loop: free is
-    plant_denominator·law_denominator, that of each effect plant_numerator times its numerator.
-
-    Attributes:
-        plant_numerator: of the measured position.
-        plant_denominator: of both positions.
-        handle_numerator: of the position of the handle.
-        law_denominator: of the control law.
-        alpha: numerator of the stiffness.
-        beta: numerator of the damping.
-        gamma: numerator of the mass.
-    """
-
-    plant_numerator: FloatArray
-    plant_denominator: FloatArray
-    handle_numerator: FloatArray
-    law_denominator: FloatArray
-    alpha: FloatArray
-    beta: FloatArray
-    gamma: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

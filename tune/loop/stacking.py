@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.loop.loop import Loop, Terms, Transfer
+from tune.loop.coefficients import Terms, Transfer
+from tune.loop.loop import Loop
 from tune.loop.polynomials import padded
 
 FloatArray = NDArray[np.float64]

@@ -8,8 +8,9 @@ from math import nan
 from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.hand import Hand
-from tune.loop.filters import used_filters
-from tune.loop.loop import LONGEST_DELAY, Filters, Loop
+from tune.loop.filters import Filters, used_filters
+from tune.loop.loop import Loop
+from tune.loop.sampled_plant import LONGEST_DELAY
 from tune.margins.damping import least_damping_ratio, slowest_decay
 from tune.margins.delay import DelayMargin, delay_margin
 from tune.margins.passivity import Passivity, passivity

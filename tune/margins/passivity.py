@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.loop.loop import WHOLE, Filters, Loop
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.sampled_plant import WHOLE
 from tune.stability.peaks import parts_on_axis, peak, squared_modulus
 
 FloatArray = NDArray[np.float64]

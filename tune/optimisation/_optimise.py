@@ -17,7 +17,7 @@ from tune.documents.profile import (
     SafeProfile,
 )
 from tune.documents.scene import MARGINS, Scene
-from tune.loop.loop import Filters
+from tune.loop.filters import Filters
 from tune.optimisation.climb import SAME
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.delays import Felt, extra_delays

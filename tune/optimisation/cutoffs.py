@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from identification import rounded
 from tune.documents.effects import EffectName
 from tune.documents.scene import Cutoff
-from tune.loop.loop import Filters
+from tune.loop.filters import Filters
 from tune.optimisation.problem import Job
 from tune.optimisation.solve import groups
 from tune.optimisation.worth import worth_of_group

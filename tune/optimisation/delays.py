@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
-from tune.loop.loop import LONGEST_DELAY
+from tune.loop.sampled_plant import LONGEST_DELAY
 from tune.optimisation.loops import Loops
 from tune.optimisation.problem import Moment, Problem
 from tune.stability.bracketing import CLOSE

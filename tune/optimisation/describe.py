@@ -12,8 +12,8 @@ from identification import Device, rounded
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Scene
-from tune.loop.filters import used_filters
-from tune.loop.loop import WHOLE, Filters
+from tune.loop.filters import Filters, used_filters
+from tune.loop.sampled_plant import WHOLE
 from tune.margins.passivity import damping_needed
 from tune.optimisation.bounds import force_bound, ripple_bound, stable_bounds
 from tune.optimisation.delays import MOST

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.effects import EffectName, Effects
-from tune.loop.loop import Filters, Loop
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
 from tune.loop.stacking import stacked
 from tune.optimisation.region import Region
 from tune.rendering.ripple import force_ripple

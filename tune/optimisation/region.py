@@ -15,8 +15,10 @@ import numpy as np
 from identification import Box, Device, Mode, Quantity
 from tune.documents.errors import LoopError
 from tune.documents.hand import Hand
-from tune.loop.loop import LONGEST_DELAY, WHOLE, Filters, HandNumbers, Loop, ModeNumbers
-from tune.loop.sampled_plant import SampledPlant
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers, ModeNumbers
+from tune.loop.sampled_plant import LONGEST_DELAY, WHOLE, SampledPlant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

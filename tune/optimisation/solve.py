@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identification import rounded
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.scene import Scene
-from tune.loop.loop import Filters
+from tune.loop.filters import Filters
 from tune.optimisation.backends import Backend
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.climb import SAME, climb, closed_form

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from tune.documents.effects import EffectName
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.perception import perceived_steps, references
-from tune.loop.loop import Filters
+from tune.loop.filters import Filters
 from tune.optimisation.problem import Job
 from tune.optimisation.solve import Solved, solve
 from tune.rendering.rendered import Shares

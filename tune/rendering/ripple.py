@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
 from tune.loop.closed_loop import spread
-from tune.loop.loop import Filters, Loop
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
 from tune.rendering.routh_table import h2_squared, product
 
 FloatArray = NDArray[np.float64]

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.loop.loop import Loop, Terms
+from tune.loop.coefficients import Terms
+from tune.loop.loop import Loop
 from tune.loop.polynomials import padded
 from tune.optimisation.backends.reach import Reach
 from tune.optimisation.problem import Problem

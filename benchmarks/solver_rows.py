@@ -106,7 +106,7 @@ def _log(sizes: FloatArray | None) -> FloatArray | None:
 def posed_of(chosen: Case, starts: int = _STARTS) -> Posed:
     """A case, and the best of searches from some starts."""
     (solved,) = proposal(chosen, chosen.job())
-    filters = (chosen.filters.velocity_hz, chosen.filters.acceleration_hz)
+    filters = (chosen.filters.velocity_filter_hz, chosen.filters.acceleration_filter_hz)
     reference = Reference(
         chosen.device, chosen.scene, list(chosen.scene.elements), filters, frozenset(solved.dropped)
     )

@@ -89,7 +89,7 @@ def best_of_grid(job: Job, count: int) -> float:
         velocity = choices if "damping" in used else (None,)
         acceleration = choices if "mass" in used else (None,)
         part = [
-            worth_of_group(job, elements, Filters(velocity_hz=v, acceleration_hz=a))
+            worth_of_group(job, elements, Filters(velocity_filter_hz=v, acceleration_filter_hz=a))
             for v, a in product(velocity, acceleration)
         ]
         total += np.reshape(part, (len(velocity), len(acceleration)))

@@ -29,12 +29,14 @@ def loop_of(case: GeneralCase) -> Loop:
             ratio = float(chosen[3])
     low_pass = velocity[0] == "low-pass"
     filters = Filters(
-        velocity_hz=float(velocity[1]) if low_pass else None,
-        velocity_order=2 if low_pass and velocity[2] == 2 else 1,
-        velocity_window=int(velocity[1]) if velocity[0] == "window" else None,
-        acceleration_hz=float(acceleration[1]) if acceleration[0] == "low-pass" else None,
-        acceleration_order=1 if acceleration[0] == "low-pass" and acceleration[2] == 1 else 2,
-        damping_ratio=ratio,
+        velocity_filter_hz=float(velocity[1]) if low_pass else None,
+        velocity_filter_order=2 if low_pass and velocity[2] == 2 else 1,
+        velocity_window_samples=int(velocity[1]) if velocity[0] == "window" else None,
+        acceleration_filter_hz=float(acceleration[1]) if acceleration[0] == "low-pass" else None,
+        acceleration_filter_order=1
+        if acceleration[0] == "low-pass" and acceleration[2] == 1
+        else 2,
+        filter_damping_ratio=ratio,
     )
     return Loop.from_numbers(
         mass=case.mass,

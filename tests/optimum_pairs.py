@@ -51,8 +51,8 @@ class Pair:
         wishes = {effect for one in self.scene.elements.values() for effect in one.wishes()}
         velocity, acceleration = self.filters_hz
         return Filters(
-            velocity_hz=velocity if "damping" in wishes else None,
-            acceleration_hz=acceleration if "mass" in wishes else None,
+            velocity_filter_hz=velocity if "damping" in wishes else None,
+            acceleration_filter_hz=acceleration if "mass" in wishes else None,
         )
 
 

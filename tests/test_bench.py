@@ -48,10 +48,16 @@ def exact_limits(bench: SampledBench) -> FloatArray:
         ({}, (20_011, 6_013, 6.01)),
         ({"delay": T}, (6_673, 2_493, 3.71)),
         ({"delay": 2 * T}, (4_006, 1_615, 3.33)),
-        ({"velocity_cutoff": 50.0, "acceleration_cutoff": 50.0}, (20_011, 6_068, 38.7)),
-        ({"velocity_cutoff": 50.0, "acceleration_cutoff": 50.0, "delay": T}, (6_673, 2_148, 14.7)),
-        ({"velocity_cutoff": 20.0, "acceleration_cutoff": 20.0, "delay": T}, (6_673, 2_110, 34.1)),
-        ({"velocity_window": 15}, (20_011, 891, 6.01)),
+        ({"velocity_filter_hz": 50.0, "acceleration_filter_hz": 50.0}, (20_011, 6_068, 38.7)),
+        (
+            {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 50.0, "delay": T},
+            (6_673, 2_148, 14.7),
+        ),
+        (
+            {"velocity_filter_hz": 20.0, "acceleration_filter_hz": 20.0, "delay": T},
+            (6_673, 2_110, 34.1),
+        ),
+        ({"velocity_window_samples": 15}, (20_011, 891, 6.01)),
     ],
 )
 def test_exact_limits_are_the_printed_ones(
@@ -64,10 +70,10 @@ def test_exact_limits_are_the_printed_ones(
 MODE = (60.0, 0.02, 0.5, -1.2)
 GRIP = (0.5, 8.0, 400.0)
 SECOND: dict[str, Any] = {
-    "velocity_cutoff": 60.0,
-    "acceleration_cutoff": 40.0,
-    "velocity_order": 2,
-    "damping_ratio": 0.7071,
+    "velocity_filter_hz": 60.0,
+    "acceleration_filter_hz": 40.0,
+    "velocity_filter_order": 2,
+    "filter_damping_ratio": 0.7071,
 }
 
 
@@ -77,14 +83,14 @@ RIGID: tuple[dict[str, Any], ...] = (
     {"delay": T},
     {"delay": 2.3 * T},
     {"delay": T, "hand": GRIP},
-    {"delay": T, "velocity_cutoff": 50.0, "acceleration_cutoff": 30.0},
+    {"delay": T, "velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
 )
 FLEXIBLE: tuple[dict[str, Any], ...] = (
     {"delay": T, "modes": (MODE,)},
     {"delay": T, "current_lag": 0.7 * T},
     {"delay": T, **SECOND},
-    {"delay": T, "acceleration_cutoff": 40.0, "acceleration_order": 1},
-    {"velocity_window": 15},
+    {"delay": T, "acceleration_filter_hz": 40.0, "acceleration_filter_order": 1},
+    {"velocity_window_samples": 15},
     {"delay": 1.4 * T, "hand": GRIP, "modes": (MODE,), "current_lag": 0.3 * T, **SECOND},
 )
 EVERYTHING: dict[str, Any] = {
@@ -92,12 +98,12 @@ EVERYTHING: dict[str, Any] = {
     "current_lag": 0.0,
     "modes": ((60.0, 0.02, 0.0, 0.0),),
     "hand": (0.0, 0.0, 0.0),
-    "velocity_cutoff": np.inf,
-    "acceleration_cutoff": np.inf,
-    "velocity_order": 1,
-    "acceleration_order": 2,
-    "damping_ratio": 1.0,
-    "velocity_window": 1,
+    "velocity_filter_hz": np.inf,
+    "acceleration_filter_hz": np.inf,
+    "velocity_filter_order": 1,
+    "acceleration_filter_order": 2,
+    "filter_damping_ratio": 1.0,
+    "velocity_window_samples": 1,
 }
 
 
@@ -108,14 +114,18 @@ def loop_of(setting: dict[str, Any], device: dict[str, float] = DEVICE) -> Loop:
         **device,
         delay_samples=of["delay"] / T,
         filters=Filters(
-            velocity_hz=None if np.isinf(of["velocity_cutoff"]) else of["velocity_cutoff"],
-            acceleration_hz=(
-                None if np.isinf(of["acceleration_cutoff"]) else of["acceleration_cutoff"]
+            velocity_filter_hz=None
+            if np.isinf(of["velocity_filter_hz"])
+            else of["velocity_filter_hz"],
+            acceleration_filter_hz=(
+                None if np.isinf(of["acceleration_filter_hz"]) else of["acceleration_filter_hz"]
             ),
-            velocity_order=of["velocity_order"],
-            acceleration_order=of["acceleration_order"],
-            damping_ratio=of["damping_ratio"],
-            velocity_window=None if of["velocity_window"] == 1 else of["velocity_window"],
+            velocity_filter_order=of["velocity_filter_order"],
+            acceleration_filter_order=of["acceleration_filter_order"],
+            filter_damping_ratio=of["filter_damping_ratio"],
+            velocity_window_samples=None
+            if of["velocity_window_samples"] == 1
+            else of["velocity_window_samples"],
         ),
         modes=[
             ModeNumbers(frequency_hz=f, damping_ratio=z, at_encoder=e, at_handle=h)
@@ -331,7 +341,7 @@ def test_ripple_of_a_moving_handle_is_the_predicted_one(cutoff: float | None) ->
             damping=b,
             sample_time=T,
             delay_samples=1,
-            filters=Filters(velocity_hz=cutoff, acceleration_hz=cutoff),
+            filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
         )
         ends = np.array([float(largest(loop, name, Effects())) for name in EFFECTS])
         for row, name in enumerate(names):
@@ -345,7 +355,9 @@ def test_ripple_of_a_moving_handle_is_the_predicted_one(cutoff: float | None) ->
     pole = np.inf if cutoff is None else cutoff
     simulated = ripple_by_simulation(
         rigs.members(np.repeat(np.arange(4), 4)),
-        Controller(stiffness=K, damping=B, mass=M, velocity_cutoff=pole, acceleration_cutoff=pole),
+        Controller(
+            stiffness=K, damping=B, mass=M, velocity_filter_hz=pole, acceleration_filter_hz=pole
+        ),
     )
     np.testing.assert_allclose(simulated.reshape(4, 4), predicted, rtol=0.15)
     assert np.max(np.abs(simulated.reshape(4, 4) / predicted - 1)) > 1e-6  # two computations

@@ -39,7 +39,7 @@ def _case(seed: int) -> tuple[Point, Setting, Loop, Effects]:
         damping=damping,
         sample_time=step,
         delay_samples=delay,
-        filters=Filters(velocity_hz=cutoffs[0], acceleration_hz=cutoffs[1]),
+        filters=Filters(velocity_filter_hz=cutoffs[0], acceleration_filter_hz=cutoffs[1]),
     )
     effects = Effects(
         stiffness=stiffness, damping=virtual_damping or None, mass=virtual_mass or None

@@ -162,7 +162,7 @@ def _scene(elements: dict[str, dict[str, Any]]) -> Scene:
 
 
 def test_each_of_two_hundred_things_is_tuned_as_if_it_were_alone() -> None:
-    filters = Filters(velocity_hz=50.0, acceleration_hz=30.0)
+    filters = Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0)
     many = _many(200)
     crowd = Job.of(_device(), _scene(many), default_table())
     for name in list(many)[::9]:

@@ -148,7 +148,7 @@ def test_known_limits_of_homerehab(
         damping=10.0,
         sample_time=1e-3,
         delay_samples=delay,
-        filters=Filters(velocity_hz=cutoff, acceleration_hz=cutoff),
+        filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
     )
     found = [float(largest(loop, name)) for name in EFFECT_NAMES]
     assert [f"{found[0]:.0f}", f"{found[1]:.0f}", f"{found[2]:.3g}"] == [stiffness, damping, mass]

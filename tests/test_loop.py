@@ -37,9 +37,9 @@ HOMEREHAB: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": 1e-3}
         (0, Filters(), (20_011, 6_013, 6.01)),
         (1, Filters(), (6_673, 2_493, 3.71)),
         (2, Filters(), (4_006, 1_615, 3.33)),
-        (0, Filters(velocity_hz=50.0, acceleration_hz=50.0), (20_011, 6_068, 38.7)),
-        (1, Filters(velocity_hz=50.0, acceleration_hz=50.0), (6_673, 2_148, 14.7)),
-        (1, Filters(velocity_hz=20.0, acceleration_hz=20.0), (6_673, 2_110, 34.1)),
+        (0, Filters(velocity_filter_hz=50.0, acceleration_filter_hz=50.0), (20_011, 6_068, 38.7)),
+        (1, Filters(velocity_filter_hz=50.0, acceleration_filter_hz=50.0), (6_673, 2_148, 14.7)),
+        (1, Filters(velocity_filter_hz=20.0, acceleration_filter_hz=20.0), (6_673, 2_110, 34.1)),
     ],
 )
 def test_known_limits_of_a_device_like_the_paper_s(
@@ -52,13 +52,15 @@ def test_known_limits_of_a_device_like_the_paper_s(
 
 
 def test_a_window_of_15_ms_costs_most_of_the_damping() -> None:
-    loop = Loop.from_numbers(**HOMEREHAB, filters=Filters(velocity_window=15))
+    loop = Loop.from_numbers(**HOMEREHAB, filters=Filters(velocity_window_samples=15))
     assert round(float(largest(loop, "damping"))) == 891
 
 
 def test_a_window_of_one_sample_is_the_plain_difference() -> None:
     plain = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3)
-    window = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3, filters=Filters(velocity_window=1))
+    window = Loop.from_numbers(
+        **HOMEREHAB, delay_samples=0.3, filters=Filters(velocity_window_samples=1)
+    )
     for name in EFFECT_NAMES:
         assert float(largest(window, name)) == pytest.approx(float(largest(plain, name)), rel=1e-12)
 
@@ -94,10 +96,10 @@ def test_two_equal_poles_are_the_limit_of_two_unequal_ones() -> None:
                     **HOMEREHAB,
                     delay_samples=1,
                     filters=Filters(
-                        velocity_hz=40.0,
-                        velocity_order=2,
-                        acceleration_hz=40.0,
-                        damping_ratio=ratio,
+                        velocity_filter_hz=40.0,
+                        velocity_filter_order=2,
+                        acceleration_filter_hz=40.0,
+                        filter_damping_ratio=ratio,
                     ),
                 ),
                 "mass",
@@ -315,7 +317,7 @@ def test_units_scale_of_time_and_sign_of_a_mode_do_not_matter(
 def test_from_parts_reads_the_device_and_the_hand() -> None:
     device = load_device("homerehab")
     hand = FREE_TO_RIGID["linear"]
-    filters = Filters(velocity_hz=50.0)
+    filters = Filters(velocity_filter_hz=50.0)
     loop = Loop.from_parts(device, filters, hand, extra_delay_samples=0.25)
     numbers = Loop.from_numbers(
         mass=device.mass.value,
@@ -363,14 +365,14 @@ def test_what_cannot_be_is_refused(change: dict[str, object], words: str) -> Non
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"velocity_hz": 0.0}, "velocity_hz"),
-        ({"acceleration_hz": np.inf}, "acceleration_hz"),
-        ({"velocity_order": 3}, "velocity_order"),
-        ({"damping_ratio": 0.0}, "damping_ratio"),
-        ({"damping_ratio": 1.5}, "damping_ratio"),
-        ({"velocity_window": 0}, "velocity_window"),
-        ({"velocity_window": LONGEST_WINDOW + 1}, "velocity_window"),
-        ({"velocity_window": 5, "velocity_hz": 30.0}, "exclude"),
+        ({"velocity_filter_hz": 0.0}, "velocity_filter_hz"),
+        ({"acceleration_filter_hz": np.inf}, "acceleration_filter_hz"),
+        ({"velocity_filter_order": 3}, "velocity_filter_order"),
+        ({"filter_damping_ratio": 0.0}, "filter_damping_ratio"),
+        ({"filter_damping_ratio": 1.5}, "filter_damping_ratio"),
+        ({"velocity_window_samples": 0}, "velocity_window_samples"),
+        ({"velocity_window_samples": LONGEST_WINDOW + 1}, "velocity_window_samples"),
+        ({"velocity_window_samples": 5, "velocity_filter_hz": 30.0}, "exclude"),
     ],
 )
 def test_filters_that_do_not_exist_are_refused(wrong: dict[str, float], words: str) -> None:

@@ -177,7 +177,9 @@ def _loop_of_degree_ten() -> Loop:
         sample_time=1e-3,
         delay_samples=1.5,
         modes=(mode,),
-        filters=Filters(velocity_hz=60.0, velocity_order=2, acceleration_hz=40.0),
+        filters=Filters(
+            velocity_filter_hz=60.0, velocity_filter_order=2, acceleration_filter_hz=40.0
+        ),
     )
 
 

@@ -153,7 +153,7 @@ def test_an_unstable_loop_has_no_margins_but_a_growth() -> None:
 
 def test_all_margins_of_the_papers_setting() -> None:
     """K = 1000, B = 10, M = 1 with 30 Hz filters and one sample of delay: fit, but not passive."""
-    filters = Filters(velocity_hz=30.0, acceleration_hz=30.0)
+    filters = Filters(velocity_filter_hz=30.0, acceleration_filter_hz=30.0)
     effects = Effects(stiffness=1000.0, damping=10.0, mass=1.0)
     found = margins_of(_device(), effects, filters)
     assert found.gain > 2
@@ -167,7 +167,7 @@ def test_all_margins_of_the_papers_setting() -> None:
 
 def test_filters_of_absent_effects_are_left_out() -> None:
     """A 0.1 Hz filter that nothing uses must not show as a slow pole."""
-    filters = Filters(velocity_hz=0.1, acceleration_hz=0.1)
+    filters = Filters(velocity_filter_hz=0.1, acceleration_filter_hz=0.1)
     found = margins_of(_device(), Effects(stiffness=1000.0), filters)
     bare = margins_of(_device(), Effects(stiffness=1000.0))
     assert found == bare

@@ -134,7 +134,7 @@ def test_joint_optimum_against_a_fine_grid() -> None:
     device = _device()
     scene = _scene({"wall": {"stiffness": "max", "damping": "max"}}, ripple_limit=0.02)
     job = Job.of(device, scene, default_table())
-    problem = pose(job, elements=["wall"], filters=Filters(velocity_hz=50.0))
+    problem = pose(job, elements=["wall"], filters=Filters(velocity_filter_hz=50.0))
     from tune.optimisation.backends.casadi_ import Ipopt
     from tune.optimisation.backends.nlopt_ import Slsqp
 

@@ -220,7 +220,7 @@ def test_limits_that_are_no_matter_of_stability(
     solved = solve(
         Job.of(_bare(**changes), scene, default_table()),
         ["it"],
-        Filters(velocity_hz=30.0, acceleration_hz=20.0),
+        Filters(velocity_filter_hz=30.0, acceleration_filter_hz=20.0),
     )
     assert _unrounded(solved)[0] == pytest.approx(truth, rel=1e-8)
     assert solved.sizes[0] == pytest.approx(truth, rel=1.1e-5)

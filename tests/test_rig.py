@@ -236,8 +236,8 @@ def test_batch_equals_singles() -> None:
         "stiffness": [100.0, 20.0, 500.0],
         "damping": [5.0, 0.0, 20.0],
         "mass": [1.0, 0.1, 0.0],
-        "velocity_cutoff": [50.0, np.inf, 30.0],
-        "acceleration_cutoff": [20.0, 40.0, np.inf],
+        "velocity_filter_hz": [50.0, np.inf, 30.0],
+        "acceleration_filter_hz": [20.0, 40.0, np.inf],
     }
     faults = Faults(position_noise=1e-6, force_noise=0.02)
     arrays: dict[str, Any] = {name: np.array(values) for name, values in gains.items()}
@@ -284,7 +284,7 @@ def test_filters_are_the_stated_difference_equations() -> None:
     """Held in place by friction, so that the reading is noise only and the forces can be redone."""
     fixed = Rig(mass=M, damping=B, sample_time=T, coulomb_friction=1e9)
     effects = Controller(
-        stiffness=100.0, damping=7.0, mass=0.3, velocity_cutoff=40.0, acceleration_cutoff=25.0
+        stiffness=100.0, damping=7.0, mass=0.3, velocity_filter_hz=40.0, acceleration_filter_hz=25.0
     )
     log = simulate(fixed, np.full(300, 0.5), controller=effects, faults=Faults(position_noise=1e-3))
     q = log.position[0]

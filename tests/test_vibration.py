@@ -31,7 +31,7 @@ def _loop(cutoff: float | None = None) -> Loop:
         damping=10.0,
         sample_time=1e-3,
         delay_samples=1,
-        filters=Filters(velocity_hz=cutoff, acceleration_hz=cutoff),
+        filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
     )
 
 

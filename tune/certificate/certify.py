@@ -126,17 +126,11 @@ def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:
     ]
     if not any(totals):
         return None
-    loop = design.loop
     return Setting(
         stiffness=totals[0],
         damping=totals[1],
         mass=totals[2],
-        velocity_filter_hz=loop.velocity_filter_hz,
-        acceleration_filter_hz=loop.acceleration_filter_hz,
-        velocity_filter_order=loop.velocity_filter_order,
-        acceleration_filter_order=loop.acceleration_filter_order,
-        filter_damping_ratio=loop.filter_damping_ratio,
-        velocity_window=loop.velocity_window_samples,
+        **design.loop.filter_settings(),
     )
 
 

@@ -69,7 +69,9 @@ def audit(
             found = judged(
                 known,
                 Effects(**wanted),
-                filters=Filters(velocity_hz=velocity_filter, acceleration_hz=acceleration_filter),
+                filters=Filters(
+                    velocity_filter_hz=velocity_filter, acceleration_filter_hz=acceleration_filter
+                ),
                 margin="balanced" if margin is None else margin.value,
                 extra_delay_samples=extra_delay_samples,
             )

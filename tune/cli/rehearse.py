@@ -117,12 +117,12 @@ def _law(design: Design, moments: Sequence[_Moment]) -> Controller:
         stiffness=_column(moments, "stiffness"),
         damping=_column(moments, "damping"),
         mass=_column(moments, "mass"),
-        velocity_cutoff=loop.velocity_filter_hz or infinite,
-        acceleration_cutoff=loop.acceleration_filter_hz or infinite,
-        velocity_order=loop.velocity_filter_order,
-        acceleration_order=loop.acceleration_filter_order,
-        damping_ratio=loop.filter_damping_ratio,
-        velocity_window=loop.velocity_window_samples or 1,
+        velocity_filter_hz=loop.velocity_filter_hz or infinite,
+        acceleration_filter_hz=loop.acceleration_filter_hz or infinite,
+        velocity_filter_order=loop.velocity_filter_order,
+        acceleration_filter_order=loop.acceleration_filter_order,
+        filter_damping_ratio=loop.filter_damping_ratio,
+        velocity_window_samples=loop.velocity_window_samples or 1,
     )
 
 

@@ -29,6 +29,16 @@ LimitedBy = Literal[
 
 _SCHEMA = "haptune/profile/1"
 
+#: Names of the settings of both filters, in files, loops, the certificate and the simulator alike.
+FILTER_SETTINGS = (
+    "velocity_filter_hz",
+    "acceleration_filter_hz",
+    "velocity_filter_order",
+    "acceleration_filter_order",
+    "filter_damping_ratio",
+    "velocity_window_samples",
+)
+
 
 class LoopProfile(Document):
     """The loop the controller must run: period, delay beyond an immediate loop, the very filters.
@@ -55,6 +65,10 @@ class LoopProfile(Document):
     acceleration_filter_order: Literal[1, 2] = 2
     filter_damping_ratio: float = Field(default=1.0, gt=0, le=1)
     velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
+
+    def filter_settings(self) -> dict[str, Any]:
+        """What says which filters run, by the names that all of haptune calls them."""
+        return {name: getattr(self, name) for name in FILTER_SETTINGS}
 
 
 class Margins(Document):

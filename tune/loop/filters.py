@@ -32,67 +32,64 @@ class Filters:
     A window of n samples takes the velocity as (z^n - 1)/(n·T·z^n).
 
     Attributes:
-        velocity_hz: cut-off f of the velocity estimate, Hz, or None.
-        acceleration_hz: cut-off f of the acceleration estimate, Hz, or None.
-        velocity_order: 1 or 2.
-        acceleration_order: 1 or 2.
-        damping_ratio: ζ in (0, 1] of second-order filters: 1 two equal poles, 0.7071 Butterworth.
-        velocity_window: n, samples of a moving window instead of a low-pass, or None.
+        velocity_filter_hz: cut-off f of the velocity estimate, Hz, or None.
+        acceleration_filter_hz: cut-off f of the acceleration estimate, Hz, or None.
+        velocity_filter_order: 1 or 2.
+        acceleration_filter_order: 1 or 2.
+        filter_damping_ratio: ζ in (0, 1] of second-order filters: 1 two equal poles, 0.7071
+            Butterworth.
+        velocity_window_samples: n, samples of a moving window instead of a low-pass, or None.
 
     Raises:
         LoopError: a cut-off that is not positive, an order, ratio or window that does not exist,
             a window together with a cut-off.
     """
 
-    velocity_hz: float | None = None
-    acceleration_hz: float | None = None
-    velocity_order: Literal[1, 2] = 1
-    acceleration_order: Literal[1, 2] = 2
-    damping_ratio: float = 1.0
-    velocity_window: int | None = None
+    velocity_filter_hz: float | None = None
+    acceleration_filter_hz: float | None = None
+    velocity_filter_order: Literal[1, 2] = 1
+    acceleration_filter_order: Literal[1, 2] = 2
+    filter_damping_ratio: float = 1.0
+    velocity_window_samples: int | None = None
 
     def __post_init__(self) -> None:
-        for name in ("velocity_hz", "acceleration_hz"):
+        for name in ("velocity_filter_hz", "acceleration_filter_hz"):
             cutoff = getattr(self, name)
             if cutoff is not None and not 0 < cutoff < np.inf:
                 raise LoopError(f"{name} must be positive, not {cutoff:g}; None is no filter")
-        for name in ("velocity_order", "acceleration_order"):
+        for name in ("velocity_filter_order", "acceleration_filter_order"):
             if getattr(self, name) not in {1, 2}:
                 raise LoopError(f"{name} must be 1 or 2, not {getattr(self, name)!r}")
-        if not 0 < self.damping_ratio <= 1:
-            raise LoopError(f"damping_ratio must be in (0, 1], not {self.damping_ratio:g}")
-        if self.velocity_window is not None:
-            if not 1 <= self.velocity_window <= LONGEST_WINDOW:
+        if not 0 < self.filter_damping_ratio <= 1:
+            raise LoopError(
+                f"filter_damping_ratio must be in (0, 1], not {self.filter_damping_ratio:g}"
+            )
+        if self.velocity_window_samples is not None:
+            if not 1 <= self.velocity_window_samples <= LONGEST_WINDOW:
                 raise LoopError(
-                    f"velocity_window must be 1 to {LONGEST_WINDOW} samples, not "
-                    f"{self.velocity_window}"
+                    f"velocity_window_samples must be 1 to {LONGEST_WINDOW} samples, not "
+                    f"{self.velocity_window_samples}"
                 )
-            if self.velocity_hz is not None:
+            if self.velocity_filter_hz is not None:
                 raise LoopError(
-                    f"velocity_window {self.velocity_window} and velocity_hz {self.velocity_hz:g} "
-                    "exclude each other; give one of them"
+                    f"velocity_window_samples {self.velocity_window_samples} and "
+                    f"velocity_filter_hz {self.velocity_filter_hz:g} exclude each other; give one "
+                    "of them"
                 )
 
 
 def used_filters(filters: Filters, effects: Effects) -> Filters:
     """The filters of the effects that are there; the others would only add poles of their own."""
     if effects.damping is None:
-        filters = replace(filters, velocity_hz=None, velocity_window=None)
+        filters = replace(filters, velocity_filter_hz=None, velocity_window_samples=None)
     if effects.mass is None:
-        filters = replace(filters, acceleration_hz=None)
+        filters = replace(filters, acceleration_filter_hz=None)
     return filters
 
 
 def filters_of(loop: LoopProfile) -> Filters:
     """The filters that a profile names."""
-    return Filters(
-        velocity_hz=loop.velocity_filter_hz,
-        acceleration_hz=loop.acceleration_filter_hz,
-        velocity_order=loop.velocity_filter_order,
-        acceleration_order=loop.acceleration_filter_order,
-        damping_ratio=loop.filter_damping_ratio,
-        velocity_window=loop.velocity_window_samples,
-    )
+    return Filters(**loop.filter_settings())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,15 +156,15 @@ def twofold_acceleration(pole: FloatArray, loss: FloatArray) -> Estimator:
 
 
 def _velocity(filters: Filters, sample_time: FloatArray) -> Estimator:
-    window = filters.velocity_window
+    window = filters.velocity_window_samples
     if window is not None:
         # (1+w)^n - (1-w)^n: the odd powers, twice.
         odd = [2 * comb(window, k) * (k % 2) / window for k in range(window + 1)]
         return Estimator(numerator=Polynomial.exact(*odd), factors=(LATE,) * window)
-    if filters.velocity_hz is None:
+    if filters.velocity_filter_hz is None:
         return Estimator(numerator=DIFFERENCE, factors=(LATE,))
-    angle = 2 * np.pi * filters.velocity_hz * sample_time
-    if filters.velocity_order == 1:
+    angle = 2 * np.pi * filters.velocity_filter_hz * sample_time
+    if filters.velocity_filter_order == 1:
         return first_order_velocity(np.exp(-angle), -np.expm1(-angle))
     factors, gain = _second_order(filters, angle)
     return Estimator(numerator=DIFFERENCE.times(LATE).scaled(gain), factors=factors)
@@ -175,10 +172,10 @@ def _velocity(filters: Filters, sample_time: FloatArray) -> Estimator:
 
 def _acceleration(filters: Filters, sample_time: FloatArray) -> Estimator:
     twice = DIFFERENCE.times(DIFFERENCE)
-    if filters.acceleration_hz is None:
+    if filters.acceleration_filter_hz is None:
         return Estimator(numerator=twice, factors=(LATE, LATE))
-    angle = 2 * np.pi * filters.acceleration_hz * sample_time
-    if filters.acceleration_order == 1:
+    angle = 2 * np.pi * filters.acceleration_filter_hz * sample_time
+    if filters.acceleration_filter_order == 1:
         loss = -np.expm1(-angle)
         line = Polynomial.exact(loss, 1 + np.exp(-angle))
         return Estimator(numerator=twice.scaled(loss), factors=(LATE, line))
@@ -188,7 +185,7 @@ def _acceleration(filters: Filters, sample_time: FloatArray) -> Estimator:
 
 def _second_order(filters: Filters, angle: FloatArray) -> tuple[tuple[Polynomial, ...], FloatArray]:
     """Factors of z² - t·z + p, and 1 - t + p."""
-    ratio = filters.damping_ratio
+    ratio = filters.filter_damping_ratio
     if ratio == 1.0:
         loss = -np.expm1(-angle)
         line = Polynomial.exact(loss, 1 + np.exp(-angle))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from identification import Device, as_stored
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
@@ -155,12 +155,7 @@ def design_of(
         loop=LoopProfile(
             sample_time=device.sample_time.value,
             extra_delay_samples=device.delay.value / device.sample_time.value,
-            velocity_filter_hz=filters.velocity_hz,
-            acceleration_filter_hz=filters.acceleration_hz,
-            velocity_filter_order=filters.velocity_order,
-            acceleration_filter_order=filters.acceleration_order,
-            filter_damping_ratio=filters.damping_ratio,
-            velocity_window_samples=filters.velocity_window,
+            **asdict(filters),
         ),
         hand=hand_of(scene.hand, device.motion),
         margin=MarginProfile(name=scene.margin, **dict(MARGINS[scene.margin])),

@@ -55,10 +55,10 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
     windowed = scene.loop.velocity_window_samples if "damping" in wishes else None
     kind = Filters(
-        velocity_order=scene.loop.velocity_filter_order,
-        acceleration_order=scene.loop.acceleration_filter_order,
-        damping_ratio=scene.loop.filter_damping_ratio,
-        velocity_window=windowed,
+        velocity_filter_order=scene.loop.velocity_filter_order,
+        acceleration_filter_order=scene.loop.acceleration_filter_order,
+        filter_damping_ratio=scene.loop.filter_damping_ratio,
+        velocity_window_samples=windowed,
     )
     nyquist = 0.5 / job.device.sample_time.high
     velocity, acceleration = scene.loop.velocity_filter_hz, scene.loop.acceleration_filter_hz
@@ -192,8 +192,8 @@ class _Search:
         filters = self._filters(point)
         if filters not in self.tried:
             self.say(
-                f"trying filters: velocity {_hertz(filters.velocity_hz)}, "
-                f"acceleration {_hertz(filters.acceleration_hz)}"
+                f"trying filters: velocity {_hertz(filters.velocity_filter_hz)}, "
+                f"acceleration {_hertz(filters.acceleration_filter_hz)}"
             )
             self.tried[filters] = sum(
                 self._worth_of(elements, filters) for elements in groups(self.job.scene)
@@ -204,9 +204,9 @@ class _Search:
         """Of one group; known if it was tried before with the filters that it uses."""
         used = self._used(elements)
         if "damping" not in used:
-            filters = replace(filters, velocity_hz=None)
+            filters = replace(filters, velocity_filter_hz=None)
         if "mass" not in used:
-            filters = replace(filters, acceleration_hz=None)
+            filters = replace(filters, acceleration_filter_hz=None)
         if not used & {"damping", "mass"}:
             return 0.0
         if (elements, filters) not in self.known:
@@ -217,12 +217,14 @@ class _Search:
         velocity, acceleration = (
             axis.hertz(place) for axis, place in zip(self.axes, point, strict=True)
         )
-        return replace(self.kind, velocity_hz=velocity, acceleration_hz=acceleration)
+        return replace(self.kind, velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
 
 
 def _lag(filters: Filters) -> float:
     """How much is filtered: a measure of the lag of both estimates, s."""
-    return sum(1 / hertz for hertz in (filters.velocity_hz, filters.acceleration_hz) if hertz)
+    return sum(
+        1 / hertz for hertz in (filters.velocity_filter_hz, filters.acceleration_filter_hz) if hertz
+    )
 
 
 def _hertz(cutoff: float | None) -> str:

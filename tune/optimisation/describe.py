@@ -243,9 +243,9 @@ def skipped_parts(device: Device, scene: Scene, filters: Filters) -> tuple[str, 
     """What the scene did not ask for and nothing was spent on."""
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
     skipped = [effect for effect in EFFECT_NAMES if effect not in wishes]
-    if filters.velocity_hz is None:
+    if filters.velocity_filter_hz is None:
         skipped.append("velocity filter")
-    if filters.acceleration_hz is None:
+    if filters.acceleration_filter_hz is None:
         skipped.append("acceleration filter")
     if device.encoder_resolution is None:
         skipped.append("ripple: the encoder resolution is not known")

@@ -107,17 +107,21 @@ def impedances(
     hold = -np.expm1(-step) / step
     late = np.exp(-turn * delay) * hold / (1 + turn * current_lag)
     difference = -np.expm1(-step) / sample_time
-    if filters.velocity_window is not None:
-        span = filters.velocity_window * sample_time
+    if filters.velocity_window_samples is not None:
+        span = filters.velocity_window_samples * sample_time
         velocity = -np.expm1(-turn * span) / span
     else:
         velocity = difference * _low_pass(
-            filters.velocity_hz, filters.velocity_order, filters.damping_ratio, step, sample_time
+            filters.velocity_filter_hz,
+            filters.velocity_filter_order,
+            filters.filter_damping_ratio,
+            step,
+            sample_time,
         )
     acceleration = difference**2 * _low_pass(
-        filters.acceleration_hz,
-        filters.acceleration_order,
-        filters.damping_ratio,
+        filters.acceleration_filter_hz,
+        filters.acceleration_filter_order,
+        filters.filter_damping_ratio,
         step,
         sample_time,
     )

@@ -101,14 +101,14 @@ def count_jump(
     """
     filters = filters or Filters()
     K, B, M = (0.0 if gain is None else abs(float(gain)) for gain in effects.arrays())
-    velocity = 1 / (sample_time * (filters.velocity_window or 1))
-    if filters.velocity_hz is not None and B:
-        alone = replace(filters, acceleration_hz=None)
-        velocity = _largest_answer(alone, "beta", filters.velocity_hz, sample_time)
+    velocity = 1 / (sample_time * (filters.velocity_window_samples or 1))
+    if filters.velocity_filter_hz is not None and B:
+        alone = replace(filters, acceleration_filter_hz=None)
+        velocity = _largest_answer(alone, "beta", filters.velocity_filter_hz, sample_time)
     acceleration = 1 / sample_time**2
-    if filters.acceleration_hz is not None and M:
-        alone = replace(filters, velocity_hz=None, velocity_window=None)
-        acceleration = _largest_answer(alone, "gamma", filters.acceleration_hz, sample_time)
+    if filters.acceleration_filter_hz is not None and M:
+        alone = replace(filters, velocity_filter_hz=None, velocity_window_samples=None)
+        acceleration = _largest_answer(alone, "gamma", filters.acceleration_filter_hz, sample_time)
     return CountJump(
         stiffness=K * encoder_resolution,
         damping=B * velocity * encoder_resolution,

@@ -8,17 +8,17 @@ from typing import Any
 
 from identification import Device, as_stored, load_device
 from tune.certificate.certify import certify
-from tune.certified import Certificate
-from tune.loop import Filters
-from tune.optimisation import design_of
-from tune.perception import default_table
-from tune.problem import Job
-from tune.profile import Design
-from tune.scene import Scene
-from tune.solve import Solved, groups, solve
+from tune.documents.certified import Certificate
+from tune.documents.perception import default_table
+from tune.documents.profile import Design
+from tune.documents.scene import Scene
+from tune.loop.filters import Filters
+from tune.optimisation._optimise import design_of
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import Solved, groups, solve
 
 #: Cut-offs where a case does not say otherwise, Hz.
-FILTERS = Filters(velocity_hz=50.0, acceleration_hz=30.0)
+FILTERS = Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +40,8 @@ def case(elements: dict[str, Any], **more: Any) -> Case:
     filters = more.pop("filters", FILTERS)
     wishes = {effect for element in elements.values() for effect in element}
     used = Filters(
-        velocity_hz=filters.velocity_hz if "damping" in wishes else None,
-        acceleration_hz=filters.acceleration_hz if "mass" in wishes else None,
+        velocity_filter_hz=filters.velocity_filter_hz if "damping" in wishes else None,
+        acceleration_filter_hz=filters.acceleration_filter_hz if "mass" in wishes else None,
     )
     scene = Scene.model_validate({"elements": elements, **more})
     return Case(device=device, scene=scene, filters=used)

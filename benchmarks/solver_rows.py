@@ -13,12 +13,12 @@ from benchmarks.scenes import Case, case, proposal
 from benchmarks.solvers import SOLVERS, Task
 from tests.optimum_reference import Reference
 from tests.optimum_search import highest
-from tune.backends.program import program_of
-from tune.climb import climb, closed_form
-from tune.limits import weakest
-from tune.problem import Problem
-from tune.solve import backends
-from tune.starts import interior
+from tune.optimisation.backends.program import program_of
+from tune.optimisation.climb import climb, closed_form
+from tune.optimisation.limits import weakest
+from tune.optimisation.problem import Problem
+from tune.optimisation.solve import backends
+from tune.optimisation.starts import interior
 
 FloatArray = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ def _log(sizes: FloatArray | None) -> FloatArray | None:
 def posed_of(chosen: Case, starts: int = _STARTS) -> Posed:
     """A case, and the best of searches from some starts."""
     (solved,) = proposal(chosen, chosen.job())
-    filters = (chosen.filters.velocity_hz, chosen.filters.acceleration_hz)
+    filters = (chosen.filters.velocity_filter_hz, chosen.filters.acceleration_filter_hz)
     reference = Reference(
         chosen.device, chosen.scene, list(chosen.scene.elements), filters, frozenset(solved.dropped)
     )

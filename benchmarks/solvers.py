@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.backends import HEIGHTS, Backend, Stage
-from tune.backends.casadi_ import Ipopt
-from tune.backends.evaluation import Evaluation
-from tune.backends.nlopt_ import Slsqp
-from tune.backends.program import Program
+from tune.optimisation.backends import HEIGHTS, Backend, Stage
+from tune.optimisation.backends.casadi_ import Ipopt
+from tune.optimisation.backends.evaluation import Evaluation
+from tune.optimisation.backends.nlopt_ import Slsqp
+from tune.optimisation.backends.program import Program
 
 FloatArray = NDArray[np.float64]
 

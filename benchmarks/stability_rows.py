@@ -11,9 +11,11 @@ from flint import arb
 
 from benchmarks.row import Row, best_seconds
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
-from tune.effects import Effects
-from tune.loop import Filters, Loop, ModeNumbers
-from tune.stability import largest, verdict
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import ModeNumbers
+from tune.stability.verdict import largest, verdict
 
 _POINTS = 1_000_000
 _FEW = 20_000
@@ -63,7 +65,7 @@ def rows() -> Iterator[Row]:
         damping=10.0,
         sample_time=1e-3,
         delay_samples=1,
-        filters=Filters(velocity_hz=50.0, acceleration_hz=30.0),
+        filters=Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0),
     )
     yield Row(
         what="largest stiffness, one loop of degree 6",
@@ -86,7 +88,11 @@ def _degree_ten(rng: np.random.Generator) -> Iterator[Row]:
                 frequency_hz=mode[0], damping_ratio=mode[1], at_encoder=mode[2], at_handle=-0.5
             ),
         ),
-        filters=Filters(velocity_hz=velocity, velocity_order=2, acceleration_hz=acceleration),
+        filters=Filters(
+            velocity_filter_hz=velocity,
+            velocity_filter_order=2,
+            acceleration_filter_hz=acceleration,
+        ),
     )
     K, B, M = rng.uniform([[0], [-50], [-2]], [[9e3], [2e3], [20]], (3, _POINTS))
     effects = Effects(stiffness=K, damping=B, mass=M)

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 
 from benchmarks.row import Row, timed
 from benchmarks.scenes import Case, case, certificate, description, fifty_elements, proposal
-from tune.cutoffs import choose_filters
-from tune.loop import Filters
-from tune.optimisation import optimise
-from tune.scene import Scene
+from tune.documents.scene import Scene
+from tune.loop.filters import Filters
+from tune.optimisation._optimise import optimise
+from tune.optimisation.cutoffs import choose_filters
 
 #: What the first proposal of a process takes, imports and compilation included.
 _FRESH = """

@@ -22,13 +22,14 @@ class Controller:
         stiffness: K, N/m (N·m/rad), any sign.
         damping: B, N·s/m (N·m·s/rad), any sign, on the estimated velocity.
         mass: M, kg (kg·m²), any sign, on the estimated acceleration.
-        velocity_cutoff: fc of the velocity filter, Hz; infinite means no filter.
-        acceleration_cutoff: fc of the acceleration filter, Hz; infinite means no filter.
-        velocity_order: poles of the velocity filter, 1 or 2.
-        acceleration_order: poles of the acceleration filter, 1 or 2.
-        damping_ratio: ζ of filters with two poles, above 0 and at most 1; 1 is two equal poles.
-        velocity_window: n samples over which the velocity is (q[k] - q[k-n])/(n·T) instead of the
-            backward difference, without any filter; 1 is the backward difference itself.
+        velocity_filter_hz: fc of the velocity filter, Hz; infinite means no filter.
+        acceleration_filter_hz: fc of the acceleration filter, Hz; infinite means no filter.
+        velocity_filter_order: poles of the velocity filter, 1 or 2.
+        acceleration_filter_order: poles of the acceleration filter, 1 or 2.
+        filter_damping_ratio: ζ of filters with two poles, above 0 and at most 1; at 1 they are
+            equal.
+        velocity_window_samples: n samples over which the velocity is (q[k] - q[k-n])/(n·T) instead
+            of the backward difference, without any filter; 1 is the backward difference itself.
         wall: where the effects act, or None for everywhere.
 
     Velocity is the backward difference (z-1)/(T·z) and acceleration its square, each through its
@@ -39,24 +40,27 @@ class Controller:
     stiffness: float | FloatArray = 0.0
     damping: float | FloatArray = 0.0
     mass: float | FloatArray = 0.0
-    velocity_cutoff: float | FloatArray = np.inf
-    acceleration_cutoff: float | FloatArray = np.inf
-    velocity_order: int | IntArray = 1
-    acceleration_order: int | IntArray = 2
-    damping_ratio: float | FloatArray = 1.0
-    velocity_window: int | IntArray = 1
+    velocity_filter_hz: float | FloatArray = np.inf
+    acceleration_filter_hz: float | FloatArray = np.inf
+    velocity_filter_order: int | IntArray = 1
+    acceleration_filter_order: int | IntArray = 2
+    filter_damping_ratio: float | FloatArray = 1.0
+    velocity_window_samples: int | IntArray = 1
     wall: Wall | None = None
 
     def __post_init__(self) -> None:
-        for name in ("velocity_order", "acceleration_order"):
+        for name in ("velocity_filter_order", "acceleration_filter_order"):
             if not np.all(np.isin(getattr(self, name), (1, 2))):
                 raise ValueError(f"{name} must be 1 or 2, not {getattr(self, name)}")
-        ratio, window = np.asarray(self.damping_ratio), np.asarray(self.velocity_window)
+        ratio, window = (
+            np.asarray(self.filter_damping_ratio),
+            np.asarray(self.velocity_window_samples),
+        )
         if not np.all((ratio > 0) & (ratio <= 1)):
-            raise ValueError(f"damping_ratio must be above 0 and at most 1, not {ratio}")
+            raise ValueError(f"filter_damping_ratio must be above 0 and at most 1, not {ratio}")
         if not np.all(window >= 1):
-            raise ValueError(f"velocity_window must be 1 sample or more, not {window}")
-        if np.any((window > 1) & np.isfinite(self.velocity_cutoff)):
+            raise ValueError(f"velocity_window_samples must be 1 sample or more, not {window}")
+        if np.any((window > 1) & np.isfinite(self.velocity_filter_hz)):
             raise ValueError(
                 "a moving window has no velocity filter besides: leave one of them out"
             )
@@ -76,14 +80,14 @@ class Controller:
         return replace(self, wall=wall, **fields)  # pyright: ignore[reportArgumentType]
 
 
-_WHOLE = ("velocity_order", "acceleration_order", "velocity_window")
+_WHOLE = ("velocity_filter_order", "acceleration_filter_order", "velocity_window_samples")
 _FIELDS = (
     "stiffness",
     "damping",
     "mass",
-    "velocity_cutoff",
-    "acceleration_cutoff",
-    "damping_ratio",
+    "velocity_filter_hz",
+    "acceleration_filter_hz",
+    "filter_damping_ratio",
     *_WHOLE,
 )
 
@@ -99,18 +103,20 @@ class Servo:
         stiffness: kp, N/m (N·m/rad), a number or shape (batch,).
         damping: kd, N·s/m (N·m·s/rad), a number or shape (batch,), on the velocity that
             ``Controller`` describes.
-        velocity_cutoff: of its filter, Hz; infinite means no filter.
+        velocity_filter_hz: of its filter, Hz; infinite means no filter.
     """
 
     reference: FloatArray
     stiffness: float | FloatArray
     damping: float | FloatArray = 0.0
-    velocity_cutoff: float | FloatArray = np.inf
+    velocity_filter_hz: float | FloatArray = np.inf
 
     def regulator(self) -> Controller:
         """The part that looks at the position alone; kp·r is added to its force."""
         return Controller(
-            stiffness=self.stiffness, damping=self.damping, velocity_cutoff=self.velocity_cutoff
+            stiffness=self.stiffness,
+            damping=self.damping,
+            velocity_filter_hz=self.velocity_filter_hz,
         )
 
     def size(self) -> int:

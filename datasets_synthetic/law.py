@@ -60,11 +60,13 @@ class ControlLaw:
 
 def _estimates(controller: Controller, sample_time: FloatArray) -> Estimates:
     """The filters; the usual ones as plain cascades of first order."""
-    velocity, acceleration = controller.velocity_cutoff, controller.acceleration_cutoff
-    pairs_equal = np.equal(controller.acceleration_order, 2) & np.equal(controller.damping_ratio, 1)
+    velocity, acceleration = controller.velocity_filter_hz, controller.acceleration_filter_hz
+    pairs_equal = np.equal(controller.acceleration_filter_order, 2) & np.equal(
+        controller.filter_damping_ratio, 1
+    )
     if np.all(
-        np.equal(controller.velocity_order, 1)
-        & np.equal(controller.velocity_window, 1)
+        np.equal(controller.velocity_filter_order, 1)
+        & np.equal(controller.velocity_window_samples, 1)
         & (pairs_equal | np.isinf(acceleration))
     ):
         return FirstOrderEstimates(
@@ -72,11 +74,11 @@ def _estimates(controller: Controller, sample_time: FloatArray) -> Estimates:
             first_order_pole(acceleration, sample_time),
             sample_time,
         )
-    ratio = controller.damping_ratio
-    window = per_member(controller.velocity_window, sample_time.size).astype(np.int64)
+    ratio = controller.filter_damping_ratio
+    window = per_member(controller.velocity_window_samples, sample_time.size).astype(np.int64)
     return SectionEstimates(
-        section(velocity, controller.velocity_order, ratio, sample_time),
-        section(acceleration, controller.acceleration_order, ratio, sample_time),
+        section(velocity, controller.velocity_filter_order, ratio, sample_time),
+        section(acceleration, controller.acceleration_filter_order, ratio, sample_time),
         window,
         sample_time,
     )

@@ -159,7 +159,7 @@ _ALL = (
         travel=0.05,
         force=0.0,
         faults=Faults(force_noise=0.005),
-        controller=Controller(stiffness=500.0, damping=5.0, velocity_cutoff=50.0),
+        controller=Controller(stiffness=500.0, damping=5.0, velocity_filter_hz=50.0),
         velocity=0.3,
         seed=3,
     ),

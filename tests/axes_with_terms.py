@@ -109,7 +109,7 @@ def _drawn(count: int, seed: int, *, rotary: bool) -> list[KnownAxis]:
         reference=position,
         stiffness=mass * speed**2,
         damping=1.4 * mass * speed,
-        velocity_cutoff=60.0,
+        velocity_filter_hz=60.0,
     )
     faults = Faults(
         position_noise=count_size * generator.uniform(0.2, 1.0, count),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from datasets_synthetic import named_rig
 from tests.sampled_bench import SampledBench
 from tune import Filters, Loop
-from tune.mechanism import HandNumbers, ModeNumbers
+from tune.loop.mechanism import HandNumbers, ModeNumbers
 
 FloatArray = NDArray[np.float64]
 
@@ -33,10 +33,10 @@ def exact_limits(bench: SampledBench) -> FloatArray:
 MODE = (60.0, 0.02, 0.5, -1.2)
 GRIP = (0.5, 8.0, 400.0)
 SECOND: dict[str, Any] = {
-    "velocity_cutoff": 60.0,
-    "acceleration_cutoff": 40.0,
-    "velocity_order": 2,
-    "damping_ratio": 0.7071,
+    "velocity_filter_hz": 60.0,
+    "acceleration_filter_hz": 40.0,
+    "velocity_filter_order": 2,
+    "filter_damping_ratio": 0.7071,
 }
 
 
@@ -46,14 +46,14 @@ RIGID: tuple[dict[str, Any], ...] = (
     {"delay": T},
     {"delay": 2.3 * T},
     {"delay": T, "hand": GRIP},
-    {"delay": T, "velocity_cutoff": 50.0, "acceleration_cutoff": 30.0},
+    {"delay": T, "velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
 )
 FLEXIBLE: tuple[dict[str, Any], ...] = (
     {"delay": T, "modes": (MODE,)},
     {"delay": T, "current_lag": 0.7 * T},
     {"delay": T, **SECOND},
-    {"delay": T, "acceleration_cutoff": 40.0, "acceleration_order": 1},
-    {"velocity_window": 15},
+    {"delay": T, "acceleration_filter_hz": 40.0, "acceleration_filter_order": 1},
+    {"velocity_window_samples": 15},
     {"delay": 1.4 * T, "hand": GRIP, "modes": (MODE,), "current_lag": 0.3 * T, **SECOND},
 )
 EVERYTHING: dict[str, Any] = {
@@ -61,12 +61,12 @@ EVERYTHING: dict[str, Any] = {
     "current_lag": 0.0,
     "modes": ((60.0, 0.02, 0.0, 0.0),),
     "hand": (0.0, 0.0, 0.0),
-    "velocity_cutoff": np.inf,
-    "acceleration_cutoff": np.inf,
-    "velocity_order": 1,
-    "acceleration_order": 2,
-    "damping_ratio": 1.0,
-    "velocity_window": 1,
+    "velocity_filter_hz": np.inf,
+    "acceleration_filter_hz": np.inf,
+    "velocity_filter_order": 1,
+    "acceleration_filter_order": 2,
+    "filter_damping_ratio": 1.0,
+    "velocity_window_samples": 1,
 }
 
 
@@ -77,14 +77,18 @@ def loop_of(setting: dict[str, Any], device: dict[str, float] = DEVICE) -> Loop:
         **device,
         delay_samples=of["delay"] / T,
         filters=Filters(
-            velocity_hz=None if np.isinf(of["velocity_cutoff"]) else of["velocity_cutoff"],
-            acceleration_hz=(
-                None if np.isinf(of["acceleration_cutoff"]) else of["acceleration_cutoff"]
+            velocity_filter_hz=(
+                None if np.isinf(of["velocity_filter_hz"]) else of["velocity_filter_hz"]
             ),
-            velocity_order=of["velocity_order"],
-            acceleration_order=of["acceleration_order"],
-            damping_ratio=of["damping_ratio"],
-            velocity_window=None if of["velocity_window"] == 1 else of["velocity_window"],
+            acceleration_filter_hz=(
+                None if np.isinf(of["acceleration_filter_hz"]) else of["acceleration_filter_hz"]
+            ),
+            velocity_filter_order=of["velocity_filter_order"],
+            acceleration_filter_order=of["acceleration_filter_order"],
+            filter_damping_ratio=of["filter_damping_ratio"],
+            velocity_window_samples=(
+                None if of["velocity_window_samples"] == 1 else of["velocity_window_samples"]
+            ),
         ),
         modes=[
             ModeNumbers(frequency_hz=f, damping_ratio=z, at_encoder=e, at_handle=h)

@@ -8,8 +8,8 @@ import numpy as np
 
 from datasets_synthetic import Controller, Rig, simulate
 from identification import Device, Trajectory, quantity
-from tune.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
-from tune.scene import Motion
+from tune.documents.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
+from tune.documents.scene import Motion
 from tune.verification import Verification
 
 T = 0.001
@@ -24,8 +24,8 @@ class Bench:
         *,
         start: float,
         elements: dict[str, Sizes],
-        velocity_hz: float | None = None,
-        acceleration_hz: float | None = None,
+        velocity_filter_hz: float | None = None,
+        acceleration_filter_hz: float | None = None,
         loop: dict[str, Any] | None = None,
         **truth: Any,
     ) -> None:
@@ -33,10 +33,13 @@ class Bench:
         self.start = start
         self.elements = elements
         self.filters: dict[str, Any] = {
-            "velocity_cutoff": velocity_hz or np.inf,
-            "acceleration_cutoff": acceleration_hz or np.inf,
+            "velocity_filter_hz": velocity_filter_hz or np.inf,
+            "acceleration_filter_hz": acceleration_filter_hz or np.inf,
         }
-        filters = {"velocity_filter_hz": velocity_hz, "acceleration_filter_hz": acceleration_hz}
+        filters = {
+            "velocity_filter_hz": velocity_filter_hz,
+            "acceleration_filter_hz": acceleration_filter_hz,
+        }
         self.profile = Design(
             device=self._device(),
             scene="bench",
@@ -113,8 +116,8 @@ AXIS = Bench(
     force_limit=28.0,
     start=0.02,
     elements={"wall": (1000.0, 10.0, 0.0), "cup": (1000.0, 10.0, 1.0), "water": (0.0, 20.0, 0.0)},
-    velocity_hz=50.0,
-    acceleration_hz=30.0,
+    velocity_filter_hz=50.0,
+    acceleration_filter_hz=30.0,
 )
 STYLUS = Bench(
     mass=0.05,
@@ -124,7 +127,7 @@ STYLUS = Bench(
     force_limit=3.0,
     start=0.03,
     elements={"wall": (100.0, 0.4, 0.0), "gel": (50.0, 8.0, 0.0)},
-    velocity_hz=100.0,
+    velocity_filter_hz=100.0,
 )
 KNOB = Bench(
     motion="rotary",
@@ -135,7 +138,7 @@ KNOB = Bench(
     force_limit=0.15,
     start=0.6,
     elements={"detent": (0.1, 5e-4, 0.0)},
-    velocity_hz=100.0,
+    velocity_filter_hz=100.0,
 )
 BENCHES = {
     "axis": (AXIS, "cup", 0.8),

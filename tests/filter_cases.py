@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, ForceLimit, load_device, quantity
-from tune.filters import Filters
-from tune.perception import default_table
-from tune.problem import Job
-from tune.scene import Scene
-from tune.solve import groups
-from tune.worth import worth_of_group
+from tune.documents.perception import default_table
+from tune.documents.scene import Scene
+from tune.loop.filters import Filters
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import groups
+from tune.optimisation.worth import worth_of_group
 
 FloatArray = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def best_of_grid(job: Job, count: int) -> float:
         velocity = choices if "damping" in used else (None,)
         acceleration = choices if "mass" in used else (None,)
         part = [
-            worth_of_group(job, elements, Filters(velocity_hz=v, acceleration_hz=a))
+            worth_of_group(job, elements, Filters(velocity_filter_hz=v, acceleration_filter_hz=a))
             for v, a in product(velocity, acceleration)
         ]
         total += np.reshape(part, (len(velocity), len(acceleration)))

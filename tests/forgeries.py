@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tune.profile import SafeProfile, digest_of
+from tune.documents.profile import SafeProfile, digest_of
 
 Path = tuple[str | int, ...]
 

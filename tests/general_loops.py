@@ -12,9 +12,11 @@ from flint import arb
 
 from tests.reference import ReferenceLoop, crossings, stable_by_jury
 from tests.sampled_loops import Case, loop_along
-from tune.effects import Effects
-from tune.loop import Filters, HandNumbers, Loop, ModeNumbers
-from tune.stability import safe_gain, stable_gains, verdict
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers, ModeNumbers
+from tune.stability.verdict import safe_gain, stable_gains, verdict
 
 #: A mode, a hand and a device to begin from.
 MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)
@@ -27,12 +29,12 @@ Ray = tuple[float | None, float | None, float | None]
 def filters_of(case: Case) -> Filters:
     """The filters of a case by the code under test."""
     return Filters(
-        velocity_hz=case.velocity_hz,
-        velocity_order=case.velocity_order,  # type: ignore[arg-type]
-        velocity_window=case.velocity_window,
-        acceleration_hz=case.acceleration_hz,
-        acceleration_order=case.acceleration_order,  # type: ignore[arg-type]
-        damping_ratio=case.damping_ratio,
+        velocity_filter_hz=case.velocity_filter_hz,
+        velocity_filter_order=case.velocity_filter_order,  # type: ignore[arg-type]
+        velocity_window_samples=case.velocity_window_samples,
+        acceleration_filter_hz=case.acceleration_filter_hz,
+        acceleration_filter_order=case.acceleration_filter_order,  # type: ignore[arg-type]
+        filter_damping_ratio=case.filter_damping_ratio,
     )
 
 
@@ -85,15 +87,15 @@ def draw_case(rng: np.random.Generator) -> Case:
             grip[1] = 5.0  # what nothing but a mode damps has a test of its own
         hand = (float(grip[0]), float(grip[1]), float(grip[2]))
     shape = ratio()  # one damping ratio for both
-    velocity_hz = velocity_window = acceleration_hz = None
-    velocity_order, acceleration_order = 1, 2
+    velocity_filter_hz = velocity_window_samples = acceleration_filter_hz = None
+    velocity_filter_order, acceleration_filter_order = 1, 2
     lot = rng.random()
     if lot < 0.15:
-        velocity_window = int(rng.integers(1, 9))
+        velocity_window_samples = int(rng.integers(1, 9))
     elif lot < 0.75:
-        velocity_hz, velocity_order = cutoff(), int(rng.integers(1, 3))
+        velocity_filter_hz, velocity_filter_order = cutoff(), int(rng.integers(1, 3))
     if rng.random() < 0.7:
-        acceleration_hz, acceleration_order = cutoff(), int(rng.integers(1, 3))
+        acceleration_filter_hz, acceleration_filter_order = cutoff(), int(rng.integers(1, 3))
     return Case(
         mass=m,
         damping=b,
@@ -102,12 +104,12 @@ def draw_case(rng: np.random.Generator) -> Case:
         modes=modes,
         hand=hand,
         current_lag=float(T * 10 ** rng.uniform(-1.5, 0.7)) if rng.random() < 0.4 else 0.0,
-        velocity_hz=velocity_hz,
-        velocity_order=velocity_order,
-        velocity_window=velocity_window,
-        acceleration_hz=acceleration_hz,
-        acceleration_order=acceleration_order,
-        damping_ratio=shape,
+        velocity_filter_hz=velocity_filter_hz,
+        velocity_filter_order=velocity_filter_order,
+        velocity_window_samples=velocity_window_samples,
+        acceleration_filter_hz=acceleration_filter_hz,
+        acceleration_filter_order=acceleration_filter_order,
+        filter_damping_ratio=shape,
     )
 
 
@@ -190,4 +192,6 @@ def _compare_intervals(
 
 def without_filters(case: Case) -> Case:
     """The same plant behind plain differences."""
-    return replace(case, velocity_hz=None, velocity_window=None, acceleration_hz=None)
+    return replace(
+        case, velocity_filter_hz=None, velocity_window_samples=None, acceleration_filter_hz=None
+    )

@@ -9,8 +9,9 @@ import numpy as np
 from tests import general_loops
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
-from tune.effects import Effects
-from tune.loop import Filters, Loop
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
 
 
 def draw(rng: np.random.Generator, *, plain: bool = False) -> Case:
@@ -58,12 +59,12 @@ def _drawn(rng: np.random.Generator, *, plain: bool) -> Case:
         stiffness=0.2 * damping / step * there[0],
         added_damping=damping * there[1],
         added_mass=0.3 * mass * there[2],
-        velocity_hz=None if window else cutoff(),
-        velocity_order=int(rng.integers(1, 3)),
-        velocity_window=window,
-        acceleration_hz=cutoff(),
-        acceleration_order=int(rng.integers(1, 3)),
-        damping_ratio=float(rng.uniform(0.5, 1)) if chance(0.5) else 1.0,
+        velocity_filter_hz=None if window else cutoff(),
+        velocity_filter_order=int(rng.integers(1, 3)),
+        velocity_window_samples=window,
+        acceleration_filter_hz=cutoff(),
+        acceleration_filter_order=int(rng.integers(1, 3)),
+        filter_damping_ratio=float(rng.uniform(0.5, 1)) if chance(0.5) else 1.0,
         modes=modes,
         hand=hand,
         current_lag=step * 10 ** rng.uniform(-1, 0.5) if not plain and chance(0.3) else 0.0,
@@ -74,9 +75,9 @@ def felt_only(case: Case) -> Case:
     """Without the filters of effects that are not there."""
     return replace(
         case,
-        velocity_hz=case.velocity_hz if case.added_damping else None,
-        velocity_window=case.velocity_window if case.added_damping else None,
-        acceleration_hz=case.acceleration_hz if case.added_mass else None,
+        velocity_filter_hz=case.velocity_filter_hz if case.added_damping else None,
+        velocity_window_samples=case.velocity_window_samples if case.added_damping else None,
+        acceleration_filter_hz=case.acceleration_filter_hz if case.added_mass else None,
     )
 
 

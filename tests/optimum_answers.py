@@ -9,10 +9,10 @@ from tests.optimum_loops import Corner
 from tests.optimum_pairs import Pair
 from tests.optimum_reference import Reference
 from tests.sampled_loops import Case
-from tune.climb import climb, closed_form
-from tune.perception import default_table
-from tune.problem import Job
-from tune.solve import Solved, backends, solve
+from tune.documents.perception import default_table
+from tune.optimisation.climb import climb, closed_form
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import Solved, backends, solve
 
 FloatArray = NDArray[np.float64]
 
@@ -48,8 +48,8 @@ def case_of(corner: Corner, filters_hz: tuple[float | None, float | None]) -> Ca
         sample_time=corner.sample_time,
         delay_samples=corner.samples,
         hand=corner.hand,
-        velocity_hz=velocity,
-        acceleration_hz=acceleration,
+        velocity_filter_hz=velocity,
+        acceleration_filter_hz=acceleration,
     )
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from identification import Device, ForceLimit, quantity
-from tune.loop import Filters
-from tune.scene import Scene
+from tune.documents.scene import Scene
+from tune.loop.filters import Filters
 
 #: What a scene may ask for.
 KINDS = (
@@ -51,8 +51,8 @@ class Pair:
         wishes = {effect for one in self.scene.elements.values() for effect in one.wishes()}
         velocity, acceleration = self.filters_hz
         return Filters(
-            velocity_hz=velocity if "damping" in wishes else None,
-            acceleration_hz=acceleration if "mass" in wishes else None,
+            velocity_filter_hz=velocity if "damping" in wishes else None,
+            acceleration_filter_hz=acceleration if "mass" in wishes else None,
         )
 
 

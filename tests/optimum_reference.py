@@ -17,8 +17,8 @@ from identification import Device, Quantity
 from tests.optimum_loops import Corner, Loops
 from tests.optimum_ripple import force_ripple
 from tests.optimum_wishes import MARGINS, MOTION, NOTICED, wanted_of
-from tune.hand import Hand
-from tune.scene import Scene
+from tune.documents.hand import Hand
+from tune.documents.scene import Scene
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from identification import Device
-from tune.scene import Element, Wish
+from tune.documents.scene import Element, Wish
 
 FloatArray = NDArray[np.float64]
 

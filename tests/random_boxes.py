@@ -58,7 +58,7 @@ def draw(seed: int, spread: float, *, with_everything: bool) -> tuple[Region, Se
         velocity_filter_order=int(rng.integers(1, 3)),
         acceleration_filter_order=int(rng.integers(1, 3)),
         filter_damping_ratio=float(rng.choice([1.0, 0.7071])),
-        velocity_window=window,
+        velocity_window_samples=window,
     )
     modes: tuple[ModeRegion, ...] = ()
     hand = None

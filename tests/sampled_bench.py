@@ -32,12 +32,12 @@ class SampledBench:
     current_lag: float = 0.0
     modes: tuple[tuple[float, float, float, float], ...] = ()
     hand: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    velocity_cutoff: float = np.inf
-    acceleration_cutoff: float = np.inf
-    velocity_order: int = 1
-    acceleration_order: int = 2
-    damping_ratio: float = 1.0
-    velocity_window: int = 1
+    velocity_filter_hz: float = np.inf
+    acceleration_filter_hz: float = np.inf
+    velocity_filter_order: int = 1
+    acceleration_filter_order: int = 2
+    filter_damping_ratio: float = 1.0
+    velocity_window_samples: int = 1
 
     def limit(self, ray: tuple[float, float, float], high: float) -> float:
         """Smallest s in (0, high] at which s·(K, B, M) turns unstable, to 1e-10."""
@@ -105,14 +105,14 @@ class SampledBench:
 
         early, early_push = over(part)
         late, late_push = over(T - part)
-        readings = max(2, self.velocity_window)
-        t1, p1 = self._section(self.velocity_cutoff, self.velocity_order)
-        t2, p2 = self._section(self.acceleration_cutoff, self.acceleration_order)
+        readings = max(2, self.velocity_window_samples)
+        t1, p1 = self._section(self.velocity_filter_hz, self.velocity_filter_order)
+        t2, p2 = self._section(self.acceleration_filter_hz, self.acceleration_filter_order)
 
         def sample(state: FloatArray) -> FloatArray:
             x, sent, last, v, acc = np.split(state, np.cumsum([size, whole + 1, readings, 2]))
             y = row @ x
-            n = self.velocity_window
+            n = self.velocity_window_samples
             slope = (y - last[n - 1]) / (n * T)
             bend = (y - 2 * last[0] + last[1]) / T**2
             velocity = t1 * v[0] - p1 * v[1] + (1 - t1 + p1) * slope
@@ -135,7 +135,7 @@ class SampledBench:
         turn = 2 * np.pi * cutoff * self.sample_time
         if order == 1:
             return float(np.exp(-turn)), 0.0
-        z = self.damping_ratio
+        z = self.filter_damping_ratio
         pole = np.exp(-turn * (z + 1j * np.sqrt(1 - z * z)))
         other = np.exp(-turn * (z - 1j * np.sqrt(1 - z * z)))
         return float((pole + other).real), float((pole * other).real)

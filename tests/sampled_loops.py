@@ -28,12 +28,12 @@ class Case:
     stiffness: float = 0.0
     added_damping: float = 0.0
     added_mass: float = 0.0
-    velocity_hz: float | None = None
-    velocity_order: int = 1
-    velocity_window: int | None = None
-    acceleration_hz: float | None = None
-    acceleration_order: int = 2
-    damping_ratio: float = 1.0
+    velocity_filter_hz: float | None = None
+    velocity_filter_order: int = 1
+    velocity_window_samples: int | None = None
+    acceleration_filter_hz: float | None = None
+    acceleration_filter_order: int = 2
+    filter_damping_ratio: float = 1.0
     modes: tuple[tuple[float, float, float, float], ...] = ()
     hand: tuple[float, float, float] = (0.0, 0.0, 0.0)
     current_lag: float = 0.0
@@ -146,28 +146,28 @@ def law(case: Case) -> tuple[arb_poly, ...]:
     step = z - one
 
     def second_order(hertz: float) -> tuple[arb, arb_poly]:
-        zeta = arb(case.damping_ratio)
+        zeta = arb(case.filter_damping_ratio)
         rate = 2 * arb.pi() * arb(hertz) * T
         decay = (-rate * zeta).exp()
         trace = 2 * decay * (rate * (1 - zeta * zeta).sqrt()).cos()
         return 1 - trace + decay * decay, arb_poly([decay * decay, -trace, 1])
 
     nv, dv = step * (1 / T), z
-    if case.velocity_window is not None:
-        n = case.velocity_window
+    if case.velocity_window_samples is not None:
+        n = case.velocity_window_samples
         nv, dv = (z**n - one) * (1 / (n * T)), z**n
-    elif case.velocity_hz is not None and case.velocity_order == 1:
-        a = (-2 * arb.pi() * arb(case.velocity_hz) * T).exp()
+    elif case.velocity_filter_hz is not None and case.velocity_filter_order == 1:
+        a = (-2 * arb.pi() * arb(case.velocity_filter_hz) * T).exp()
         nv, dv = ((1 - a) / T) * step, z - a
-    elif case.velocity_hz is not None:
-        gain, poles = second_order(case.velocity_hz)
+    elif case.velocity_filter_hz is not None:
+        gain, poles = second_order(case.velocity_filter_hz)
         nv, dv = (gain / T) * step * z, poles
     na, da = (1 / T**2) * step * step, z * z
-    if case.acceleration_hz is not None and case.acceleration_order == 2:
-        gain, poles = second_order(case.acceleration_hz)
+    if case.acceleration_filter_hz is not None and case.acceleration_filter_order == 2:
+        gain, poles = second_order(case.acceleration_filter_hz)
         na, da = (gain / T**2) * step * step, poles
-    elif case.acceleration_hz is not None:
-        a = (-2 * arb.pi() * arb(case.acceleration_hz) * T).exp()
+    elif case.acceleration_filter_hz is not None:
+        a = (-2 * arb.pi() * arb(case.acceleration_filter_hz) * T).exp()
         na, da = ((1 - a) / T**2) * step * step, z * (z - a)
     if not case.added_damping:
         nv, dv = arb_poly([0]), one

@@ -8,9 +8,9 @@ from flint import arb
 from identification import load_device
 from tests.commands import haptune
 from tests.reference import reference_loop, stable_by_roots
-from tune.audit import audit
-from tune.effects import Effects
-from tune.loop import Filters
+from tune._audit import audit
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
 
 PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")
 FILTERED = ("--velocity-filter", "30", "--acceleration-filter", "30")
@@ -80,8 +80,8 @@ def test_the_gain_margin_is_that_of_the_roots() -> None:
 def test_further_delay_becomes_part_of_the_device() -> None:
     device = load_device("homerehab")
     gains = Effects(stiffness=1000.0, damping=10.0)
-    near = audit(device, gains, filters=Filters(velocity_hz=50.0))
-    late = audit(device, gains, filters=Filters(velocity_hz=50.0), extra_delay_samples=1.5)
+    near = audit(device, gains, filters=Filters(velocity_filter_hz=50.0))
+    late = audit(device, gains, filters=Filters(velocity_filter_hz=50.0), extra_delay_samples=1.5)
     assert late.design.device.delay.value == pytest.approx(0.0025)
     assert late.gain < near.gain
     assert near.margins is not None

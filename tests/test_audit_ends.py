@@ -10,10 +10,11 @@ import pytest
 
 from identification import InvalidInputError, load_device, named_devices
 from tests.commands import haptune
-from tune.audit import audit
-from tune.effects import Effects
-from tune.loop import Filters, Loop
-from tune.stability import largest
+from tune._audit import audit
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.stability.verdict import largest
 
 EFFECTS = ("stiffness", "damping", "mass")
 
@@ -58,7 +59,7 @@ def test_every_named_device_is_judged_on_a_dense_grid() -> None:
     for name, gains in _each(np.geomspace(0.5, 10.0, 60).tolist()):
         _judged(name, gains)
     shares = (0.0, 0.5, 0.99, 1.01, 10.0)
-    filters = (None, Filters(velocity_hz=30.0, acceleration_hz=30.0))
+    filters = (None, Filters(velocity_filter_hz=30.0, acceleration_filter_hz=30.0))
     for name in named_devices():
         limits = _limits(name)
         for parts in itertools.product(shares, repeat=3):
@@ -120,7 +121,7 @@ def test_the_function_refuses_what_no_scene_holds() -> None:
     with pytest.raises(InvalidInputError, match=r"elements\.gains\.stiffness: 1e\+308 is beyond"):
         audit(device, Effects(stiffness=1e308))
     with pytest.raises(InvalidInputError, match="velocity_filter_hz must lie in"):
-        audit(device, Effects(damping=1.0), filters=Filters(velocity_hz=1e-300))
+        audit(device, Effects(damping=1.0), filters=Filters(velocity_filter_hz=1e-300))
 
 
 def test_what_is_next_to_nothing_is_left_out_of_the_nearest() -> None:

@@ -31,10 +31,16 @@ from tune import Effects, largest, safe_gain
         ({}, (20_011, 6_013, 6.01)),
         ({"delay": T}, (6_673, 2_493, 3.71)),
         ({"delay": 2 * T}, (4_006, 1_615, 3.33)),
-        ({"velocity_cutoff": 50.0, "acceleration_cutoff": 50.0}, (20_011, 6_068, 38.7)),
-        ({"velocity_cutoff": 50.0, "acceleration_cutoff": 50.0, "delay": T}, (6_673, 2_148, 14.7)),
-        ({"velocity_cutoff": 20.0, "acceleration_cutoff": 20.0, "delay": T}, (6_673, 2_110, 34.1)),
-        ({"velocity_window": 15}, (20_011, 891, 6.01)),
+        ({"velocity_filter_hz": 50.0, "acceleration_filter_hz": 50.0}, (20_011, 6_068, 38.7)),
+        (
+            {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 50.0, "delay": T},
+            (6_673, 2_148, 14.7),
+        ),
+        (
+            {"velocity_filter_hz": 20.0, "acceleration_filter_hz": 20.0, "delay": T},
+            (6_673, 2_110, 34.1),
+        ),
+        ({"velocity_window_samples": 15}, (20_011, 891, 6.01)),
     ],
 )
 def test_exact_limits_are_the_printed_ones(

@@ -14,7 +14,7 @@ from datasets_synthetic.ending import Allowed, endings
 
 T = 0.001
 HOMEREHAB = named_rig("homerehab")
-FILTERED: dict[str, Any] = {"velocity_cutoff": 30.0, "acceleration_cutoff": 30.0}
+FILTERED: dict[str, Any] = {"velocity_filter_hz": 30.0, "acceleration_filter_hz": 30.0}
 ALLOWED = Allowed(counts=3.0, force=1.0)
 #: The paper's own setting.
 PAPER = Controller(stiffness=1000.0, damping=10.0, mass=1.0, **FILTERED)
@@ -66,7 +66,7 @@ def test_too_much_negative_damping_drifts_away_and_is_vetoed() -> None:
 
 def test_a_device_that_runs_away_without_ringing_is_vetoed() -> None:
     """No spring, -12 N·s/m on 10: the speed grows smoothly until the force limit ends it."""
-    found = play(HOMEREHAB, Controller(damping=-12.0, velocity_cutoff=100.0))
+    found = play(HOMEREHAB, Controller(damping=-12.0, velocity_filter_hz=100.0))
     assert not found.settles
     frictionless = [trial for trial in found.vetoes if not trial.rubbing]
     assert {"push", "small start"} <= {trial.name for trial in frictionless}
@@ -95,7 +95,7 @@ def test_without_a_force_limit_it_grows_without_bound() -> None:
 
 def test_unfiltered_mass_keeps_shaking_within_a_count() -> None:
     """M/T² times a count is 6 N: less than a count of motion, newtons of force, for ever."""
-    rough = replace(PAPER, velocity_cutoff=np.inf, acceleration_cutoff=np.inf)
+    rough = replace(PAPER, velocity_filter_hz=np.inf, acceleration_filter_hz=np.inf)
     (found,) = rehearse(HOMEREHAB, rough)
     shaking = [trial for trial in found.vetoes if trial.name in {"wall", "near wall"}]
     assert shaking

@@ -35,7 +35,7 @@ def test_ripple_of_a_moving_handle_is_the_predicted_one(cutoff: float | None) ->
             damping=b,
             sample_time=T,
             delay_samples=1,
-            filters=Filters(velocity_hz=cutoff, acceleration_hz=cutoff),
+            filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
         )
         ends = np.array([float(largest(loop, name, Effects())) for name in EFFECTS])
         for row, name in enumerate(names):
@@ -49,7 +49,13 @@ def test_ripple_of_a_moving_handle_is_the_predicted_one(cutoff: float | None) ->
     pole = np.inf if cutoff is None else cutoff
     simulated = ripple_by_simulation(
         rigs.members(np.repeat(np.arange(4), 4)),
-        Controller(stiffness=K, damping=B, mass=M, velocity_cutoff=pole, acceleration_cutoff=pole),
+        Controller(
+            stiffness=K,
+            damping=B,
+            mass=M,
+            velocity_filter_hz=pole,
+            acceleration_filter_hz=pole,
+        ),
     )
     np.testing.assert_allclose(simulated.reshape(4, 4), predicted, rtol=0.15)
     assert np.max(np.abs(simulated.reshape(4, 4) / predicted - 1)) > 1e-6  # two computations

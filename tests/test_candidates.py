@@ -13,12 +13,12 @@ import pytest
 from datasets_synthetic import bundled
 from identification import Device, load_device
 from tests.commands import files, haptune
-from tune.candidates import Candidate, candidates, compared
-from tune.errors import CheckFailedError, NoFeasibleEffectError
-from tune.optimisation import optimise
-from tune.perception import PerceptionTable, default_table
-from tune.profile import SafeProfile, load_profile
-from tune.scene import MarginName, Scene
+from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
+from tune.documents.perception import PerceptionTable, default_table
+from tune.documents.profile import SafeProfile, load_profile
+from tune.documents.scene import MarginName, Scene
+from tune.optimisation._optimise import optimise
+from tune.optimisation.candidates import Candidate, candidates, compared
 
 #: gain and further samples of delay, as the README promises them
 PROMISED: dict[MarginName, tuple[float, int]] = {
@@ -116,7 +116,7 @@ def test_a_candidate_that_is_not_certified_is_told_like_any_other(
             raise CheckFailedError(("an unstable corner",))
         return profile
 
-    monkeypatch.setattr("tune.candidates.optimise", fails_when_firm)
+    monkeypatch.setattr("tune.optimisation.candidates.optimise", fails_when_firm)
     *rest, firm = candidates(device, _scene())
     assert all(candidate.profile is not None for candidate in rest)
     assert str(firm.error) == "check failed: an unstable corner"

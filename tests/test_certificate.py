@@ -11,9 +11,10 @@ from identification import load_device, quantity
 from tune import Scene, optimise
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.roots import judge
-from tune.effects import Effects
-from tune.loop import Filters, Loop
-from tune.stability import safe_gain
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.stability.verdict import safe_gain
 
 
 def _case(seed: int) -> tuple[Point, Setting, Loop, Effects]:
@@ -38,7 +39,7 @@ def _case(seed: int) -> tuple[Point, Setting, Loop, Effects]:
         damping=damping,
         sample_time=step,
         delay_samples=delay,
-        filters=Filters(velocity_hz=cutoffs[0], acceleration_hz=cutoffs[1]),
+        filters=Filters(velocity_filter_hz=cutoffs[0], acceleration_filter_hz=cutoffs[1]),
     )
     effects = Effects(
         stiffness=stiffness, damping=virtual_damping or None, mass=virtual_mass or None

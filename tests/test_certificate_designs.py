@@ -14,8 +14,8 @@ from tune.certificate.check import check
 from tune.certificate.polynomial import Point
 from tune.certificate.roots import judge
 from tune.certificate.words import NO_HAND, WITH_HAND
-from tune.errors import CheckFailedError
-from tune.profile import Design, digest_of
+from tune.documents.errors import CheckFailedError
+from tune.documents.profile import Design, digest_of
 
 
 def _design(**changes: object) -> Design:

@@ -162,7 +162,7 @@ INSIDE = {
     "demo": "datasets_synthetic.bundled",
     "new scene": "identification.write_text",
     "identify log.csv": "identification.load_trajectory",
-    "tune homerehab scene.yaml": "tune.optimisation.optimise",
+    "tune homerehab scene.yaml": "tune.optimisation._optimise.optimise",
     "calibrate log.csv --scene scene.yaml": "identification.load_trajectory",
     "check scene.yaml": "tune.certificate.check.check",
     "simulate homerehab": "datasets_synthetic.run",

@@ -13,13 +13,13 @@ import pytest
 from identification import load_device, quantity
 from tests.filter_cases import DEVICES, RIPPLES, SCENES, best_of_grid, job_of, worth_of
 from tune import NoFeasibleEffectError, Scene, optimise
-from tune.cutoffs import choose_filters
-from tune.filters import Filters
-from tune.perception import default_table
-from tune.problem import Job
-from tune.rendered import impedances
-from tune.solve import groups, solve
-from tune.worth import FELT, net_steps, worth
+from tune.documents.perception import default_table
+from tune.loop.filters import Filters
+from tune.optimisation.cutoffs import choose_filters
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import groups, solve
+from tune.optimisation.worth import FELT, net_steps, worth
+from tune.rendering.rendered import impedances
 
 #: Worth is a sum of logarithms of steps: one per cent of all of them multiplied.
 ONE_PERCENT = 0.01
@@ -48,7 +48,7 @@ def _never(sentence: str) -> None:
 def test_a_mass_alone_is_within_a_percent_of_every_cutoff(device: str, ripple: float) -> None:
     job = job_of(device, SCENES["cup"], ripple)
     filters = choose_filters(job, _silent)
-    assert filters.velocity_hz is None
+    assert filters.velocity_filter_hz is None
     assert worth_of(job, filters) >= best_of_grid(job, 30) - _one_percent(job, filters)
 
 
@@ -75,16 +75,16 @@ def test_a_grid_finds_what_a_poor_choice_loses() -> None:
     """The measure above tells: an octave more filtering, or none, is worth clearly less."""
     job = job_of("homerehab", SCENES["cup"])
     filters = choose_filters(job, _silent)
-    assert filters.acceleration_hz is not None
+    assert filters.acceleration_filter_hz is not None
     best = best_of_grid(job, 12)
-    for poor in (None, filters.acceleration_hz / 2, filters.acceleration_hz * 2):
-        assert worth_of(job, Filters(acceleration_hz=poor)) < best - 10 * ONE_PERCENT
+    for poor in (None, filters.acceleration_filter_hz / 2, filters.acceleration_filter_hz * 2):
+        assert worth_of(job, Filters(acceleration_filter_hz=poor)) < best - 10 * ONE_PERCENT
 
 
 def test_what_a_mass_brings_as_damping_counts_against_it() -> None:
     """κ_a·M against m, less ρ_a·M against b beyond one step; felt shares by plain summation."""
     job = job_of("homerehab", SCENES["cup"])
-    filters = Filters(acceleration_hz=12.0)
+    filters = Filters(acceleration_filter_hz=12.0)
     solved = solve(job, ["cup"], filters, second_opinion=False)
     frequency = np.geomspace(0.5, 5.0, 4001)
     felt = impedances(filters, frequency, sample_time=1e-3, delay=1e-3).mass
@@ -99,7 +99,7 @@ def test_what_a_mass_brings_as_damping_counts_against_it() -> None:
 
 def test_a_little_damping_beside_a_mass_costs_nothing() -> None:
     job = job_of("homerehab", {"cup": {"mass": 0.7}}, 30.0)
-    solved = solve(job, ["cup"], Filters(acceleration_hz=50.0), second_opinion=False)
+    solved = solve(job, ["cup"], Filters(acceleration_filter_hz=50.0), second_opinion=False)
     assert net_steps(job, solved, 0) == solved.problem.unknowns[0].steps(0.7)
 
 
@@ -127,26 +127,26 @@ def test_nothing_is_tried_where_nothing_is_free(
     elements: dict[str, Any], loop: dict[str, Any]
 ) -> None:
     filters = choose_filters(job_of("homerehab", elements, loop=loop), _never)
-    assert filters.velocity_hz == loop.get("velocity_filter_hz")
-    assert filters.acceleration_hz is None
-    assert filters.velocity_window == loop.get("velocity_window_samples")
+    assert filters.velocity_filter_hz == loop.get("velocity_filter_hz")
+    assert filters.acceleration_filter_hz is None
+    assert filters.velocity_window_samples == loop.get("velocity_window_samples")
 
 
 def test_a_filter_that_is_fixed_stays_while_the_other_is_found() -> None:
     loop = {"velocity_filter_hz": 40.0, "velocity_filter_order": 2, "filter_damping_ratio": 0.7}
     job = job_of("homerehab", {"it": {"damping": 20.0}, "cup": {"mass": "max"}}, loop=loop)
     filters = choose_filters(job, _silent)
-    assert filters.velocity_hz == 40.0
-    assert filters.velocity_order == 2
-    assert filters.damping_ratio == 0.7
-    assert filters.acceleration_hz is not None
-    assert 20 < filters.acceleration_hz < 60
+    assert filters.velocity_filter_hz == 40.0
+    assert filters.velocity_filter_order == 2
+    assert filters.filter_damping_ratio == 0.7
+    assert filters.acceleration_filter_hz is not None
+    assert 20 < filters.acceleration_filter_hz < 60
 
 
 def test_no_filter_where_none_is_needed() -> None:
     """Ten times the ripple allowed: a wanted damper is felt best as it is."""
     job = job_of("homerehab", {"water": {"damping": 10.0}}, 10.0)
-    assert choose_filters(job, _silent).velocity_hz is None
+    assert choose_filters(job, _silent).velocity_filter_hz is None
 
 
 def test_a_loop_too_slow_for_any_filter_has_none() -> None:
@@ -155,14 +155,14 @@ def test_a_loop_too_slow_for_any_filter_has_none() -> None:
         update={"sample_time": quantity(0.12), "delay": quantity(0.0)}
     )
     scene = Scene.model_validate({"elements": {"water": {"damping": "max"}}})
-    assert choose_filters(Job.of(device, scene, default_table()), _never).velocity_hz is None
+    assert choose_filters(Job.of(device, scene, default_table()), _never).velocity_filter_hz is None
 
 
 def test_the_choice_is_the_same_every_time_and_written_with_four_digits() -> None:
     job = job_of("light", {"it": {"damping": "max"}, "cup": {"mass": "max"}})
     first, second = choose_filters(job, _silent), choose_filters(job, _silent)
     assert first == second
-    for hertz in (first.velocity_hz, first.acceleration_hz):
+    for hertz in (first.velocity_filter_hz, first.acceleration_filter_hz):
         assert hertz is not None
         assert hertz == float(f"{hertz:.4g}")
 
@@ -188,9 +188,9 @@ def test_effects_that_are_alone_find_their_filters_without_a_solver() -> None:
     code = (
         "import sys\n"
         "from tests.filter_cases import job_of\n"
-        "from tune.cutoffs import choose_filters\n"
+        "from tune.optimisation.cutoffs import choose_filters\n"
         "job = job_of('homerehab', {'water': {'damping': 'max'}, 'cup': {'mass': 'max'}})\n"
-        "assert choose_filters(job, print).acceleration_hz\n"
+        "assert choose_filters(job, print).acceleration_filter_hz\n"
         "sys.exit(', '.join({'casadi', 'nlopt'} & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -12,10 +12,10 @@ from identification import Device, ForceLimit, load_device, quantity, to_mapping
 from tests.commands import Ended, haptune
 from tests.reference import boundary_gains, reference_loop
 from tune import Scene, load_profile, optimise
-from tune.loop import Filters
-from tune.perception import default_table
-from tune.problem import Job
-from tune.solve import solve
+from tune.documents.perception import default_table
+from tune.loop.filters import Filters
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import solve
 
 FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
 WALL = "elements: {wall: {stiffness: max}}\n"
@@ -162,7 +162,7 @@ def _scene(elements: dict[str, dict[str, Any]]) -> Scene:
 
 
 def test_each_of_two_hundred_things_is_tuned_as_if_it_were_alone() -> None:
-    filters = Filters(velocity_hz=50.0, acceleration_hz=30.0)
+    filters = Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0)
     many = _many(200)
     crowd = Job.of(_device(), _scene(many), default_table())
     for name in list(many)[::9]:

@@ -53,8 +53,8 @@ def _play(element: str, gain: float) -> None:
         stiffness=gain * chosen.stiffness,
         damping=gain * chosen.damping,
         mass=gain * chosen.mass,
-        velocity_cutoff=profile.loop.velocity_filter_hz or np.inf,
-        acceleration_cutoff=profile.loop.acceleration_filter_hz or np.inf,
+        velocity_filter_hz=profile.loop.velocity_filter_hz or np.inf,
+        acceleration_filter_hz=profile.loop.acceleration_filter_hz or np.inf,
     )
     rig = rig_of(profile.device)
     run = simulate(rig, np.zeros(3000), controller=controller, position=0.02)

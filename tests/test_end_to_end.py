@@ -21,10 +21,10 @@ from tests.simulated.fleet import Fleet, random_devices
 from tune.certificate.certify import regions_of, setting_of
 from tune.certificate.proof import Claim
 from tune.certificate.worst import worst_point
-from tune.errors import NoFeasibleEffectError
-from tune.optimisation import optimise
-from tune.profile import SafeProfile
-from tune.scene import Scene
+from tune.documents.errors import NoFeasibleEffectError
+from tune.documents.profile import SafeProfile
+from tune.documents.scene import Scene
+from tune.optimisation._optimise import optimise
 
 
 def _scene(elements: dict[str, dict[str, str]], *together: list[str]) -> Scene:

@@ -18,9 +18,9 @@ from identification import InvalidInputError, to_mapping, to_yaml
 from tests.commands import files, haptune
 from tests.exported import LOOPS, changed, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
-from tune.export import TARGETS, export
-from tune.export.names import identifiers
-from tune.profile import digest_of
+from tune.documents.profile import digest_of
+from tune.exporters import TARGETS, export
+from tune.exporters.names import identifiers
 
 HOSTILE = (
     ("while", "on", "int main(void) {return 1;}"),

@@ -11,9 +11,9 @@ from identification import load_device, quantity, to_mapping
 from tune.certificate import felt
 from tune.certificate.certify import setting_of
 from tune.certificate.felt import felt_failures
-from tune.optimisation import optimise
-from tune.profile import Design, SafeProfile
-from tune.scene import Scene
+from tune.documents.profile import Design, SafeProfile
+from tune.documents.scene import Scene
+from tune.optimisation._optimise import optimise
 
 #: Four printed digits, and averages by two rules.
 CLOSE = 1e-3

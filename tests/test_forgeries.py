@@ -20,8 +20,8 @@ from tune import CheckFailedError, SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
 from tune.certificate.check import check_content
 from tune.certificate.trust import TAKEN_ON_TRUST
-from tune.certified import Certificate
-from tune.profile import Design, digest_of
+from tune.documents.certified import Certificate
+from tune.documents.profile import Design, digest_of
 
 SCENE: dict[str, Any] = {
     "elements": {

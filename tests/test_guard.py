@@ -14,7 +14,7 @@ from datasets_synthetic.law import ControlLaw
 from tests.exported import LOOPS, STEP, Array, changed, poles, tuned
 from tests.guard import FLAGS, Guard, built, compiler, compiles, enter, push, write
 from tune import SafeProfile
-from tune.export import export
+from tune.exporters import export
 
 WALL, CUP, RUBBER = 1, 2, 4
 
@@ -77,12 +77,12 @@ def test_the_guard_runs_the_certified_law(tmp_path: Path, name: str) -> None:
             stiffness=500.0,
             damping=10.0,
             mass=profile.elements["cup"].mass,
-            velocity_cutoff=loop.velocity_filter_hz or np.inf,
-            acceleration_cutoff=loop.acceleration_filter_hz or np.inf,
-            velocity_order=loop.velocity_filter_order,
-            acceleration_order=loop.acceleration_filter_order,
-            damping_ratio=loop.filter_damping_ratio,
-            velocity_window=loop.velocity_window_samples or 1,
+            velocity_filter_hz=loop.velocity_filter_hz or np.inf,
+            acceleration_filter_hz=loop.acceleration_filter_hz or np.inf,
+            velocity_filter_order=loop.velocity_filter_order,
+            acceleration_filter_order=loop.acceleration_filter_order,
+            filter_damping_ratio=loop.filter_damping_ratio,
+            velocity_window_samples=loop.velocity_window_samples or 1,
         ),
         np.array([STEP]),
     )

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from identification import to_mapping
 from tests.exported import tuned
 from tune import SafeProfile
-from tune.export import export
+from tune.exporters import export
 
 NAMES = [f"e{k}" for k in range(12)]
 _GROUPS = st.lists(

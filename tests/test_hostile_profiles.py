@@ -11,7 +11,7 @@ import pytest
 from identification import load_device, load_mapping, to_mapping, to_yaml
 from tests.commands import haptune
 from tune import Scene, optimise
-from tune.profile import digest_of
+from tune.documents.profile import digest_of
 
 SCENE: dict[str, Any] = {
     "elements": {"wall": {"stiffness": 500.0, "damping": 10.0}},

@@ -8,14 +8,14 @@ from dataclasses import replace
 import pytest
 
 from tests.optimum_pairs import random_pair
-from tune.bounds import largest_allowed
-from tune.describe import bindings
-from tune.errors import NoFeasibleEffectError
-from tune.limits import stable_points
-from tune.perception import default_table
-from tune.problem import Job, Limits, Problem
-from tune.profile import LimitedBy
-from tune.solve import solve
+from tune.documents.errors import NoFeasibleEffectError
+from tune.documents.perception import default_table
+from tune.documents.profile import LimitedBy
+from tune.optimisation.bounds import largest_allowed
+from tune.optimisation.describe import bindings
+from tune.optimisation.limits import stable_points
+from tune.optimisation.problem import Job, Limits, Problem
+from tune.optimisation.solve import solve
 
 #: By how much a limit is relaxed, and the least by which an effect must then grow: another limit
 #: may be just behind.

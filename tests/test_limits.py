@@ -8,9 +8,10 @@ import pytest
 from flint import arb
 
 from tests.reference import reference_loop, stable_by_roots
-from tune.effects import EFFECT_NAMES, Effects
-from tune.loop import Filters, Loop
-from tune.stability import is_stable, largest
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.stability.verdict import is_stable, largest
 
 
 def _printed_43(delta: float, alpha: float, beta: float, gamma: float) -> mpmath.mpf:
@@ -147,7 +148,7 @@ def test_known_limits_of_homerehab(
         damping=10.0,
         sample_time=1e-3,
         delay_samples=delay,
-        filters=Filters(velocity_hz=cutoff, acceleration_hz=cutoff),
+        filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
     )
     found = [float(largest(loop, name)) for name in EFFECT_NAMES]
     assert [f"{found[0]:.0f}", f"{found[1]:.0f}", f"{found[2]:.3g}"] == [stiffness, damping, mass]

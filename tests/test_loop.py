@@ -10,10 +10,12 @@ import pytest
 from tests.general_loops import HAND, HOMEREHAB, MODE, loop_of
 from tests.reference import crossings
 from tests.sampled_loops import Case, loop_along
-from tune.effects import EFFECT_NAMES, Effects
-from tune.filters import LONGEST_WINDOW
-from tune.loop import LONGEST_DELAY, Filters, HandNumbers, Loop, ModeNumbers
-from tune.stability import is_stable, largest, verdict
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.loop.filters import LONGEST_WINDOW, Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers, ModeNumbers
+from tune.loop.sampled_plant import LONGEST_DELAY
+from tune.stability.verdict import is_stable, largest, verdict
 
 
 @pytest.mark.parametrize(
@@ -22,9 +24,9 @@ from tune.stability import is_stable, largest, verdict
         (0, Filters(), (20_011, 6_013, 6.01)),
         (1, Filters(), (6_673, 2_493, 3.71)),
         (2, Filters(), (4_006, 1_615, 3.33)),
-        (0, Filters(velocity_hz=50.0, acceleration_hz=50.0), (20_011, 6_068, 38.7)),
-        (1, Filters(velocity_hz=50.0, acceleration_hz=50.0), (6_673, 2_148, 14.7)),
-        (1, Filters(velocity_hz=20.0, acceleration_hz=20.0), (6_673, 2_110, 34.1)),
+        (0, Filters(velocity_filter_hz=50.0, acceleration_filter_hz=50.0), (20_011, 6_068, 38.7)),
+        (1, Filters(velocity_filter_hz=50.0, acceleration_filter_hz=50.0), (6_673, 2_148, 14.7)),
+        (1, Filters(velocity_filter_hz=20.0, acceleration_filter_hz=20.0), (6_673, 2_110, 34.1)),
     ],
 )
 def test_known_limits_of_a_device_like_the_paper_s(
@@ -37,13 +39,14 @@ def test_known_limits_of_a_device_like_the_paper_s(
 
 
 def test_a_window_of_15_ms_costs_most_of_the_damping() -> None:
-    loop = Loop.from_numbers(**HOMEREHAB, filters=Filters(velocity_window=15))
+    loop = Loop.from_numbers(**HOMEREHAB, filters=Filters(velocity_window_samples=15))
     assert round(float(largest(loop, "damping"))) == 891
 
 
 def test_a_window_of_one_sample_is_the_plain_difference() -> None:
     plain = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3)
-    window = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3, filters=Filters(velocity_window=1))
+    one = Filters(velocity_window_samples=1)
+    window = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3, filters=one)
     for name in EFFECT_NAMES:
         assert float(largest(window, name)) == pytest.approx(float(largest(plain, name)), rel=1e-12)
 
@@ -58,7 +61,7 @@ def test_the_longest_windows_and_delays_are_still_judged(window: int, delay: flo
         damping=10.0,
         sample_time=1e-3,
         delay_samples=delay,
-        velocity_window=window,
+        velocity_window_samples=window,
         modes=((80.0, 0.02, 0.5, -2.0),),
         hand=(0.1, 5.0, 300.0),
     )
@@ -79,10 +82,10 @@ def test_two_equal_poles_are_the_limit_of_two_unequal_ones() -> None:
                     **HOMEREHAB,
                     delay_samples=1,
                     filters=Filters(
-                        velocity_hz=40.0,
-                        velocity_order=2,
-                        acceleration_hz=40.0,
-                        damping_ratio=ratio,
+                        velocity_filter_hz=40.0,
+                        velocity_filter_order=2,
+                        acceleration_filter_hz=40.0,
+                        filter_damping_ratio=ratio,
                     ),
                 ),
                 "mass",

@@ -11,9 +11,9 @@ from flint import arb, arb_poly
 from tests.general_loops import compare, draw_case, draw_ray, loop_of, without_filters
 from tests.reference import crossings, stable_by_jury
 from tests.sampled_loops import Case, loop_along, plant
-from tune.criterion import ULPS, UNIT
-from tune.effects import EFFECT_NAMES, Effects
-from tune.stability import largest, stable_values
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.stability.criterion import ULPS, UNIT
+from tune.stability.verdict import largest, stable_values
 
 
 def _accept(tally: Counter[str], count: int) -> None:
@@ -71,7 +71,7 @@ def test_what_only_a_mode_damps_is_right_to_six_digits() -> None:
         delay_samples=4.92123431421505,
         modes=((921.7719055287816, 0.03217871237458136, 0.836262837133392, -0.4787695160788501),),
         hand=(0.04449676578842037, 0.0, 111.86542948705485),
-        velocity_hz=21.023882775083973,
+        velocity_filter_hz=21.023882775083973,
     )
     limit = float(crossings(loop_along(case, 1.0, None, None))[0].mid())
     assert limit < 1e-6

@@ -9,13 +9,15 @@ import pytest
 from flint import arb, arb_mat, arb_poly
 
 from tests.reference import roots_of
-from tune.criterion import UNIT, routh
-from tune.effects import Effects
-from tune.held_blocks import block
-from tune.loop import Filters, Loop, ModeNumbers
-from tune.polynomials import Polynomial
-from tune.quadratics import split, split_fractions
-from tune.stability import is_stable, verdict
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import ModeNumbers
+from tune.loop.polynomials import Polynomial
+from tune.loop.quadratics import split, split_fractions
+from tune.loop.zero_order_hold import block
+from tune.stability.criterion import UNIT, routh
+from tune.stability.verdict import is_stable, verdict
 
 
 def _step(a: float, b: float, span: arb) -> tuple[arb, arb]:
@@ -175,7 +177,9 @@ def _loop_of_degree_ten() -> Loop:
         sample_time=1e-3,
         delay_samples=1.5,
         modes=(mode,),
-        filters=Filters(velocity_hz=60.0, velocity_order=2, acceleration_hz=40.0),
+        filters=Filters(
+            velocity_filter_hz=60.0, velocity_filter_order=2, acceleration_filter_hz=40.0
+        ),
     )
 
 

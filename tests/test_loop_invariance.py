@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.general_loops import MODE, draw_case, draw_ray, effects_at, loop_of
-from tune.effects import Effects
-from tune.loop import HandNumbers, Loop
-from tune.stability import largest, safe_gain
+from tune.documents.effects import Effects
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers
+from tune.stability.verdict import largest, safe_gain
 
 
 def test_transfer_and_terms_belong_together() -> None:
@@ -85,8 +86,8 @@ def test_units_scale_of_time_and_sign_of_a_mode_do_not_matter(
         modes=tuple((f / time, z, -e, -h) for f, z, e, h in case.modes),
         hand=(mass * unit, damping * unit / time, stiffness * unit / time**2),
         current_lag=case.current_lag * time,
-        velocity_hz=cut(case.velocity_hz),
-        acceleration_hz=cut(case.acceleration_hz),
+        velocity_filter_hz=cut(case.velocity_filter_hz),
+        acceleration_filter_hz=cut(case.acceleration_filter_hz),
     )
     ray = (
         None if k is None else k * unit / time**2,

@@ -9,16 +9,18 @@ import pytest
 
 from identification import load_device
 from tests.general_loops import HAND, HOMEREHAB, MODE
-from tune.errors import LoopError
-from tune.filters import LONGEST_WINDOW
-from tune.hand import FREE_TO_RIGID
-from tune.loop import LONGEST_DELAY, Filters, HandNumbers, Loop
+from tune.documents.errors import LoopError
+from tune.documents.hand import FREE_TO_RIGID
+from tune.loop.filters import LONGEST_WINDOW, Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers
+from tune.loop.sampled_plant import LONGEST_DELAY
 
 
 def test_from_parts_reads_the_device_and_the_hand() -> None:
     device = load_device("homerehab")
     hand = FREE_TO_RIGID["linear"]
-    filters = Filters(velocity_hz=50.0)
+    filters = Filters(velocity_filter_hz=50.0)
     loop = Loop.from_parts(device, filters, hand, extra_delay_samples=0.25)
     numbers = Loop.from_numbers(
         mass=device.mass.value,
@@ -66,14 +68,14 @@ def test_what_cannot_be_is_refused(change: dict[str, object], words: str) -> Non
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"velocity_hz": 0.0}, "velocity_hz"),
-        ({"acceleration_hz": np.inf}, "acceleration_hz"),
-        ({"velocity_order": 3}, "velocity_order"),
-        ({"damping_ratio": 0.0}, "damping_ratio"),
-        ({"damping_ratio": 1.5}, "damping_ratio"),
-        ({"velocity_window": 0}, "velocity_window"),
-        ({"velocity_window": LONGEST_WINDOW + 1}, "velocity_window"),
-        ({"velocity_window": 5, "velocity_hz": 30.0}, "exclude"),
+        ({"velocity_filter_hz": 0.0}, "velocity_filter_hz"),
+        ({"acceleration_filter_hz": np.inf}, "acceleration_filter_hz"),
+        ({"velocity_filter_order": 3}, "velocity_filter_order"),
+        ({"filter_damping_ratio": 0.0}, "filter_damping_ratio"),
+        ({"filter_damping_ratio": 1.5}, "filter_damping_ratio"),
+        ({"velocity_window_samples": 0}, "velocity_window_samples"),
+        ({"velocity_window_samples": LONGEST_WINDOW + 1}, "velocity_window_samples"),
+        ({"velocity_window_samples": 5, "velocity_filter_hz": 30.0}, "exclude"),
     ],
 )
 def test_filters_that_do_not_exist_are_refused(wrong: dict[str, float], words: str) -> None:

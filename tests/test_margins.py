@@ -13,13 +13,14 @@ from identification import Device, quantity
 from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
-from tune.damping_margin import least_damping_ratio, slowest_decay
-from tune.effects import Effects
-from tune.hand import Hand
-from tune.loop import Filters, Loop
-from tune.margins import margins_of
-from tune.response_margins import disk_margin, phase_margin
-from tune.stability import safe_gain
+from tune.documents.effects import Effects
+from tune.documents.hand import Hand
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.margins.damping import least_damping_ratio, slowest_decay
+from tune.margins.margins import margins_of
+from tune.margins.response import disk_margin, phase_margin
+from tune.stability.verdict import safe_gain
 
 #: What every margin must agree to, relative.
 AGREEMENT = 1e-9
@@ -153,7 +154,7 @@ def test_an_unstable_loop_has_no_margins_but_a_growth() -> None:
 
 def test_all_margins_of_the_papers_setting() -> None:
     """K = 1000, B = 10, M = 1 with 30 Hz filters and one sample of delay: fit, but not passive."""
-    filters = Filters(velocity_hz=30.0, acceleration_hz=30.0)
+    filters = Filters(velocity_filter_hz=30.0, acceleration_filter_hz=30.0)
     effects = Effects(stiffness=1000.0, damping=10.0, mass=1.0)
     found = margins_of(_device(), effects, filters)
     assert found.gain > 2
@@ -167,7 +168,7 @@ def test_all_margins_of_the_papers_setting() -> None:
 
 def test_filters_of_absent_effects_are_left_out() -> None:
     """A 0.1 Hz filter that nothing uses must not show as a slow pole."""
-    filters = Filters(velocity_hz=0.1, acceleration_hz=0.1)
+    filters = Filters(velocity_filter_hz=0.1, acceleration_filter_hz=0.1)
     found = margins_of(_device(), Effects(stiffness=1000.0), filters)
     bare = margins_of(_device(), Effects(stiffness=1000.0))
     assert found == bare

@@ -8,10 +8,10 @@ import pytest
 from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
-from tune.delay_search import delay_margin
-from tune.effects import Effects
-from tune.loop import Loop
-from tune.stability import largest
+from tune.documents.effects import Effects
+from tune.loop.loop import Loop
+from tune.margins.delay import delay_margin
+from tune.stability.verdict import largest
 
 #: Samples looked for; random loops that bear more are many.
 MOST = 5.0

@@ -11,17 +11,18 @@ from identification import Device, load_device, quantity
 from tune.certificate.certify import setting_of
 from tune.certificate.polynomial import Point
 from tune.certificate.roots import judge
-from tune.climb import climb
-from tune.effects import Effects
-from tune.limits import allowed
-from tune.loop import Filters, Loop
-from tune.optimisation import optimise
-from tune.perception import default_table
-from tune.problem import Job, pose
-from tune.profile import SafeProfile
-from tune.scene import Scene
-from tune.solve import groups
-from tune.stability import largest
+from tune.documents.effects import Effects
+from tune.documents.perception import default_table
+from tune.documents.profile import SafeProfile
+from tune.documents.scene import Scene
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.optimisation._optimise import optimise
+from tune.optimisation.climb import climb
+from tune.optimisation.limits import allowed
+from tune.optimisation.problem import Job, pose
+from tune.optimisation.solve import groups
+from tune.stability.verdict import largest
 
 
 def _scene(elements: dict[str, Any], **more: Any) -> Scene:
@@ -68,7 +69,7 @@ def test_margins_order_the_stiffness(margin: str) -> None:
     assert claimed.extra_delay_samples >= extra
 
 
-def _limit(profile: SafeProfile, element: str, effect: str) -> tuple[float, str]:
+def _limit(profile: SafeProfile, element: str, effect: EffectName) -> tuple[float, str]:
     entry = profile.elements[element]
     return getattr(entry, effect), entry.limited_by[effect]
 
@@ -100,7 +101,7 @@ def _limit(profile: SafeProfile, element: str, effect: str) -> tuple[float, str]
     ],
 )
 def test_each_limit_binds_and_relaxing_it_lets_the_value_grow(
-    effect: str, word: str, tight: dict[str, Any], loose: dict[str, Any]
+    effect: EffectName, word: str, tight: dict[str, Any], loose: dict[str, Any]
 ) -> None:
     values: list[tuple[float, str]] = []
     for setting in (tight, loose):
@@ -133,9 +134,9 @@ def test_joint_optimum_against_a_fine_grid() -> None:
     device = _device()
     scene = _scene({"wall": {"stiffness": "max", "damping": "max"}}, ripple_limit=0.02)
     job = Job.of(device, scene, default_table())
-    problem = pose(job, elements=["wall"], filters=Filters(velocity_hz=50.0))
-    from tune.backends.casadi_ import Ipopt
-    from tune.backends.nlopt_ import Slsqp
+    problem = pose(job, elements=["wall"], filters=Filters(velocity_filter_hz=50.0))
+    from tune.optimisation.backends.casadi_ import Ipopt
+    from tune.optimisation.backends.nlopt_ import Slsqp
 
     best = climb(problem, [Ipopt(), Slsqp()])
     assert best.sizes is not None

@@ -26,9 +26,9 @@ from tests.optimum_search import gaps, highest
 from tests.reference import crossings
 from tests.sampled_loops import loop_along
 from tune.certificate.check import check
-from tune.errors import NoFeasibleEffectError
-from tune.optimisation import optimise
-from tune.solve import Solved, groups
+from tune.documents.errors import NoFeasibleEffectError
+from tune.optimisation._optimise import optimise
+from tune.optimisation.solve import Solved, groups
 
 FloatArray = NDArray[np.float64]
 

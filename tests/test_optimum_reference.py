@@ -21,11 +21,11 @@ from tests.optimum_ripple import force_ripple
 from tests.optimum_wishes import MARGINS, felt_share, weber_fraction
 from tests.reference import crossings
 from tests.sampled_loops import loop_along
-from tune.loop import Filters
-from tune.perception import default_table
-from tune.problem import Job
-from tune.scene import Scene
-from tune.solve import solve
+from tune.documents.perception import default_table
+from tune.documents.scene import Scene
+from tune.loop.filters import Filters
+from tune.optimisation.problem import Job
+from tune.optimisation.solve import solve
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -152,7 +152,7 @@ def test_limits_that_are_no_matter_of_stability(
     solved = solve(
         Job.of(_bare(**changes), scene, default_table()),
         ["it"],
-        Filters(velocity_hz=30.0, acceleration_hz=20.0),
+        Filters(velocity_filter_hz=30.0, acceleration_filter_hz=20.0),
     )
     assert unrounded_sizes(solved)[0] == pytest.approx(truth, rel=1e-8)
     assert solved.sizes[0] == pytest.approx(truth, rel=1.1e-5)

@@ -12,9 +12,9 @@ from identification import Device
 from tests.margin_cases import draw, filters_of
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
-from tune.effects import Effects
-from tune.loop import Filters
-from tune.passivity import damping_needed, passivity
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.margins.passivity import damping_needed, passivity
 
 
 def test_spring_and_damper() -> None:

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification import InvalidInputError, load_device, load_document, quantity
-from tune.effects import EFFECT_NAMES
-from tune.perception import (
+from tune.documents.effects import EFFECT_NAMES
+from tune.documents.perception import (
     PerceptionTable,
     WeberFraction,
     default_table,

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from identification import load_device
-from tune.discrimination import Answers, Study
-from tune.effects import EFFECT_NAMES, EffectName
-from tune.perception import (
+from tune.documents.discrimination import Answers, Study
+from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.perception import (
     default_table,
     told_apart,
 )

@@ -18,7 +18,7 @@ from tune.certificate.bounds import passivity_failures
 from tune.certificate.certify import regions_of, setting_of
 from tune.certificate.passivity import passive
 from tune.certificate.polynomial import Setting
-from tune.profile import SafeProfile, digest_of
+from tune.documents.profile import SafeProfile, digest_of
 
 #: The digit in a name is in a key, those of the device are in numbers, text and exponents.
 SPRING: dict[str, Any] = {"elements": {"wall 2": {"stiffness": "max"}}}

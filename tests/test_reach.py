@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import Reference
-from tune.backends import Stage
-from tune.backends.multipliers import prices
-from tune.backends.program import program_of
-from tune.backends.reach import Reach
-from tune.bounds import largest_allowed
-from tune.climb import climb
-from tune.limits import allowed, weakest
-from tune.perception import default_table
-from tune.problem import Job, Problem
-from tune.solve import backends, solve
-from tune.starts import interior
+from tune.documents.perception import default_table
+from tune.optimisation.backends import Stage
+from tune.optimisation.backends.multipliers import prices
+from tune.optimisation.backends.program import program_of
+from tune.optimisation.backends.reach import Reach
+from tune.optimisation.bounds import largest_allowed
+from tune.optimisation.climb import climb
+from tune.optimisation.limits import allowed, weakest
+from tune.optimisation.problem import Job, Problem
+from tune.optimisation.solve import backends, solve
+from tune.optimisation.starts import interior
 
 FloatArray = NDArray[np.float64]
 

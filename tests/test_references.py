@@ -30,7 +30,7 @@ def test_the_printed_equation_has_the_boundaries_of_the_matrix_exponential(
 ) -> None:
     """Of a rigid device with filters; the same gains put a root on the unit circle."""
     stiffness, damping, mass = ray
-    case = replace(PLAIN, delay_samples=delay, velocity_hz=50.0, acceleration_hz=20.0)
+    case = replace(PLAIN, delay_samples=delay, velocity_filter_hz=50.0, acceleration_filter_hz=20.0)
     velocity, acceleration = (float(np.exp(-2 * np.pi * hertz * T)) for hertz in (50.0, 20.0))
     printed = reference_loop(
         case.damping * T / case.mass,
@@ -71,9 +71,9 @@ def test_one_sample_on_unit_vectors_has_the_limits_of_360_digits() -> None:
         current_lag=0.3 * T,
         modes=((60.0, 0.02, 0.5, -1.2),),
         hand=(0.5, 8.0, 400.0),
-        velocity_hz=60.0,
-        velocity_order=2,
-        acceleration_hz=40.0,
+        velocity_filter_hz=60.0,
+        velocity_filter_order=2,
+        acceleration_filter_hz=40.0,
         damping_ratio=0.7071,
     )
     bench = SampledBench(
@@ -84,10 +84,10 @@ def test_one_sample_on_unit_vectors_has_the_limits_of_360_digits() -> None:
         current_lag=case.current_lag,
         modes=case.modes,
         hand=case.hand,
-        velocity_cutoff=60.0,
-        velocity_order=2,
-        acceleration_cutoff=40.0,
-        damping_ratio=case.damping_ratio,
+        velocity_filter_hz=60.0,
+        velocity_filter_order=2,
+        acceleration_filter_hz=40.0,
+        filter_damping_ratio=case.filter_damping_ratio,
     )
     for ray, high in (((1.0, 0.0, 0.0), 3e5), ((1000.0, 10.0, 1.0), 300.0)):
         exact = float(crossings(loop_along(case, *ray))[0].mid())

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from identification import Device, parse_document
-from tune.effects import Effects
-from tune.errors import LoopError
-from tune.hand import FREE_TO_RIGID, Hand
-from tune.loop import Filters, Loop
-from tune.region import Region, Spot
-from tune.stability import largest
+from tune.documents.effects import Effects
+from tune.documents.errors import LoopError
+from tune.documents.hand import FREE_TO_RIGID, Hand
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.optimisation.region import Region, Spot
+from tune.stability.verdict import largest
 
 MODE = {
     "frequency_hz": {"value": 80.0, "low": 75.0, "high": 85.0},

@@ -72,7 +72,7 @@ def _region(rng: np.random.Generator, spread: float) -> tuple[Region, Setting]:
         velocity_filter_order=int(rng.integers(1, 3)),
         acceleration_filter_order=int(rng.integers(1, 3)),
         filter_damping_ratio=float(rng.choice([1.0, 0.7])),
-        velocity_window=4 if window else None,
+        velocity_window_samples=4 if window else None,
     )
     region = Region(
         mass=around(mass, spread),

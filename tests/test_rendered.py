@@ -13,11 +13,11 @@ from datasets_synthetic import Controller, Rig, simulate
 from identification import Device, load_device, parse_document, quantity, to_mapping
 from tests.commands import haptune
 from tune import Scene, load_profile, optimise
-from tune.filters import Filters
-from tune.perception import default_table, references
-from tune.problem import Job, Problem, pose
-from tune.profile import SafeProfile, digest_of
-from tune.rendered import FASTEST, SLOWEST, Shares, impedances, rendered
+from tune.documents.perception import default_table, references
+from tune.documents.profile import SafeProfile, digest_of
+from tune.loop.filters import Filters
+from tune.optimisation.problem import Job, Problem, pose
+from tune.rendering.rendered import FASTEST, SLOWEST, Shares, impedances, rendered
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -38,12 +38,12 @@ SPRING, DAMPER, MASS = 150.0, 6.0, 0.8
 def _filters(law: tuple[Any, ...]) -> Filters:
     velocity, acceleration, first, second, ratio, window, _, _ = law
     return Filters(
-        velocity_hz=velocity,
-        acceleration_hz=acceleration,
-        velocity_order=first,
-        acceleration_order=second,
-        damping_ratio=ratio,
-        velocity_window=window,
+        velocity_filter_hz=velocity,
+        acceleration_filter_hz=acceleration,
+        velocity_filter_order=first,
+        acceleration_filter_order=second,
+        filter_damping_ratio=ratio,
+        velocity_window_samples=window,
     )
 
 
@@ -59,12 +59,12 @@ def _felt_by_experiment(law: tuple[Any, ...], frequencies: FloatArray) -> Comple
             stiffness=SPRING,
             damping=DAMPER,
             mass=MASS,
-            velocity_cutoff=velocity or np.inf,
-            acceleration_cutoff=acceleration or np.inf,
-            velocity_order=first,
-            acceleration_order=second,
-            damping_ratio=ratio,
-            velocity_window=window or 1,
+            velocity_filter_hz=velocity or np.inf,
+            acceleration_filter_hz=acceleration or np.inf,
+            velocity_filter_order=first,
+            acceleration_filter_order=second,
+            filter_damping_ratio=ratio,
+            velocity_window_samples=window or 1,
         ),
         push=np.sin(2 * np.pi * frequencies[:, None] * time),
     )
@@ -99,7 +99,7 @@ def _mean(part: Any) -> float:
 def test_means_are_those_of_adaptive_quadrature_in_many_digits() -> None:
     """The transfer functions of the README in z, one sample of delay, written anew."""
     device = load_device("homerehab")
-    shares = Shares.of(device, Filters(velocity_hz=50.0, acceleration_hz=30.0))
+    shares = Shares.of(device, Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0))
     step = mpmath.mpf("0.001")
 
     def force(turn: Any, kind: str) -> Any:
@@ -127,7 +127,7 @@ def test_means_are_those_of_adaptive_quadrature_in_many_digits() -> None:
 
 def test_a_sharp_resonance_at_the_edge_is_summed_to_a_percent() -> None:
     device = load_device("homerehab")
-    sharp = Filters(acceleration_hz=5.0, damping_ratio=0.1)
+    sharp = Filters(acceleration_filter_hz=5.0, filter_damping_ratio=0.1)
 
     def mass(turn: Any) -> Any:
         t = mpmath.mpf("0.001")
@@ -163,7 +163,7 @@ def _problem(device: Device, wish: dict[str, Any], filters: Filters) -> Problem:
 def test_steps_count_what_is_felt_of_a_command() -> None:
     """κ_a·M against m, by the impedance that the experiment above confirms."""
     device = load_device("homerehab")
-    filters = Filters(velocity_hz=10.0, acceleration_hz=10.0)
+    filters = Filters(velocity_filter_hz=10.0, acceleration_filter_hz=10.0)
     frequency = np.geomspace(0.5, 5.0, 2001)
     felt = impedances(filters, frequency, sample_time=1e-3, delay=1e-3)
 
@@ -189,7 +189,7 @@ def test_steps_count_what_is_felt_of_a_command() -> None:
 def test_a_device_is_not_made_lighter_than_it_is_by_a_share_above_one() -> None:
     """A resonance in the band renders more mass than commanded; what is felt stays positive."""
     device = load_device("homerehab").model_copy(update={"mass": quantity(3.0)})
-    sharp = Filters(acceleration_hz=6.0, damping_ratio=0.1)
+    sharp = Filters(acceleration_filter_hz=6.0, filter_damping_ratio=0.1)
     assert Shares.of(device, sharp).mass.mean > 1.2
     unknown = _problem(device, {"mass": "min"}, sharp).unknowns[0]
     assert np.isfinite(unknown.steps(unknown.high))

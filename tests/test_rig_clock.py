@@ -88,7 +88,7 @@ def test_first_and_last_rows_are_always_kept() -> None:
 def test_servo_force_is_the_stated_difference_equation() -> None:
     reference = 0.02 * np.sin(5 * T * np.arange(1000))
     feed = 0.3 * np.cos(7 * T * np.arange(1000))
-    servo = Servo(reference=reference, stiffness=900.0, damping=30.0, velocity_cutoff=40.0)
+    servo = Servo(reference=reference, stiffness=900.0, damping=30.0, velocity_filter_hz=40.0)
     log = simulate(
         rig(encoder_resolution=1e-5), feed, controller=servo, faults=Faults(position_noise=1e-5)
     ).trajectory()
@@ -105,7 +105,7 @@ def test_servo_force_is_the_stated_difference_equation() -> None:
 def test_servo_follows_a_ramp_with_the_known_lag() -> None:
     """At constant speed v the error is (b + kd)·v/kp: the spring carries both dampers."""
     reference = 0.1 * T * np.arange(4000.0)
-    servo = Servo(reference=reference, stiffness=900.0, damping=30.0, velocity_cutoff=40.0)
+    servo = Servo(reference=reference, stiffness=900.0, damping=30.0, velocity_filter_hz=40.0)
     position = simulate(rig(), np.zeros(4000), controller=servo).position[0]
     assert reference[-1] - position[-1] == pytest.approx((B + 30.0) * 0.1 / 900.0, rel=1e-6)
 
@@ -158,7 +158,7 @@ def test_batch_equals_singles_whatever_is_switched_on() -> None:
 
 def test_controllers_on_an_uneven_clock_are_made_for_its_mean_step() -> None:
     clock = Clock(steps=(0.004, 0.006))
-    damper = Controller(damping=2.0, velocity_cutoff=10.0)
+    damper = Controller(damping=2.0, velocity_filter_hz=10.0)
     recording = simulate(rig(), np.full(300, 1.0), controller=damper, clock=clock)
     pole, velocity = np.exp(-2 * np.pi * 10.0 * 0.005), 0.0
     expected = [1.0]

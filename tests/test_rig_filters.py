@@ -40,10 +40,10 @@ def test_second_order_filters_have_the_stated_poles_and_gain_one(ratio: float) -
     controller = Controller(
         damping=7.0,
         mass=0.3,
-        velocity_cutoff=40.0,
-        acceleration_cutoff=25.0,
-        velocity_order=2,
-        damping_ratio=ratio,
+        velocity_filter_hz=40.0,
+        acceleration_filter_hz=25.0,
+        velocity_filter_order=2,
+        filter_damping_ratio=ratio,
     )
     q, force = heard(controller)
     poles, others = pair(40.0, ratio), pair(25.0, ratio)
@@ -61,7 +61,7 @@ def test_second_order_filters_have_the_stated_poles_and_gain_one(ratio: float) -
 
 
 def test_acceleration_through_one_pole() -> None:
-    q, force = heard(Controller(mass=0.3, acceleration_cutoff=25.0, acceleration_order=1))
+    q, force = heard(Controller(mass=0.3, acceleration_filter_hz=25.0, acceleration_filter_order=1))
     pole = float(np.exp(-2 * np.pi * 25.0 * T))
     gain = 1 - pole
     expected = -0.3 * through(q, [gain / T**2, -2 * gain / T**2, gain / T**2], [pole])
@@ -69,7 +69,7 @@ def test_acceleration_through_one_pole() -> None:
 
 
 def test_moving_window_is_the_mean_slope() -> None:
-    q, force = heard(Controller(stiffness=10.0, damping=7.0, velocity_window=15))
+    q, force = heard(Controller(stiffness=10.0, damping=7.0, velocity_window_samples=15))
     before = np.concatenate([np.full(15, q[0]), q[:-15]])
     expected = -10.0 * q - 7.0 * (q - before) / (15 * T)
     np.testing.assert_allclose(force, expected, rtol=1e-12, atol=1e-12)
@@ -77,14 +77,14 @@ def test_moving_window_is_the_mean_slope() -> None:
 
 def test_two_equal_poles_are_the_cascade_of_first_order() -> None:
     """The general section and the usual filter are two computations of one thing."""
-    usual = Controller(damping=7.0, mass=0.3, velocity_cutoff=40.0, acceleration_cutoff=25.0)
+    usual = Controller(damping=7.0, mass=0.3, velocity_filter_hz=40.0, acceleration_filter_hz=25.0)
     several = Controller(
         damping=7.0,
         mass=0.3,
-        velocity_cutoff=40.0,
-        acceleration_cutoff=25.0,
-        velocity_order=np.array([1, 2]),
-        acceleration_order=np.array([2, 1]),
+        velocity_filter_hz=40.0,
+        acceleration_filter_hz=25.0,
+        velocity_filter_order=np.array([1, 2]),
+        acceleration_filter_order=np.array([2, 1]),
     )
     noise = Faults(position_noise=1e-3)
     one, two = (
@@ -100,10 +100,13 @@ def test_two_equal_poles_are_the_cascade_of_first_order() -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"velocity_order": 3}, "velocity_order must be 1 or 2, not 3"),
-        ({"damping_ratio": 0.0}, "damping_ratio must be above 0 and at most 1, not 0"),
-        ({"velocity_window": 0}, "velocity_window must be 1 sample or more, not 0"),
-        ({"velocity_window": 9, "velocity_cutoff": 50.0}, "no velocity filter besides"),
+        ({"velocity_filter_order": 3}, "velocity_filter_order must be 1 or 2, not 3"),
+        (
+            {"filter_damping_ratio": 0.0},
+            "filter_damping_ratio must be above 0 and at most 1, not 0",
+        ),
+        ({"velocity_window_samples": 0}, "velocity_window_samples must be 1 sample or more, not 0"),
+        ({"velocity_window_samples": 9, "velocity_filter_hz": 50.0}, "no velocity filter besides"),
     ],
 )
 def test_impossible_filters_are_refused(wrong: dict[str, Any], message: str) -> None:
@@ -115,7 +118,7 @@ def test_filters_are_the_stated_difference_equations() -> None:
     """Held in place by friction, so that the reading is noise only and the forces can be redone."""
     fixed = Rig(mass=M, damping=B, sample_time=T, coulomb_friction=1e9)
     effects = Controller(
-        stiffness=100.0, damping=7.0, mass=0.3, velocity_cutoff=40.0, acceleration_cutoff=25.0
+        stiffness=100.0, damping=7.0, mass=0.3, velocity_filter_hz=40.0, acceleration_filter_hz=25.0
     )
     log = simulate(fixed, np.full(300, 0.5), controller=effects, faults=Faults(position_noise=1e-3))
     q = log.position[0]

@@ -103,7 +103,7 @@ def test_a_mode_that_nobody_feels_changes_nothing() -> None:
         delay=[0.0004, 0.0017],
     )
     force = np.repeat(np.random.default_rng(3).uniform(-6, 6, (2, 20)), 20, axis=1)
-    controller = Controller(stiffness=200.0, damping=3.0, velocity_cutoff=50.0)
+    controller = Controller(stiffness=200.0, damping=3.0, velocity_filter_hz=50.0)
     for clock in (Clock(), Clock(jitter=2e-4)):
         one, other = (
             simulate(
@@ -180,7 +180,7 @@ def test_batch_of_mechanisms_equals_singles() -> None:
         modes=(replace(SOFT, frequency_hz=np.array([35.0, 90.0])),),
     )
     hand = Hand(mass=np.array([0.2, 0.0]), stiffness=100.0)
-    gains = Controller(stiffness=np.array([200.0, 50.0]), velocity_cutoff=30.0, damping=2.0)
+    gains = Controller(stiffness=np.array([200.0, 50.0]), velocity_filter_hz=30.0, damping=2.0)
     together = simulate(several, np.zeros(400), controller=gains, hand=hand, velocity=0.1)
     for member in (0, 1):
         which = np.array([member])

@@ -72,8 +72,8 @@ def test_batch_equals_singles() -> None:
         "stiffness": [100.0, 20.0, 500.0],
         "damping": [5.0, 0.0, 20.0],
         "mass": [1.0, 0.1, 0.0],
-        "velocity_cutoff": [50.0, np.inf, 30.0],
-        "acceleration_cutoff": [20.0, 40.0, np.inf],
+        "velocity_filter_hz": [50.0, np.inf, 30.0],
+        "acceleration_filter_hz": [20.0, 40.0, np.inf],
     }
     faults = Faults(position_noise=1e-6, force_noise=0.02)
     arrays: dict[str, Any] = {name: np.array(values) for name, values in gains.items()}

@@ -11,10 +11,11 @@ from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_reference import Sampled
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.ripple import ripple_by_integration
-from tune.effects import Effects
-from tune.loop import Filters, Loop
-from tune.ripple import count_jump, force_ripple, handle_vibration
-from tune.stability import is_stable
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.rendering.ripple import count_jump, force_ripple, handle_vibration
+from tune.stability.verdict import is_stable
 
 
 def _homerehab(delay: int, cutoff: float | None) -> Loop:
@@ -23,7 +24,7 @@ def _homerehab(delay: int, cutoff: float | None) -> Loop:
         damping=10.0,
         sample_time=1e-3,
         delay_samples=delay,
-        filters=Filters(velocity_hz=cutoff, acceleration_hz=cutoff),
+        filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
     )
 
 
@@ -55,7 +56,7 @@ def test_closed_form_against_integration_around_the_circle(seed: int) -> None:
     damping = mass / 10 ** rng.uniform(-2, 0)
     delay = int(rng.integers(0, 4))
     cutoffs = [None if rng.random() < 0.3 else float(rng.uniform(10, 0.3 / step)) for _ in range(2)]
-    filters = Filters(velocity_hz=cutoffs[0], acceleration_hz=cutoffs[1])
+    filters = Filters(velocity_filter_hz=cutoffs[0], acceleration_filter_hz=cutoffs[1])
     loop = Loop.from_numbers(
         mass=mass, damping=damping, sample_time=step, delay_samples=delay, filters=filters
     )
@@ -166,7 +167,7 @@ def test_one_count_through_first_order_filters(cutoff: float) -> None:
         Effects(damping=10.0, mass=1.0),
         step,
         count,
-        Filters(velocity_hz=cutoff, acceleration_hz=cutoff),
+        Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
     )
     assert jump.damping == pytest.approx(10 * np.max(np.abs(velocity)), rel=1e-9)
     assert jump.mass == pytest.approx(np.max(np.abs(acceleration)), rel=1e-9)
@@ -180,12 +181,12 @@ def test_one_count_through_butterworth_filters_answers_later(cutoff: float) -> N
     poles = [1, -2 * pole.real, abs(pole) ** 2]
     position = np.full(2000, count)
     velocity = lfilter([sum(poles) / step, -sum(poles) / step], poles, position)
-    filters = Filters(velocity_hz=cutoff, velocity_order=2, damping_ratio=zeta)
+    filters = Filters(velocity_filter_hz=cutoff, velocity_filter_order=2, filter_damping_ratio=zeta)
     jump = count_jump(Effects(damping=10.0), step, count, filters)
     assert jump.damping == pytest.approx(10 * np.max(np.abs(velocity)), rel=1e-9)
 
 
 def test_one_count_through_a_moving_window() -> None:
     """A window of n samples spreads the count over n: B·Δ/(n·T)."""
-    jump = count_jump(Effects(damping=10.0), 1e-3, 6e-6, Filters(velocity_window=15))
+    jump = count_jump(Effects(damping=10.0), 1e-3, 6e-6, Filters(velocity_window_samples=15))
     assert jump.damping == pytest.approx(10 * 6e-6 / 15e-3, rel=1e-9)

@@ -14,8 +14,8 @@ import yaml
 from identification import Device, load_device, load_mapping, quantity, to_mapping
 from tests.test_yaml_readers import WORDS
 from tune import SafeProfile, Scene, check, optimise
-from tune.errors import TuneError
-from tune.export import TARGETS, export
+from tune.documents.errors import TuneError
+from tune.exporters import TARGETS, export
 
 SCENE: dict[str, Any] = {
     "elements": {"a": {"damping": 1.0}, "b": {"damping": 2.0}, "c": {"damping": 4.0}},

@@ -9,9 +9,9 @@ import pytest
 from pydantic import ValidationError
 
 from identification import InvalidInputError
-from tune.moments import LARGEST_GROUP
-from tune.perception import default_table
-from tune.scene import MARGINS, Motion, Scene, Wish, load_scene, perception_of
+from tune.documents.moments import LARGEST_GROUP
+from tune.documents.perception import default_table
+from tune.documents.scene import MARGINS, Motion, Scene, Wish, load_scene, perception_of
 
 WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
 

@@ -23,9 +23,9 @@ from identification import (
 )
 from tune import SafeProfile, Scene, optimise
 from tune.cli.new import hardware_of, template
-from tune.perception import PerceptionTable
+from tune.documents.perception import PerceptionTable
+from tune.rendering.vibration import ThresholdCurve
 from tune.schemas import FOLDER, generate
-from tune.vibration import ThresholdCurve
 
 MODELS: dict[str, type[Document]] = {
     "hardware": Hardware,

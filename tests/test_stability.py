@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
-from tune.criterion import routh
-from tune.effects import Effects
-from tune.loop import Loop
-from tune.stability import (
+from tune.documents.effects import Effects
+from tune.loop.loop import Loop
+from tune.stability.criterion import routh
+from tune.stability.verdict import (
     EFFECT_NAMES,
     gain_interval,
     is_stable,

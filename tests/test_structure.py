@@ -216,7 +216,7 @@ def _swung(rig: Rig, travel: float, centre: float = 0.0) -> Trajectory:
     lines = [(0.31, 0.55), (1.27, 0.3), (3.1, 0.15)]  # Hz, part of the travel
     waves = np.stack([part * np.sin(2 * np.pi * f * time_) for f, part in lines])
     path = centre + travel * np.sum(waves, axis=0)
-    servo = Servo(reference=path, stiffness=400.0, damping=30.0, velocity_cutoff=60.0)
+    servo = Servo(reference=path, stiffness=400.0, damping=30.0, velocity_filter_hz=60.0)
     return simulate(rig, np.zeros(10_000), controller=servo, position=centre).trajectory()
 
 

@@ -223,7 +223,7 @@ def test_the_command_compares_draws_and_ends_with_its_code(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     bench = Bench(
-        **AXIS.truth, start=0.02, elements={"wall": (1000.0, 10.0, 0.0)}, velocity_hz=50.0
+        **AXIS.truth, start=0.02, elements={"wall": (1000.0, 10.0, 0.0)}, velocity_filter_hz=50.0
     )
     scene: dict[str, Any] = {
         "elements": {"wall": {"stiffness": 1000.0, "damping": 10.0}},

@@ -16,7 +16,7 @@ from tests.closed_loop_logs import Bench, T
 from tests.commands import haptune
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune import Scene, optimise
-from tune.filters import Filters
+from tune.loop.filters import Filters
 from tune.verification import Verification, advise, margins_of_others, verify
 from tune.verification.allowed import ModeSeen, allowed_loops
 from tune.verification.elements import effects_of, scaled
@@ -31,8 +31,8 @@ BENCH = Bench(
     force_limit=28.0,
     start=0.02,
     elements=ELEMENTS,
-    velocity_hz=134.1,
-    acceleration_hz=33.0,
+    velocity_filter_hz=134.1,
+    acceleration_filter_hz=33.0,
 )
 PROFILE = BENCH.profile.model_copy(update={"device": load_device("homerehab")})
 LONGEST = 11

@@ -15,8 +15,8 @@ from tune.verification import verify
 @pytest.mark.parametrize("name", BENCHES)
 def test_another_cutoff_is_named_with_its_value(name: str) -> None:
     bench, element, gain = BENCHES[name]
-    cutoff = 0.7 * bench.filters["velocity_cutoff"]
-    seen = verify(bench.profile, bench.log(element, gain, velocity_cutoff=cutoff))
+    cutoff = 0.7 * bench.filters["velocity_filter_hz"]
+    seen = verify(bench.profile, bench.log(element, gain, velocity_filter_hz=cutoff))
     assert verdicts(seen)["law"] == "disagrees"
     assert f"velocity is filtered at {cutoff:g} Hz" in said(seen, "law")
 
@@ -24,23 +24,26 @@ def test_another_cutoff_is_named_with_its_value(name: str) -> None:
 @pytest.mark.parametrize("name", BENCHES)
 def test_a_missing_filter_is_named(name: str) -> None:
     bench, element, gain = BENCHES[name]
-    seen = verify(bench.profile, bench.log(element, gain, velocity_cutoff=np.inf))
+    seen = verify(bench.profile, bench.log(element, gain, velocity_filter_hz=np.inf))
     assert "velocity is not filtered" in said(seen, "law")
 
 
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"acceleration_cutoff": 45.0}, "acceleration is filtered at 45 Hz"),
-        ({"acceleration_order": 1}, "acceleration is filtered at 30 Hz and order 1 instead of 2"),
-        ({"velocity_order": 2}, "velocity is filtered at 50 Hz and order 2 instead of 1"),
+        ({"acceleration_filter_hz": 45.0}, "acceleration is filtered at 45 Hz"),
         (
-            {"velocity_cutoff": np.inf, "velocity_window": 15},
+            {"acceleration_filter_order": 1},
+            "acceleration is filtered at 30 Hz and order 1 instead of 2",
+        ),
+        ({"velocity_filter_order": 2}, "velocity is filtered at 50 Hz and order 2 instead of 1"),
+        (
+            {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
             "velocity is taken over a window of 15 sample(s)",
         ),
-        ({"velocity_cutoff": 30.0, "acceleration_cutoff": 50.0}, "are exchanged"),
+        ({"velocity_filter_hz": 30.0, "acceleration_filter_hz": 50.0}, "are exchanged"),
         (
-            {"velocity_cutoff": np.inf, "acceleration_cutoff": np.inf},
+            {"velocity_filter_hz": np.inf, "acceleration_filter_hz": np.inf},
             "velocity and acceleration are not filtered",
         ),
         ({"stiffness": 560.0}, "stiffness at 0.56 of the profile's, damping at 0.8"),
@@ -100,7 +103,7 @@ def test_saturated_rows_are_set_apart() -> None:
         **{**STYLUS.truth, **low},
         start=0.03,
         elements=STYLUS.elements,
-        velocity_hz=100.0,
+        velocity_filter_hz=100.0,
     )
     seen = verify(bench.profile, bench.log("wall", 0.5))
     assert np.count_nonzero(~seen.law.used) > 20
@@ -130,15 +133,15 @@ def test_printed_digits_are_no_misfit() -> None:
 @pytest.mark.parametrize(
     ("loop", "run"),
     [
-        ({"velocity_filter_order": 2}, {"velocity_order": 2}),
+        ({"velocity_filter_order": 2}, {"velocity_filter_order": 2}),
         (
             {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
-            {"velocity_order": 2, "damping_ratio": 0.7071},
+            {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
         ),
-        ({"acceleration_filter_order": 1}, {"acceleration_order": 1}),
+        ({"acceleration_filter_order": 1}, {"acceleration_filter_order": 1}),
         (
             {"velocity_filter_hz": None, "velocity_window_samples": 15},
-            {"velocity_cutoff": np.inf, "velocity_window": 15},
+            {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
         ),
     ],
     ids=str,

@@ -10,10 +10,11 @@ import pytest
 from pydantic import ValidationError
 
 from identification import InvalidInputError, load_document
-from tune.effects import Effects
-from tune.loop import Filters, Loop
-from tune.ripple import handle_vibration
-from tune.vibration import (
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.rendering.ripple import handle_vibration
+from tune.rendering.vibration import (
     ThresholdCurve,
     default_thresholds,
     felt_vibration,
@@ -30,7 +31,7 @@ def _loop(cutoff: float | None = None) -> Loop:
         damping=10.0,
         sample_time=1e-3,
         delay_samples=1,
-        filters=Filters(velocity_hz=cutoff, acceleration_hz=cutoff),
+        filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
     )
 
 

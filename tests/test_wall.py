@@ -55,11 +55,16 @@ def test_force_only_inside_and_no_jump_on_entering() -> None:
 def test_filters_start_anew_at_every_contact(window: int) -> None:
     """The second contact is answered like the first, though the first left its filters full."""
     filters: dict[str, Any] = {
-        "velocity_cutoff": np.inf if window > 1 else 30.0,
-        "acceleration_cutoff": 20.0,
+        "velocity_filter_hz": np.inf if window > 1 else 30.0,
+        "acceleration_filter_hz": 20.0,
     }
     wall = Controller(
-        stiffness=400.0, damping=20.0, mass=1.0, velocity_window=window, wall=Wall(), **filters
+        stiffness=400.0,
+        damping=20.0,
+        mass=1.0,
+        velocity_window_samples=window,
+        wall=Wall(),
+        **filters,
     )
     place = np.concatenate([np.linspace(-1, 1, 21), np.linspace(1, -1, 21), np.linspace(-1, 1, 21)])
     forces = [law_on(each, wall) for each in (place, place[42:])]
@@ -153,7 +158,7 @@ def test_contacts_lose_energy_with_everything_at_once(name: str) -> None:
     rig = named_rig(name)
     m, b = float(rig.mass[0]), float(rig.damping[0])
     count, limit = float(rig.encoder_resolution[0]), float(rig.force_limit[0])
-    filters: dict[str, Any] = {"velocity_cutoff": 50.0, "acceleration_cutoff": 30.0}
+    filters: dict[str, Any] = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
     bench = SampledBench(mass=m, damping=b, sample_time=T, delay=T, **filters)
     cases = [
         (np.array(ray) * 0.3 * ends, drop, grip, friction)
@@ -187,7 +192,7 @@ def test_estimates_that_start_at_the_contact_feel_the_speed_as_a_blow() -> None:
     kept = {}
     for mass in (0.5, -0.5):
         for restarts in (True, False):
-            wall = Controller(mass=mass, acceleration_cutoff=100.0, wall=Wall(restarts=restarts))
+            wall = Controller(mass=mass, acceleration_filter_hz=100.0, wall=Wall(restarts=restarts))
             log = simulate(
                 plain(), np.zeros(200), controller=wall, position=-0.01, velocity=0.3, watch=True
             )

@@ -10,30 +10,42 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
+    from tune._audit import Audit, audit
     from tune.certificate.check import CheckReport, check
-    from tune.damping_margin import least_damping_ratio, slowest_decay
-    from tune.delay_search import DelayMargin, delay_margin
-    from tune.effects import Effects
-    from tune.errors import (
+    from tune.documents.effects import Effects
+    from tune.documents.errors import (
         CheckFailedError,
         LoopError,
         NoFeasibleEffectError,
         TuneError,
     )
-    from tune.loop import Filters, Loop
-    from tune.margins import LoopMargins, margins_of
-    from tune.optimisation import optimise
-    from tune.passivity import Passivity, damping_needed
-    from tune.perception import PerceptionTable, Study, default_table, perceived_steps
-    from tune.pictures import profile_picture
-    from tune.profile import SafeProfile, load_profile
-    from tune.response_margins import DiskMargin, disk_margin, phase_margin
-    from tune.ripple import CountJump, count_jump, force_ripple, handle_vibration
-    from tune.scene import Element, Scene, load_scene
-    from tune.stability import gain_interval, is_stable, largest, safe_gain, stable_gains, verdict
-    from tune.vibration import ThresholdCurve, default_thresholds, felt_vibration
+    from tune.documents.perception import PerceptionTable, Study, default_table, perceived_steps
+    from tune.documents.profile import SafeProfile, load_profile
+    from tune.documents.scene import Element, Scene, load_scene
+    from tune.exporters import export
+    from tune.loop.filters import Filters
+    from tune.loop.loop import Loop
+    from tune.margins.damping import least_damping_ratio, slowest_decay
+    from tune.margins.delay import DelayMargin, delay_margin
+    from tune.margins.margins import LoopMargins, margins_of
+    from tune.margins.passivity import Passivity, damping_needed
+    from tune.margins.response import DiskMargin, disk_margin, phase_margin
+    from tune.optimisation._optimise import optimise
+    from tune.optimisation.picture import profile_picture
+    from tune.rendering.ripple import CountJump, count_jump, force_ripple, handle_vibration
+    from tune.rendering.vibration import ThresholdCurve, default_thresholds, felt_vibration
+    from tune.stability.verdict import (
+        gain_interval,
+        is_stable,
+        largest,
+        safe_gain,
+        stable_gains,
+        verdict,
+    )
+    from tune.verification import Verification, verify
 
 __all__ = [
+    "Audit",
     "CheckFailedError",
     "CheckReport",
     "CountJump",
@@ -53,6 +65,8 @@ __all__ = [
     "Study",
     "ThresholdCurve",
     "TuneError",
+    "Verification",
+    "audit",
     "check",
     "count_jump",
     "damping_needed",
@@ -60,6 +74,7 @@ __all__ = [
     "default_thresholds",
     "delay_margin",
     "disk_margin",
+    "export",
     "felt_vibration",
     "force_ripple",
     "gain_interval",
@@ -78,27 +93,33 @@ __all__ = [
     "slowest_decay",
     "stable_gains",
     "verdict",
+    "verify",
 ]
 
+#: Public names by module. No module or folder here has the name of a verb (audit, export,
+#: optimise): once loaded, it would take the function's place.
 _HOMES = {
+    "_audit": "Audit audit",
     "certificate.check": "CheckReport check",
-    "damping_margin": "least_damping_ratio slowest_decay",
-    "delay_search": "DelayMargin delay_margin",
-    "effects": "Effects",
-    "errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
-    "loop": "Filters Loop",
-    "margins": "LoopMargins margins_of",
-    # Not optimise.py: a submodule of that name would take the place of the function.
-    "optimisation": "optimise",
-    "passivity": "Passivity damping_needed",
-    "pictures": "profile_picture",
-    "perception": "PerceptionTable Study default_table perceived_steps",
-    "profile": "SafeProfile load_profile",
-    "response_margins": "DiskMargin disk_margin phase_margin",
-    "ripple": "CountJump count_jump force_ripple handle_vibration",
-    "scene": "Element Scene load_scene",
-    "stability": "gain_interval is_stable largest safe_gain stable_gains verdict",
-    "vibration": "ThresholdCurve default_thresholds felt_vibration",
+    "documents.effects": "Effects",
+    "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
+    "documents.perception": "PerceptionTable Study default_table perceived_steps",
+    "documents.profile": "SafeProfile load_profile",
+    "documents.scene": "Element Scene load_scene",
+    "exporters": "export",
+    "loop.filters": "Filters",
+    "loop.loop": "Loop",
+    "margins.damping": "least_damping_ratio slowest_decay",
+    "margins.delay": "DelayMargin delay_margin",
+    "margins.margins": "LoopMargins margins_of",
+    "margins.passivity": "Passivity damping_needed",
+    "margins.response": "DiskMargin disk_margin phase_margin",
+    "optimisation._optimise": "optimise",
+    "optimisation.picture": "profile_picture",
+    "rendering.ripple": "CountJump count_jump force_ripple handle_vibration",
+    "rendering.vibration": "ThresholdCurve default_thresholds felt_vibration",
+    "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",
+    "verification": "Verification verify",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

@@ -82,7 +82,7 @@ def _following(rig: Rig, samples: int, travel: float) -> Drive:
     exact = replace(rig, coulomb_friction=0.0, encoder_resolution=0.0)
     path = simulate(exact, played.force, position=played.start).position
     servo = Servo(
-        reference=path, stiffness=_PROPORTIONAL, damping=_DERIVATIVE, velocity_cutoff=_CUTOFF
+        reference=path, stiffness=_PROPORTIONAL, damping=_DERIVATIVE, velocity_filter_hz=_CUTOFF
     )
     return Drive(force=np.zeros_like(path), start=played.start, servo=servo)
 

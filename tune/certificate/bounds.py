@@ -8,7 +8,7 @@ from tune.certificate.passivity import damping_for_passivity, passive
 from tune.certificate.point import HandPoint, ModePoint, Point, Setting
 from tune.certificate.region import Region
 from tune.certificate.ripple import ripple_by_integration
-from tune.profile import Design
+from tune.documents.profile import Design
 
 #: A claimed number may differ from the recomputed one by this much, relative: both are printed.
 _AGREE = 1e-3

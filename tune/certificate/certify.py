@@ -17,9 +17,9 @@ from tune.certificate.proof import Claim, prove
 from tune.certificate.region import HandRegion, ModeRegion, Region
 from tune.certificate.words import METHOD, assumptions, not_assessed
 from tune.certificate.worst import Worst, worst_point
-from tune.certified import Certificate, HandBox, HandPlace, ModeBox, ModePlace, WorstPoint
-from tune.errors import CheckFailedError
-from tune.profile import Design
+from tune.documents.certified import Certificate, HandBox, HandPlace, ModeBox, ModePlace, WorstPoint
+from tune.documents.errors import CheckFailedError
+from tune.documents.profile import Design
 
 #: Cells looked at for one moment before it counts as not proved. With a fifth of margin to spare a
 #: plain device takes a hundred, on the edge some thousands; a hand and modes take ten times more.
@@ -132,17 +132,11 @@ def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:
     ]
     if not any(totals):
         return None
-    loop = design.loop
     return Setting(
         stiffness=totals[0],
         damping=totals[1],
         mass=totals[2],
-        velocity_filter_hz=loop.velocity_filter_hz,
-        acceleration_filter_hz=loop.acceleration_filter_hz,
-        velocity_filter_order=loop.velocity_filter_order,
-        acceleration_filter_order=loop.acceleration_filter_order,
-        filter_damping_ratio=loop.filter_damping_ratio,
-        velocity_window=loop.velocity_window_samples,
+        **design.loop.filter_settings(),
     )
 
 

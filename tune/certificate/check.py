@@ -16,9 +16,9 @@ from tune.certificate.elements import recomputed_otherwise
 from tune.certificate.point import HandPoint, ModePoint, Point
 from tune.certificate.roots import judge
 from tune.certificate.stated import form_failures, stated_failures
-from tune.certified import Certificate, HandBox, ModeBox, WorstPoint
-from tune.errors import CheckFailedError
-from tune.profile import SafeProfile, profile_of, read_signed
+from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint
+from tune.documents.errors import CheckFailedError
+from tune.documents.profile import SafeProfile, profile_of, read_signed
 
 #: Bounds of the box are stored with twelve digits.
 _AGREE = 1e-9

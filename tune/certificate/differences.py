@@ -34,14 +34,15 @@ def differences(
 ) -> Iterator[Difference]:
     """The innermost keys in which two mappings of plain YAML types differ."""
     for name in dict.fromkeys((*first, *second)):
-        one, other = first.get(name), second.get(name)
+        one: object = first.get(name)
+        other: object = second.get(name)
         key = f"{above}.{name}" if above else name
         if isinstance(one, dict) and isinstance(other, dict):
             yield from differences(
                 cast("dict[str, object]", one), cast("dict[str, object]", other), key
             )
         elif one != other or (name in first) != (name in second):
-            yield Difference(key=key, first=one, second=other)
+            yield Difference(key=key, first=first.get(name), second=second.get(name))
 
 
 def _shown(value: object) -> str:

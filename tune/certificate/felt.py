@@ -12,7 +12,7 @@ from tune.certificate.forms import ComplexArray, FloatArray
 from tune.certificate.point import Setting
 from tune.certificate.polynomial import law_of, moved
 from tune.certificate.precision import precision
-from tune.profile import Design, ElementProfile, PerceptionProfile
+from tune.documents.profile import Design, ElementProfile, PerceptionProfile
 
 #: Hz, between which people move; means are over the logarithm.
 _SLOWEST, _FASTEST = 0.5, 5.0

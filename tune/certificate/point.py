@@ -107,7 +107,7 @@ class Setting:
         velocity_filter_order: 1 or 2.
         acceleration_filter_order: 1 or 2.
         filter_damping_ratio: ζ of filters of order two; at 1 both poles are the same.
-        velocity_window: samples of a window instead of a velocity filter.
+        velocity_window_samples: samples of a window instead of a velocity filter.
     """
 
     stiffness: float
@@ -118,4 +118,4 @@ class Setting:
     velocity_filter_order: int = 1
     acceleration_filter_order: int = 2
     filter_damping_ratio: float = 1.0
-    velocity_window: int | None = None
+    velocity_window_samples: int | None = None

@@ -109,8 +109,8 @@ def moved(polynomial: arb_poly) -> FloatArray:
 
 def _velocity(setting: Setting, T: arb) -> tuple[arb_poly, arb_poly]:
     """(numerator without its factor z - 1, denominator) of the velocity estimate."""
-    if setting.velocity_window:
-        n = setting.velocity_window
+    if setting.velocity_window_samples:
+        n = setting.velocity_window_samples
         return arb_poly([1 / (n * T)] * n), arb_poly([0] * n + [1])
     top, bottom = _filter(
         setting.velocity_filter_hz, setting.velocity_filter_order, setting.filter_damping_ratio, T

@@ -95,8 +95,8 @@ def _rate(theta: Form, half_sinc: Form, step: Term, per_step: Term, setting: Set
     difference = (theta * 0.5).turn() * half_sinc
     rate: Term = 0.0
     if setting.damping:
-        if setting.velocity_window:
-            angle = theta * (setting.velocity_window / 2)
+        if setting.velocity_window_samples:
+            angle = theta * (setting.velocity_window_samples / 2)
             estimate = _sinc(angle) * angle.turn()
         else:
             estimate = difference * _low_pass(

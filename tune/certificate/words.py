@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tune.profile import EFFECT_NAMES, Design
+from tune.documents.profile import EFFECT_NAMES, Design
 
 METHOD = (
     "no pole can cross the unit circle anywhere in the box: excluded by subdivision with "

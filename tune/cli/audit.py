@@ -13,8 +13,8 @@ from tune.cli.session import Session, run_command
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tune.audit import Audit
-    from tune.effects import Effects
+    from tune._audit import Audit
+    from tune.documents.effects import Effects
 
 
 def audit(
@@ -50,10 +50,10 @@ def audit(
 
     def action(session: Session) -> None:
         from identification import UsageError, load_device
-        from tune.audit import audit as judged
-        from tune.effects import Effects
-        from tune.errors import CheckFailedError
-        from tune.loop import Filters
+        from tune._audit import audit as judged
+        from tune.documents.effects import Effects
+        from tune.documents.errors import CheckFailedError
+        from tune.loop.filters import Filters
 
         wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
         _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)
@@ -69,7 +69,9 @@ def audit(
             found = judged(
                 known,
                 Effects(**wanted),
-                filters=Filters(velocity_hz=velocity_filter, acceleration_hz=acceleration_filter),
+                filters=Filters(
+                    velocity_filter_hz=velocity_filter, acceleration_filter_hz=acceleration_filter
+                ),
                 margin="balanced" if margin is None else margin.value,
                 extra_delay_samples=extra_delay_samples,
             )
@@ -93,7 +95,7 @@ def _refuse_nonsense(
     wanted: dict[str, float], extra: float, velocity: float | None, acceleration: float | None
 ) -> None:
     from identification import UsageError
-    from tune.scene import LARGEST, SMALLEST
+    from tune.documents.scene import LARGEST, SMALLEST
 
     if not any(wanted.values()):
         raise UsageError("--stiffness, --damping, --mass", "all are zero", "Give one of them")

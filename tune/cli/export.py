@@ -13,7 +13,7 @@ from tune.cli.options import DryRun, Json, Quiet
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
-    from tune.export import Target
+    from tune.exporters import Target
 
 
 def export(
@@ -33,7 +33,7 @@ def export(
 
     def action(session: Session) -> None:
         from tune.certificate.check import check as recheck
-        from tune.export import export as export_to
+        from tune.exporters import export as export_to
 
         targets = _targets(to)
         _refuse_homeless(output)
@@ -78,7 +78,7 @@ def _make(folder: Path) -> None:
 def _targets(given: list[str]) -> list[Target]:
     """The targets of every --to, each once. Raises UsageError."""
     from identification import UsageError
-    from tune.export import TARGETS
+    from tune.exporters import TARGETS
 
     names = dict.fromkeys(name.strip() for each in given for name in each.split(","))
     known: dict[str, Target] = {target: target for target in TARGETS}

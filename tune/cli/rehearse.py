@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from datasets_synthetic import Controller, Hand
-    from tune.profile import Design
+    from tune.documents.profile import Design
 
 #: Amplitude of force that may last, in ripple limits: the peak of three rms of a sinusoid. Within a
 #: count the encoder keeps a frictionless device moving for ever.
@@ -59,7 +59,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
         CheckFailedError: some trial diverges or keeps oscillating; nothing may be written.
     """
     from datasets_synthetic import rehearse, rig_of
-    from tune.errors import CheckFailedError
+    from tune.documents.errors import CheckFailedError
 
     device = design.device
     rig, hand = rig_of(device), _grip(design)
@@ -117,12 +117,12 @@ def _law(design: Design, moments: Sequence[_Moment]) -> Controller:
         stiffness=_column(moments, "stiffness"),
         damping=_column(moments, "damping"),
         mass=_column(moments, "mass"),
-        velocity_cutoff=loop.velocity_filter_hz or infinite,
-        acceleration_cutoff=loop.acceleration_filter_hz or infinite,
-        velocity_order=loop.velocity_filter_order,
-        acceleration_order=loop.acceleration_filter_order,
-        damping_ratio=loop.filter_damping_ratio,
-        velocity_window=loop.velocity_window_samples or 1,
+        velocity_filter_hz=loop.velocity_filter_hz or infinite,
+        acceleration_filter_hz=loop.acceleration_filter_hz or infinite,
+        velocity_filter_order=loop.velocity_filter_order,
+        acceleration_filter_order=loop.acceleration_filter_order,
+        filter_damping_ratio=loop.filter_damping_ratio,
+        velocity_window_samples=loop.velocity_window_samples or 1,
     )
 
 

@@ -242,7 +242,7 @@ def _ended(session: Session, error: BaseException) -> int:
     """Print why a command failed and return its exit code."""
     ignore_signals()
     from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
-    from tune.errors import CheckFailedError, LoopError, NoFeasibleEffectError
+    from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
     if isinstance(error, LogRefusedError):
         session.findings += [_plain(finding) for finding in error.findings]

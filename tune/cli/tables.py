@@ -10,11 +10,11 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from identification import Device, Quantity
-    from tune.candidates import Candidate, CandidateEffect
-    from tune.certified import Certificate
-    from tune.discrimination import Estimate
-    from tune.profile import LoopProfile, SafeProfile
-    from tune.scene import MarginName
+    from tune.documents.certified import Certificate
+    from tune.documents.discrimination import Estimate
+    from tune.documents.profile import LoopProfile, SafeProfile
+    from tune.documents.scene import MarginName
+    from tune.optimisation.candidates import Candidate, CandidateEffect
 
 #: Units of each motion by quantity.
 UNITS = {
@@ -71,8 +71,8 @@ def elements_table(profile: SafeProfile) -> Table:
 
 
 def further_delay(samples: float) -> str:
-    """A delay margin in samples, which is not looked for beyond `tune.delays.MOST`."""
-    from tune.delays import MOST
+    """A delay margin in samples, which is not looked for beyond `tune.optimisation.delays.MOST`."""
+    from tune.optimisation.delays import MOST
 
     return f"≥{MOST}" if samples >= MOST else f"+{samples:g}"
 
@@ -160,7 +160,7 @@ def candidates_lines(
     found: tuple[Candidate, ...], rows: tuple[CandidateEffect, ...]
 ) -> tuple[str, ...]:
     """What each margin demands and which filters it took, or why nothing can be played with it."""
-    from tune.scene import MARGINS
+    from tune.documents.scene import MARGINS
 
     lines: list[str] = []
     for candidate in found:

@@ -21,10 +21,10 @@ from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
     from identification import Device
-    from tune.candidates import Candidate, CandidateEffect
-    from tune.perception import PerceptionTable
-    from tune.profile import SafeProfile
-    from tune.scene import Scene
+    from tune.documents.perception import PerceptionTable
+    from tune.documents.profile import SafeProfile
+    from tune.documents.scene import Scene
+    from tune.optimisation.candidates import Candidate, CandidateEffect
 
 
 def tune(
@@ -59,7 +59,7 @@ class Wanted:
 
 def wanted(scene_file: Path, margin: MarginChoice | None) -> Wanted:
     """Read a scene and its perception table, the margin replaced where one is given."""
-    from tune.scene import load_scene, perception_of
+    from tune.documents.scene import load_scene, perception_of
 
     scene = load_scene(scene_file)
     if margin is not None:
@@ -78,7 +78,7 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
     """
     from tune.cli.rehearse import refuse_restless
     from tune.cli.tables import certificate_lines, elements_table
-    from tune.optimisation import optimise
+    from tune.optimisation._optimise import optimise
 
     if compare:
         profile = _chosen(session, device, wish)
@@ -103,8 +103,8 @@ def _chosen(session: Session, device: Device, wish: Wanted) -> SafeProfile:
         NoFeasibleEffectError: this margin allows nothing the scene asks for.
         CheckFailedError: what it allows was not certified.
     """
-    from tune.candidates import candidates, compared
     from tune.cli.tables import candidates_lines, candidates_table
+    from tune.optimisation.candidates import candidates, compared
 
     with session.progress() as say:
         found = candidates(device, wish.scene, table=wish.table, progress=say)

@@ -13,7 +13,7 @@ from tune.cli.session import Session, run_command
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tune.profile import SafeProfile
+    from tune.documents.profile import SafeProfile
     from tune.verification import Advice, Kept, Verification
 
 #: Advice at less than this many times the gain that was played is no other advice.
@@ -64,8 +64,8 @@ def verify(
 
     def action(session: Session) -> None:
         from identification import LogColumns, UsageError, load_trajectory
-        from tune.errors import CheckFailedError
-        from tune.profile import load_profile
+        from tune.documents.errors import CheckFailedError
+        from tune.documents.profile import load_profile
         from tune.verification import margins_of_others, verification_picture, verify
 
         if log is None:

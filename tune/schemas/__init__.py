@@ -11,10 +11,10 @@ import json
 from pathlib import Path
 
 from identification import Device, Document, ExcitationSpec, Hardware
-from tune.perception import PerceptionTable
-from tune.profile import SafeProfile
-from tune.scene import Scene
-from tune.vibration import ThresholdCurve
+from tune.documents.perception import PerceptionTable
+from tune.documents.profile import SafeProfile
+from tune.documents.scene import Scene
+from tune.rendering.vibration import ThresholdCurve
 
 FOLDER = Path(__file__).parent
 

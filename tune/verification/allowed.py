@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
-from tune.effects import Effects
-from tune.filters import Filters, used_filters
-from tune.loop import LONGEST_DELAY
+from tune.documents.effects import Effects
+from tune.loop.filters import Filters, used_filters
+from tune.loop.sampled_plant import LONGEST_DELAY
 from tune.verification.loops_over import damped_hertz, loops_over, slow_poles
 
 FloatArray = NDArray[np.float64]

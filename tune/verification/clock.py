@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification import Finding, LogRefusedError, Trajectory
-from tune.profile import Design
+from tune.documents.profile import Design
 
 #: A log whose steps differ from the sample time of the profile by more is of another loop.
 SAMPLE_TIME_TOLERANCE = 0.01

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
-from tune.effects import Effects
-from tune.errors import LoopError
-from tune.filters import filters_of
-from tune.loop import Loop
-from tune.profile import Design
+from tune.documents.effects import Effects
+from tune.documents.errors import LoopError
+from tune.documents.profile import Design
+from tune.loop.filters import filters_of
+from tune.loop.loop import Loop
 from tune.verification.clock import check_clock
 from tune.verification.cutoffs_seen import CutoffSeen, cutoffs_seen
 from tune.verification.delay_seen import DelaySeen, judge_delay, unknown_delay

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tune.effects import Effects
-from tune.filters import Filters, filters_of
-from tune.profile import LoopProfile
+from tune.documents.effects import Effects
+from tune.documents.profile import LoopProfile
+from tune.loop.filters import Filters, filters_of
 from tune.verification.law import fit_scaled
 from tune.verification.outcome import Outcome
 from tune.verification.variants import Log

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tune.effects import Effects
-from tune.filters import Filters
-from tune.profile import Design, LoopProfile
+from tune.documents.effects import Effects
+from tune.documents.profile import Design, LoopProfile
+from tune.loop.filters import Filters
 from tune.verification.allowed import AllowedLoops, ModeSeen, allowed_loops
 from tune.verification.cutoffs_seen import CutoffSeen, filters_allowed
 from tune.verification.elements import moments_of, spoken

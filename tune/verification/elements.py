@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from identification import UsageError
-from tune.effects import EFFECT_NAMES, Effects
-from tune.profile import Design
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.profile import Design
 
 #: Joins the elements of one moment, on the command line and in sentences.
 _AND = "+"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.effects import EFFECT_NAMES, Effects
-from tune.profile import LoopProfile
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.profile import LoopProfile
 from tune.verification.elements import scaled
 from tune.verification.law import Columns, fit_free, fit_scaled
 from tune.verification.variants import Log, Variant, variants

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.effects import Effects
-from tune.profile import LoopProfile
+from tune.documents.effects import Effects
+from tune.documents.profile import LoopProfile
 
 FloatArray = NDArray[np.float64]
 Rows = NDArray[np.bool_]

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
-from tune.effects import Effects
-from tune.filters import Filters
-from tune.hand import Hand
-from tune.loop import Loop
-from tune.mechanism import HandNumbers, ModeNumbers
+from tune.documents.effects import Effects
+from tune.documents.hand import Hand
+from tune.loop.filters import Filters
+from tune.loop.loop import Loop
+from tune.loop.mechanism import HandNumbers, ModeNumbers
 
 FloatArray = NDArray[np.float64]
 

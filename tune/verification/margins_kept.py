@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.filters import Filters, used_filters
-from tune.profile import Design
-from tune.stability import safe_up_to
+from tune.documents.profile import Design
+from tune.loop.filters import Filters, used_filters
+from tune.stability.verdict import safe_up_to
 from tune.verification.allowed import AllowedLoops
 from tune.verification.elements import effects_of
 from tune.verification.loops_over import hands_of, loops_over

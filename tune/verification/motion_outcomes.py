@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from identification import Device, quantity
-from tune.effects import Effects
-from tune.profile import LoopProfile
+from tune.documents.effects import Effects
+from tune.documents.profile import LoopProfile
 from tune.verification.free_motion import FreeMotion
 from tune.verification.outcome import Outcome, not_assessed
 from tune.verification.prediction import Prediction, slowest

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
-from tune.effects import Effects
-from tune.profile import LoopProfile
+from tune.documents.effects import Effects
+from tune.documents.profile import LoopProfile
 from tune.verification.allowed import ModeSeen
 from tune.verification.free_motion import FreeMotion, measure_sprung, measure_unsprung
 from tune.verification.motion_outcomes import (

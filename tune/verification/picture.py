@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.profile import Design
+from tune.documents.profile import Design
 from tune.verification.comparison import Verification
 from tune.verification.elements import spoken
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import Device, quantity
-from tune.effects import Effects
-from tune.errors import LoopError
-from tune.filters import filters_of
-from tune.profile import Design
+from tune.documents.effects import Effects
+from tune.documents.errors import LoopError
+from tune.documents.profile import Design
+from tune.loop.filters import filters_of
 from tune.verification.allowed import ModeSeen, allowed_loops
 from tune.verification.elements import effects_of, moments_of, scaled, spoken
 from tune.verification.margins_kept import margin_kept

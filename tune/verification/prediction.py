@@ -8,10 +8,10 @@ from itertools import product
 import numpy as np
 
 from identification import Device, quantity
-from tune.effects import Effects
-from tune.filters import filters_of
-from tune.loop import Loop
-from tune.profile import LoopProfile
+from tune.documents.effects import Effects
+from tune.documents.profile import LoopProfile
+from tune.loop.filters import filters_of
+from tune.loop.loop import Loop
 
 #: Imaginary parts below this part of the modulus are rounding: the pole is real.
 _REAL = 1e-9
@@ -104,7 +104,7 @@ def slowest(
     built = Loop.from_parts(device, filters_of(loop), extra_delay_samples=extra_delay_samples)
     closed, _ = built.polynomial(effects)
     stiffness, _, _ = built.dimensionless_effects(effects)
-    w = np.asarray(np.roots((closed[1:] if effects.position_free else closed)[::-1]))
+    w = np.asarray(np.roots(closed[built.lowest_power(effects) :][::-1]))
     w = w[np.abs(1 + w) > _GONE].astype(np.complex128)
     poles = 2 / device.sample_time.value * np.arctanh(w)
     order = np.argsort(np.abs(poles))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.effects import Effects
-from tune.loop import Loop
+from tune.documents.effects import Effects
+from tune.loop.loop import Loop
 from tune.verification.outcome import Outcome, not_assessed
 
 FloatArray = NDArray[np.float64]

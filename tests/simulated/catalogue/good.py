@@ -124,7 +124,7 @@ def _group(count: int, seed: tuple[int, int], kind: Motion, *, closed: bool) -> 
         reference=reference,
         stiffness=mass * turn**2,
         damping=1.4 * mass * turn,
-        velocity_cutoff=100,
+        velocity_filter_hz=100,
     )
     played = force + friction[:, None] * np.sign(velocity) + offset[:, None]
     disturbed = generator.integers(0, 4, count)

@@ -160,7 +160,7 @@ def rendered(seed: int) -> Three:
         recording = simulate(
             _RIG,
             played * _force(_RIG, _course(seed)),
-            controller=Controller(stiffness=spring, damping=damper, velocity_cutoff=50.0),
+            controller=Controller(stiffness=spring, damping=damper, velocity_filter_hz=50.0),
             hand=hand,
             faults=_NOISE,
             seed=seed + i,

@@ -1,0 +1,58 @@
+"""haptune: from a logged trajectory to a safe haptic controller profile.
+
+The six verbs and the documents they take and give; `identification` and `tune` have the rest.
+Names load on first use, so that importing this costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from identification import Device, Hardware, Trajectory, identify, load_device, load_trajectory
+    from tune import (
+        Effects,
+        Filters,
+        SafeProfile,
+        Scene,
+        audit,
+        check,
+        export,
+        load_profile,
+        load_scene,
+        optimise,
+        verify,
+    )
+
+__all__ = [
+    "Device",
+    "Effects",
+    "Filters",
+    "Hardware",
+    "SafeProfile",
+    "Scene",
+    "Trajectory",
+    "audit",
+    "check",
+    "export",
+    "identify",
+    "load_device",
+    "load_profile",
+    "load_scene",
+    "load_trajectory",
+    "optimise",
+    "verify",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        import identification
+        import tune
+
+        return getattr(tune if name in tune.__all__ else identification, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,273 @@
+"""Audit: are these gains safe on this device, why not, and which are the nearest safe ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import Device, as_stored, parse_document, to_mapping
+from tune.documents.certified import Certificate
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.errors import CheckFailedError
+from tune.documents.perception import default_table
+from tune.documents.profile import Design
+from tune.documents.scene import MarginName, Scene
+from tune.loop.filters import Filters, used_filters
+from tune.loop.loop import Loop
+from tune.margins.margins import LoopMargins, margins_of
+from tune.optimisation._optimise import design_of
+from tune.optimisation.climb import climb, closed_form
+from tune.optimisation.delays import Felt, extra_delays
+from tune.optimisation.describe import reasons_for_nothing
+from tune.optimisation.limits import forces, ripple, worst_gain
+from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.solve import Solved, backends, settled
+from tune.rendering.ripple import count_jump, handle_vibration
+from tune.rendering.vibration import felt_vibration
+
+FloatArray = NDArray[np.float64]
+
+#: The one element of the scene that an audit makes of the gains.
+ELEMENT = "gains"
+
+#: What stays this close to the least size that is looked at is nothing.
+_MORE = 10.0
+
+Word = Literal["stability", "gain-margin", "delay-margin", "force", "ripple", "certificate"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One reason why gains are not fit: which limit, what was seen, what is needed."""
+
+    limit: Word
+    seen: str
+    needed: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Audit:
+    """What gains amount to on a device, over the whole box of what is not known of it.
+
+    Attributes:
+        design: the gains as a profile would state them.
+        gain: stable for every gain in (0, gain] over the box's corners; 0 where small gains are
+            unstable.
+        delay_samples: extra delay at which every gain in (0, 1] is stable, nan if none.
+        margins: of the device at its best estimate.
+        sustained: K·penetration, N.
+        peak: with |B|·speed and |M|·acceleration, N.
+        ripple: of the force, N rms; None without an encoder resolution or where it is unstable.
+        vibration: of the handle, m rms; None likewise.
+        felt: the same in thresholds of a hand, above 1 it is felt; linear axes only.
+        jumps: force that one count of the encoder causes through each effect, N.
+        faults: empty where the gains are safe.
+        nearest: the nearest safe values, None where the gains are safe or nothing is.
+        certificate: of safe gains.
+    """
+
+    design: Design
+    gain: float
+    delay_samples: float
+    margins: LoopMargins | None
+    sustained: float
+    peak: float
+    ripple: float | None
+    vibration: float | None
+    felt: float | None
+    jumps: dict[str, float]
+    faults: tuple[Fault, ...]
+    nearest: Effects | None
+    certificate: Certificate | None
+
+    @property
+    def safe(self) -> bool:
+        """True when nothing was found and the independent check agrees."""
+        return not self.faults
+
+
+def audit(
+    device: Device,
+    effects: Effects,
+    *,
+    filters: Filters | None = None,
+    margin: MarginName = "balanced",
+    extra_delay_samples: float = 0.0,
+) -> Audit:
+    """Judge K, B and M as one element of a scene, felt alone, no hand.
+
+    Args:
+        device: with its intervals.
+        effects: numbers; zero is the same as absent.
+        filters: of the controller; None is plain backward differences.
+        margin: what is asked for.
+        extra_delay_samples: on top of the device's delay, from now on part of it.
+
+    Raises:
+        LoopError: a delay that cannot be judged.
+        InvalidInputError: values no scene can hold.
+    """
+    from tune.certificate.certify import certify
+
+    filters = filters or Filters()
+    later = to_mapping(_later(device, extra_delay_samples))
+    device = parse_document(Device, later, "the device with its extra delay")
+    scene = parse_document(Scene, _scene_of(effects, filters, margin), "the gains and filters")
+    job = Job.of(device, scene, default_table())
+    problem = pose(job, elements=[ELEMENT], filters=filters)
+    sizes = np.array([abs(unknown.wish.high or 0.0) for unknown in problem.unknowns])
+    (moment,) = problem.moments
+    gain = worst_gain(problem, moment, sizes, late=False)
+    stable = gain > 1
+    design = as_stored(
+        design_of(job, filters, [Solved(problem=problem, sizes=sizes, dropped={})], {})
+    )
+    noise = ripple(problem, moment, sizes) if stable else None
+    faults = tuple(_faults(problem, sizes, gain, noise))
+    certificate = None
+    if not faults:
+        try:
+            certificate = certify(design)
+        except CheckFailedError as error:
+            faults = tuple(
+                Fault(limit="certificate", seen=failure, needed="proved", remedy="Lower the gains.")
+                for failure in error.failures
+            )
+    sustained, peak = (float(force) for force in forces(moment, sizes))
+    felt = problem.effects(moment, sizes)
+    at = Felt(problem=problem, moment=moment, sizes=sizes)
+    vibration, thresholds = _vibration(device, felt, filters) if stable else (None, None)
+    return Audit(
+        design=design,
+        gain=gain,
+        delay_samples=extra_delays([at])[0] if stable else np.nan,
+        margins=margins_of(device, felt, filters) if stable else None,
+        sustained=sustained,
+        peak=peak,
+        ripple=noise,
+        vibration=vibration,
+        felt=thresholds,
+        jumps=_jumps(device, felt, filters),
+        faults=faults,
+        nearest=_nearest(job, filters) if faults else None,
+        certificate=certificate,
+    )
+
+
+def _scene_of(effects: Effects, filters: Filters, margin: MarginName) -> dict[str, object]:
+    """A scene file of these gains with these filters: its ranges are those of an audit."""
+    wanted = zip(EFFECT_NAMES, effects.arrays(), strict=True)
+    gains = {name: float(size) for name, size in wanted if size is not None and size != 0}
+    loop: dict[str, object] = {
+        "velocity_filter_hz": filters.velocity_filter_hz or "none",
+        "acceleration_filter_hz": filters.acceleration_filter_hz or "none",
+    }
+    return {"name": "audit", "margin": margin, "elements": {ELEMENT: gains}, "loop": loop}
+
+
+def _later(device: Device, samples: float) -> Device:
+    delay, step = device.delay, device.sample_time.value
+    shift = {name: getattr(delay, name) + samples * step for name in ("value", "low", "high")}
+    return device.model_copy(update={"delay": delay.model_copy(update=shift)})
+
+
+def _faults(problem: Problem, sizes: FloatArray, gain: float, noise: float | None) -> list[Fault]:
+    """Every limit that the sizes break, in words; their gain margin and ripple are known."""
+    (moment,) = problem.moments
+    margin, limits = problem.margin, problem.limits
+    late = worst_gain(problem, moment, sizes)
+    extra = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
+    smaller = "Lower the gains, or filter velocity and acceleration."
+    faults: list[Fault] = []
+    if gain <= 1:
+        seen = (
+            f"unstable: every gain from 0 holds up to {gain:.4g} of these" if gain else "unstable"
+        )
+        faults.append(
+            Fault(limit="stability", seen=seen, needed=f"{margin.gain:g}", remedy=smaller)
+        )
+    elif gain <= margin.gain:
+        faults.append(
+            Fault(
+                limit="gain-margin",
+                seen=f"stable up to {gain:.4g} of these gains",
+                needed=f"{margin.gain:g}",
+                remedy=smaller,
+            )
+        )
+    elif late <= margin.gain:
+        faults.append(
+            Fault(
+                limit="delay-margin",
+                seen=f"with {extra} of delay stable up to {late:.4g} of these gains",
+                needed=f"{margin.gain:g}",
+                remedy="Lower the gains, or shorten the delay.",
+            )
+        )
+    for words, force, most in zip(
+        ("K·penetration", "K·penetration + |B|·speed + |M|·acceleration"),
+        forces(moment, sizes),
+        (limits.continuous_force, limits.peak_force),
+        strict=True,
+    ):
+        if most is not None and force > most:
+            faults.append(
+                Fault(
+                    limit="force",
+                    seen=f"{words} is {force:.4g}",
+                    needed=f"{most:.4g} at most",
+                    remedy="Lower the gains, or keep to less penetration.",
+                )
+            )
+    if noise is not None and noise > limits.ripple:
+        faults.append(
+            Fault(
+                limit="ripple",
+                seen=f"the encoder makes the force ripple by {noise:.3g} rms",
+                needed=f"{limits.ripple:g} at most, what a hand does not notice",
+                remedy="Filter velocity and acceleration, or lower damping and mass.",
+            )
+        )
+    return faults
+
+
+def _vibration(
+    device: Device, felt: Effects, filters: Filters
+) -> tuple[float | None, float | None]:
+    """(m rms, thresholds) of the handle from encoder noise, None where it is not known."""
+    if device.encoder_resolution is None:
+        return None, None
+    count = device.encoder_resolution.value
+    loop = Loop.from_parts(device, used_filters(filters, felt))
+    shaken = float(handle_vibration(loop, felt, count))
+    return shaken, felt_vibration(loop, felt, count) if device.motion == "linear" else None
+
+
+def _jumps(device: Device, felt: Effects, filters: Filters) -> dict[str, float]:
+    """Force of one count through each effect that is there, N."""
+    if device.encoder_resolution is None:
+        return {}
+    jump = count_jump(felt, device.sample_time.value, device.encoder_resolution.value, filters)
+    present = zip(EFFECT_NAMES, felt.arrays(), strict=True)
+    return {name: getattr(jump, name) for name, value in present if value is not None}
+
+
+def _nearest(job: Job, filters: Filters) -> Effects | None:
+    """The safe values closest to those wanted on the perceptual scale; what none is, left out."""
+    gone: frozenset[str] = frozenset()
+    problem = pose(job, elements=[ELEMENT], filters=filters)
+    while impossible := reasons_for_nothing(problem):
+        gone |= impossible.keys()
+        problem = pose(job, elements=[ELEMENT], filters=filters, gone=gone)
+    if not problem.unknowns:
+        return None
+    found = closed_form(problem) if len(problem.unknowns) == 1 else climb(problem, backends())
+    if found.sizes is None:
+        return None
+    sizes = settled(problem, found.sizes)
+    lows = np.array([unknown.low for unknown in problem.unknowns])
+    return problem.effects(problem.moments[0], np.where(sizes > _MORE * lows, sizes, 0.0))

@@ -1,0 +1,1 @@
+"""What people write and read: scene, profile, certificate, perception table, hand; errors."""

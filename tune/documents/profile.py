@@ -1,0 +1,294 @@
+"""SafeProfile: what was chosen, why, and the certificate it passed, as YAML with a digest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from os import PathLike, fspath
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
+from tune.documents.certified import Certificate
+from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.errors import CheckFailedError
+from tune.documents.hand import Hand
+from tune.documents.moments import moments_of, refuse_strange_groups
+from tune.documents.scene import (
+    LARGEST,
+    LONGEST_WINDOW,
+    MARGINS,
+    SMALLEST,
+    Margin,
+    MarginName,
+    Motion,
+)
+
+__all__ = [
+    "EFFECT_NAMES",
+    "Design",
+    "EffectName",
+    "ElementProfile",
+    "LimitedBy",
+    "LoopProfile",
+    "MarginProfile",
+    "Margins",
+    "PerceptionProfile",
+    "Rendered",
+    "SafeProfile",
+    "digest_of",
+    "load_profile",
+    "profile_of",
+    "read_signed",
+]
+
+LimitedBy = Literal[
+    "stability",
+    "gain-margin",
+    "delay-margin",
+    "force",
+    "ripple",
+    "wanted",
+    "range",
+    "not-perceptible",
+]
+
+_SCHEMA = "haptune/profile/1"
+
+#: Names of the settings of both filters, in files, loops, the certificate and the simulator alike.
+FILTER_SETTINGS = (
+    "velocity_filter_hz",
+    "acceleration_filter_hz",
+    "velocity_filter_order",
+    "acceleration_filter_order",
+    "filter_damping_ratio",
+    "velocity_window_samples",
+)
+
+
+class LoopProfile(Document):
+    """The loop the controller must run: period, delay beyond an immediate loop, the very filters.
+
+    Filters are those of docs/theory.md, 1, evaluated at the sample rate and reset when an element
+    is entered; without a cut-off or a window an estimate is a plain backward difference.
+
+    Attributes:
+        sample_time: s.
+        extra_delay_samples: the device's delay in samples, need not be whole.
+        velocity_filter_hz: cut-off, Hz.
+        acceleration_filter_hz: cut-off, Hz.
+        velocity_filter_order: 1 or 2 poles.
+        acceleration_filter_order: 1 or 2 poles.
+        filter_damping_ratio: of second-order filters.
+        velocity_window_samples: velocity over the last n samples instead of a filter.
+    """
+
+    sample_time: float
+    extra_delay_samples: float
+    velocity_filter_hz: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    acceleration_filter_hz: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    velocity_filter_order: Literal[1, 2] = 1
+    acceleration_filter_order: Literal[1, 2] = 2
+    filter_damping_ratio: float = Field(default=1.0, ge=0.1, le=1)
+    velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
+
+    @model_validator(mode="after")
+    def _one_velocity(self) -> LoopProfile:
+        if self.velocity_window_samples is not None and self.velocity_filter_hz is not None:
+            raise ValueError("velocity_window_samples takes the place of velocity_filter_hz")
+        return self
+
+    def with_effects(self, *, damping: bool, mass: bool) -> LoopProfile:
+        """The loop with the filters that these effects use, what they do not use at its default."""
+        defaults = {name: field.default for name, field in LoopProfile.model_fields.items()}
+        velocity = damping and self.velocity_filter_hz is not None
+        acceleration = mass and self.acceleration_filter_hz is not None
+        squared = (velocity and self.velocity_filter_order == 2) or (
+            acceleration and self.acceleration_filter_order == 2
+        )
+        used = {
+            "velocity_filter_hz": velocity,
+            "velocity_filter_order": velocity,
+            "velocity_window_samples": damping,
+            "acceleration_filter_hz": acceleration,
+            "acceleration_filter_order": acceleration,
+            "filter_damping_ratio": squared,
+        }
+        idle = {name: defaults[name] for name, there in used.items() if not there}
+        return self.model_copy(update=idle)
+
+    def filter_settings(self) -> dict[str, Any]:
+        """What says which filters run, by the names that all of haptune calls them."""
+        return {name: getattr(self, name) for name in FILTER_SETTINGS}
+
+
+class Margins(Document):
+    """Margins of one element over the whole box and every moment it is part of.
+
+    Attributes:
+        gain: stable for every gain in (0, gain].
+        extra_delay_samples: further delay, in tenths of a sample, up to which every gain in (0, 1]
+            is stable.
+        passive: passivity by its own condition; "not-applicable" with a mode, a current lag or a
+            part of a sample of delay.
+    """
+
+    gain: float
+    extra_delay_samples: float
+    passive: bool | Literal["not-applicable"]
+
+
+class Rendered(Document):
+    """What a hand feels of one element at 0.5 to 5 Hz, beside the device's own mass and damping.
+
+    Means over the logarithm of frequency, of all that the element plays: filters and delay turn
+    part of a mass into damping, and let a damper take mass away and a spring damping.
+
+    Attributes:
+        mass: apparent mass, kg (kg·m²).
+        damping: apparent damping, N·s/m (N·m·s/rad).
+        mass_at_ends: at 0.5 and at 5 Hz.
+        damping_at_ends: likewise.
+    """
+
+    mass: float
+    damping: float
+    mass_at_ends: tuple[float, float]
+    damping_at_ends: tuple[float, float]
+
+
+class ElementProfile(Document):
+    """What one element plays; effects that do not act are zero.
+
+    ``perceived_steps`` count what is felt of an effect at the motions people make, none where less
+    than nothing is left of the device; ``rendered`` is absent in profiles written before it was
+    computed, which `check` refuses.
+    """
+
+    stiffness: float
+    damping: float
+    mass: float
+    perceived_steps: dict[EffectName, float]
+    margins: Margins
+    ripple: float | None = None
+    limited_by: dict[EffectName, LimitedBy]
+    motion: Motion
+    rendered: Rendered | None = None
+
+
+class PerceptionProfile(Document):
+    """How finely hands were taken to tell effects apart: what perceived steps are counted in.
+
+    Attributes:
+        name: of the perception table.
+        stiffness: Weber fraction.
+        damping: Weber fraction.
+        mass: Weber fraction.
+        threshold: smallest force noticed, N (N·m).
+    """
+
+    name: str
+    stiffness: float = Field(gt=0)
+    damping: float = Field(gt=0)
+    mass: float = Field(gt=0)
+    threshold: float = Field(gt=0)
+
+
+class MarginProfile(Margin):
+    """The margin that was kept, by name and number."""
+
+    name: MarginName
+
+    @classmethod
+    def of(cls, name: MarginName) -> MarginProfile:
+        """The margin that a name stands for."""
+        return cls(name=name, **dict(MARGINS[name]))
+
+
+class Design(Document):
+    """A profile before it is certified."""
+
+    schema_: Literal["haptune/profile/1"] = Field(default=_SCHEMA, alias="schema")
+    device: Device
+    scene: str
+    loop: LoopProfile
+    hand: Hand | None = None
+    margin: MarginProfile
+    elements: dict[str, ElementProfile]
+    together: tuple[tuple[str, ...], ...] = ()
+    ripple_limit: float = Field(ge=SMALLEST, le=LARGEST)
+    perception: PerceptionProfile | None = None
+    skipped: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    method: dict[str, str] = Field(default_factory=dict[str, str])
+
+    @model_validator(mode="after")
+    def _known(self) -> Design:
+        refuse_strange_groups(self.elements, self.together)
+        return self
+
+    def moments(self) -> tuple[tuple[str, ...], ...]:
+        """Every set of elements that can be felt at once, singles first."""
+        return moments_of(self.elements, self.together)
+
+
+class SafeProfile(Design):
+    """A certified profile (profile.yaml). Only `tune.optimise` makes one."""
+
+    certificate: Certificate
+    digest: str = ""
+
+    def to_yaml(self) -> str:
+        """The file's text, its digest computed from its content."""
+        content = to_mapping(self)
+        content["digest"] = digest_of(content)
+        return to_yaml(content, "Safe profile written by haptune; 'haptune check' re-computes it.")
+
+    def signed(self) -> SafeProfile:
+        """The same profile with its digest filled in."""
+        return self.model_copy(update={"digest": digest_of(to_mapping(self))})
+
+
+def digest_of(content: Mapping[str, Any]) -> str:
+    """sha256 over the canonical JSON of everything but the digest itself."""
+    body = {key: value for key, value in content.items() if key != "digest"}
+    text = json.dumps(body, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
+
+
+def load_profile(path: str | PathLike[str]) -> SafeProfile:
+    """Read a profile and compare its digest before believing anything else in it.
+
+    Raises:
+        InvalidInputError: no YAML mapping, or no profile.
+        CheckFailedError: the digest does not belong to the content.
+    """
+    return profile_of(read_signed(path), path)
+
+
+def read_signed(path: str | PathLike[str]) -> dict[str, Any]:
+    """The content of a file whose digest belongs to it, as far as it is a profile.
+
+    Raises:
+        InvalidInputError: no YAML mapping.
+        CheckFailedError: the digest does not belong to the content.
+    """
+    content = load_mapping(path)
+    if "certificate" in content or str(content.get("schema", "")).startswith("haptune/profile/"):
+        expected = digest_of(content)
+        if content.get("digest") != expected:
+            raise CheckFailedError(
+                (
+                    f"{fspath(path)}: the content has digest {expected}, the file says "
+                    f"{content.get('digest')}; it was changed after it was certified. "
+                    "Tune again instead of editing a profile",
+                )
+            )
+    return content
+
+
+def profile_of(content: Mapping[str, Any], source: str | PathLike[str]) -> SafeProfile:
+    """The profile that a mapping states. Raises InvalidInputError."""
+    return parse_document(SafeProfile, content, source)

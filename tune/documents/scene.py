@@ -1,0 +1,260 @@
+"""The scene file: what is to be felt, how the hand moves there, and how much margin is kept."""
+
+from __future__ import annotations
+
+import math
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+
+from identification import Document, load_document
+from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.hand import AnyHand
+from tune.documents.moments import moments_of, refuse_strange_groups
+from tune.documents.perception import PerceptionTable, default_table
+
+MarginName = Literal["conservative", "balanced", "firm"]
+
+#: SI units; whatever is felt, and how, lies far inside. Beyond, formulas overflow.
+SMALLEST, LARGEST = 1e-9, 1e9
+#: Samples of a moving window; each raises the degree of the loop by one.
+LONGEST_WINDOW = 20
+
+
+class Margin(Document):
+    """How far from instability: stable for every gain in (0, gain] with the delay added."""
+
+    gain: float = Field(ge=1)
+    extra_delay_samples: int = Field(ge=1)
+
+
+MARGINS: dict[MarginName, Margin] = {
+    "conservative": Margin(gain=3.0, extra_delay_samples=2),
+    "balanced": Margin(gain=2.0, extra_delay_samples=1),
+    "firm": Margin(gain=1.5, extra_delay_samples=1),
+}
+
+
+class Wish(Document):
+    """What is wanted of one effect.
+
+    ``max`` and ``min`` reach as far as is safe, upwards and downwards (as light, as frictionless);
+    a number is met exactly or by the nearest safe value; a range keeps to its bounds.
+    """
+
+    kind: Literal["max", "min", "value", "range"]
+    low: float | None = None
+    high: float | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Wish:
+        _refuse_senseless(self.kind, self.low, self.high)
+        return self
+
+    @property
+    def sign(self) -> int:
+        """-1 where the effect takes something away from the device."""
+        negative = self.kind == "min" or (self.kind == "value" and (self.high or 0) < 0)
+        return -1 if negative else 1
+
+
+def _refuse_senseless(kind: str, low: float | None, high: float | None) -> None:
+    for bound in (low, high):
+        if bound is not None and not math.isfinite(bound):
+            raise ValueError("give a finite number")
+        if bound and not SMALLEST <= abs(bound) <= LARGEST:
+            raise ValueError(f"{bound:g} is beyond {SMALLEST:g} to {LARGEST:g}")
+    if low is not None and high is not None and low > high:
+        raise ValueError(f"min {low:g} exceeds max {high:g}")
+    if kind == "range" and low is not None and low < 0:
+        raise ValueError(f"a range starts at zero or above, not at {low:g}")
+    if kind in {"value", "range"} and high == 0:
+        raise ValueError("0 asks for nothing; leave the effect out")
+
+
+def _to_wish(raw: object) -> object:
+    """A wish as a file states it; what is wrong is said of what the file says."""
+    if isinstance(raw, Wish):
+        return raw
+    if isinstance(raw, str) and raw in {"max", "min"}:
+        return {"kind": raw}
+    low = high = raw
+    if isinstance(raw, dict):
+        bounds = cast("dict[object, object]", raw)
+        if set(bounds) == {"min", "max"}:
+            low, high = bounds["min"], bounds["max"]
+    if not (isinstance(low, int | float) and isinstance(high, int | float)):
+        raise ValueError("give a number, max, min, or {min: …, max: …}")
+    kind = "range" if isinstance(raw, dict) else "value"
+    _refuse_senseless(kind, low, high)
+    return {"kind": kind, "low": low, "high": high}
+
+
+def _wish_in_file(words: list[str], number: dict[str, Any]) -> WithJsonSchema:
+    """What a wish looks like in a file, for the JSON Schemas."""
+    bounds = {"min": {"type": "number", "minimum": 0}, "max": {"type": "number", "minimum": 0}}
+    ranged = {
+        "type": "object",
+        "properties": bounds,
+        "required": ["min", "max"],
+        "additionalProperties": False,
+    }
+    return WithJsonSchema({"anyOf": [{"enum": words}, {"type": "number", **number}, ranged]})
+
+
+AnyWish = Annotated[
+    Wish, BeforeValidator(_to_wish), _wish_in_file(["max", "min"], {"not": {"const": 0}})
+]
+#: A negative stiffness is never stable.
+StiffnessWish = Annotated[
+    Wish, BeforeValidator(_to_wish), _wish_in_file(["max"], {"exclusiveMinimum": 0})
+]
+
+
+class Element(Document):
+    """One thing in the scene: the effects wanted of it and how the hand moves in it.
+
+    An effect that is not named is zero and costs nothing. Motions bound the forces: K·penetration,
+    |B|·speed and |M|·acceleration. Where one is not given the scene's default for linear or rotary
+    axes holds (0.01 m, 0.2 m/s, 2 m/s²; 0.1 rad, 2 rad/s, 20 rad/s²).
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": [name]} for name in EFFECT_NAMES]}
+    )
+
+    stiffness: StiffnessWish | None = None
+    damping: AnyWish | None = None
+    mass: AnyWish | None = None
+    penetration: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    speed: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    acceleration: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    priority: int = Field(default=1, ge=1)
+
+    @model_validator(mode="after")
+    def _something(self) -> Element:
+        if not self.wishes():
+            raise ValueError("names no effect; give stiffness, damping or mass")
+        if self.stiffness is not None and self.stiffness.sign < 0:
+            raise ValueError("a negative stiffness is never stable; leave it out")
+        return self
+
+    def wishes(self) -> dict[EffectName, Wish]:
+        """The effects asked for."""
+        found: dict[EffectName, Wish | None] = {
+            "stiffness": self.stiffness,
+            "damping": self.damping,
+            "mass": self.mass,
+        }
+        return {name: wish for name, wish in found.items() if wish is not None}
+
+
+class Motion(Document):
+    """Penetration (m or rad), speed and acceleration, per s and s², that a hand reaches."""
+
+    penetration: float = Field(ge=SMALLEST, le=LARGEST)
+    speed: float = Field(ge=SMALLEST, le=LARGEST)
+    acceleration: float = Field(ge=SMALLEST, le=LARGEST)
+
+
+DEFAULT_MOTION = {
+    "linear": Motion(penetration=0.01, speed=0.2, acceleration=2.0),
+    "rotary": Motion(penetration=0.1, speed=2.0, acceleration=20.0),
+}
+
+
+def _to_cutoff(raw: object) -> object:
+    if isinstance(raw, int | float) or raw in ("free", "none"):
+        return raw
+    raise ValueError("give a frequency in Hz, free or none")
+
+
+Cutoff = Annotated[
+    float | Literal["free", "none"],
+    BeforeValidator(_to_cutoff),
+    WithJsonSchema(
+        {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"enum": ["free", "none"]}]}
+    ),
+]
+
+
+class LoopFreedom(Document):
+    """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
+
+    Attributes:
+        velocity_filter_hz: cut-off of the low-pass behind the backward difference.
+        acceleration_filter_hz: likewise behind the double difference.
+        velocity_filter_order: 1 or 2 poles.
+        acceleration_filter_order: 1 or 2 poles.
+        filter_damping_ratio: of second-order filters; 1 is two equal poles, 0.7071 Butterworth.
+        velocity_window_samples: velocity over the last n samples instead of a low-pass.
+    """
+
+    velocity_filter_hz: Cutoff = "free"
+    acceleration_filter_hz: Cutoff = "free"
+    velocity_filter_order: Literal[1, 2] = 1
+    acceleration_filter_order: Literal[1, 2] = 2
+    filter_damping_ratio: float = Field(default=1.0, ge=0.1, le=1)
+    velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
+
+    @model_validator(mode="after")
+    def _positive(self) -> LoopFreedom:
+        for name in ("velocity_filter_hz", "acceleration_filter_hz"):
+            value = getattr(self, name)
+            if isinstance(value, float) and not SMALLEST <= value <= LARGEST:
+                raise ValueError(
+                    f"{name} must lie in {SMALLEST:g} to {LARGEST:g}, not {value:g} Hz"
+                )
+        if self.velocity_window_samples is not None and isinstance(self.velocity_filter_hz, float):
+            raise ValueError(
+                f"velocity_window_samples: {self.velocity_window_samples} takes the place of a "
+                f"velocity filter; leave out velocity_filter_hz: {self.velocity_filter_hz:g}"
+            )
+        return self
+
+
+class Scene(Document):
+    """A scene (scene.yaml): elements, which of them act together, hand, margin, filters."""
+
+    schema_: Literal["haptune/scene/1"] = Field(default="haptune/scene/1", alias="schema")
+    name: str = "scene"
+    hand: AnyHand = "none"
+    margin: MarginName = "balanced"
+    loop: LoopFreedom = LoopFreedom()
+    ripple_limit: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    perception: str = "default"
+    elements: dict[str, Element] = Field(min_length=1)
+    together: tuple[tuple[str, ...], ...] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scene:
+        refuse_strange_groups(self.elements, self.together)
+        return self
+
+    def subsets(self) -> tuple[tuple[str, ...], ...]:
+        """Every set of elements that can be felt at one moment, singles first."""
+        return moments_of(self.elements, self.together)
+
+    def motion(self, element: str, kind: Literal["linear", "rotary"]) -> Motion:
+        """The motion of one element, defaults filled in."""
+        default = DEFAULT_MOTION[kind]
+        given = self.elements[element]
+        return Motion(
+            penetration=given.penetration or default.penetration,
+            speed=given.speed or default.speed,
+            acceleration=given.acceleration or default.acceleration,
+        )
+
+
+def load_scene(path: str | PathLike[str]) -> Scene:
+    """Read and validate a scene file. Raises InvalidInputError."""
+    return load_document(Scene, path)
+
+
+def perception_of(scene: Scene, folder: Path) -> PerceptionTable:
+    """The scene's perception table: the default, or a file named relative to ``folder``."""
+    if scene.perception == "default":
+        return default_table()
+    return load_document(PerceptionTable, folder / scene.perception)

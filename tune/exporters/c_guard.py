@@ -1,0 +1,128 @@
+"""A profile as a guard in C99: the certified control law and nothing but it."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Mapping
+from string import Template
+
+from identification import InvalidInputError
+from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
+from tune.exporters.c_header import HEADER
+from tune.exporters.c_source import CLAMP, LIMIT, SOURCE
+from tune.exporters.heading import digest, heading, short, unit_of_force
+from tune.exporters.law import Section, law_of
+from tune.exporters.names import block_comment, identifiers, inside_comment
+
+#: Bits of the set of elements that the guard is given.
+MOST_ELEMENTS = 64
+
+
+def c_files(profile: SafeProfile) -> dict[str, str]:
+    """haptune_guard.h and haptune_guard.c.
+
+    Raises:
+        InvalidInputError: more elements than a set of 64 bits can hold.
+    """
+    if len(profile.elements) > MOST_ELEMENTS:
+        raise InvalidInputError(
+            "elements",
+            f"the profile has {len(profile.elements)}, a guard holds {MOST_ELEMENTS}",
+            "Split the scene",
+        )
+    values = _values(profile)
+    return {
+        "haptune_guard.h": Template(HEADER).substitute(values),
+        "haptune_guard.c": Template(SOURCE).substitute(values),
+    }
+
+
+def macros(profile: SafeProfile) -> dict[str, str]:
+    """The macro of each element."""
+    return {
+        name: f"HAPTUNE_ELEMENT_{word.upper()}"
+        for name, word in identifiers(profile.elements).items()
+    }
+
+
+def bits(names: Iterable[str], places: Mapping[str, int]) -> int:
+    """The set of some elements: the union of their bits, however often one is named."""
+    found = 0
+    for name in names:
+        found |= 1 << places[name]
+    return found
+
+
+def number(value: float) -> str:
+    """A double with all of its digits, as a C constant of type double."""
+    text = f"{value:.17g}"
+    return text if "." in text or "e" in text else text + ".0"
+
+
+def _values(profile: SafeProfile) -> dict[str, str]:
+    law, device, seal = law_of(profile.loop), profile.device, profile.certificate
+    words = macros(profile)
+    places = {name: index for index, name in enumerate(profile.elements)}
+    sets = sorted({bits(moment, places) for moment in profile.moments()})
+    limit, force, sealed = device.force_limit, unit_of_force(profile), digest(profile)
+    groups = [" | ".join(words[name] for name in group) for group in profile.together]
+    return {
+        "heading": block_comment(heading(profile)),
+        "tag": f"0x{sealed.removeprefix('sha256:')[:8]}u",
+        "digest": sealed,
+        "sample_time": number(law.sample_time),
+        "extra_delay": str(int(seal.extra_delay_samples)),
+        "window": str(law.window),
+        "elements": "".join(
+            f"#define {words[name]} (UINT64_C(1) << {places[name]}) /* {_plain(name)} */\n"
+            for name in profile.elements
+        ),
+        "together": "".join(_indented(group) for group in groups or ["none, one at a time"])[:-1],
+        "count": str(len(places)),
+        "length": "rad" if device.motion == "rotary" else "m",
+        "force": force,
+        "gain": f"{seal.gain:g}",
+        "moment_count": str(len(sets)),
+        "velocity_words": _words(profile.loop, "velocity"),
+        "velocity": _section(law.velocity),
+        "acceleration_words": _words(profile.loop, "acceleration"),
+        "acceleration": _section(law.acceleration),
+        "played": "".join(
+            f"    {{{_effects(element)}}}, /* {_plain(name)} */\n"
+            for name, element in profile.elements.items()
+        ),
+        "known": f"0x{(1 << len(places)) - 1:x}",
+        "moments": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
+        "limit": ""
+        if limit is None
+        else Template(LIMIT).substitute(force=force, peak=number(limit.peak)),
+        "clamp": "" if limit is None else CLAMP,
+    }
+
+
+def _plain(name: str) -> str:
+    return inside_comment(short(name))
+
+
+def _indented(line: str) -> str:
+    return textwrap.fill(line, 96, initial_indent=" *   ", subsequent_indent=" *     ") + "\n"
+
+
+def _section(section: Section) -> str:
+    return ", ".join(number(value) for value in (section.t, section.p, section.gain))
+
+
+def _effects(element: ElementProfile) -> str:
+    return ", ".join(number(value) for value in (element.stiffness, element.damping, element.mass))
+
+
+def _words(loop: LoopProfile, which: str) -> str:
+    window = loop.velocity_window_samples if which == "velocity" else None
+    if window is not None:
+        return f"moving window of {window} samples; t, p, g"
+    cutoff = getattr(loop, f"{which}_filter_hz")
+    if cutoff is None:
+        return "no filter; t, p, g"
+    order = getattr(loop, f"{which}_filter_order")
+    ratio = f", damping ratio {loop.filter_damping_ratio:g}" if order == 2 else ""
+    return f"order {order}, {cutoff:g} Hz{ratio}; t, p, g"

@@ -1,0 +1,122 @@
+"""A profile for CHAI3D: springs as materials, everything else through the C guard."""
+
+from __future__ import annotations
+
+from string import Template
+
+from tune.documents.profile import ElementProfile, SafeProfile
+from tune.exporters.c_guard import c_files, macros, number
+from tune.exporters.heading import heading
+from tune.exporters.names import block_comment
+
+_TEXT = """\
+${heading}
+/*
+ * CHAI3D's own velocity estimate is not the certified filter, and it has no virtual mass. Elements
+ * with damping or mass are therefore played by the guard (haptune_guard.c) along the certified
+ * axis, called once in each period of the haptic thread with the position of the device; their
+ * materials are left without stiffness and viscosity so that nothing is felt twice.
+ *
+ * NOT certified: whatever CHAI3D computes itself. That is the stiffness of materials below, its
+ * proxy, its haptic shading and friction, the other axes of the device, and a thread whose period
+ * is not HAPTUNE_SAMPLE_TIME. A material's spring is the certified law only as long as the force is
+ * its stiffness times the penetration along the axis, once a period, without delay besides.
+ */
+#ifndef HAPTUNE_CHAI3D_HPP
+#define HAPTUNE_CHAI3D_HPP
+
+#include <cstdint>
+
+#include "chai3d.h"
+#include "haptune_guard.h"
+
+namespace haptune {
+
+// Continuous and peak force (torque) of the actuator; compare what is sent with them.
+${limits}
+// Sets a material to one element. True where CHAI3D's spring is the whole element; false where the
+// guard has to play it.
+inline bool set_material(const chai3d::cMaterialPtr& material, std::uint64_t element)
+{
+    material->setStiffness(0.0);
+    material->setViscosity(0.0);
+    material->setDamping(0.0);
+    switch (element) {
+${springs}    default:
+        return false;
+    }
+}
+
+// One axis of a device, played by the guard. Not for materials that set_material accepted.
+class Axis
+{
+public:
+    // direction: unit vector of the certified axis, positive as in the log it was identified from.
+    explicit Axis(const chai3d::cVector3d& direction) : m_direction(direction)
+    {
+        haptune_init(&m_guard);
+    }
+
+    // Position along the axis, for enter and force.
+    double along(const chai3d::cVector3d& position) const
+    {
+        return m_direction.dot(position);
+    }
+
+    // When elements are entered: position and rest along the axis.
+    haptune_status enter(std::uint64_t elements, std::uint32_t period, double position, double rest)
+    {
+        return haptune_reset(&m_guard, elements, period, position, rest);
+    }
+
+    // ${what} of a certified set of elements, zero where status() is not HAPTUNE_OK.
+    chai3d::cVector3d force(
+        std::uint64_t elements, std::uint32_t period, double position, double gain = 1.0)
+    {
+        return m_direction * haptune_force(&m_guard, elements, period, position, gain);
+    }
+
+    haptune_status status() const { return m_guard.status; }
+
+private:
+    chai3d::cVector3d m_direction;
+    haptune_guard m_guard;
+};
+
+} // namespace haptune
+
+#endif
+"""
+
+
+def chai3d_files(profile: SafeProfile) -> dict[str, str]:
+    """haptune_chai3d.hpp and the guard that it plays damping and mass with.
+
+    Materials are springs of linear axes (N/m); on a rotary axis the guard plays everything.
+    """
+    limit = profile.device.force_limit
+    words = macros(profile)
+    springs = [
+        f"    case {words[name]}:\n"
+        f"        material->setStiffness({number(element.stiffness)});\n"
+        f"        return true;\n"
+        for name, element in profile.elements.items()
+        if _only_spring(element) and profile.device.motion == "linear"
+    ]
+    limits = (
+        "// None is stated in the profile.\n"
+        if limit is None
+        else f"const double continuous_force = {number(limit.continuous)};\n"
+        f"const double peak_force = {number(limit.peak)};\n"
+    )
+    text = Template(_TEXT).substitute(
+        heading=block_comment(heading(profile)),
+        limits=limits,
+        springs="".join(springs),
+        what="Torque (N*m)" if profile.device.motion == "rotary" else "Force (N)",
+    )
+    return {"haptune_chai3d.hpp": text, **c_files(profile)}
+
+
+def _only_spring(element: ElementProfile) -> bool:
+    return element.stiffness > 0 and element.damping == 0 and element.mass == 0

@@ -1,0 +1,57 @@
+"""What stands at the head of every file: which profile, what is certified and what is not."""
+
+from __future__ import annotations
+
+from tune.documents.profile import SafeProfile
+from tune.exporters.names import quoted
+
+#: Letters of a name in a comment.
+_SHORT = 60
+
+
+def digest(profile: SafeProfile) -> str:
+    """The digest of the profile as it was read, or as it would be written."""
+    return profile.digest or profile.signed().digest
+
+
+def short(name: str) -> str:
+    """A name in quotes, cut where it is very long."""
+    return quoted(name if len(name) <= _SHORT else name[: _SHORT - 3] + "...")
+
+
+def unit_of_force(profile: SafeProfile) -> str:
+    """N or N*m, in ASCII."""
+    return "N*m" if profile.device.motion == "rotary" else "N"
+
+
+def heading(profile: SafeProfile) -> tuple[str, ...]:
+    """Lines of text without comment marks."""
+    device, seal, margin = profile.device, profile.certificate, profile.margin
+    limit, force = device.force_limit, unit_of_force(profile)
+    rotary = device.motion == "rotary"
+    return (
+        "Written by haptune from a certified profile. Do not edit: tune and export again.",
+        "",
+        f"profile digest: {digest(profile)}",
+        f"device: {short(device.name)}, axis {short(device.axis)}, {device.motion}; "
+        f"scene {short(profile.scene)}",
+        f"margin: {margin.name}: stable for every gain in (0, {seal.gain:g}] with up to "
+        f"{seal.extra_delay_samples:g} extra samples of delay",
+        f"certified for: mass {_range(seal.mass)} {'kg*m^2' if rotary else 'kg'}, damping "
+        f"{_range(seal.damping)} {'N*m*s/rad' if rotary else 'N*s/m'}, sample time "
+        f"{_range(seal.sample_time)} s, delay {_range(seal.delay_samples)} samples "
+        f"(together {100 * seal.confidence:g} %)",
+        "force limit: none stated, nothing is clamped"
+        if limit is None
+        else f"force limit: {limit.continuous:g} {force} continuous, {limit.peak:g} {force} peak",
+        "method: " + seal.method,
+        "assumes:",
+        *(f"- {each}" for each in seal.assumes),
+        "not assessed:",
+        *(f"- {each}" for each in seal.not_assessed),
+    )
+
+
+def _range(bounds: tuple[float, float]) -> str:
+    low, high = bounds
+    return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"

@@ -1,0 +1,71 @@
+"""A profile as JSON, for programs of any kind."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from tune.documents.profile import LoopProfile, SafeProfile
+from tune.exporters.heading import digest
+from tune.exporters.law import Section, law_of
+
+
+def plain_files(profile: SafeProfile) -> dict[str, str]:
+    """haptune_profile.json: gains, filter coefficients, limits; SI units."""
+    device, seal, law = profile.device, profile.certificate, law_of(profile.loop)
+    limit = device.force_limit
+    content = {
+        "schema": "haptune/export/1",
+        "digest": digest(profile),
+        "device": {"name": device.name, "axis": device.axis, "motion": device.motion},
+        "scene": profile.scene,
+        "margin": {
+            "name": profile.margin.name,
+            "gain": seal.gain,
+            "extra_delay_samples": seal.extra_delay_samples,
+        },
+        "sample_time": law.sample_time,
+        "delay_samples": profile.loop.extra_delay_samples,
+        "velocity": filter_of(profile.loop, "velocity", law.velocity),
+        "acceleration": filter_of(profile.loop, "acceleration", law.acceleration),
+        "force_limit": limit and {"continuous": limit.continuous, "peak": limit.peak},
+        "elements": {
+            name: {
+                "stiffness": element.stiffness,
+                "damping": element.damping,
+                "mass": element.mass,
+            }
+            for name, element in profile.elements.items()
+        },
+        "moments": [list(moment) for moment in profile.moments()],
+        "law": "F = -(stiffness*y + damping*v + mass*a), summed over the elements of one moment; "
+        "x[k] = (t*x[k-1] - p*x[k-2]) + g*u[k] for both filters, reset on contact",
+        "assumes": list(seal.assumes),
+        "not_assessed": list(seal.not_assessed),
+    }
+    return {"haptune_profile.json": json.dumps(content, indent=2) + "\n"}
+
+
+def filter_of(loop: LoopProfile, which: str, section: Section) -> dict[str, Any]:
+    """Kind, cut-off in Hz where there is one, and coefficients of one filter.
+
+    ``a`` is given where there is one pole or two equal ones.
+    """
+    window = loop.velocity_window_samples if which == "velocity" else None
+    if window is not None:
+        return {"kind": "window", "samples": window}
+    cutoff = getattr(loop, f"{which}_filter_hz")
+    if cutoff is None:
+        return {"kind": "none"}
+    order = getattr(loop, f"{which}_filter_order")
+    single = order == 1
+    pole = section.t if single else section.t / 2
+    return {
+        "kind": "first-order" if single else "second-order",
+        "cutoff_hz": cutoff,
+        **({"a": pole} if single or loop.filter_damping_ratio == 1 else {}),
+        **({} if single else {"damping_ratio": loop.filter_damping_ratio}),
+        "t": section.t,
+        "p": section.p,
+        "g": section.gain,
+    }

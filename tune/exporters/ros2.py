@@ -1,0 +1,81 @@
+"""A profile as parameters of a ROS 2 node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, cast
+
+from tune.documents.profile import SafeProfile
+from tune.exporters.heading import digest, heading
+from tune.exporters.law import law_of
+from tune.exporters.names import hash_comment, identifiers, quoted
+from tune.exporters.plain import filter_of
+
+#: Letters of a name; the parser of ROS 2 takes texts of up to 256 bytes.
+_LONGEST_TEXT = 60
+
+
+def ros2_files(profile: SafeProfile) -> dict[str, str]:
+    """haptune_params.yaml: nested parameters of the node ``haptune``.
+
+    Only what ROS 2 parameters can hold: numbers, texts, and lists of one kind that are not empty.
+    Every text is in quotes, every float has a point, so that no reader takes one for another.
+    """
+    device, seal, law = profile.device, profile.certificate, law_of(profile.loop)
+    keys = identifiers(profile.elements)
+    limit = device.force_limit
+    parameters: dict[str, Any] = {
+        "digest": digest(profile),
+        "device": device.name[:_LONGEST_TEXT],
+        "axis": device.axis[:_LONGEST_TEXT],
+        "motion": device.motion,
+        "sample_time": law.sample_time,
+        "delay_samples": float(profile.loop.extra_delay_samples),
+        "margin": {"gain": seal.gain, "extra_delay_samples": int(seal.extra_delay_samples)},
+        "velocity": filter_of(profile.loop, "velocity", law.velocity),
+        "acceleration": filter_of(profile.loop, "acceleration", law.acceleration),
+    }
+    if limit is not None:
+        parameters["force_limit"] = {"continuous": limit.continuous, "peak": limit.peak}
+    parameters["elements"] = {
+        keys[name]: {
+            "name": name[:_LONGEST_TEXT],
+            "stiffness": element.stiffness,
+            "damping": element.damping,
+            "mass": element.mass,
+        }
+        for name, element in profile.elements.items()
+    }
+    if profile.together:
+        parameters["together"] = {
+            f"group_{number}": [keys[name] for name in group]
+            for number, group in enumerate(profile.together, 1)
+        }
+    head = (
+        *heading(profile),
+        "",
+        "SI units. F = -(stiffness*y + damping*v + mass*a); filters x[k] = (t*x[k-1] - p*x[k-2]) + "
+        "g*u[k], reset on contact. Elements of one group of 'together', and any subset of it, may "
+        "act at once; no other sums are certified.",
+    )
+    body = "\n".join(_lines({"haptune": {"ros__parameters": parameters}}, ""))
+    return {"haptune_params.yaml": hash_comment(head) + body + "\n"}
+
+
+def _lines(content: Mapping[str, Any], indent: str) -> Iterator[str]:
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            yield f"{indent}{key}:"
+            yield from _lines(cast("Mapping[str, Any]", value), indent + "  ")
+        else:
+            yield f"{indent}{key}: {_scalar(value)}"
+
+
+def _scalar(value: float | str | list[str]) -> str:
+    """A value that YAML 1.1, YAML 1.2 and strtod read alike."""
+    if isinstance(value, list):
+        return f"[{', '.join(_scalar(item) for item in value)}]"
+    if isinstance(value, str):
+        return quoted(value)
+    text = repr(value)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text

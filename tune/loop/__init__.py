@@ -1,0 +1,1 @@
+"""The sampled loop: device under a zero-order hold, delay and filters, as polynomials in w."""

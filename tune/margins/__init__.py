@@ -1,0 +1,1 @@
+"""How far from instability: gain, delay, phase, disk, damping, and passivity."""

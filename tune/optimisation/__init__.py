@@ -1,0 +1,1 @@
+"""Device and scene to the largest perceivable effects: solvers propose, limits dispose."""

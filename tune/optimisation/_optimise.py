@@ -1,0 +1,190 @@
+"""The one verb: device + scene → certified profile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+
+from identification import Device, as_stored
+from tune.certificate.words import note_of_dropped, skipped_parts
+from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
+from tune.documents.hand import hand_of
+from tune.documents.moments import groups_of
+from tune.documents.perception import PerceptionTable, default_table
+from tune.documents.profile import (
+    Design,
+    LoopProfile,
+    MarginProfile,
+    PerceptionProfile,
+    SafeProfile,
+)
+from tune.documents.scene import Scene
+from tune.loop.filters import Filters
+from tune.optimisation.climb import SAME
+from tune.optimisation.cutoffs import choose_filters
+from tune.optimisation.delays import Felt, extra_delays
+from tune.optimisation.describe import element_profile
+from tune.optimisation.problem import Job
+from tune.optimisation.region import Spot
+from tune.optimisation.solve import Solved, groups, solve
+
+Progress = Callable[[str], None]
+
+#: Proposals after the first, each warned by what the check said of the one before.
+_MOST_ATTEMPTS = 4
+#: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
+#: came too close to the edge.
+_SLACK = (1e-3, 1e-2, 5e-2)
+#: Cells of a proof, for one moment, after which more margin is tried instead; the last try has all.
+_CELLS = 50_000
+
+
+def optimise(
+    device: Device,
+    scene: Scene,
+    *,
+    table: PerceptionTable | None = None,
+    progress: Progress | None = None,
+) -> SafeProfile:
+    """The largest perceivable effects of a scene that are safe on a device, with a certificate.
+
+    Args:
+        device: identified, or from a data sheet with intervals.
+        scene: what is wanted.
+        table: Weber fractions; None is the paper's study.
+        progress: called with a sentence before each part of the work.
+
+    Raises:
+        NoFeasibleEffectError: nothing the scene asks for can be rendered.
+        CheckFailedError: the independent check did not pass; nothing may be written.
+    """
+    from tune.certificate.certify import certify
+
+    say = progress or _silent
+    job = Job.of(as_stored(device), scene, table or default_table())
+    filters = choose_filters(job, say)
+    for attempt in range(_MOST_ATTEMPTS + 1):
+        design = _proposed(job, filters, say)
+        say("certifying")
+        try:
+            last = attempt == _MOST_ATTEMPTS or job.slack == _SLACK[-1]
+            certificate = certify(design, None if last else _CELLS)
+        except CheckFailedError as error:
+            warned = _warned(job, error)
+            if warned is None or attempt == _MOST_ATTEMPTS:
+                raise
+            job = warned
+            continue
+        profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
+        return as_stored(profile).signed()
+    raise AssertionError("the last attempt returns or raises")
+
+
+def _proposed(job: Job, filters: Filters, say: Progress) -> Design:
+    """The largest effects of every group, as they will be stored."""
+    solutions: list[Solved] = []
+    together = groups(job.scene)
+    for number, elements in enumerate(together, start=1):
+        say(f"tuning {', '.join(elements)} ({number} of {len(together)})")
+        solutions.append(solve(job, elements, filters))
+    dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
+    if all(not solved.problem.unknowns for solved in solutions):
+        raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
+    return as_stored(design_of(job, filters, solutions, dropped))
+
+
+def _warned(job: Job, error: CheckFailedError) -> Job | None:
+    """The job with the points at which its proposal was unstable; with more slack if none was.
+
+    None where neither is left to try.
+    """
+    spots = tuple(
+        Spot(
+            mass=point.mass,
+            damping=point.damping,
+            sample_time=point.sample_time,
+            delay=point.delay_samples * point.sample_time,
+            modes=tuple((mode.frequency_hz, mode.damping_ratio) for mode in point.modes),
+            current_lag=point.current_lag or 0.0,
+            hand=point.hand and (point.hand.mass, point.hand.damping, point.hand.stiffness),
+        )
+        for point in error.points
+    )
+    if not spots:
+        slack = next((more for more in _SLACK if more > job.slack), None)
+        return None if slack is None else replace(job, slack=slack)
+    return replace(job, region=replace(job.region, found=job.region.found + spots))
+
+
+def design_of(
+    job: Job,
+    filters: Filters,
+    solutions: Sequence[Solved],
+    dropped: dict[str, str],
+) -> Design:
+    """What was chosen for every element, with its margins and why it is no larger, uncertified."""
+    device, scene = job.device, job.scene
+    felt = [
+        Felt(problem=solved.problem, moment=moment, sizes=solved.sizes)
+        for solved in solutions
+        for moment in solved.problem.moments
+        if any(moment.members)
+    ]
+    names = [one.moment.elements for one in felt]
+    delays = dict(zip(names, extra_delays(felt), strict=True))
+    elements = {
+        name: element_profile(
+            device, scene, solved.problem, solved.sizes, name, solved.dropped, delays, job.slack
+        )
+        for solved in solutions
+        for name in scene.elements
+        if any(u.element == name for u in solved.problem.unknowns)
+        or any(label.rpartition(".")[0] == name for label in solved.dropped)
+    }
+    methods = {
+        ", ".join(solved.problem.moments[-1].elements): solved.method
+        + (
+            f"; solvers differ by {solved.disagreement:.1e}, settled by the exact check"
+            if solved.disagreement > SAME
+            else ""
+        )
+        for solved in solutions
+        if solved.problem.moments
+    }
+    played = {name: elements[name] for name in scene.elements if name in elements}
+    design = Design(
+        device=device,
+        scene=scene.name,
+        loop=LoopProfile(
+            sample_time=device.sample_time.value,
+            extra_delay_samples=device.delay.value / device.sample_time.value,
+            **asdict(filters),
+        ).with_effects(
+            damping=any(each.damping for each in played.values()),
+            mass=any(each.mass for each in played.values()),
+        ),
+        hand=hand_of(scene.hand, device.motion),
+        margin=MarginProfile.of(scene.margin),
+        elements=played,
+        together=groups_of(scene.elements, scene.together),
+        ripple_limit=scene.ripple_limit or job.table.threshold(device.motion),
+        perception=_perception(job),
+        notes=tuple(note_of_dropped(label) + why for label, why in dropped.items()),
+        method=methods,
+    )
+    return design.model_copy(update={"skipped": skipped_parts(design)})
+
+
+def _perception(job: Job) -> PerceptionProfile:
+    table = job.table
+    return PerceptionProfile(
+        name=table.name,
+        stiffness=table.stiffness.value,
+        damping=table.damping.value,
+        mass=table.mass.value,
+        threshold=table.threshold(job.device.motion),
+    )
+
+
+def _silent(sentence: str) -> None:
+    del sentence

@@ -1,0 +1,167 @@
+"""The stability constraint as solvers see it: how far the gain is from where stability ends.
+
+With the sizes fixed, the loop is stable for gains up to some g; ln g is exact (`intervals`), and so
+is its slope: the root that crosses at w = jω keeps to the axis when effects and gain change
+together. That no gap opens below g is a constraint of its own (`gaps`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.loop.loop import Loop
+from tune.optimisation.backends.gaps import gap_phase
+from tune.optimisation.problem import Problem
+from tune.stability.intervals import reached
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: ln g counts as at most this: what is further away limits nothing.
+_FAR = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reach:
+    """Stability as constraints that are at most 0 where the margin is kept, at some corners.
+
+    Attributes:
+        tables: of each loop with corners, (fixed, varied and their sizes), of shapes
+            (degree+1, corners) and (3, degree+1, corners) in K, B and M.
+        held: whether a hand holds the position, by loop.
+        shares: what each unknown adds to K, B and M of the moments with a spring and of those
+            without, (moments, 3, unknowns).
+        gain: that must be stable.
+    """
+
+    tables: tuple[tuple[FloatArray, FloatArray, FloatArray, FloatArray], ...]
+    held: tuple[bool, ...]
+    shares: tuple[FloatArray, FloatArray]
+    gain: float
+
+    @classmethod
+    def of(
+        cls, problem: Problem, shown: Sequence[tuple[Loop, Sequence[int]]], gain: float
+    ) -> Reach:
+        """At some corners of loops.
+
+        Args:
+            problem: whose moments count.
+            shown: loops and columns of them.
+            gain: that must be stable.
+        """
+        return cls(
+            tables=tuple(_table(loop, columns) for loop, columns in shown),
+            held=tuple(loop.held for loop, _ in shown),
+            shares=(problem.shares(sprung=True), problem.shares(sprung=False)),
+            gain=gain,
+        )
+
+    @property
+    def size(self) -> int:
+        """How many constraints these are."""
+        moments = sum(len(shares) for shares in self.shares)
+        return 2 * moments * sum(table[0].shape[1] for table in self.tables)
+
+    def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
+        values: list[FloatArray] = []
+        slopes: list[FloatArray] = []
+        for table, held in zip(self.tables, self.held, strict=True):
+            for shares, sprung in zip(self.shares, (True, False), strict=True):
+                if len(shares):
+                    skip = 0 if sprung or held else 1
+                    value, slope = _reach(table, shares * sizes, skip, self.gain)
+                    values.append(value.ravel())
+                    slopes.append(slope.reshape(-1, sizes.size))
+        return np.concatenate(values), np.concatenate(slopes)
+
+
+def _reach(
+    table: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    parts: FloatArray,
+    skip: int,
+    gain: float,
+) -> tuple[FloatArray, FloatArray]:
+    """ln(gain) - ln g and the phase of the nearest gap, and their slopes to log-sizes.
+
+    Args:
+        table: of a loop.
+        parts: what each unknown adds to K, B and M, (moments, 3, unknowns).
+        skip: powers of w that are left out.
+        gain: that must be stable.
+
+    Returns:
+        shapes (2, moments, corners) and (2, moments, corners, unknowns).
+    """
+    fixed, effects, fixed_size, effect_sizes = table
+    totals = parts.sum(axis=2)
+    varied = np.einsum("me,ekc->kmc", totals, effects)[skip:]
+    varied_size = np.einsum("me,ekc->kmc", np.abs(totals), effect_sizes)[skip:]
+    shape = varied.shape
+    spread = [np.broadcast_to(part[skip:, None], shape) for part in (fixed, fixed_size)]
+    together = (spread[0], varied, spread[1], varied_size)
+    free, law, free_size, law_size = (part.reshape(shape[0], -1) for part in together)
+    found = reached(free, law, free_size, law_size, gain)
+    gap, place = gap_phase(free, law, found.near, gain, found.broken)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        value = np.stack([np.log(gain / found.end), gap])
+        # P(w) = A + g·ΣE·B_E with w = jω keeps its root on the axis: the changes by ln g, by each
+        # E and by ω add up to nothing.
+        powers = _powers(found.omega, shape[0])
+        orders = np.arange(1.0, shape[0])[:, None]
+        turn: ComplexArray = np.sum(
+            orders * (free + found.end * law)[1:] * powers[:-1] * 1j, axis=0
+        )
+        # Where the root crosses at the end of the axis all is real, and nothing can turn.
+        still = (found.omega == 0) | np.isinf(found.omega)
+        across = np.where(still, -1j, np.conj(turn)).reshape(shape[1:])[..., None]
+        change = _changes(effects[:, skip:], powers.reshape(shape), parts)
+        whole = change.sum(axis=2, keepdims=True)
+        slope = np.imag(change * across) / np.imag(whole * across)
+        change = _changes(effects[:, skip:], _powers(place, shape[0]).reshape(shape), parts)
+        whole = change.sum(axis=2, keepdims=True)
+        towards = np.sign(np.angle(whole / _values(free, place).reshape(whole.shape) * -1))
+        opens = np.where(found.broken, 1.0, -1.0).reshape(whole.shape)
+        turning = opens * towards * np.imag(change / whole)
+    slopes = np.stack([slope, turning])
+    value = np.nan_to_num(value, nan=_FAR, posinf=_FAR, neginf=-_FAR).reshape(2, *shape[1:])
+    slopes[~((np.abs(value) < _FAR) & np.all(np.isfinite(slopes), axis=3))] = 0.0
+    return np.clip(value, -_FAR, _FAR), slopes
+
+
+def _powers(omega: FloatArray, count: int) -> ComplexArray:
+    """Powers of jω from 0 on, (count, loops); beyond ω = 1 all over the highest of them.
+
+    No angle between them notices.
+    """
+    exponents = np.arange(count)[:, None]
+    small = np.where(omega > 1, 1.0, omega) ** exponents
+    large = np.where(omega > 1, 1 / omega, 1.0) ** (count - 1 - exponents)
+    return small * large * 1j ** (exponents % 4)
+
+
+def _values(polynomial: FloatArray, omega: FloatArray) -> ComplexArray:
+    return np.sum(polynomial * _powers(omega, len(polynomial)), axis=0)
+
+
+def _changes(effects: FloatArray, powers: ComplexArray, parts: FloatArray) -> ComplexArray:
+    """What each unknown adds to the polynomial, (moments, corners, unknowns)."""
+    each = np.einsum("ekc,kmc->mce", effects, powers)
+    return np.einsum("mce,mei->mci", each, parts)
+
+
+def _table(
+    loop: Loop, columns: Sequence[int]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    chosen = list(columns)
+    scales = np.stack([np.broadcast_to(s, loop.terms.free.shape[1:]) for s in loop.scales])
+    terms, sizes = (
+        np.stack([part.alpha, part.beta, part.gamma])[..., chosen] * scales[:, None, chosen]
+        for part in (loop.terms, loop.sizes)
+    )
+    return loop.terms.free[:, chosen], terms, loop.sizes.free[:, chosen], sizes

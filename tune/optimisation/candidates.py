@@ -1,0 +1,133 @@
+"""The same scene with each of the three margins, side by side, to choose with open eyes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from identification import Device
+from tune.documents.discrimination import Estimate
+from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
+from tune.documents.perception import PerceptionTable, default_table, steps_estimate
+from tune.documents.profile import LimitedBy, SafeProfile
+from tune.documents.scene import MARGINS, MarginName, Scene
+from tune.optimisation._optimise import optimise
+
+#: Stable at twice the gain and one sample late: room for what a model leaves out.
+RECOMMENDED: MarginName = "balanced"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A scene tuned with one margin: its certified profile, or why there is none.
+
+    Attributes:
+        margin: by name; its numbers are those of `MARGINS`.
+        profile: None where nothing can be rendered, or nothing certified.
+        error: why, with its numbers; None where there is a profile.
+    """
+
+    margin: MarginName
+    profile: SafeProfile | None
+    error: NoFeasibleEffectError | CheckFailedError | None
+
+    @property
+    def recommended(self) -> bool:
+        """The one to take where nothing speaks for another."""
+        return self.margin == RECOMMENDED
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidateEffect:
+    """One effect of one element with one margin: a row of the comparison.
+
+    Attributes:
+        margin: of the candidate.
+        element: name in the scene.
+        effect: stiffness, damping or mass.
+        value: SI; 0 where it was dropped.
+        steps: perceived, with the interval that the perception table leaves them.
+        gain: stable for every gain in (0, gain].
+        extra_delay_samples: further whole samples of delay with every gain in (0, 1] stable.
+        ripple: force from encoder quantisation, N (N·m) rms; None where the encoder is not known.
+        limited_by: the constraint that binds.
+    """
+
+    margin: MarginName
+    element: str
+    effect: EffectName
+    value: float
+    steps: Estimate
+    gain: float
+    extra_delay_samples: float
+    ripple: float | None
+    limited_by: LimitedBy
+
+
+def candidates(
+    device: Device,
+    scene: Scene,
+    *,
+    table: PerceptionTable | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Candidate, Candidate, Candidate]:
+    """The scene tuned with the conservative, the balanced and the firm margin, in this order.
+
+    Three times the work of `optimise`; the margin the scene names is not looked at.
+
+    Args:
+        device: identified, or from a data sheet with intervals.
+        scene: what is wanted.
+        table: Weber fractions; None is the paper's study.
+        progress: called with a sentence before each part of the work.
+    """
+
+    def tuned(margin: MarginName) -> Candidate:
+        def say(sentence: str) -> None:
+            if progress is not None:
+                progress(f"{margin} margin: {sentence}")
+
+        wanted = scene.model_copy(update={"margin": margin})
+        try:
+            profile = optimise(device, wanted, table=table, progress=say)
+        except (NoFeasibleEffectError, CheckFailedError) as error:
+            return Candidate(margin=margin, profile=None, error=error)
+        return Candidate(margin=margin, profile=profile, error=None)
+
+    conservative, balanced, firm = MARGINS
+    return tuned(conservative), tuned(balanced), tuned(firm)
+
+
+def compared(
+    found: tuple[Candidate, ...], table: PerceptionTable | None = None
+) -> tuple[CandidateEffect, ...]:
+    """Every effect of every candidate, effect by effect, those of one effect from safe to firm.
+
+    Args:
+        found: by `candidates`.
+        table: the one they were tuned with; None is the paper's study.
+    """
+    table = table or default_table()
+    rows = [
+        CandidateEffect(
+            margin=candidate.margin,
+            element=name,
+            effect=effect,
+            value=getattr(element, effect),
+            steps=steps_estimate(element.perceived_steps.get(effect, 0.0), table.fraction(effect)),
+            gain=element.margins.gain,
+            extra_delay_samples=element.margins.extra_delay_samples,
+            ripple=element.ripple,
+            limited_by=element.limited_by[effect],
+        )
+        for candidate in found
+        if candidate.profile is not None
+        for name, element in candidate.profile.elements.items()
+        for effect in EFFECT_NAMES
+        if effect in element.limited_by
+    ]
+    groups: dict[tuple[str, EffectName], list[CandidateEffect]] = {}
+    for row in rows:
+        groups.setdefault((row.element, row.effect), []).append(row)
+    return tuple(row for group in groups.values() for row in group)

@@ -1,0 +1,1 @@
+"""What a hand gets: rendered mass and damping, encoder ripple, vibration."""

@@ -11,7 +11,7 @@ from identification import Device, load_device, quantity
 from tune.certificate.certify import setting_of
 from tune.certificate.polynomial import Point
 from tune.certificate.roots import judge
-from tune.documents.effects import Effects
+from tune.documents.effects import EffectName, Effects
 from tune.documents.perception import default_table
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene

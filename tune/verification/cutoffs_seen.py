@@ -93,7 +93,7 @@ def filters_allowed(loop: LoopProfile, cutoffs: tuple[CutoffSeen, ...]) -> tuple
     for each in cutoffs:
         if each.high / each.low < 1 + _THE_SAME:
             continue
-        key = f"{each.name}_hz"
+        key = f"{each.name}_filter_hz"
         ends = [{key: end} for end in (each.low, each.high)]
         every += [replace(filters, **end) for filters in every for end in ends]
     return tuple(every)

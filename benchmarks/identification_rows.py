@@ -15,7 +15,7 @@ from datasets_synthetic import SCENARIOS, run_batch
 from identification import Hardware, IdentificationError, Trajectory, identify, quantity
 from identification.estimators import ESTIMATORS
 from identification.estimators.model import Model
-from identification.workshop import Workshop
+from identification.fitting.workshop import Workshop
 from tests.simulated.families import FAMILIES
 
 FloatArray = NDArray[np.float64]

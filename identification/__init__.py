@@ -15,48 +15,60 @@ if TYPE_CHECKING:
     from identification._identify import (
         identify as identify,
     )
-    from identification.box import (
+    from identification.device.box import (
         Box as Box,
     )
-    from identification.device import (
+    from identification.device.device import (
         ByDirection as ByDirection,
     )
-    from identification.device import (
+    from identification.device.device import (
         Covariance as Covariance,
     )
-    from identification.device import (
+    from identification.device.device import (
         Device as Device,
     )
-    from identification.device import (
+    from identification.device.device import (
         Gravity as Gravity,
     )
-    from identification.device import (
+    from identification.device.device import (
         LogRecord as LogRecord,
     )
-    from identification.documents import (
-        Document as Document,
+    from identification.device.hardware import (
+        ForceLimit as ForceLimit,
     )
-    from identification.documents import (
-        as_stored as as_stored,
+    from identification.device.hardware import (
+        Hardware as Hardware,
     )
-    from identification.documents import (
-        load_document as load_document,
+    from identification.device.known_devices import (
+        load_device as load_device,
     )
-    from identification.documents import (
-        load_mapping as load_mapping,
+    from identification.device.known_devices import (
+        named_devices as named_devices,
     )
-    from identification.documents import (
-        parse_document as parse_document,
+    from identification.device.mechanism import Mode as Mode
+    from identification.device.quantities import (
+        AnyQuantity as AnyQuantity,
     )
-    from identification.documents import (
-        rounded as rounded,
+    from identification.device.quantities import (
+        Quantity as Quantity,
     )
-    from identification.documents import (
-        to_mapping as to_mapping,
+    from identification.device.quantities import (
+        quantity as quantity,
     )
-    from identification.documents import (
-        to_yaml as to_yaml,
+    from identification.documents.document import Document as Document
+    from identification.documents.document import as_stored as as_stored
+    from identification.documents.document import load_document as load_document
+    from identification.documents.document import parse_document as parse_document
+    from identification.documents.document import rounded as rounded
+    from identification.documents.document import to_mapping as to_mapping
+    from identification.documents.writing import (
+        write_bytes as write_bytes,
     )
+    from identification.documents.writing import (
+        write_text as write_text,
+    )
+    from identification.documents.yaml_reading import load_mapping as load_mapping
+    from identification.documents.yaml_writing import to_yaml as to_yaml
     from identification.errors import (
         Finding as Finding,
     )
@@ -87,34 +99,15 @@ if TYPE_CHECKING:
     from identification.examination import (
         examine as examine,
     )
-    from identification.excitation import (
+    from identification.figure import NotebookFigure as NotebookFigure
+    from identification.fitting.one_log import LogFit as LogFit
+    from identification.pictures import fit_picture as fit_picture
+    from identification.planning.excitation import (
         Excitation as Excitation,
     )
-    from identification.excitation import (
+    from identification.planning.excitation import (
         plan_excitation as plan_excitation,
     )
-    from identification.figure import NotebookFigure as NotebookFigure
-    from identification.hardware import (
-        ForceLimit as ForceLimit,
-    )
-    from identification.hardware import (
-        Hardware as Hardware,
-    )
-    from identification.known_devices import (
-        load_device as load_device,
-    )
-    from identification.known_devices import (
-        named_devices as named_devices,
-    )
-    from identification.logs import (
-        LogColumns as LogColumns,
-    )
-    from identification.logs import (
-        load_trajectory as load_trajectory,
-    )
-    from identification.mechanism import Mode as Mode
-    from identification.one_log import LogFit as LogFit
-    from identification.pictures import fit_picture as fit_picture
     from identification.planning.presented import excitation_picture as excitation_picture
     from identification.planning.presented import force_text as force_text
     from identification.planning.spec import (
@@ -126,51 +119,42 @@ if TYPE_CHECKING:
     from identification.plant import (
         Plant as Plant,
     )
-    from identification.quantities import (
-        AnyQuantity as AnyQuantity,
+    from identification.readers.logs import (
+        LogColumns as LogColumns,
     )
-    from identification.quantities import (
-        Quantity as Quantity,
-    )
-    from identification.quantities import (
-        quantity as quantity,
+    from identification.readers.logs import (
+        load_trajectory as load_trajectory,
     )
     from identification.trajectory import Trajectory as Trajectory
-    from identification.writing import (
-        write_bytes as write_bytes,
-    )
-    from identification.writing import (
-        write_text as write_text,
-    )
 
 #: Public names by module. No module has the name of a function (so _identify): once loaded,
 #: it would take the function's place.
 _HOMES = {
-    "box": "Box",
-    "device": "ByDirection Covariance Device Gravity LogRecord",
-    "documents": (
-        "Document as_stored load_document load_mapping parse_document rounded to_mapping to_yaml"
-    ),
+    "device.box": "Box",
+    "device.device": "ByDirection Covariance Device Gravity LogRecord",
+    "documents.document": "Document as_stored load_document parse_document rounded to_mapping",
+    "documents.yaml_reading": "load_mapping",
+    "documents.yaml_writing": "to_yaml",
     "errors": (
         "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError UsageError"
     ),
     "estimators": "METHODS Method",
     "examination": "Examination examine",
-    "excitation": "Excitation plan_excitation",
+    "planning.excitation": "Excitation plan_excitation",
     "figure": "NotebookFigure",
-    "hardware": "ForceLimit Hardware",
-    "known_devices": "load_device named_devices",
-    "logs": "LogColumns load_trajectory",
-    "mechanism": "Mode",
+    "device.hardware": "ForceLimit Hardware",
+    "device.known_devices": "load_device named_devices",
+    "readers.logs": "LogColumns load_trajectory",
+    "device.mechanism": "Mode",
     "_identify": "Identification identify",
-    "one_log": "LogFit",
+    "fitting.one_log": "LogFit",
     "pictures": "fit_picture",
     "planning.presented": "excitation_picture force_text",
     "planning.spec": "ExcitationSpec load_excitation",
     "plant": "Plant",
-    "quantities": "AnyQuantity Quantity quantity",
+    "device.quantities": "AnyQuantity Quantity quantity",
     "trajectory": "Trajectory",
-    "writing": "write_bytes write_text",
+    "documents.writing": "write_bytes write_text",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

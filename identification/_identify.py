@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.device import Device, Hardware, LogRecord
-from identification.documents import as_stored
+from identification.device.device import Device, Hardware, LogRecord
+from identification.documents.document import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
 from identification.estimators.model import Estimate
 from identification.findings import CODES, inspect
-from identification.one_log import LogFit, fit_log
-from identification.sizes import refuse_sizes
+from identification.fitting.one_log import LogFit, fit_log
+from identification.readers.sizes import refuse_sizes
 from identification.trajectory import Trajectory
 
 
@@ -89,7 +89,7 @@ def identify(
     _refuse([finding for found in noticed for finding in found], allow)
     _refuse_negative_mass(fits, noticed)
 
-    from identification.combined import unstated
+    from identification.fitting.combined import unstated
 
     missing = unstated(fits, hardware)
     findings = (*(_lenient(finding) for found in noticed for finding in found), *missing)
@@ -164,7 +164,7 @@ def _stored(
     """The device as its file will hold it."""
     from pydantic import ValidationError
 
-    from identification.combined import device_from
+    from identification.fitting.combined import device_from
 
     try:
         return as_stored(device_from(fits, hardware, records))

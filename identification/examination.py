@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification._identify import Identification, identify
-from identification.device import Quantity
+from identification.device.device import Quantity
+from identification.device.hardware import Hardware
 from identification.errors import Finding, InvalidInputError, LogRefusedError
 from identification.estimators import Method
 from identification.estimators.noise import encoder_count, position_noise
 from identification.findings import CODES
 from identification.findings.balance import Balance, balance_of
-from identification.hardware import Hardware
 from identification.trajectory import Trajectory
 
 #: The excited band holds the power of the velocity but for this part at either end.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.device import Device
+from identification.device.device import Device
 from identification.estimators import least_squares
 from identification.estimators.model import Gravity, Model
 from identification.trajectory import Trajectory

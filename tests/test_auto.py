@@ -14,8 +14,8 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from identification import Trajectory, identify
-from identification.intervals import quantile
-from identification.one_log import LogFit, fit_log
+from identification.estimators.intervals import quantile
+from identification.fitting.one_log import LogFit, fit_log
 from tests.simulated.families import FAMILIES, POSE_FACTORS, family_named, poses
 
 Array = NDArray[np.float64]

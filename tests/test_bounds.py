@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from identification import InvalidInputError, load_device, load_trajectory
-from identification.documents import LARGEST_FILE, MOST_EVENTS, load_mapping
+from identification.documents.yaml_reading import LARGEST_FILE, MOST_EVENTS, load_mapping
 from identification.readers.limits import LONGEST_HEADER, MOST_COLUMNS
 from tune.documents.moments import MOST_ELEMENTS, MOST_SUMS, moments_of
 from tune.documents.profile import load_profile

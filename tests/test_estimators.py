@@ -13,12 +13,12 @@ from identification import Trajectory
 from identification.estimators import ESTIMATORS, least_squares
 from identification.estimators.cut_off import CutOff, choose_cut_off
 from identification.estimators.delay import find_delay
+from identification.estimators.intervals import correlation_length, half_width, spread
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Model
 from identification.estimators.noise import encoder_count, finest_reading, position_noise
 from identification.estimators.rows import Signals
 from identification.estimators.shaping import whiteness
-from identification.intervals import correlation_length, half_width, spread
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
 

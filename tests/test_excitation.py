@@ -13,7 +13,7 @@ from identification import (
     plan_excitation,
 )
 from identification.estimators.model import Model
-from identification.information import NORMAL_95, predict
+from identification.planning.information import NORMAL_95, predict
 from identification.planning.stick_slip import Guess
 from tests.estimates import estimate_by
 from tests.excitation_plans import FRICTION, LIMITS, RANGES, STEP, Array, planned, rig_of, spec

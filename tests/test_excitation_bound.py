@@ -11,7 +11,7 @@ from datasets_synthetic import Rig, simulate
 from identification import (
     ExcitationSpec,
 )
-from identification.information import NORMAL_95, predict
+from identification.planning.information import NORMAL_95, predict
 from identification.planning.merit import Friction, Merit
 from identification.planning.response import Response
 from identification.planning.stick_slip import Guess, answer, sensitivities

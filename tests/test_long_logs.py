@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from identification import Trajectory, examine, excited_part, identify
-from identification.excited_part import most_excited
+from identification.fitting.excited_part import most_excited
 from tests.mutations import peak_bytes
 
 MASS, DAMPING, STEP = 3.0, 10.0, 1e-3

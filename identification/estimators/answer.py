@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.intervals import Spread
 from identification.estimators.linear import explained
 from identification.estimators.model import Estimate, Model
 from identification.estimators.shaping import whiteness
-from identification.intervals import Spread
 
 FloatArray = NDArray[np.float64]
 

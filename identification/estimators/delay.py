@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.drive import MOST_SAMPLES
+from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Model
-from identification.intervals import spread
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

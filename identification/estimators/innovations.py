@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from identification.estimators.answer import answer
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.intervals import spread
 from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS, Regression
 from identification.estimators.linear import solve as solved
 from identification.estimators.model import Estimate
 from identification.estimators.separable import Solution, physical, solve
 from identification.estimators.shaping import is_coloured, whitener
-from identification.intervals import spread
 
 FloatArray = NDArray[np.float64]
 

@@ -19,13 +19,13 @@ from identification.estimators.answer import answer
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import Commands, Held
 from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.motion import Motion
 from identification.estimators.rows import Kinematics
 from identification.estimators.terms import terms
-from identification.intervals import spread
 
 FloatArray = NDArray[np.float64]
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from identification.estimators.answer import answer
 from identification.estimators.cut_off import CutOff, choose_cut_off
 from identification.estimators.held import Held, unknown_intervals
+from identification.estimators.intervals import spread
 from identification.estimators.linear import unit_columns
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
 from identification.estimators.motion import Motion, first_look, refined
 from identification.estimators.rows import FIRST, Signals, of_rows
 from identification.estimators.terms import others, terms
-from identification.intervals import spread
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

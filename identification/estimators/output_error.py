@@ -18,13 +18,13 @@ from identification.estimators import unlogged
 from identification.estimators.answer import answer
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.output_error_turns import Fitted, Turns
 from identification.estimators.separable import physical, solve
 from identification.estimators.shaping import whiteness
-from identification.intervals import spread
 
 FloatArray = NDArray[np.float64]
 

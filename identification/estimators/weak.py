@@ -17,11 +17,11 @@ from dataclasses import replace
 import numpy as np
 
 from identification.estimators.answer import answer
+from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
 from identification.estimators.model import Estimate
 from identification.estimators.weak_rows import Solution, TestedRows
-from identification.intervals import spread
 
 #: Test functions pass half of the power at this multiple of the frequency that holds most of the
 #: motion: what is learnt of mass and damping goes with the power of position.

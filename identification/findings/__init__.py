@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identification.device import Hardware
+from identification.device.device import Hardware
 from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate

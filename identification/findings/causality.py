@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from identification.errors import Finding
+from identification.estimators.intervals import half_width
 from identification.estimators.model import Estimate
 from identification.findings.balance import Balance
 from identification.findings.feedback import Law, law_of
-from identification.intervals import half_width
 from identification.trajectory import Trajectory
 
 #: A virtual spring and damper explain the force up to this part of its mean square, ...

@@ -6,9 +6,9 @@ import numpy as np
 
 from identification.errors import Finding
 from identification.estimators.delay import MOST_SAMPLES, Delay
+from identification.estimators.intervals import NORMAL_95, half_width
 from identification.estimators.model import Estimate
 from identification.findings.balance import Balance, left_over
-from identification.intervals import NORMAL_95, half_width
 from identification.trajectory import Trajectory
 
 #: Half-width of the 95 % interval of the mass, as part of the mass, above which a log is refused.

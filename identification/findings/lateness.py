@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from identification.errors import Finding
 from identification.estimators.delay import MOST_SAMPLES, Delay
-from identification.intervals import NORMAL_95
+from identification.estimators.intervals import NORMAL_95
 from identification.trajectory import Trajectory
 
 #: Samples from the end of the scan within which the true delay may lie beyond it, ...

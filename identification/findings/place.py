@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
+from identification.estimators.intervals import half_width
 from identification.estimators.linear import solve
 from identification.estimators.model import Estimate
 from identification.findings.balance import Balance, left_over
-from identification.intervals import half_width
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

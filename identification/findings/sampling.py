@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device import Hardware
+from identification.device.device import Hardware
 from identification.errors import Finding, InvalidInputError
 from identification.estimators.held import LOST
 from identification.findings.balance import balance_of

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device import Hardware
+from identification.device.device import Hardware
 from identification.errors import Finding
 from identification.estimators.noise import encoder_count
 from identification.trajectory import Trajectory

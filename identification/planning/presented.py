@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from identification.excitation import Excitation
+from identification.planning.excitation import Excitation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

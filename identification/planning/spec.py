@@ -9,10 +9,16 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from identification.device import LIGHTEST
-from identification.documents import Document, load_document
-from identification.hardware import SHORTEST_STEP
-from identification.quantities import LARGEST, AnyQuantity, PositiveQuantity, Quantity, quantity
+from identification.device.device import LIGHTEST
+from identification.device.hardware import SHORTEST_STEP
+from identification.device.quantities import (
+    LARGEST,
+    AnyQuantity,
+    PositiveQuantity,
+    Quantity,
+    quantity,
+)
+from identification.documents.document import Document, load_document
 from identification.trajectory import SHORTEST, Motion
 
 #: Rows of the longest force planned: three minutes at 1 kHz. A simulation steps through all of

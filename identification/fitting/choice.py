@@ -7,7 +7,7 @@ import numpy as np
 from identification.estimators.model import Estimate, Model
 from identification.estimators.noise import encoder_count
 from identification.estimators.shaping import is_coloured
-from identification.workshop import Workshop
+from identification.fitting.workshop import Workshop
 
 #: A residual of at most this many counts rms is the encoder's own, whatever its colour: rounding
 #: alone is 0.289, and it is not white where the device moves slowly.

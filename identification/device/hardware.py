@@ -6,9 +6,9 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from identification.documents import Document
-from identification.mechanism import MOST_MODES, Mode
-from identification.quantities import LARGEST, AnyQuantity, PositiveQuantity, Source
+from identification.device.mechanism import MOST_MODES, Mode
+from identification.device.quantities import LARGEST, AnyQuantity, PositiveQuantity, Source
+from identification.documents.document import Document
 from identification.trajectory import Motion
 
 #: s: a loop of 10 MHz.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from identification.device import Device
-from identification.documents import load_document
+from identification.device.device import Device
+from identification.documents.document import load_document
 from identification.errors import InvalidInputError
 
 _FOLDER = Path(__file__).parent / "named"

@@ -13,7 +13,7 @@ from pydantic import (
     model_validator,
 )
 
-from identification.documents import Document
+from identification.documents.document import Document
 
 #: No quantity of a device comes near it in SI units; beyond, formulas overflow.
 LARGEST = 1e9

@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.choice import choose
+from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate
-from identification.excited_part import most_excited
 from identification.findings import judge
-from identification.hardware import Hardware
-from identification.selection import distinguishable, widened, without_noise
-from identification.structure import Structure
+from identification.fitting.choice import choose
+from identification.fitting.excited_part import most_excited
+from identification.fitting.selection import distinguishable, widened, without_noise
+from identification.fitting.workshop import Workshop
+from identification.structure.stability_selection import Structure
 from identification.trajectory import Trajectory
-from identification.workshop import Workshop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError
-from identification.information import Prediction, predict
 from identification.planning.bench import Bench
 from identification.planning.families import Family, Shape, binaries, multisines, swept_sines
+from identification.planning.information import Prediction, predict
 from identification.planning.response import Response
 from identification.planning.spec import ExcitationSpec
 from identification.planning.stick_slip import Guess, answer

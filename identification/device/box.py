@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.device.quantities import Quantity
 from identification.errors import InvalidInputError
-from identification.intervals import NORMAL_95
-from identification.quantities import Quantity
+from identification.estimators.intervals import NORMAL_95
 
 #: Probability that the simultaneous box holds every identified quantity.
 BOX_CONFIDENCE = 0.999

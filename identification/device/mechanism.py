@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic import ConfigDict, Field, model_validator
 
-from identification.documents import Document
-from identification.quantities import PositiveQuantity
+from identification.device.quantities import PositiveQuantity
+from identification.documents.document import Document
 
 #: Modes that one axis may state; each adds two to the degree of the loop.
 MOST_MODES = 4

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from identification.estimators.held import Held
 from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
-from identification.structure import Structure, suggest
+from identification.structure.stability_selection import Structure, suggest
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device import (
+from identification.device.device import (
     ByDirection,
     Covariance,
     Device,
@@ -20,9 +20,9 @@ from identification.device import (
 )
 from identification.errors import Finding
 from identification.estimators.held import LOST
+from identification.estimators.intervals import quantile
 from identification.estimators.noise import finest_reading
-from identification.intervals import quantile
-from identification.one_log import LogFit
+from identification.fitting.one_log import LogFit
 
 FloatArray = NDArray[np.float64]
 

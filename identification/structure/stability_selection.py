@@ -20,9 +20,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.distinct import ALWAYS, GRAVITY, OFFSET, POSITION, distinct, normalised, scaled
-from identification.resampling import BLOCKS, Resampled, cut
-from identification.sparse import paying_terms
+from identification.structure.distinct import (
+    ALWAYS,
+    GRAVITY,
+    OFFSET,
+    POSITION,
+    distinct,
+    normalised,
+    scaled,
+)
+from identification.structure.resampling import BLOCKS, Resampled, cut
+from identification.structure.sparse import paying_terms
 
 FloatArray = NDArray[np.float64]
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.choice import noise_explains, robust
+from identification.estimators.intervals import half_width
 from identification.estimators.model import Estimate, Gravity, Model
-from identification.intervals import half_width
-from identification.structure import Structure
+from identification.fitting.choice import noise_explains, robust
+from identification.fitting.workshop import Workshop
+from identification.structure.stability_selection import Structure
 from identification.trajectory import Trajectory
-from identification.workshop import Workshop
 
 #: Coulomb friction can be told from an offset if at least this part of the motion goes either way.
 LEAST_RETURN = 0.01
@@ -77,7 +77,7 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
 
 def _sceptic(workshop: Workshop) -> Structure | None:
     """What sparse regression finds in the log; None if the log is too short for it."""
-    from identification.candidates import structure_of
+    from identification.structure.candidates import structure_of
 
     try:
         return structure_of(

@@ -8,11 +8,11 @@ from typing import Any, Literal, cast
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
-from identification.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
-from identification.documents import Document
-from identification.hardware import SHORTEST_STEP, ForceLimit, Hardware
-from identification.mechanism import MOST_MODES, Mode
-from identification.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
+from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
+from identification.device.hardware import SHORTEST_STEP, ForceLimit, Hardware
+from identification.device.mechanism import MOST_MODES, Mode
+from identification.device.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
+from identification.documents.document import Document
 from identification.trajectory import Motion
 
 __all__ = [

@@ -12,7 +12,7 @@ from identification.errors import InvalidInputError
 from identification.readers import READERS
 from identification.readers.columns import LogColumns, quoted
 from identification.readers.limits import LARGEST_FILE
-from identification.sizes import refuse_sizes
+from identification.readers.sizes import refuse_sizes
 from identification.trajectory import Motion, Trajectory
 
 __all__ = ["LogColumns", "load_trajectory"]

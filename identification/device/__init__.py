@@ -1,0 +1,1 @@
+"""The device: mass, damping, hardware, intervals, and the box of all of them."""

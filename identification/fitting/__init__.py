@@ -1,0 +1,1 @@
+"""From a log to the estimate believed: choice of method and terms."""

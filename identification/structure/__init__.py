@@ -1,0 +1,1 @@
+"""Which terms a log asks for beyond mass and damping."""

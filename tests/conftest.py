@@ -1,12 +1,19 @@
-"""One thread of linear algebra a worker: the workers already take every core.
+"""One thread of linear algebra a worker, and no deadline for examples.
 
-Arrays here are small. With a thread a core each, the workers wait for one another, which costs a
-third more processor time. Set before numpy is first imported; what is set already stays.
+The workers already take every core, and arrays here are small. With a thread a core each, the
+workers wait for one another, which costs a third more processor time. Set before numpy is first
+imported; what is set already stays.
 """
 
 from __future__ import annotations
 
 import os
+
+from hypothesis import settings
+
+# Time is measured where it is asked for; a busy machine is no failure.
+settings.register_profile("haptune", deadline=None)
+settings.load_profile("haptune")
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")

@@ -39,11 +39,11 @@ def _profile(*, rich: bool = False) -> SafeProfile:
     return optimise(load_device("homerehab"), Scene.model_validate(RICH if rich else SPRING))
 
 
-def _every_digit_is_guarded(text: str, path: Path, others: Callable[[str], str]) -> int:
-    """Change each digit in turn to each of ``others``; count them."""
+def _digits_are_guarded(text: str, path: Path, others: Callable[[str], str], every: int) -> int:
+    """Change one digit of so many, in turn, to each of ``others``; count all digits."""
     places = [at for at, letter in enumerate(text) if letter.isdigit()]
     assert places
-    for at in places:
+    for at in places[::every]:
         for digit in others(text[at]):
             path.write_text(text[:at] + digit + text[at + 1 :], encoding="utf-8")
             with pytest.raises(CheckFailedError):
@@ -52,14 +52,14 @@ def _every_digit_is_guarded(text: str, path: Path, others: Callable[[str], str])
 
 
 @pytest.mark.parametrize("rich", [False, True])
-def test_every_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -> None:
+def test_every_third_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -> None:
     chance = np.random.default_rng(5)
     text = _profile(rich=rich).to_yaml()
 
     def another(digit: str) -> str:
         return str((int(digit) + int(chance.integers(1, 10))) % 10)
 
-    guarded = _every_digit_is_guarded(text, tmp_path / "profile.yaml", another)
+    guarded = _digits_are_guarded(text, tmp_path / "profile.yaml", another, every=3)
     assert guarded > (300 if rich else 200)
 
 
@@ -69,7 +69,8 @@ def test_every_digit_changed_to_every_other_is_noticed(tmp_path: Path, rich: boo
     def all_others(digit: str) -> str:
         return "0123456789".replace(digit, "")
 
-    _every_digit_is_guarded(_profile(rich=rich).to_yaml(), tmp_path / "profile.yaml", all_others)
+    text = _profile(rich=rich).to_yaml()
+    _digits_are_guarded(text, tmp_path / "profile.yaml", all_others, every=1)
 
 
 @pytest.mark.parametrize(

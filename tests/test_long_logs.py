@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Trajectory, examine, excited_part, identify
+from identification import Trajectory, examine, identify
+from identification.fitting import excited_part
 from identification.fitting.excited_part import most_excited
 from tests.mutations import peak_bytes
 

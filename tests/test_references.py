@@ -74,7 +74,7 @@ def test_one_sample_on_unit_vectors_has_the_limits_of_360_digits() -> None:
         velocity_filter_hz=60.0,
         velocity_filter_order=2,
         acceleration_filter_hz=40.0,
-        damping_ratio=0.7071,
+        filter_damping_ratio=0.7071,
     )
     bench = SampledBench(
         mass=case.mass,

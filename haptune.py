@@ -6,9 +6,11 @@ Names load on first use, so that importing this costs nothing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # what checkers of types take for true
+    from types import ModuleType
+    from typing import Any
 
-if TYPE_CHECKING:
     from identification import Device, Hardware, Trajectory, identify, load_device, load_trajectory
     from tune import (
         Effects,
@@ -48,11 +50,40 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name in __all__:
         import identification
-        import tune
 
+        tune = _own_tune()
         return getattr(tune if name in tune.__all__ else identification, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def _own_tune() -> ModuleType:
+    """The package ``tune`` of haptune; another project installs one of that name too.
+
+    Raises:
+        ImportError: the other project's stands in its place.
+    """
+    import tune
+
+    if "optimise" not in getattr(tune, "__all__", ()):
+        raise ImportError(
+            f"{tune.__file__} belongs to another project that installs a package named tune. "
+            "Install haptune into a virtual environment of its own"
+        )
+    return tune
+
+
+def main() -> None:
+    """Entry point of the command ``haptune``; see `tune.cli.main`."""
+    try:
+        _own_tune()
+        from tune.cli import main as run
+    except ImportError as error:
+        import sys
+
+        sys.stderr.write(f"haptune: {error}\n")
+        sys.exit(1)
+    run()

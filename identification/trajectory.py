@@ -69,6 +69,13 @@ class Trajectory:
             raise LogRefusedError(findings)
         object.__setattr__(self, "sample_time", float(np.median(np.diff(self.time))))
 
+    def __repr__(self) -> str:
+        length = float(self.time[-1] - self.time[0])
+        return (
+            f"Trajectory({self.source}, axis {self.axis}, {self.motion}: {self.time.size} samples, "
+            f"{length:.4g} s, {'with' if self.reference is not None else 'without'} a reference)"
+        )
+
     def columns(self) -> tuple[tuple[str, FloatArray], ...]:
         """The columns present, by name."""
         named = (("time", self.time), ("force", self.force), ("position", self.position))

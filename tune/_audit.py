@@ -84,6 +84,13 @@ class Audit:
     nearest: Effects | None
     certificate: Certificate | None
 
+    def __repr__(self) -> str:
+        faults = ", ".join(fault.limit for fault in self.faults) or "none"
+        return (
+            f"Audit({'safe' if self.safe else 'not safe'}: gain {self.gain:.4g}, "
+            f"{self.delay_samples:.3g} extra samples of delay, faults: {faults})"
+        )
+
     @property
     def safe(self) -> bool:
         """True when nothing was found and the independent check agrees."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from inspect import Parameter, Signature
 from os import PathLike
 from typing import Any, TypeVar, cast, get_args
 
@@ -22,6 +23,17 @@ DIGITS = 12
 Model = TypeVar("Model", bound="Document")
 
 
+class _KeyNames:
+    """Signature of a document for help(): its keys and plain defaults, without validators."""
+
+    def __get__(self, document: object, kind: type[BaseModel]) -> Signature:
+        keys: list[Parameter] = []
+        for name, field in kind.model_fields.items():
+            default = Parameter.empty if field.is_required() else field.get_default()
+            keys.append(Parameter(field.alias or name, Parameter.KEYWORD_ONLY, default=default))
+        return Signature(keys)
+
+
 class Document(BaseModel):
     """Base of everything stored in YAML: frozen, no unknown keys, numbers finite."""
 
@@ -32,6 +44,11 @@ class Document(BaseModel):
         validate_by_name=True,
         validate_by_alias=True,
     )
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        cls.__signature__ = _KeyNames()  # pyright: ignore[reportAttributeAccessIssue]
 
     @field_validator("*", mode="before")
     @classmethod

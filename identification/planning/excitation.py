@@ -88,6 +88,12 @@ class Excitation:
     spec: ExcitationSpec
     candidates: tuple[Candidate, ...]
 
+    def __repr__(self) -> str:
+        return (
+            f"Excitation({len(self.best.force)} samples of {self.best.family}, expected half-width "
+            f"mass {self.mass:.3g}, damping {self.damping:.3g}; {len(self.candidates)} candidates)"
+        )
+
     @property
     def best(self) -> Candidate:
         """The candidate to be played."""

@@ -8,7 +8,8 @@ from tune.certificate.bounds import force_failures, ripple_of, whole_delay
 from tune.certificate.certify import regions_of, setting_of
 from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting
-from tune.documents.profile import EFFECT_NAMES, Design, EffectName, ElementProfile
+from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.profile import Design, ElementProfile
 
 #: Margins are looked for up to so much gain and so many samples, and stated in such steps.
 _MOST_GAIN, _MOST_SAMPLES = 1000.0, 10.0

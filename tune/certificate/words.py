@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tune.documents.profile import EFFECT_NAMES, Design
+from tune.documents.effects import EFFECT_NAMES
+from tune.documents.profile import Design
 
 METHOD = (
     "no pole can cross the unit circle anywhere in the box: excluded by subdivision with "

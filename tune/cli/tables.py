@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from identification import Device, Quantity
     from tune.documents.certified import Certificate
     from tune.documents.discrimination import Estimate
-    from tune.documents.profile import LoopProfile, SafeProfile
+    from tune.documents.loop_profile import LoopProfile
+    from tune.documents.profile import SafeProfile
     from tune.documents.scene import MarginName
     from tune.optimisation.candidates import Candidate, CandidateEffect
 

@@ -15,34 +15,16 @@ from tune.documents.certified import Certificate
 from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.errors import CheckFailedError
 from tune.documents.hand import Hand
+from tune.documents.loop_profile import LoopProfile
 from tune.documents.moments import moments_of, refuse_strange_groups
 from tune.documents.scene import (
     LARGEST,
-    LONGEST_WINDOW,
     MARGINS,
     SMALLEST,
     Margin,
     MarginName,
     Motion,
 )
-
-__all__ = [
-    "EFFECT_NAMES",
-    "Design",
-    "EffectName",
-    "ElementProfile",
-    "LimitedBy",
-    "LoopProfile",
-    "MarginProfile",
-    "Margins",
-    "PerceptionProfile",
-    "Rendered",
-    "SafeProfile",
-    "digest_of",
-    "load_profile",
-    "profile_of",
-    "read_signed",
-]
 
 LimitedBy = Literal[
     "stability",
@@ -56,72 +38,6 @@ LimitedBy = Literal[
 ]
 
 _SCHEMA = "haptune/profile/1"
-
-#: Names of the settings of both filters, in files, loops, the certificate and the simulator alike.
-FILTER_SETTINGS = (
-    "velocity_filter_hz",
-    "acceleration_filter_hz",
-    "velocity_filter_order",
-    "acceleration_filter_order",
-    "filter_damping_ratio",
-    "velocity_window_samples",
-)
-
-
-class LoopProfile(Document):
-    """The loop the controller must run: period, delay beyond an immediate loop, the very filters.
-
-    Filters are those of docs/theory.md, 1, evaluated at the sample rate and reset when an element
-    is entered; without a cut-off or a window an estimate is a plain backward difference.
-
-    Attributes:
-        sample_time: s.
-        extra_delay_samples: the device's delay in samples, need not be whole.
-        velocity_filter_hz: cut-off, Hz.
-        acceleration_filter_hz: cut-off, Hz.
-        velocity_filter_order: 1 or 2 poles.
-        acceleration_filter_order: 1 or 2 poles.
-        filter_damping_ratio: of second-order filters.
-        velocity_window_samples: velocity over the last n samples instead of a filter.
-    """
-
-    sample_time: float
-    extra_delay_samples: float
-    velocity_filter_hz: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
-    acceleration_filter_hz: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
-    velocity_filter_order: Literal[1, 2] = 1
-    acceleration_filter_order: Literal[1, 2] = 2
-    filter_damping_ratio: float = Field(default=1.0, ge=0.1, le=1)
-    velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
-
-    @model_validator(mode="after")
-    def _one_velocity(self) -> LoopProfile:
-        if self.velocity_window_samples is not None and self.velocity_filter_hz is not None:
-            raise ValueError("velocity_window_samples takes the place of velocity_filter_hz")
-        return self
-
-    def with_effects(self, *, damping: bool, mass: bool) -> LoopProfile:
-        """The loop with the filters that these effects use, what they do not use at its default."""
-        defaults = {name: field.default for name, field in LoopProfile.model_fields.items()}
-        velocity = damping and self.velocity_filter_hz is not None
-        acceleration = mass and self.acceleration_filter_hz is not None
-        squared = (velocity and self.velocity_filter_order == 2) or (
-            acceleration and self.acceleration_filter_order == 2
-        )
-        used = {
-            "velocity_filter_hz": velocity,
-            "velocity_filter_order": velocity,
-            "velocity_window_samples": damping,
-            "acceleration_filter_hz": acceleration,
-            "acceleration_filter_order": acceleration,
-            "filter_damping_ratio": squared,
-        }
-        idle = {name: defaults[name] for name, there in used.items() if not there}
-        return self.model_copy(update=idle)
-
-    def filter_settings(self) -> dict[str, Any]:
-        """What says which filters run, by the names that all of haptune calls them."""
-        return {name: getattr(self, name) for name in FILTER_SETTINGS}
 
 
 class Margins(Document):
@@ -176,6 +92,13 @@ class ElementProfile(Document):
     limited_by: dict[EffectName, LimitedBy]
     motion: Motion
     rendered: Rendered | None = None
+
+    def sizes(self) -> str:
+        """The effects that act, in SI units, as one phrase."""
+        acting = (
+            f"{name} {getattr(self, name):.6g}" for name in EFFECT_NAMES if getattr(self, name)
+        )
+        return ", ".join(acting) or "nothing"
 
 
 class PerceptionProfile(Document):
@@ -239,6 +162,13 @@ class SafeProfile(Design):
 
     certificate: Certificate
     digest: str = ""
+
+    def __repr__(self) -> str:
+        played = "; ".join(f"{name}: {each.sizes()}" for name, each in self.elements.items())
+        return (
+            f"SafeProfile({self.scene} on {self.device.name}, margin {self.margin.name}, "
+            f"{len(self.certificate.interior)} moment(s) proved; {played})"
+        )
 
     def to_yaml(self) -> str:
         """The file's text, its digest computed from its content."""

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping
 from string import Template
 
 from identification import InvalidInputError
-from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
+from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import ElementProfile, SafeProfile
 from tune.exporters.c_header import HEADER
 from tune.exporters.c_source import CLAMP, LIMIT, SOURCE
 from tune.exporters.heading import digest, heading, short, unit_of_force

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from tune.documents.profile import LoopProfile
+from tune.documents.loop_profile import LoopProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

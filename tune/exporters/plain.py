@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from tune.documents.profile import LoopProfile, SafeProfile
+from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import SafeProfile
 from tune.exporters.heading import digest
 from tune.exporters.law import Section, law_of
 

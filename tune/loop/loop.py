@@ -59,6 +59,10 @@ class Loop:
     held: bool = False
     factors: Factors | None = None
 
+    def __repr__(self) -> str:
+        held = "held by a hand" if self.held else "position free without a spring"
+        return f"Loop(degree {self.degree} in w, shape {self.terms.free.shape[1:]}, {held})"
+
     @classmethod
     def from_parts(
         cls,

@@ -9,15 +9,10 @@ from identification import Device, as_stored
 from tune.certificate.words import note_of_dropped, skipped_parts
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.hand import hand_of
+from tune.documents.loop_profile import LoopProfile
 from tune.documents.moments import groups_of
 from tune.documents.perception import PerceptionTable, default_table
-from tune.documents.profile import (
-    Design,
-    LoopProfile,
-    MarginProfile,
-    PerceptionProfile,
-    SafeProfile,
-)
+from tune.documents.profile import Design, MarginProfile, PerceptionProfile, SafeProfile
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.optimisation.climb import SAME

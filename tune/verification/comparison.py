@@ -70,6 +70,13 @@ class Verification:
     delay: DelaySeen
     trajectory: Trajectory
 
+    def __repr__(self) -> str:
+        verdicts = ", ".join(f"{each.check}: {each.verdict}" for each in self.outcomes)
+        return (
+            f"Verification({self.source}: {'+'.join(self.elements)} at gain {self.gain:.3g}; "
+            f"{verdicts})"
+        )
+
     @property
     def disagreements(self) -> tuple[Outcome, ...]:
         """What is not as predicted."""

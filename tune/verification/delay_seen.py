@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tune.documents.effects import Effects
-from tune.documents.profile import Design, LoopProfile
+from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import Design
 from tune.loop.filters import Filters
 from tune.verification.allowed import AllowedLoops, ModeSeen, allowed_loops
 from tune.verification.cutoffs_seen import CutoffSeen, filters_allowed

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
-from tune.documents.profile import Design, LoopProfile
+from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import Design
 from tune.verification.elements import effects_of, scaled, spoken
 from tune.verification.explanations import EXPLAINS, MATERIAL_SIZE, Explanation, explain
 from tune.verification.law import LawFit, fit_scaled, noise_gain

@@ -6,7 +6,7 @@ import numpy as np
 
 from identification import Device, quantity
 from tune.documents.effects import Effects
-from tune.documents.profile import LoopProfile
+from tune.documents.loop_profile import LoopProfile
 from tune.verification.free_motion import FreeMotion
 from tune.verification.outcome import Outcome, not_assessed
 from tune.verification.prediction import Prediction, slowest

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.profile import LoopProfile
+from tune.documents.loop_profile import LoopProfile
 from tune.verification.allowed import ModeSeen
 from tune.verification.free_motion import FreeMotion, measure_sprung, measure_unsprung
 from tune.verification.motion_outcomes import (

@@ -39,8 +39,14 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("log.csv").write_text("time,force,position\n" + "0,0,0\n" * 300, encoding="utf-8")
 
 
+#: Files that the commands write.
+_OUTPUTS = ("new.yaml", "other.csv")
+
+
 def _ended_in_order(arguments: str, name: str, delay: float) -> None:
     """Send a signal some seconds after the start and judge all that is left."""
+    for output in _OUTPUTS:
+        Path(output).unlink(missing_ok=True)
     process = started(*arguments.split())
     time.sleep(delay)
     process.send_signal(getattr(signal, name))
@@ -57,7 +63,7 @@ def _ended_in_order(arguments: str, name: str, delay: float) -> None:
         if "--json" in arguments:
             result = json.loads(out.splitlines()[-1])
             assert result["status"] == "interrupted", what
-            for output in ("new.yaml", "other.csv"):
+            for output in _OUTPUTS:
                 assert (output in result["outputs"]) == Path(output).exists(), what
 
 

@@ -71,7 +71,9 @@ def _judge(seed: int) -> Counter[str]:
     return Counter(words)
 
 
-@pytest.mark.parametrize("seeds", [range(16), range(16, 32), range(32, 48)])
+@pytest.mark.parametrize(
+    "seeds", [range(16), range(16, 32), pytest.param(range(32, 48), marks=pytest.mark.long)]
+)
 def test_relaxing_the_limit_named_lets_an_effect_grow(seeds: range) -> None:
     seen = sum((_judge(seed) for seed in seeds), Counter[str]())
     assert {"force", "ripple", "delay-margin"} <= set(seen)

@@ -19,7 +19,7 @@ from tests.mutations import KINDS, fault, prepare
 
 ROOT = Path(__file__).parent.parent
 #: Cases of each kind by default, of seeds that the long tests do not use.
-FEW = {"yaml": 25, "log": 15, "options": 15}
+FEW = {"yaml": 12, "log": 8, "options": 8}
 #: Cases of each kind in the long tests, and how many one process is given.
 CASES = {"yaml": 3000, "log": 2000, "options": 1000}
 SHARE = 250

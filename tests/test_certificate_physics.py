@@ -14,9 +14,10 @@ from scipy.signal import lfilter
 
 from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.plant import sampled_plant
-from tune.certificate.polynomial import HandPoint, ModePoint, Point, Setting, precision
+from tune.certificate.polynomial import ModePoint, Point, Setting, precision
 from tune.certificate.ripple import ripple_by_integration
 from tune.certificate.roots import judge
+from tune.documents.certified import HandPlace
 
 
 def _two_bodies(point: Point) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -74,7 +75,7 @@ def _general(delay: float) -> Point:
                 at_handle=-math.sqrt(2.0),
             ),
         ),
-        hand=HandPoint(mass=0.2, damping=4.0, stiffness=500.0),
+        hand=HandPlace(mass=0.2, damping=4.0, stiffness=500.0),
     )
 
 
@@ -100,7 +101,7 @@ def test_the_general_plant_is_two_bodies_on_a_spring_in_a_hand(delay: float) -> 
 def test_without_anything_the_exponential_is_the_printed_plant() -> None:
     """A hand that weighs nothing, and a delay that is almost whole."""
     point = Point(mass=3.0, damping=10.0, sample_time=1e-3, delay_samples=1.0)
-    nothing = HandPoint(mass=0.0, damping=0.0, stiffness=0.0)
+    nothing = HandPlace(mass=0.0, damping=0.0, stiffness=0.0)
     setting = Setting(
         stiffness=2000.0,
         damping=20.0,

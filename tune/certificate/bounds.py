@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tune.certificate.passivity import damping_for_passivity, passive
-from tune.certificate.point import HandPoint, ModePoint, Point, Setting
+from tune.certificate.point import ModePoint, Point, Setting
 from tune.certificate.region import Region
 from tune.certificate.ripple import ripple_by_integration
+from tune.documents.certified import HandPlace
 from tune.documents.profile import Design
 
 #: A claimed number may differ from the recomputed one by this much, relative: both are printed.
@@ -88,7 +89,7 @@ def _best_estimates(design: Design) -> list[Point]:
                 for mode in device.modes
             ),
             hand=hand
-            and HandPoint(
+            and HandPlace(
                 mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value
             ),
             current_lag=0.0 if device.current_lag is None else device.current_lag.value,

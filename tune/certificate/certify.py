@@ -17,7 +17,7 @@ from tune.certificate.proof import Claim, prove
 from tune.certificate.region import HandRegion, ModeRegion, Region
 from tune.certificate.words import METHOD, assumptions, not_assessed
 from tune.certificate.worst import Worst, worst_point
-from tune.documents.certified import Certificate, HandBox, HandPlace, ModeBox, ModePlace, WorstPoint
+from tune.documents.certified import Certificate, HandBox, ModeBox, ModePlace, WorstPoint
 from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design
 
@@ -273,10 +273,7 @@ def _place(moment: tuple[str, ...], gain: float, point: Point, radius: float) ->
             for mode in point.modes
         ),
         current_lag=point.current_lag or None,
-        hand=point.hand
-        and HandPlace(
-            mass=point.hand.mass, damping=point.hand.damping, stiffness=point.hand.stiffness
-        ),
+        hand=point.hand,
         gain=gain,
         pole_radius=radius,
     )

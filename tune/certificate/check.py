@@ -13,7 +13,7 @@ from identification import Device, to_mapping
 from tune.certificate.certify import certify, setting_of
 from tune.certificate.differences import differences
 from tune.certificate.elements import recomputed_otherwise
-from tune.certificate.point import HandPoint, ModePoint, Point
+from tune.certificate.point import ModePoint, Point
 from tune.certificate.roots import judge
 from tune.certificate.stated import form_failures, stated_failures
 from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint
@@ -134,10 +134,7 @@ def _worst_differs(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
             )
             for place, mode in zip(stated.modes, device.modes, strict=True)
         ),
-        hand=stated.hand
-        and HandPoint(
-            mass=stated.hand.mass, damping=stated.hand.damping, stiffness=stated.hand.stiffness
-        ),
+        hand=stated.hand,
         current_lag=stated.current_lag or 0.0,
     )
     seen = judge(point, setting, stated.gain).radius

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tune.documents.certified import HandPlace
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModePoint:
@@ -20,15 +22,6 @@ class ModePoint:
     damping_ratio: float
     at_encoder: float
     at_handle: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HandPoint:
-    """One grip: kg, N·s/m, N/m."""
-
-    mass: float
-    damping: float
-    stiffness: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +43,7 @@ class Point:
     sample_time: float
     delay_samples: float
     modes: tuple[ModePoint, ...] = ()
-    hand: HandPoint | None = None
+    hand: HandPlace | None = None
     current_lag: float = 0.0
 
     @property

@@ -9,13 +9,12 @@ from flint import arb, arb_poly
 
 from tune.certificate.forms import FloatArray
 from tune.certificate.plant import sampled_plant
-from tune.certificate.point import HandPoint, ModePoint, Point, Setting
+from tune.certificate.point import ModePoint, Point, Setting
 from tune.certificate.precision import BITS, precision
 
 __all__ = [
     "BITS",
     "ClosedLoop",
-    "HandPoint",
     "Law",
     "ModePoint",
     "Point",

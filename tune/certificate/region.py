@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tune.certificate.forms import FloatArray
-from tune.certificate.point import HandPoint, ModePoint, Point
+from tune.certificate.point import ModePoint, Point
+from tune.documents.certified import HandPlace
 
 Interval = tuple[float, float]
 
@@ -76,7 +77,7 @@ class Region:
         mass, damping, step, delay, lag, *rest = (float(value) for value in values)
         hand = None
         if self.hand is not None:
-            hand = HandPoint(mass=rest[0], damping=rest[1], stiffness=rest[2])
+            hand = HandPlace(mass=rest[0], damping=rest[1], stiffness=rest[2])
             rest = rest[3:]
         samples = delay / step + extra
         whole = round(samples)

@@ -89,22 +89,8 @@ class Loop:
             sample_time=device.sample_time.value,
             delay_samples=device.delay.value / device.sample_time.value + extra_delay_samples,
             filters=filters,
-            modes=tuple(
-                ModeNumbers(
-                    frequency_hz=mode.frequency_hz.value,
-                    damping_ratio=mode.damping_ratio.value,
-                    at_encoder=mode.at_encoder,
-                    at_handle=mode.at_handle,
-                )
-                for mode in device.modes
-            ),
-            hand=None
-            if hand is None
-            else HandNumbers(
-                mass=hand.mass.value,
-                damping=hand.damping.value,
-                stiffness=hand.stiffness.value,
-            ),
+            modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
+            hand=None if hand is None else HandNumbers.of(hand),
             current_lag=0.0 if device.current_lag is None else device.current_lag.value,
         )
 

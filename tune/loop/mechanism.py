@@ -21,7 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identification import Mode
 from tune.documents.errors import LoopError
+from tune.documents.hand import Hand
 from tune.loop.polynomials import Polynomial
 from tune.loop.quadratics import split, split_fractions
 
@@ -44,6 +46,16 @@ class ModeNumbers:
     at_encoder: ArrayLike
     at_handle: ArrayLike
 
+    @classmethod
+    def of(cls, mode: Mode) -> ModeNumbers:
+        """The best estimate of a device's mode."""
+        return cls(
+            frequency_hz=mode.frequency_hz.value,
+            damping_ratio=mode.damping_ratio.value,
+            at_encoder=mode.at_encoder,
+            at_handle=mode.at_handle,
+        )
+
     def numbers(self) -> tuple[ArrayLike, ...]:
         """All four, as listed."""
         return self.frequency_hz, self.damping_ratio, self.at_encoder, self.at_handle
@@ -56,6 +68,11 @@ class HandNumbers:
     mass: ArrayLike
     damping: ArrayLike
     stiffness: ArrayLike
+
+    @classmethod
+    def of(cls, hand: Hand) -> HandNumbers:
+        """The best estimate of a hand."""
+        return cls(mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value)
 
     def numbers(self) -> tuple[ArrayLike, ...]:
         """All three, as listed."""

@@ -47,15 +47,7 @@ def loops_over(
         sample_time=device.sample_time.value,
         delay_samples=delay_samples,
         filters=filters,
-        modes=tuple(
-            ModeNumbers(
-                frequency_hz=mode.frequency_hz.value,
-                damping_ratio=mode.damping_ratio.value,
-                at_encoder=mode.at_encoder,
-                at_handle=mode.at_handle,
-            )
-            for mode in device.modes
-        ),
+        modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
         hand=hand,
         current_lag=0.0 if device.current_lag is None else device.current_lag.value,
     )

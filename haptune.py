@@ -51,7 +51,7 @@ def __getattr__(name: str) -> Any:
     if name in __all__:
         import identification
 
-        tune = _own_tune()
+        tune = own_tune()
         return getattr(tune if name in tune.__all__ else identification, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
@@ -60,7 +60,7 @@ def __dir__() -> list[str]:
     return __all__
 
 
-def _own_tune() -> ModuleType:
+def own_tune() -> ModuleType:
     """The package ``tune`` of haptune; another project installs one of that name too.
 
     Raises:
@@ -74,16 +74,3 @@ def _own_tune() -> ModuleType:
             "Install haptune into a virtual environment of its own"
         )
     return tune
-
-
-def main() -> None:
-    """Entry point of the command ``haptune``; see `tune.cli.main`."""
-    try:
-        _own_tune()
-        from tune.cli import main as run
-    except ImportError as error:
-        import sys
-
-        sys.stderr.write(f"haptune: {error}\n")
-        sys.exit(1)
-    run()

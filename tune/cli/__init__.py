@@ -28,10 +28,24 @@ def _run() -> None:
     from tune.cli.streams import prepare_streams
 
     prepare_streams()
+    _refuse_another_tune()
     _silence_libraries()
     from tune.cli.app import run
 
     run()
+
+
+def _refuse_another_tune() -> None:
+    """End where another project's package of this name was installed over ours."""
+    import sys
+
+    from haptune import own_tune
+
+    try:
+        own_tune()
+    except ImportError as error:
+        sys.stderr.write(f"haptune: {error}\n")
+        sys.exit(1)
 
 
 def _end_early() -> None:

@@ -45,7 +45,7 @@ def test_importing_it_loads_nothing() -> None:
 
 
 def test_a_tune_of_another_project_is_told(tmp_path: Path) -> None:
-    """Its __init__ stands in the place of ours, beside our folders, as two installations leave it."""
+    """Its __init__ stands in the place of ours, as two installations in one folder leave it."""
     (tmp_path / "tune").mkdir()
     (tmp_path / "tune" / "__init__.py").write_text("best = 1\n", encoding="utf-8")
     shutil.copytree(ROOT / "tune" / "cli", tmp_path / "tune" / "cli")

@@ -110,6 +110,7 @@ def fit_to_limits(
     high, overshot = room.copy(), np.full_like(room, np.inf)
     scale = room.copy()
     searching = np.arange(rig.batch)
+    # False position for all members at once: scipy's searches take one scalar at a time.
     for _ in range(_TRIES):
         some = exact.members(searching)
         tried = scale[searching]

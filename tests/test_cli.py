@@ -77,7 +77,7 @@ def test_methods_offered_are_the_methods_there_are() -> None:
     from tune.cli.options import MarginChoice
     from tune.documents.scene import MARGINS
 
-    assert f"<{'|'.join(METHODS)}>" in haptune("identify", "--help").out
+    assert "|".join(METHODS) in haptune("identify", "--help").out  # in brackets of some kind
     assert [margin.value for margin in MarginChoice] == list(MARGINS)
 
 

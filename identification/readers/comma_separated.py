@@ -36,7 +36,7 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
     header = _header(path, content)
     separator = max(_SEPARATORS, key=lambda mark: header.count(mark.encode()))
     refuse_wide(path, header, header.count(separator.encode()) + 1)
-    stored = _table(path, content, separator, n_rows=0).columns
+    stored = _table(path, header, separator, n_rows=0).columns
     # A header line that begins with # comes from loggers that mark it as a comment.
     shown = [name.strip("# ") for name in stored]
     if not {columns.time, columns.force, columns.position} <= set(shown):

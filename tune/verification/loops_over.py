@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.hand import Hand
+from tune.loop.companion import companion_roots
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.loop.mechanism import HandNumbers, ModeNumbers
@@ -75,16 +76,12 @@ def slow_poles(loop: Loop, effects: Effects, sample_time: float) -> NDArray[np.c
         sample_time: s.
     """
     closed, _ = loop.polynomial(effects)
-    closed = closed[1:] if effects.position_free else closed
-    degree, count = closed.shape[0] - 1, closed.shape[1]
-    companion = np.zeros((count, degree, degree))
-    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
-    companion[:, :, -1] = -(closed[:-1] / closed[-1]).T
-    w = np.linalg.eigvals(companion).astype(np.complex128)
+    closed = closed[loop.lowest_power(effects) :]
+    w = companion_roots(closed[:-1] / closed[-1])
     poles = np.full(w.shape, np.inf, dtype=np.complex128)
     alive = np.abs(1 + w) > _GONE
     poles[alive] = 2 / sample_time * np.arctanh(w[alive])
-    return poles[np.arange(count), np.argmin(np.abs(poles), axis=1)]
+    return poles[np.argmin(np.abs(poles), axis=0), np.arange(w.shape[1])]
 
 
 def damped_hertz(poles: NDArray[np.complex128]) -> FloatArray:

@@ -40,13 +40,16 @@ MOST_JITTER = 0.3
 _LONGEST = 1 << 20
 #: Hardware and log may differ by this part in sample time; mass goes with its square.
 SAMPLE_TIME_TOLERANCE = 0.01
+#: A stated delay may be this part of the log.
+LONGEST_DELAY = 0.1
 
 
 def sampling(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
     """``dropped-samples`` and ``jitter``.
 
     Raises:
-        InvalidInputError: the log's sample time is not the hardware's nor a multiple of it.
+        InvalidInputError: the log's sample time is not the hardware's nor a multiple of it, or the
+            hardware's delay is no small part of the log.
     """
     steps = np.diff(trajectory.time)
     long = steps > LOST * trajectory.sample_time
@@ -142,7 +145,10 @@ def _false(trajectory: Trajectory) -> bool:
 
 
 def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
-    if hardware is None or hardware.sample_time is None:
+    if hardware is None:
+        return ()
+    _refuse_delay(trajectory, hardware)
+    if hardware.sample_time is None:
         return ()
     stated, seen = hardware.sample_time, mean_step(trajectory)
     low = stated.low * (1 - SAMPLE_TIME_TOLERANCE)
@@ -166,6 +172,20 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> tupl
         f"steps by {seen:.6g} s, but the hardware states a sample time of {stated.value:.6g} s",
         "Give time in seconds (--time names the column), or correct sample_time",
     )
+
+
+def _refuse_delay(trajectory: Trajectory, hardware: Hardware) -> None:
+    """Of a log shorter than many delays, hardly a row feels a force that was logged."""
+    if hardware.delay is None:
+        return
+    stated, span = hardware.delay.high, float(trajectory.time[-1] - trajectory.time[0])
+    if stated > LONGEST_DELAY * span:
+        raise InvalidInputError(
+            trajectory.source,
+            f"lasts {span:.4g} s, but the hardware states a delay of {stated:.4g} s, "
+            f"{stated / span:.3g} times as long; at most {LONGEST_DELAY:g} times",
+            "Correct delay in the hardware file, which is in seconds, or log for longer",
+        )
 
 
 def mean_step(trajectory: Trajectory) -> float:

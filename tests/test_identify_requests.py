@@ -89,9 +89,9 @@ def test_sample_times_that_contradict() -> None:
     assert identify(trajectory, hardware=close).device.sample_time.value == 0.001005
 
 
-@pytest.mark.parametrize("delay", [1.0, 1e6, 1e9])
+@pytest.mark.parametrize("delay", [1e3, 1e6, 1e9])
 def test_a_delay_that_is_no_small_part_of_the_log_is_refused(delay: float) -> None:
-    with pytest.raises(InvalidInputError, match=r"lasts 5 s.*a delay of .* at most 0\.1 times"):
+    with pytest.raises(InvalidInputError, match=r"lasts .* s.*a delay of .* at most 0\.1 times"):
         identify(homerehab()[0], hardware=Hardware(delay=quantity(delay)))
 
 

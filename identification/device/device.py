@@ -11,7 +11,13 @@ from pydantic import ConfigDict, Field, model_validator
 from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
 from identification.device.hardware import SHORTEST_STEP, ForceLimit, Hardware
 from identification.device.mechanism import MOST_MODES, Mode
-from identification.device.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
+from identification.device.quantities import (
+    LARGEST,
+    AnyQuantity,
+    PositiveQuantity,
+    Quantity,
+    quantity,
+)
 from identification.documents.document import Document
 from identification.trajectory import Motion
 
@@ -26,6 +32,8 @@ __all__ = [
     "LogRecord",
     "Mode",
     "Quantity",
+    "SlopeRange",
+    "UnmodelledForce",
     "quantity",
 ]
 
@@ -50,6 +58,19 @@ class Covariance(Document):
         return self
 
 
+class UnmodelledForce(Document):
+    """A kind of force that a log shows and the model of the device lacks.
+
+    Attributes:
+        kind: "drag" that grows faster than speed, friction "falling" with speed, damping that
+            depends on "place", a force of "position", or friction with a "memory".
+        share: its rms over the rms of the force.
+    """
+
+    kind: Literal["drag", "falling", "place", "position", "memory"]
+    share: float = Field(ge=0)
+
+
 class LogRecord(Document):
     """One log the device was identified from, and what was let through."""
 
@@ -59,6 +80,20 @@ class LogRecord(Document):
     method: str
     findings: tuple[str, ...] = ()
     allowed: tuple[str, ...] = ()
+    unmodelled_forces: tuple[UnmodelledForce, ...] = ()
+
+
+class SlopeRange(Document):
+    """Least and largest slope of friction over speed, N·s/m (N·m·s/rad)."""
+
+    low: float = Field(ge=-LARGEST, le=LARGEST)
+    high: float = Field(ge=-LARGEST, le=LARGEST)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> SlopeRange:
+        if self.low > self.high:
+            raise ValueError(f"needs low <= high, not {self.low:g} and {self.high:g}")
+        return self
 
 
 class ByDirection(Document):
@@ -110,6 +145,9 @@ class Device(Document):
         force_limit: N at the handle.
         modes: vibration of the mechanism, beside the rigid mass.
         current_lag: s, time constant of the current loop; left out: none.
+        damping_slope: least and largest slope of friction over speed, from rest to the fastest
+            speed logged, where friction is not constant damping and Coulomb friction; falling
+            friction and the step at rest are left out.
         damping_by_direction: b for q̇ > 0 and for q̇ < 0, where a log told them apart.
         friction_by_direction: Fc, not negative, for q̇ > 0 and for q̇ < 0.
         position_stiffness: k, N/m, of a force k·q towards zero; negative pushes away from it.
@@ -134,6 +172,7 @@ class Device(Document):
     force_limit: ForceLimit | None = None
     modes: tuple[Mode, ...] = Field(default=(), max_length=MOST_MODES)
     current_lag: PositiveQuantity | None = None
+    damping_slope: SlopeRange | None = None
     damping_by_direction: ByDirection | None = None
     friction_by_direction: ByDirection | None = None
     position_stiffness: AnyQuantity | None = None
@@ -176,7 +215,8 @@ class Device(Document):
         widened on a logarithmic scale, because it cannot be negative; damping is left free to be
         negative, because a compensated axis may be. Where damping differs with the direction of
         motion, the box spans both directions and the common value: whatever way the device moves,
-        its damping is inside. Sample time and delay are taken as stated.
+        its damping is inside. Where the slope of friction was found, the box spans all of it.
+        Sample time and delay are taken as stated.
         """
         count = max(2, sum(not item.exact for item in self._identified()))
         freedom = np.inf
@@ -188,6 +228,8 @@ class Device(Document):
         if self.damping_by_direction is not None:
             dampings += [self.damping_by_direction.forward, self.damping_by_direction.backward]
         ranges = [widened(each, factor) for each in dampings]
+        if self.damping_slope is not None:
+            ranges.append((self.damping_slope.low, self.damping_slope.high))
         return Box(
             mass=widened_positive(self.mass, factor),
             damping=(min(low for low, _ in ranges), max(high for _, high in ranges)),

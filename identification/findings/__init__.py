@@ -42,6 +42,7 @@ CODES = (
     "constant-column",
     "too-short",
     "heldout-misfit",
+    "unmodelled-force",
 )
 
 

@@ -16,6 +16,7 @@ from identification.device.device import (
     Hardware,
     LogRecord,
     Quantity,
+    SlopeRange,
     quantity,
 )
 from identification.errors import Finding
@@ -68,6 +69,7 @@ def device_from(
         modes=hardware.modes,
         current_lag=hardware.current_lag,
         covariance=_covariance(fits),
+        damping_slope=_damping_slope(fits),
         logs=tuple(records),
         damping_by_direction=_by_direction(fits, "damping"),
         friction_by_direction=_by_direction(fits, "friction"),
@@ -184,6 +186,15 @@ def _by_direction(fits: Sequence[LogFit], what: str) -> ByDirection | None:
         for side in (1.0, -1.0)
     )
     return ByDirection(forward=forward, backward=backward)
+
+
+def _damping_slope(fits: Sequence[LogFit]) -> SlopeRange | None:
+    """Of the logs whose friction is no straight line over speed."""
+    slopes = [fit.curve.slope for fit in fits if fit.curve is not None]
+    if not slopes:
+        return None
+    lows, highs = zip(*slopes, strict=True)
+    return SlopeRange(low=min(lows), high=max(highs))
 
 
 def _position_stiffness(fits: Sequence[LogFit]) -> Quantity | None:

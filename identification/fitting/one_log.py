@@ -11,10 +11,13 @@ from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate
 from identification.findings import judge
+from identification.findings.unmodelled import unmodelled
+from identification.fitting.beyond import beyond_model, with_mass_of
 from identification.fitting.choice import choose
 from identification.fitting.excited_part import most_excited
 from identification.fitting.selection import distinguishable, widened, without_noise
 from identification.fitting.workshop import Workshop
+from identification.structure.friction_curve import FrictionCurve
 from identification.structure.stability_selection import Structure
 from identification.trajectory import Trajectory
 
@@ -30,6 +33,7 @@ class LogFit:
         others: estimates by the other methods that were tried.
         delay: read from the log, or None if it was stated.
         structure: which terms sparse regression asks for; None where nothing called for it.
+        curve: friction beyond the model; None where the log shows none.
         findings: about this log, those allowed among them as warnings.
         reason: why this method, a sentence.
     """
@@ -42,6 +46,7 @@ class LogFit:
     findings: tuple[Finding, ...]
     reason: str
     structure: Structure | None = None
+    curve: FrictionCurve | None = None
 
     @property
     def method(self) -> str:
@@ -68,6 +73,9 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     regression = workshop.fit("least-squares")
     chosen, reason = choose(workshop, method)
     chosen = without_noise(workshop, chosen)
+    curve = beyond_model(workshop)
+    if curve is not None:
+        chosen = with_mass_of(curve, chosen)
     if len(part) < len(trajectory):
         reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
     delay = _delay(workshop, chosen)
@@ -77,9 +85,13 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         estimate=chosen,
         others=tuple(each for each in workshop.fitted if each.method != chosen.method),
         delay=delay,
-        findings=judge(trajectory, regression, chosen, delay=delay),
+        findings=(
+            *judge(trajectory, regression, chosen, delay=delay),
+            *unmodelled(trajectory, chosen, curve),
+        ),
         reason=reason,
         structure=structure,
+        curve=curve,
     )
 
 

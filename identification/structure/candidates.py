@@ -56,11 +56,11 @@ def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArra
     if rotary:
         columns["gravity_sine"] = between(np.sin(position))
         columns["gravity_cosine"] = between(np.cos(position))
-    columns["quadratic_drag"] = held(np.abs(_smooth_speed(table)) * signals.speed)
+    columns["quadratic_drag"] = held(np.abs(smooth_speed(table)) * signals.speed)
     return columns
 
 
-def _smooth_speed(table: Regression) -> FloatArray:
+def smooth_speed(table: Regression) -> FloatArray:
     """Velocity of each interval, smooth enough that its square is not mostly noise."""
     from scipy.ndimage import gaussian_filter1d
 

@@ -82,23 +82,70 @@ def cut(columns: FloatArray, answer: FloatArray, *, nuisance: int) -> Resampled:
         answer: shape (rows,), of mean square 1.
         nuisance: how many leading columns are not candidates.
     """
-    edges = np.linspace(0, answer.size, BLOCKS + 1).astype(int).tolist()
-    normals = np.stack([columns[i:j].T @ columns[i:j] for i, j in pairwise(edges)])
-    rights = np.stack([columns[i:j].T @ answer[i:j] for i, j in pairwise(edges)])
-    whole = normals.sum(axis=0)
-    fitted = _solved(whole, rights.sum(axis=0))
-    scores = rights - normals @ fitted
-    # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
-    shifts = (_inverse(whole - normals) @ scores[:, :, None])[:, :, 0]
-    floor = UNKNOWN_FORCE**2 * answer.size * _inverse(whole)
-    covariance = (_long_run(shifts) + floor)[nuisance:, nuisance:]
+    sums = sums_of(columns, answer)
+    fitted, covariance = sums.fit(list(range(columns.shape[1])))
     return Resampled(
         coefficients=fitted[nuisance:],
-        covariance=covariance,
-        root=_root_of_inverse(covariance),
-        gram=whole[nuisance:, nuisance:] / answer.size,
-        normals=normals,
-        rights=rights,
+        covariance=covariance[nuisance:, nuisance:],
+        root=_root_of_inverse(covariance[nuisance:, nuisance:]),
+        gram=sums.normals.sum(axis=0)[nuisance:, nuisance:] / answer.size,
+        normals=sums.normals,
+        rights=sums.rights,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockSums:
+    """Normal equations of consecutive blocks, from which any columns are fitted at once.
+
+    Attributes:
+        normals: shape (blocks, q, q).
+        rights: shape (blocks, q).
+        rows: of the whole log.
+        square: sum of squares of the answer.
+    """
+
+    normals: FloatArray
+    rights: FloatArray
+    rows: int
+    square: float
+
+    def fit(self, members: list[int]) -> tuple[FloatArray, FloatArray]:
+        """Least squares on some columns: coefficients, shape (p,), and covariance, (p, p).
+
+        The covariance is that of leaving out one block in turn, whatever the colour of the
+        residual, plus that of a force nobody knows.
+        """
+        normals = self.normals[:, members][:, :, members]
+        rights = self.rights[:, members]
+        whole = normals.sum(axis=0)
+        fitted = _solved(whole, rights.sum(axis=0))
+        scores = rights - normals @ fitted
+        # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
+        shifts = (_inverse(whole - normals) @ scores[:, :, None])[:, :, 0]
+        floor = UNKNOWN_FORCE**2 * self.rows * _inverse(whole)
+        return fitted, _long_run(shifts) + floor
+
+    def left(self, members: list[int]) -> float:
+        """Mean square of the answer that least squares on some columns leaves over."""
+        right = self.rights[:, members].sum(axis=0)
+        whole = self.normals.sum(axis=0)[np.ix_(members, members)]
+        return max(0.0, self.square - float(_solved(whole, right) @ right)) / self.rows
+
+
+def sums_of(columns: FloatArray, answer: FloatArray) -> BlockSums:
+    """Normal equations of BLOCKS blocks.
+
+    Args:
+        columns: shape (rows, q), each of mean square 1.
+        answer: shape (rows,), of mean square 1.
+    """
+    edges = np.linspace(0, answer.size, BLOCKS + 1).astype(int).tolist()
+    return BlockSums(
+        normals=np.stack([columns[i:j].T @ columns[i:j] for i, j in pairwise(edges)]),
+        rights=np.stack([columns[i:j].T @ answer[i:j] for i, j in pairwise(edges)]),
+        rows=answer.size,
+        square=float(answer @ answer),
     )
 
 

@@ -1,0 +1,59 @@
+"""Is there friction that is neither constant damping nor Coulomb friction?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from identification.errors import Finding
+from identification.estimators.model import Estimate
+from identification.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from identification.structure.friction_curve import FrictionCurve
+
+#: Friction that the slope over speed does not cover, because it falls, depends on position or
+#: remembers, may make up this part of the force, both rms.
+MOST_SHARE = 0.15
+#: A kind named in a finding makes up at least this part of the force.
+LEAST_SHARE = 0.01
+
+
+def unmodelled(
+    trajectory: Trajectory, chosen: Estimate, curve: FrictionCurve | None
+) -> tuple[Finding, ...]:
+    """``unmodelled-force``: what the friction is, and the slopes that it has over speed."""
+    if curve is None:
+        return ()
+    from identification.structure.forces import OF_SPEED, WORDS
+
+    named = [each for each in curve.found if each.share >= LEAST_SHARE] or [curve.found[0]]
+    told = ", ".join(f"{WORDS[each.kind]}, {each.share:.1%} of the force" for each in named)
+    uncovered = [each for each in curve.found if each.kind not in OF_SPEED]
+    refused = any(each.share > MOST_SHARE for each in uncovered)
+    unit, speed = ("N·s/m", "m/s") if trajectory.motion == "linear" else ("N·m·s/rad", "rad/s")
+    seen = (
+        f"{trajectory.source} shows {told}; from rest to {curve.fastest:.3g} {speed} the slope of "
+        f"friction runs from {curve.slope[0]:.4g} to {curve.slope[1]:.4g} {unit}, damping alone "
+        f"is {chosen.value('damping'):.4g}"
+    )
+    if uncovered:
+        needed = f"at most {MOST_SHARE:.0%} of the force that is no rising function of speed"
+        remedy = (
+            "Oil, align or exchange what rubs, free the cables, and log again; what is left must "
+            "be allowed for in the margin: no proof covers friction that falls, remembers or "
+            "depends on position."
+        )
+    else:
+        needed = "Coulomb friction and constant damping, or slopes that the certificate covers"
+        remedy = (
+            "The certificate takes every slope. A log at the speeds of use gives a narrower range."
+        )
+    return (
+        Finding(
+            code="unmodelled-force",
+            severity="refusal" if refused else "warning",
+            seen=seen,
+            needed=needed,
+            remedy=remedy,
+        ),
+    )

@@ -1,0 +1,261 @@
+"""What the residual of a log holds beside noise, and what that does to mass and to damping.
+
+Every kind of force that the model lacks is put to the log in turn. A kind is found if its columns
+take more away from the residual than chance does, whatever the colour of the residual (Wald's test
+with a covariance by leaving out blocks), and if sparse regression on random halves of the log asks
+for them again and again. The kind that takes away most is taken first, and the others have to find
+something beside it.
+
+What a loop feels of friction is the slope of its curve over speed where it works. With the kinds
+found in the regression the slope is known from rest to the fastest speed seen; what they leave over
+counts against it in the proportion in which they themselves moved damping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators.intervals import NORMAL_95
+from identification.estimators.least_squares import Regression
+from identification.structure.distinct import scaled
+from identification.structure.forces import Forces, Kind
+from identification.structure.resampling import BLOCKS, BlockSums, cut, sums_of
+from identification.structure.sparse import paying_terms
+from identification.structure.stability_selection import HALF_HURDLE, HALVES, STABLE
+
+FloatArray = NDArray[np.float64]
+
+#: Probability that a kind is found by chance, for each kind and log.
+CHANCE = 1e-6
+#: What a kind takes away from the residual is at least this part of the force, both rms; less moves
+#: damping by less than amplifiers and calibrations do.
+LEAST_PART = 0.002
+#: A further kind takes away this part of what is left.
+FURTHER = 0.5
+#: Kinds in one log at most.
+MOST = 3
+#: Standard deviations by which a slope may be off.
+_SURE = 2 * NORMAL_95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """One kind of force that the model lacks.
+
+    Attributes:
+        kind: of force.
+        share: its rms over the rms of the force.
+        frequency: part of random halves of the log that ask for it.
+    """
+
+    kind: Kind
+    share: float
+    frequency: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionCurve:
+    """Friction as one log shows it, where it is not constant damping and Coulomb friction.
+
+    Attributes:
+        found: kinds of force, the largest first.
+        slope: (least, largest) slope of friction over speed, from rest to ``fastest``, N·s/m.
+        fastest: speed seen, m/s.
+        mass: kg, with the kinds in the regression.
+        mass_deviation: standard deviation of it.
+        left: what the kinds leave of the residual, rms over rms.
+    """
+
+    found: tuple[Found, ...]
+    slope: tuple[float, float]
+    fastest: float
+    mass: float
+    mass_deviation: float
+    left: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """All columns of one log in blocks, mean squares 1.
+
+    Attributes:
+        sums: of the columns.
+        base: columns of the model.
+        members: columns of each kind.
+        scales: unit of each column over that of the answer.
+    """
+
+    sums: BlockSums
+    base: list[int]
+    members: Mapping[Kind, list[int]]
+    scales: FloatArray
+
+    def chosen(self, kinds: Sequence[Kind]) -> list[int]:
+        return self.base + [each for kind in kinds for each in self.members[kind]]
+
+    def left(self, kinds: Sequence[Kind]) -> float:
+        """Mean square that is left over, of 1."""
+        return self.sums.left(self.chosen(kinds))
+
+    def worth(self, kind: Kind, beside: Sequence[Kind]) -> float:
+        """Wald's statistic of a kind over the value that chance exceeds with CHANCE."""
+        from scipy.special import fdtri
+
+        fitted, covariance = self.sums.fit(self.chosen((*beside, kind)))
+        count = len(self.members[kind])
+        value, own = fitted[-count:], covariance[-count:, -count:]
+        deviations = np.sqrt(np.diag(own))
+        unit = value / deviations
+        inverse = np.linalg.pinv(own / np.outer(deviations, deviations), hermitian=True)
+        freedom = BLOCKS - count
+        chance = count * (BLOCKS - 1) / freedom * float(fdtri(count, freedom, 1 - CHANCE))
+        return float(unit @ inverse @ unit) / chance
+
+
+def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> FrictionCurve | None:
+    """Kinds of friction that one log shows beyond its model; None if there is none.
+
+    Args:
+        table: its regression, direction of motion settled, with Coulomb friction in the model.
+        delay: s, command to force.
+        seed: of the random halves.
+    """
+    forces = Forces(table)
+    columns = forces.columns()
+    answer = table.force(delay)
+    every = np.concatenate((table.columns, *columns.values()), axis=1)
+    count = table.columns.shape[1]
+    if answer.size < BLOCKS * (every.shape[1] + 1) / 4 or not np.any(answer):
+        return None
+    own = _in_blocks(every, answer, count, columns)
+    kinds = _kinds(own)
+    if not kinds:
+        return None
+    frequency = _frequencies(every, answer, own, kinds, seed)
+    kinds = [kind for kind in kinds if frequency[kind] >= STABLE]
+    if not kinds:
+        return None
+    return _curve(own, kinds, frequency, forces)
+
+
+def _in_blocks(
+    every: FloatArray, answer: FloatArray, count: int, columns: Mapping[Kind, FloatArray]
+) -> _Table:
+    unit = np.stack([scaled(column) for column in every.T], axis=1)
+    sizes = np.sqrt(np.mean(every**2, axis=0))
+    members: dict[Kind, list[int]] = {}
+    first = count
+    for kind, each in columns.items():
+        members[kind] = list(range(first, first + each.shape[1]))
+        first += each.shape[1]
+    return _Table(
+        sums_of(unit, scaled(answer)),
+        list(range(count)),
+        members,
+        np.sqrt(np.mean(answer**2)) / np.where(sizes > 0, sizes, np.inf),
+    )
+
+
+def _kinds(own: _Table) -> list[Kind]:
+    """The kinds found, the one that takes most away first."""
+    kinds: list[Kind] = []
+    left = own.left(())
+    while len(kinds) < MOST:
+        rest = [kind for kind in own.members if kind not in kinds]
+        after = {kind: own.left((*kinds, kind)) for kind in rest}
+        best = min(rest, key=lambda kind: after[kind])
+        gone = left - after[best]
+        if gone < LEAST_PART**2 or (kinds and gone < FURTHER * left):
+            break
+        if own.worth(best, kinds) < 1:
+            break
+        kinds.append(best)
+        left = after[best]
+    return kinds
+
+
+def _frequencies(
+    every: FloatArray, answer: FloatArray, own: _Table, kinds: Sequence[Kind], seed: int
+) -> dict[Kind, float]:
+    """Part of random halves of the log in which sparse regression asks for each kind.
+
+    The shape of a kind is that of the other half, so that no half is asked for what it suggested.
+    """
+    chosen = own.chosen(kinds)
+    unit = np.stack([scaled(column) for column in every[:, chosen].T], axis=1)
+    fits = cut(unit, scaled(answer), nuisance=len(own.base))
+    # A half knows each term with twice the variance of the whole.
+    root = fits.root / np.sqrt(2)
+    places = np.repeat(np.arange(len(kinds)), [len(own.members[kind]) for kind in kinds])
+    halves = fits.halves(HALVES, seed)
+    picked: list[NDArray[np.bool_]] = []
+    for index, half in enumerate(halves):
+        other = halves[index ^ 1]
+        shapes = np.where(places[:, None] == np.arange(len(kinds)), other[:, None], 0.0)
+        picked.append(paying_terms(root @ shapes, (root @ half)[:, None], HALF_HURDLE**2)[0])
+    return dict(zip(kinds, np.mean(picked, axis=0).tolist(), strict=True))
+
+
+def _curve(
+    own: _Table, kinds: Sequence[Kind], frequency: Mapping[Kind, float], forces: Forces
+) -> FrictionCurve:
+    linear, _ = own.sums.fit(own.base)
+    chosen = own.chosen(kinds)
+    fitted, covariance = own.sums.fit(chosen)
+    left = float(np.sqrt(own.left(kinds) / own.left(())))
+    scales = own.scales[chosen]
+    moved = np.abs(fitted[:2] - linear[:2]) * scales[:2] * left
+    low, high = slope_range(own, kinds, forces)
+    for other in _as_good(own, kinds):
+        below, above = slope_range(own, (other,), forces)
+        low, high = min(low, below), max(high, above)
+    gram = own.sums.normals.sum(axis=0) / own.sums.rows
+    found: list[Found] = []
+    first = len(own.base)
+    for kind in kinds:
+        members = own.members[kind]
+        part = fitted[first : first + len(members)]
+        first += len(members)
+        square = float(part @ gram[np.ix_(members, members)] @ part)
+        found.append(Found(kind=kind, share=float(np.sqrt(square)), frequency=frequency[kind]))
+    return FrictionCurve(
+        found=tuple(found),
+        slope=(low - moved[1], high + moved[1]),
+        fastest=forces.fastest,
+        mass=float(fitted[0] * scales[0]),
+        mass_deviation=float(np.hypot(np.sqrt(covariance[0, 0]) * scales[0], moved[0])),
+        left=left,
+    )
+
+
+def slope_range(own: _Table, kinds: Sequence[Kind], forces: Forces) -> tuple[float, float]:
+    """Least and largest slope of friction over speed with some kinds in the regression, N·s/m."""
+    chosen = own.chosen(kinds)
+    fitted, covariance = own.sums.fit(chosen)
+    scales = own.scales[chosen]
+    values, spread = fitted * scales, covariance * np.outer(scales, scales)
+    weights = np.zeros((1, len(chosen)))
+    weights[0, 1] = 1.0
+    first = len(own.base)
+    for kind in kinds:
+        added = forces.slopes(kind)
+        last = first + added.shape[1]
+        weights = np.repeat(weights, len(added), axis=0)
+        weights[:, first:last] = np.tile(added, (len(weights) // len(added), 1))
+        first = last
+    slope = weights @ values
+    half = _SURE * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", weights, spread, weights), 0.0))
+    return float(np.min(slope - half)), float(np.max(slope + half))
+
+
+def _as_good(own: _Table, kinds: Sequence[Kind]) -> list[Kind]:
+    """Kinds that explain the log so well alone that the first one finds nothing beside them."""
+    return [
+        kind
+        for kind in own.members
+        if kind not in kinds and own.worth(kind, ()) >= 1 and own.worth(kinds[0], (kind,)) < 1
+    ]

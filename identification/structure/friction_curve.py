@@ -32,10 +32,14 @@ FloatArray = NDArray[np.float64]
 #: Probability that a kind is found by chance, for each kind and log.
 CHANCE = 1e-6
 #: What a kind takes away from the residual is at least this part of the force, both rms; less moves
-#: damping by less than amplifiers and calibrations do.
-LEAST_PART = 0.002
-#: A further kind takes away this part of what is left.
-FURTHER = 0.5
+#: damping by less than amplifiers and calibrations do. ...
+LEAST_PART = 0.004
+#: ... Drag moves it more than any other of its size.
+LEAST_DRAG = 0.002
+#: ... and this part of what is left, mean squares: the first of all, whose many columns also follow
+#: what a controller answers to forces nobody logged, and a further one. Drag has two columns that
+#: nothing else resembles, and is found in noise as well.
+FIRST, FURTHER = 0.25, 0.5
 #: Kinds in one log at most.
 MOST = 3
 #: Standard deviations by which a slope may be off.
@@ -169,7 +173,9 @@ def _kinds(own: _Table) -> list[Kind]:
         after = {kind: own.left((*kinds, kind)) for kind in rest}
         best = min(rest, key=lambda kind: after[kind])
         gone = left - after[best]
-        if gone < LEAST_PART**2 or (kinds and gone < FURTHER * left):
+        part = FURTHER if kinds else 0.0 if best == "drag" else FIRST
+        least = LEAST_DRAG if best == "drag" else LEAST_PART
+        if gone < least**2 or gone < part * left:
             break
         if own.worth(best, kinds) < 1:
             break
@@ -213,23 +219,38 @@ def _curve(
     for other in _as_good(own, kinds):
         below, above = slope_range(own, (other,), forces)
         low, high = min(low, below), max(high, above)
-    gram = own.sums.normals.sum(axis=0) / own.sums.rows
-    found: list[Found] = []
-    first = len(own.base)
-    for kind in kinds:
-        members = own.members[kind]
-        part = fitted[first : first + len(members)]
-        first += len(members)
-        square = float(part @ gram[np.ix_(members, members)] @ part)
-        found.append(Found(kind=kind, share=float(np.sqrt(square)), frequency=frequency[kind]))
+    found = [
+        Found(kind=kind, share=_share(own, kind, kinds), frequency=frequency[kind])
+        for kind in kinds
+    ]
     return FrictionCurve(
         found=tuple(found),
-        slope=(low - moved[1], high + moved[1]),
+        slope=(low - float(moved[1]), high + float(moved[1])),
         fastest=forces.fastest,
         mass=float(fitted[0] * scales[0]),
         mass_deviation=float(np.hypot(np.sqrt(covariance[0, 0]) * scales[0], moved[0])),
         left=left,
     )
+
+
+def _share(own: _Table, kind: Kind, kinds: Sequence[Kind]) -> float:
+    """Rms of a kind over the rms of the force.
+
+    Of all but drag only what Coulomb friction and the other terms of the model cannot follow: they
+    overlap, and their sum alone is known.
+    """
+    chosen = own.chosen(kinds)
+    fitted, _ = own.sums.fit(chosen)
+    gram = own.sums.normals.sum(axis=0) / own.sums.rows
+    members = own.members[kind]
+    first = chosen.index(members[0])
+    part = fitted[first : first + len(members)]
+    square = float(part @ gram[np.ix_(members, members)] @ part)
+    terms = own.base[2:] if kind != "drag" else []
+    if terms:
+        overlap = gram[np.ix_(terms, members)] @ part
+        square -= float(overlap @ np.linalg.pinv(gram[np.ix_(terms, terms)]) @ overlap)
+    return float(np.sqrt(max(square, 0.0)))
 
 
 def slope_range(own: _Table, kinds: Sequence[Kind], forces: Forces) -> tuple[float, float]:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from itertools import product
 
-import numpy as np
 import pytest
-from flint import arb
 
 from datasets_synthetic import Faults
 from identification import (
@@ -16,8 +14,8 @@ from identification import (
     identify,
 )
 from tests.fleet_hardware import data_sheet
-from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tests.simulated.fleet import Fleet, random_devices
+from tests.true_loops import judged, safe_gain
 from tune.certificate.certify import regions_of, setting_of
 from tune.certificate.proof import Claim
 from tune.certificate.worst import worst_point
@@ -59,57 +57,6 @@ ONE_BY_ONE = (
 )
 
 
-def _safe_gain(
-    profile: SafeProfile, moment: tuple[str, ...], device: tuple[float, float, float], delay: int
-) -> float:
-    """The first gain at which the moment is unstable on a device (m, b, T); inf if none is.
-
-    0 where it is unstable at gains near nothing.
-    """
-    m, b, T = device
-    loop_ = profile.loop
-    poles = [
-        0.0 if f is None else float(np.exp(-2 * np.pi * f * T))
-        for f in (loop_.velocity_filter_hz, loop_.acceleration_filter_hz)
-    ]
-    K, B, M = (
-        sum(getattr(profile.elements[name], effect) for name in moment)
-        for effect in ("stiffness", "damping", "mass")
-    )
-    loop = reference_loop(
-        b * T / m,
-        K * T * T / m,
-        B * T / m,
-        M / m,
-        delay=delay,
-        velocity_pole=poles[0],
-        acceleration_pole=poles[1],
-    )
-    gains = [float(gain.mid()) for gain in boundary_gains(loop)]
-    first = min(gains, default=np.inf)
-    return first if stable_by_roots(loop.at(arb(min(first, 1.0) / 2))) else 0.0
-
-
-def _judged(profile: SafeProfile, device: tuple[float, float, float], delay: int) -> str:
-    """stable, short of what is claimed, or unstable: every moment, on the device as it is."""
-    answer = "stable"
-    for moment in profile.moments():
-        chosen = [profile.elements[name] for name in moment]
-        if not any(e.stiffness or e.damping or e.mass for e in chosen):
-            continue
-        if not _safe_gain(profile, moment, device, delay) > 1:
-            return "unstable"
-        claims = [
-            (profile.margin.gain, profile.margin.extra_delay_samples),
-            (max(e.margins.gain for e in chosen), 0),
-            # Whole samples, which this arithmetic can judge.
-            (1.0, int(max(e.margins.extra_delay_samples for e in chosen))),
-        ]
-        if any(_safe_gain(profile, moment, device, delay + late) < g for g, late in claims):
-            answer = "short of what is claimed"
-    return answer
-
-
 def _corners_hold(profile: SafeProfile) -> bool:
     """Every corner of the profile's box has the margin, and a long search finds no worse point."""
     region = regions_of(profile)[0]
@@ -119,7 +66,7 @@ def _corners_hold(profile: SafeProfile) -> bool:
     ):
         delay = round(region.delay[1] / T)
         for moment in profile.moments():
-            if not _safe_gain(profile, moment, (m, b, T), delay + late) > claim.gain:
+            if not safe_gain(profile, moment, (m, b, T), delay + late) > claim.gain:
                 return False
     settings = [setting_of(profile, moment) for moment in profile.moments()]
     return all(
@@ -155,7 +102,7 @@ def _tuned(device: Device, scene: Scene, fleet: Fleet, member: int, corners: int
     rig = fleet.rig
     m, b, T = (float(x[member]) for x in (rig.mass, rig.damping, rig.sample_time))
     tally = Counter(profiles=1)
-    tally[_judged(profile, (m, b, T), round(float(rig.delay[member]) / T))] += 1
+    tally[judged(profile, (m, b, T), round(float(rig.delay[member]) / T))] += 1
     if member < corners:
         tally["boxes"] += 1
         tally["boxes that hold"] += _corners_hold(profile)

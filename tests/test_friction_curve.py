@@ -1,0 +1,203 @@
+"""Friction that the model lacks is found, named, and its slope is what the certificate holds.
+
+The truth is an integrator of its own (`tests.friction_rigs`), with the friction known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification import (
+    Device,
+    Identification,
+    LogRefusedError,
+    Trajectory,
+    identify,
+    load_device,
+    quantity,
+)
+from identification.device.device import SlopeRange
+from identification.fitting.selection import distinguishable
+from identification.fitting.workshop import Workshop
+from identification.structure.friction_curve import FrictionCurve, friction_curve
+from identification.structure.hysteresis import stop_operators
+from tests.friction_rigs import (
+    KINDS,
+    SHARES,
+    Friction,
+    Kind,
+    Recorded,
+    T,
+    friction_of,
+    hardware,
+    record,
+)
+from tests.simulated.families import FAMILIES
+from tests.true_loops import judged
+from tune import Scene, optimise
+from tune.documents.errors import NoFeasibleEffectError
+
+WALL = Scene.model_validate(
+    {
+        "elements": {
+            "wall": {"stiffness": "max", "damping": "max"},
+            "rubber": {"stiffness": "max"},
+        },
+        "ripple_limit": 1e6,
+        "loop": {"velocity_filter_hz": 60.0},
+    }
+)
+#: What a log of each kind is found to show.
+NAMED = {
+    "quadratic": "drag",
+    "cubic": "drag",
+    "stribeck": "falling",
+    "place": "place",
+    "cogging": "position",
+    "cable": "memory",
+    "presliding": "memory",
+}
+#: theory.md 10: drag on HomeRehab, N·s²/m².
+DRAGS = (0.0, 3.0, 10.0, 100.0)
+
+
+def _curve(log: Trajectory) -> FrictionCurve | None:
+    workshop = Workshop.of(log, distinguishable(log), quantity(T))
+    return friction_curve(workshop.table, workshop.delay)
+
+
+def test_a_spring_that_yields_follows_its_width() -> None:
+    there = np.linspace(0.0, 3.0, 301)
+    position = np.concatenate((there, there[::-1]))
+    soft, hard = stop_operators(position, [1.0, 0.25])
+    np.testing.assert_allclose(soft[:301], np.minimum(there, 1.0), atol=1e-12)
+    # On the way back it unloads over twice its width.
+    np.testing.assert_allclose(
+        hard[301:], np.clip(1 - (3.0 - there[::-1]) / 0.25, -1, 1), atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "servo"),
+    [("quadratic", False), ("stribeck", True), ("place", False), ("presliding", True)],
+)
+def test_each_kind_is_named_and_mass_and_slope_are_right_beside_it(kind: Kind, servo: bool) -> None:
+    log = record(friction_of(kind, SHARES["middle"]), range(3, 4), servo=servo, seconds=6.0)[0]
+    curve = _curve(log.trajectory)
+    assert curve is not None
+    assert curve.found[0].kind == NAMED[kind]
+    assert 0.3 * log.share < curve.found[0].share < 1.7 * log.share
+    assert 0.8 * log.least_slope < curve.slope[0] <= log.least_slope
+    assert log.greatest_slope <= curve.slope[1]
+    assert abs(curve.mass / log.mass - 1) < 0.01
+
+
+def test_plain_friction_shows_no_curve() -> None:
+    for servo in (False, True):
+        for log in record(Friction(), range(2), servo=servo, seconds=6.0):
+            assert _curve(log.trajectory) is None
+
+
+def test_drag_is_told_and_the_box_holds_its_slopes() -> None:
+    log = record(friction_of("quadratic", 0.08), range(1), servo=False, seconds=6.0)[0]
+    found = identify(log.trajectory, hardware=hardware())
+    assert [each.code for each in found.findings] == ["unmodelled-force"]
+    assert "drag that grows faster than speed" in found.findings[0].seen
+    device = found.device
+    assert device.damping_slope is not None
+    box = device.simultaneous_box()
+    assert box.damping == (device.damping_slope.low, device.damping_slope.high)
+    assert device.damping.low > log.least_slope, "damping alone would be certified away"
+    assert device.logs[0].unmodelled_forces[0].kind == "drag"
+
+
+def test_the_box_takes_the_wider_of_interval_and_slopes() -> None:
+    device = load_device("homerehab")
+    plain = device.simultaneous_box()
+    inside = device.model_copy(update={"damping_slope": SlopeRange(low=9.99, high=10.01)})
+    assert inside.simultaneous_box() == plain
+    wider = device.model_copy(update={"damping_slope": SlopeRange(low=4.0, high=10.01)})
+    assert wider.simultaneous_box() == replace(plain, damping=(4.0, plain.damping[1]))
+
+
+def _identified(log: Recorded) -> Identification | None:
+    try:
+        return identify(log.trajectory, hardware=hardware())
+    except LogRefusedError:
+        return None
+
+
+def _keeps_margin(device: Device, log: Recorded) -> bool:
+    """With the least and the greatest slope that the friction really has."""
+    try:
+        profile = optimise(device, WALL)
+    except NoFeasibleEffectError:
+        return True
+    return all(
+        judged(profile, (log.mass, slope, T), 1) == "stable"
+        for slope in (log.least_slope, log.greatest_slope)
+    )
+
+
+@pytest.mark.parametrize("drag", DRAGS[2:3])
+def test_drag_never_costs_the_margin(drag: float) -> None:
+    _drag_never_costs_the_margin(drag)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("drag", DRAGS)
+def test_the_four_drags_keep_the_margin_or_are_refused(drag: float) -> None:
+    _drag_never_costs_the_margin(drag)
+
+
+def _drag_never_costs_the_margin(drag: float) -> None:
+    for log in record(Friction(quadratic=drag), range(1), servo=False):
+        found = _identified(log)
+        assert found is None or _keeps_margin(found.device, log)
+
+
+@pytest.mark.long
+def test_thirty_families_of_friction_outside_the_model() -> None:
+    """Seven kinds, three strengths, open loop and servo, 20 devices each."""
+    below: list[bool] = []
+    close: list[bool] = []
+    accepted: list[bool] = []
+    masses: list[bool] = []
+    broken: list[str] = []
+    for kind in KINDS:
+        for strength, share in SHARES.items():
+            for servo in (False, True):
+                for log in record(friction_of(kind, share), range(20), servo=servo):
+                    found = _identified(log)
+                    if log.share <= 0.08:
+                        accepted.append(found is not None)
+                    if found is None:
+                        continue
+                    device = found.device
+                    slope = device.damping_slope
+                    low = device.damping.low if slope is None else slope.low
+                    below.append(low <= log.least_slope)
+                    if log.share <= 0.08:
+                        close.append(low >= 0.8 * log.least_slope)
+                    mass = device.mass
+                    masses.append(
+                        mass.low <= log.mass <= mass.high or abs(mass.value / log.mass - 1) < 0.02
+                    )
+                    if not _keeps_margin(device, log):
+                        broken.append(f"{kind} {strength} {servo} {log.trajectory.source}")
+    assert not broken
+    assert np.mean(below) >= 0.95
+    assert np.mean(close) >= 0.8
+    assert np.mean(accepted) >= 0.8
+    assert np.mean(masses) >= 0.97
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FAMILIES)
+def test_no_curve_is_found_where_there_is_none(name: str) -> None:
+    logs = FAMILIES[name].logs(range(200))
+    found = [identify(log, hardware=FAMILIES[name].hardware).logs[0].curve for log in logs]
+    assert sum(each is not None for each in found) <= 2

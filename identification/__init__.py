@@ -46,6 +46,12 @@ if TYPE_CHECKING:
         named_devices as named_devices,
     )
     from identification.device.mechanism import Mode as Mode
+    from identification.device.mechanism import (
+        SlopeRange as SlopeRange,
+    )
+    from identification.device.mechanism import (
+        UnmodelledForce as UnmodelledForce,
+    )
     from identification.device.quantities import (
         AnyQuantity as AnyQuantity,
     )
@@ -145,7 +151,7 @@ _HOMES = {
     "device.hardware": "ForceLimit Hardware",
     "device.known_devices": "load_device named_devices",
     "readers.logs": "LogColumns load_trajectory",
-    "device.mechanism": "Mode",
+    "device.mechanism": "Mode SlopeRange UnmodelledForce",
     "_identify": "Identification identify",
     "fitting.one_log": "LogFit",
     "pictures": "fit_picture",
@@ -186,7 +192,9 @@ __all__ = [
     "NotebookFigure",
     "Plant",
     "Quantity",
+    "SlopeRange",
     "Trajectory",
+    "UnmodelledForce",
     "UsageError",
     "as_stored",
     "examine",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.device.device import Device, Hardware, LogRecord, UnmodelledForce
+from identification.device.device import Device, Hardware, LogRecord
 from identification.documents.document import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
@@ -101,10 +101,7 @@ def identify(
             method=fit.method,
             findings=tuple(dict.fromkeys(finding.code for finding in (*found, *missing))),
             allowed=tuple(dict.fromkeys(f.code for f in found if f.severity == "refusal")),
-            unmodelled_forces=tuple(
-                UnmodelledForce(kind=each.kind, share=each.share)
-                for each in (() if fit.curve is None else fit.curve.found)
-            ),
+            unmodelled_forces=() if fit.curve is None else fit.curve.found,
         )
         for fit, found in zip(fits, noticed, strict=True)
     ]

@@ -14,12 +14,12 @@ from identification import (
     Device,
     Identification,
     LogRefusedError,
+    SlopeRange,
     Trajectory,
     identify,
     load_device,
     quantity,
 )
-from identification.device.device import SlopeRange
 from identification.fitting.selection import distinguishable
 from identification.fitting.workshop import Workshop
 from identification.structure.friction_curve import FrictionCurve, friction_curve
@@ -90,8 +90,8 @@ def test_each_kind_is_named_and_mass_and_slope_are_right_beside_it(kind: Kind, s
     assert curve is not None
     assert curve.found[0].kind == NAMED[kind]
     assert 0.3 * log.share < curve.found[0].share < 1.7 * log.share
-    assert 0.8 * log.least_slope < curve.slope[0] <= log.least_slope
-    assert log.greatest_slope <= curve.slope[1]
+    assert 0.8 * log.least_slope < curve.slope.low <= log.least_slope
+    assert log.greatest_slope <= curve.slope.high
     assert abs(curve.mass / log.mass - 1) < 0.01
 
 

@@ -10,9 +10,8 @@ from pydantic import ConfigDict, Field, model_validator
 
 from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
 from identification.device.hardware import SHORTEST_STEP, ForceLimit, Hardware
-from identification.device.mechanism import MOST_MODES, Mode
+from identification.device.mechanism import MOST_MODES, Mode, SlopeRange, UnmodelledForce
 from identification.device.quantities import (
-    LARGEST,
     AnyQuantity,
     PositiveQuantity,
     Quantity,
@@ -58,19 +57,6 @@ class Covariance(Document):
         return self
 
 
-class UnmodelledForce(Document):
-    """A kind of force that a log shows and the model of the device lacks.
-
-    Attributes:
-        kind: "drag" that grows faster than speed, friction "falling" with speed, damping that
-            depends on "place", a force of "position", or friction with a "memory".
-        share: its rms over the rms of the force.
-    """
-
-    kind: Literal["drag", "falling", "place", "position", "memory"]
-    share: float = Field(ge=0)
-
-
 class LogRecord(Document):
     """One log the device was identified from, and what was let through."""
 
@@ -81,19 +67,6 @@ class LogRecord(Document):
     findings: tuple[str, ...] = ()
     allowed: tuple[str, ...] = ()
     unmodelled_forces: tuple[UnmodelledForce, ...] = ()
-
-
-class SlopeRange(Document):
-    """Least and largest slope of friction over speed, N·s/m (N·m·s/rad)."""
-
-    low: float = Field(ge=-LARGEST, le=LARGEST)
-    high: float = Field(ge=-LARGEST, le=LARGEST)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> SlopeRange:
-        if self.low > self.high:
-            raise ValueError(f"needs low <= high, not {self.low:g} and {self.high:g}")
-        return self
 
 
 class ByDirection(Document):

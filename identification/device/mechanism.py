@@ -1,18 +1,29 @@
-"""What moves between motor and hand besides the rigid mass: modes of the mechanism."""
+"""What a mechanism has beside its rigid mass: modes, and friction that no constant describes."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from identification.device.quantities import PositiveQuantity
+from identification.device.quantities import LARGEST, PositiveQuantity
 from identification.documents.document import Document
 
 #: Modes that one axis may state; each adds two to the degree of the loop.
 MOST_MODES = 4
 #: A participation beyond it belongs to another choice of the rigid mass.
 LARGEST_PARTICIPATION = 100.0
+
+Kind = Literal["drag", "falling", "place", "position", "memory"]
+
+#: What each kind is called in a sentence.
+KINDS: dict[Kind, str] = {
+    "drag": "drag that grows faster than speed",
+    "falling": "friction that falls with speed (Stribeck)",
+    "place": "damping that depends on position",
+    "position": "a force of position (cogging, a cable's pull)",
+    "memory": "friction with a memory (presliding, cables)",
+}
 
 
 def _handle_may_be_left_out(schema: dict[str, Any]) -> None:
@@ -55,3 +66,38 @@ class Mode(Document):
                 "; what does not vibrate is no mode"
             )
         return self
+
+
+class SlopeRange(Document):
+    """Least and largest slope of friction over speed, N·s/m (N·m·s/rad)."""
+
+    low: float = Field(ge=-LARGEST, le=LARGEST)
+    high: float = Field(ge=-LARGEST, le=LARGEST)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> SlopeRange:
+        if self.low > self.high:
+            raise ValueError(f"needs low <= high, not {self.low:g} and {self.high:g}")
+        return self
+
+
+class UnmodelledForce(Document):
+    """A kind of force that a log shows and the model of the device lacks.
+
+    Attributes:
+        kind: as in KINDS.
+        share: its rms over the rms of the force.
+    """
+
+    kind: Kind
+    share: float = Field(ge=0)
+
+    @property
+    def words(self) -> str:
+        """The kind in a sentence."""
+        return KINDS[self.kind]
+
+    @property
+    def rises(self) -> bool:
+        """Whether it rises with speed, so that its slopes are all that a loop feels of it."""
+        return self.kind == "drag"

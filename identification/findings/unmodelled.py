@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
+from identification.device.mechanism import SlopeRange, UnmodelledForce
 from identification.errors import Finding
 from identification.estimators.model import Estimate
 from identification.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from identification.structure.friction_curve import FrictionCurve
 
 #: Friction that the slope over speed does not cover, because it falls, depends on position or
 #: remembers, may make up this part of the force, both rms.
@@ -19,21 +17,29 @@ LEAST_SHARE = 0.01
 
 
 def unmodelled(
-    trajectory: Trajectory, chosen: Estimate, curve: FrictionCurve | None
+    trajectory: Trajectory,
+    chosen: Estimate,
+    forces: Sequence[UnmodelledForce],
+    slope: SlopeRange,
+    fastest: float,
 ) -> tuple[Finding, ...]:
-    """``unmodelled-force``: what the friction is, and the slopes that it has over speed."""
-    if curve is None:
-        return ()
-    from identification.structure.forces import OF_SPEED, WORDS
+    """``unmodelled-force``: what the friction is, and the slopes that it has over speed.
 
-    named = [each for each in curve.found if each.share >= LEAST_SHARE] or [curve.found[0]]
-    told = ", ".join(f"{WORDS[each.kind]}, {each.share:.1%} of the force" for each in named)
-    uncovered = [each for each in curve.found if each.kind not in OF_SPEED]
+    Args:
+        trajectory: the log.
+        chosen: the estimate that is to be used.
+        forces: kinds of friction found, at least one.
+        slope: of friction over speed, from rest to the fastest.
+        fastest: m/s.
+    """
+    named = [each for each in forces if each.share >= LEAST_SHARE] or forces[:1]
+    told = ", ".join(f"{each.words}, {each.share:.1%} of the force" for each in named)
+    uncovered = [each for each in forces if not each.rises]
     refused = any(each.share > MOST_SHARE for each in uncovered)
     unit, speed = ("N·s/m", "m/s") if trajectory.motion == "linear" else ("N·m·s/rad", "rad/s")
     seen = (
-        f"{trajectory.source} shows {told}; from rest to {curve.fastest:.3g} {speed} the slope of "
-        f"friction runs from {curve.slope[0]:.4g} to {curve.slope[1]:.4g} {unit}, damping alone "
+        f"{trajectory.source} shows {told}; from rest to {fastest:.3g} {speed} the slope of "
+        f"friction runs from {slope.low:.4g} to {slope.high:.4g} {unit}, damping alone "
         f"is {chosen.value('damping'):.4g}"
     )
     if uncovered:

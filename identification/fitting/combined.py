@@ -16,9 +16,9 @@ from identification.device.device import (
     Hardware,
     LogRecord,
     Quantity,
-    SlopeRange,
     quantity,
 )
+from identification.device.mechanism import SlopeRange
 from identification.errors import Finding
 from identification.estimators.held import LOST
 from identification.estimators.intervals import quantile
@@ -193,8 +193,7 @@ def _damping_slope(fits: Sequence[LogFit]) -> SlopeRange | None:
     slopes = [fit.curve.slope for fit in fits if fit.curve is not None]
     if not slopes:
         return None
-    lows, highs = zip(*slopes, strict=True)
-    return SlopeRange(low=min(lows), high=max(highs))
+    return SlopeRange(low=min(each.low for each in slopes), high=max(each.high for each in slopes))
 
 
 def _position_stiffness(fits: Sequence[LogFit]) -> Quantity | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,15 +12,15 @@ from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate
 from identification.findings import judge
-from identification.findings.unmodelled import unmodelled
-from identification.fitting.beyond import beyond_model, with_mass_of
-from identification.fitting.choice import choose
+from identification.fitting.choice import choose, noise_explains
 from identification.fitting.excited_part import most_excited
 from identification.fitting.selection import distinguishable, widened, without_noise
 from identification.fitting.workshop import Workshop
-from identification.structure.friction_curve import FrictionCurve
 from identification.structure.stability_selection import Structure
 from identification.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from identification.structure.friction_curve import FrictionCurve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,9 +74,13 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     regression = workshop.fit("least-squares")
     chosen, reason = choose(workshop, method)
     chosen = without_noise(workshop, chosen)
-    curve = beyond_model(workshop)
+    curve = _friction_curve(workshop)
+    beyond: tuple[Finding, ...] = ()
     if curve is not None:
-        chosen = with_mass_of(curve, chosen)
+        from identification.findings.unmodelled import unmodelled
+
+        chosen = _with_mass_of(curve, chosen)
+        beyond = unmodelled(trajectory, chosen, curve.found, curve.slope, curve.fastest)
     if len(part) < len(trajectory):
         reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
     delay = _delay(workshop, chosen)
@@ -85,10 +90,7 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         estimate=chosen,
         others=tuple(each for each in workshop.fitted if each.method != chosen.method),
         delay=delay,
-        findings=(
-            *judge(trajectory, regression, chosen, delay=delay),
-            *unmodelled(trajectory, chosen, curve),
-        ),
+        findings=judge(trajectory, regression, chosen, delay=delay) + beyond,
         reason=reason,
         structure=structure,
         curve=curve,
@@ -100,3 +102,30 @@ def _delay(workshop: Workshop, chosen: Estimate) -> Delay | None:
     if workshop.found is None or chosen.delay_deviation is None:
         return workshop.found
     return replace(workshop.found, value=chosen.delay, deviation=chosen.delay_deviation)
+
+
+def _friction_curve(workshop: Workshop) -> FrictionCurve | None:
+    """What the residual of a log holds beside noise; nothing is spent where noise explains it."""
+    if workshop.fit("least-squares").value("mass") <= 0 or noise_explains(workshop) is not None:
+        return None
+    from identification.structure.friction_curve import friction_curve
+
+    return friction_curve(workshop.table, workshop.delay)
+
+
+def _with_mass_of(curve: FrictionCurve, estimate: Estimate) -> Estimate:
+    """The estimate with the mass that the friction found leaves, and the uncertainty of that.
+
+    Damping stays the constant that explains the log best; its slope is the curve's.
+    """
+    if curve.mass <= 0:
+        return estimate
+    values, covariance = estimate.values.copy(), estimate.covariance.copy()
+    values[0] = curve.mass
+    before = np.sqrt(covariance[0, 0])
+    factor = curve.mass_deviation / before if before > 0 else 0.0
+    covariance[0, :] *= factor
+    covariance[:, 0] *= factor
+    covariance[0, 0] = curve.mass_deviation**2
+    note = f"mass {estimate.value('mass'):.5g} without the friction found beyond the model"
+    return replace(estimate, values=values, covariance=covariance, notes=(*estimate.notes, note))

@@ -10,30 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.device.mechanism import Kind
 from identification.estimators.held import Held
 from identification.estimators.least_squares import Regression
 from identification.structure.candidates import smooth_speed
 from identification.structure.hysteresis import stop_operators
 
 FloatArray = NDArray[np.float64]
-Kind = Literal["drag", "falling", "place", "position", "memory"]
-
-#: What each kind is called in a sentence.
-WORDS: dict[Kind, str] = {
-    "drag": "drag that grows faster than speed",
-    "falling": "friction that falls with speed (Stribeck)",
-    "place": "damping that depends on position",
-    "position": "a force of position (cogging, a cable's pull)",
-    "memory": "friction with a memory (presliding, cables)",
-}
-#: Kinds whose slope over speed is the whole of what a loop feels of them.
-OF_SPEED: tuple[Kind, ...] = ("drag",)
-
 #: Widths of the bells of speed, parts of the fastest.
 _BELLS = (0.03, 0.06, 0.12, 0.25)
 #: Waves of position over the travel: of damping, ...

@@ -19,10 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.device.mechanism import Kind, SlopeRange, UnmodelledForce
 from identification.estimators.intervals import NORMAL_95
 from identification.estimators.least_squares import Regression
 from identification.structure.distinct import scaled
-from identification.structure.forces import Forces, Kind
+from identification.structure.forces import Forces
 from identification.structure.resampling import BLOCKS, BlockSums, cut, sums_of
 from identification.structure.sparse import paying_terms
 from identification.structure.stability_selection import HALF_HURDLE, HALVES, STABLE
@@ -47,35 +48,20 @@ _SURE = 2 * NORMAL_95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """One kind of force that the model lacks.
-
-    Attributes:
-        kind: of force.
-        share: its rms over the rms of the force.
-        frequency: part of random halves of the log that ask for it.
-    """
-
-    kind: Kind
-    share: float
-    frequency: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionCurve:
     """Friction as one log shows it, where it is not constant damping and Coulomb friction.
 
     Attributes:
         found: kinds of force, the largest first.
-        slope: (least, largest) slope of friction over speed, from rest to ``fastest``, N·s/m.
+        slope: of friction over speed, from rest to ``fastest``.
         fastest: speed seen, m/s.
         mass: kg, with the kinds in the regression.
         mass_deviation: standard deviation of it.
         left: what the kinds leave of the residual, rms over rms.
     """
 
-    found: tuple[Found, ...]
-    slope: tuple[float, float]
+    found: tuple[UnmodelledForce, ...]
+    slope: SlopeRange
     fastest: float
     mass: float
     mass_deviation: float
@@ -143,7 +129,7 @@ def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> Frictio
     kinds = [kind for kind in kinds if frequency[kind] >= STABLE]
     if not kinds:
         return None
-    return _curve(own, kinds, frequency, forces)
+    return _curve(own, kinds, forces)
 
 
 def _in_blocks(
@@ -206,9 +192,7 @@ def _frequencies(
     return dict(zip(kinds, np.mean(picked, axis=0).tolist(), strict=True))
 
 
-def _curve(
-    own: _Table, kinds: Sequence[Kind], frequency: Mapping[Kind, float], forces: Forces
-) -> FrictionCurve:
+def _curve(own: _Table, kinds: Sequence[Kind], forces: Forces) -> FrictionCurve:
     linear, _ = own.sums.fit(own.base)
     chosen = own.chosen(kinds)
     fitted, covariance = own.sums.fit(chosen)
@@ -219,13 +203,10 @@ def _curve(
     for other in _as_good(own, kinds):
         below, above = slope_range(own, (other,), forces)
         low, high = min(low, below), max(high, above)
-    found = [
-        Found(kind=kind, share=_share(own, kind, kinds), frequency=frequency[kind])
-        for kind in kinds
-    ]
+    found = tuple(UnmodelledForce(kind=kind, share=_share(own, kind, kinds)) for kind in kinds)
     return FrictionCurve(
-        found=tuple(found),
-        slope=(low - float(moved[1]), high + float(moved[1])),
+        found=found,
+        slope=SlopeRange(low=low - float(moved[1]), high=high + float(moved[1])),
         fastest=forces.fastest,
         mass=float(fitted[0] * scales[0]),
         mass_deviation=float(np.hypot(np.sqrt(covariance[0, 0]) * scales[0], moved[0])),

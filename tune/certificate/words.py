@@ -26,6 +26,10 @@ WITH_HAND = (
 RIGID = "a rigid mechanism: no vibration mode is stated"
 WITH_MODES = "no vibration modes but those stated"
 NO_LAG = "no lag of the current loop but what the delay holds"
+SLOPES = (
+    "friction that rises with speed acts as some constant damping between its least and its "
+    "largest slope"
+)
 POSITION_FORCE = (
     "the device's own force that depends on position (position_stiffness, gravity): the certified "
     "loop has none"
@@ -44,13 +48,25 @@ def assumptions(design: Design) -> tuple[str, ...]:
         NO_HAND if design.hand is None else WITH_HAND,
         WITH_MODES if device.modes else RIGID,
         *(() if device.current_lag is not None else (NO_LAG,)),
+        *(() if device.damping_slope is None else (SLOPES,)),
     )
 
 
 def not_assessed(design: Design) -> tuple[str, ...]:
     """What the proof leaves out."""
     pushed = design.device.position_stiffness is not None or design.device.gravity is not None
-    return ((POSITION_FORCE,) if pushed else ()) + NOT_ASSESSED
+    return ((POSITION_FORCE,) if pushed else ()) + _uncovered(design) + NOT_ASSESSED
+
+
+def _uncovered(design: Design) -> tuple[str, ...]:
+    """Friction that the logs show and no slope over speed covers."""
+    return tuple(
+        f"{force.words}, {force.share:.1%} of the force in {log.source}: the certified loop has "
+        "none"
+        for log in design.device.logs
+        for force in log.unmodelled_forces
+        if not force.rises
+    )
 
 
 def skipped_parts(design: Design) -> tuple[str, ...]:

@@ -217,6 +217,10 @@ def device_table(device: Device) -> Table:
         rows.append(("gravity, cosine", device.gravity.cosine, units["force"]))
     for label, quantity, unit in rows:
         table.add_row(label, *_with_interval(quantity), unit, _relative(quantity))
+    slope = device.damping_slope
+    if slope is not None:
+        between = f"{slope.low:.4g} .. {slope.high:.4g}"
+        table.add_row("slope of friction", "-", between, units["damping"], "-")
     return table
 
 

@@ -111,7 +111,7 @@ def hardware() -> Hardware:
 
 
 @dataclass(slots=True, kw_only=True)
-class _State:
+class State:
     """Of all devices at once, each of shape (devices,)."""
 
     position: FloatArray
@@ -129,7 +129,7 @@ def record(
     damping = np.array([10.0 * chance.uniform(0.7, 1.3) for chance in chances])
     coulomb = np.array([0.8 * chance.uniform(0.5, 1.5) for chance in chances])
     count = round(seconds / T)
-    time = T * np.arange(count)
+    time: FloatArray = T * np.arange(count, dtype=np.float64)
     if servo:
         goal = np.stack([_tones(time, chance, 0.3, 4.0, power=-1.0) for chance in chances])
         goal *= _TRAVEL / np.max(np.abs(goal), axis=1, keepdims=True)
@@ -188,7 +188,7 @@ def _run(
     """Force commanded, true position and force of friction outside the model, each (devices, n)."""
     devices, count = goal.shape
     zero = np.zeros(devices)
-    state = _State(
+    state = State(
         position=zero.copy(), velocity=zero.copy(), bundle=zero.copy(), bristle=zero.copy()
     )
     forces, positions, extras = (np.zeros((devices, count)) for _ in range(3))
@@ -209,15 +209,15 @@ def _run(
         forces[:, k] = command
         mean = zero
         for _ in range(SUBSTEPS):
-            extra = _advance(state, friction, mass, damping, coulomb, acting, step)
+            extra = advance(state, friction, mass, damping, coulomb, acting, step)
             mean = mean + extra / SUBSTEPS
         extras[:, k] = mean
         acting = command  # one sample of delay
     return forces, positions, extras
 
 
-def _advance(
-    state: _State,
+def advance(
+    state: State,
     friction: Friction,
     mass: FloatArray,
     damping: FloatArray,

@@ -153,21 +153,25 @@ def _in_blocks(
 def _kinds(own: _Table) -> list[Kind]:
     """The kinds found, the one that takes most away first."""
     kinds: list[Kind] = []
-    left = own.left(())
     while len(kinds) < MOST:
-        rest = [kind for kind in own.members if kind not in kinds]
-        after = {kind: own.left((*kinds, kind)) for kind in rest}
-        best = min(rest, key=lambda kind: after[kind])
-        gone = left - after[best]
-        part = FURTHER if kinds else 0.0 if best == "drag" else FIRST
-        least = LEAST_DRAG if best == "drag" else LEAST_PART
-        if gone < least**2 or gone < part * left:
+        left = own.left(kinds)
+        gone: dict[Kind, float] = {
+            kind: left - own.left([*kinds, kind]) for kind in own.members if kind not in kinds
+        }
+        order = sorted(gone, key=lambda kind: -gone[kind])
+        found = [kind for kind in order if _noticed(own, kind, kinds, gone[kind], left)]
+        if not found:
             break
-        if own.worth(best, kinds) < 1:
-            break
-        kinds.append(best)
-        left = after[best]
+        kinds.append(found[0])
     return kinds
+
+
+def _noticed(own: _Table, kind: Kind, beside: Sequence[Kind], gone: float, left: float) -> bool:
+    """Whether what a kind takes away from what is left, mean squares, is large enough and sure."""
+    drag = kind == "drag"
+    part = FURTHER if beside else 0.0 if drag else FIRST
+    least = LEAST_DRAG if drag else LEAST_PART
+    return gone >= max(least**2, part * left) and own.worth(kind, beside) >= 1
 
 
 def _frequencies(
@@ -229,8 +233,9 @@ def _share(own: _Table, kind: Kind, kinds: Sequence[Kind]) -> float:
     square = float(part @ gram[np.ix_(members, members)] @ part)
     terms = own.base[2:] if kind != "drag" else []
     if terms:
+        inverse: FloatArray = np.linalg.pinv(gram[np.ix_(terms, terms)], hermitian=True)
         overlap = gram[np.ix_(terms, members)] @ part
-        square -= float(overlap @ np.linalg.pinv(gram[np.ix_(terms, terms)]) @ overlap)
+        square -= float(overlap @ inverse @ overlap)
     return float(np.sqrt(max(square, 0.0)))
 
 

@@ -77,6 +77,16 @@ def test_friction_is_found_to_differ_by_direction() -> None:
     assert box.damping[0] < damping.forward.low < damping.backward.high < box.damping[1]
 
 
+def test_its_friction_falls_with_speed_a_little() -> None:
+    """Sliding, its slope is that of the directions in which it was published to differ."""
+    (force,) = found().device.logs[0].unmodelled_forces
+    assert (force.kind, force.rises) == ("falling", False)
+    assert 0.01 < force.share < 0.05
+    slope = found().device.damping_slope
+    assert slope is not None
+    assert slope.low < 199 < slope.high
+
+
 def test_the_model_explains_the_force() -> None:
     """Inverse-force error of at most 3.2 % after a 40 Hz filter on both sides; published 3.11 %."""
     table = least_squares.prepare(log(), Model(directional=True), 0.0).at_cut_off(40.0)
@@ -99,6 +109,7 @@ def test_what_hardware_does_not_say_is_taken_from_the_log() -> None:
         "delay-unknown",
         "force-saturated",
         "few-counts",
+        "unmodelled-force",
     }
     assert all(finding.severity == "warning" for finding in found().findings)
     assert device.sample_time.value == pytest.approx(1e-3, rel=1e-9)

@@ -43,7 +43,11 @@ def unmodelled(
         f"is {chosen.value('damping'):.4g}"
     )
     if uncovered:
-        needed = f"at most {MOST_SHARE:.0%} of the force that is no rising function of speed"
+        needed = (
+            f"at most {MOST_SHARE:.0%} of the force that does not rise with speed"
+            if refused
+            else "friction that rises with speed, every slope of which the certificate covers"
+        )
         remedy = (
             "Oil, align or exchange what rubs, free the cables, and log again; what is left must "
             "be allowed for in the margin: no proof covers friction that falls, remembers or "

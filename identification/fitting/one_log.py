@@ -114,7 +114,7 @@ def _friction_curve(workshop: Workshop) -> FrictionCurve | None:
 
 
 def _with_mass_of(curve: FrictionCurve, estimate: Estimate) -> Estimate:
-    """The estimate with the mass that the friction found leaves, and the uncertainty of that.
+    """The estimate with the mass that the friction found leaves, known no better than before.
 
     Damping stays the constant that explains the log best; its slope is the curve's.
     """
@@ -122,10 +122,11 @@ def _with_mass_of(curve: FrictionCurve, estimate: Estimate) -> Estimate:
         return estimate
     values, covariance = estimate.values.copy(), estimate.covariance.copy()
     values[0] = curve.mass
-    before = np.sqrt(covariance[0, 0])
-    factor = curve.mass_deviation / before if before > 0 else 0.0
+    before = estimate.deviation("mass")
+    deviation = max(before, curve.mass_deviation)
+    factor = deviation / before if before > 0 else 0.0
     covariance[0, :] *= factor
     covariance[:, 0] *= factor
-    covariance[0, 0] = curve.mass_deviation**2
+    covariance[0, 0] = deviation**2
     note = f"mass {estimate.value('mass'):.5g} without the friction found beyond the model"
     return replace(estimate, values=values, covariance=covariance, notes=(*estimate.notes, note))

@@ -158,11 +158,12 @@ def _kinds(own: _Table) -> list[Kind]:
         gone: dict[Kind, float] = {
             kind: left - own.left([*kinds, kind]) for kind in own.members if kind not in kinds
         }
-        order = sorted(gone, key=lambda kind: -gone[kind])
-        found = [kind for kind in order if _noticed(own, kind, kinds, gone[kind], left)]
-        if not found:
+        noticed = {
+            each: gone[each] for each in gone if _noticed(own, each, kinds, gone[each], left)
+        }
+        if not noticed:
             break
-        kinds.append(found[0])
+        kinds.append(max(noticed, key=lambda kind: noticed[kind]))
     return kinds
 
 
@@ -233,9 +234,8 @@ def _share(own: _Table, kind: Kind, kinds: Sequence[Kind]) -> float:
     square = float(part @ gram[np.ix_(members, members)] @ part)
     terms = own.base[2:] if kind != "drag" else []
     if terms:
-        inverse: FloatArray = np.linalg.pinv(gram[np.ix_(terms, terms)], hermitian=True)
         overlap = gram[np.ix_(terms, members)] @ part
-        square -= float(overlap @ inverse @ overlap)
+        square -= float(overlap @ np.linalg.lstsq(gram[np.ix_(terms, terms)], overlap)[0])
     return float(np.sqrt(max(square, 0.0)))
 
 

@@ -158,12 +158,13 @@ def _kinds(own: _Table) -> list[Kind]:
         gone: dict[Kind, float] = {
             kind: left - own.left([*kinds, kind]) for kind in own.members if kind not in kinds
         }
-        noticed = {
+        noticed: dict[Kind, float] = {
             each: gone[each] for each in gone if _noticed(own, each, kinds, gone[each], left)
         }
         if not noticed:
             break
-        kinds.append(max(noticed, key=lambda kind: noticed[kind]))
+        best: Kind = max(noticed, key=noticed.__getitem__)
+        kinds.append(best)
     return kinds
 
 
@@ -235,7 +236,8 @@ def _share(own: _Table, kind: Kind, kinds: Sequence[Kind]) -> float:
     terms = own.base[2:] if kind != "drag" else []
     if terms:
         overlap = gram[np.ix_(terms, members)] @ part
-        square -= float(overlap @ np.linalg.lstsq(gram[np.ix_(terms, terms)], overlap)[0])
+        followed = np.linalg.lstsq(gram[np.ix_(terms, terms)], overlap, rcond=None)[0]
+        square -= float(overlap @ np.asarray(followed, dtype=np.float64))
     return float(np.sqrt(max(square, 0.0)))
 
 

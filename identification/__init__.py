@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from identification.device.quantities import (
         quantity as quantity,
     )
+    from identification.device.stated import Fact as Fact
     from identification.documents.document import Document as Document
     from identification.documents.document import as_stored as as_stored
     from identification.documents.document import load_document as load_document
@@ -83,6 +84,12 @@ if TYPE_CHECKING:
     )
     from identification.errors import (
         NotWrittenError as NotWrittenError,
+    )
+    from identification.errors import (
+        Unstated as Unstated,
+    )
+    from identification.errors import (
+        UnstatedError as UnstatedError,
     )
     from identification.errors import (
         UsageError as UsageError,
@@ -125,6 +132,7 @@ if TYPE_CHECKING:
     from identification.readers.logs import (
         load_trajectory as load_trajectory,
     )
+    from identification.trajectory import Motion as Motion
     from identification.trajectory import Trajectory as Trajectory
 
 #: Public names by module. No module has the name of a function (so _identify): once loaded,
@@ -136,7 +144,8 @@ _HOMES = {
     "documents.yaml_reading": "load_mapping",
     "documents.yaml_writing": "to_yaml",
     "errors": (
-        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError UsageError"
+        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError "
+        "Unstated UnstatedError UsageError"
     ),
     "estimators": "METHODS Method",
     "examination": "Examination examine",
@@ -153,7 +162,8 @@ _HOMES = {
     "planning.spec": "ExcitationSpec load_excitation",
     "plant": "Plant",
     "device.quantities": "AnyQuantity Quantity quantity",
-    "trajectory": "Trajectory",
+    "device.stated": "Fact",
+    "trajectory": "Motion Trajectory",
     "documents.writing": "write_bytes write_text",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
@@ -169,6 +179,7 @@ __all__ = [
     "Examination",
     "Excitation",
     "ExcitationSpec",
+    "Fact",
     "Finding",
     "ForceLimit",
     "Gravity",
@@ -182,11 +193,14 @@ __all__ = [
     "LogRefusedError",
     "Method",
     "Mode",
+    "Motion",
     "NotWrittenError",
     "NotebookFigure",
     "Plant",
     "Quantity",
     "Trajectory",
+    "Unstated",
+    "UnstatedError",
     "UsageError",
     "as_stored",
     "examine",

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from os import PathLike
 from typing import Any, Literal, cast
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
 from identification.device.hardware import SHORTEST_STEP, ForceLimit, Hardware
 from identification.device.mechanism import MOST_MODES, Mode
 from identification.device.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
+from identification.device.stated import FACTS, Fact, missing_of, question
 from identification.documents.document import Document
 from identification.trajectory import Motion
 
@@ -31,6 +39,11 @@ __all__ = [
 
 #: kg (kg·m²): a milligram at a lever of a millimetre.
 LIGHTEST = 1e-12
+#: Where to write what is missing, unless a command knows better.
+_WHERE = (
+    "State them in hardware.yaml and identify with it, or in device.yaml, without 'source: log' "
+    "and no longer listed under 'missing':"
+)
 
 
 class Covariance(Document):
@@ -99,7 +112,7 @@ class Device(Document):
     Attributes:
         name: of the device.
         axis: name of the axis.
-        motion: "linear" or "rotary".
+        motion: "linear" or "rotary"; read as linear where it is missing.
         sample_time: T, s.
         mass: m, kg.
         damping: b, N·s/m, of both directions together; may be negative on a compensated axis.
@@ -116,6 +129,7 @@ class Device(Document):
         gravity: gs and gc.
         covariance: joint, of everything identified together.
         logs: what it was identified from.
+        missing: facts that nobody stated; in a file also whatever is absent or has ``source: log``.
     """
 
     model_config = ConfigDict(json_schema_extra=_delay_may_be_left_out)
@@ -140,17 +154,36 @@ class Device(Document):
     gravity: Gravity | None = None
     covariance: Covariance | None = None
     logs: tuple[LogRecord, ...] = ()
+    missing: tuple[Fact, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
-    def _default_delay(cls, raw: Any) -> Any:
-        if not isinstance(raw, Mapping) or "delay" in raw or "sample_time" not in raw:
+    def _mark_what_is_missing(cls, raw: Any) -> Any:
+        if not isinstance(raw, Mapping):
             return cast("object", raw)
-        stated = cast("Mapping[str, object]", raw)
-        step = stated["sample_time"]
-        if isinstance(step, Mapping):
-            step = cast("Mapping[str, object]", step).get("value")
-        return {**stated, "delay": {"value": getattr(step, "value", step), "source": "assumed"}}
+        given = cast("Mapping[str, object]", raw)
+        missing = missing_of(given)
+        blank = {fact for fact in missing if given.get(fact) is None}
+        stated = {key: value for key, value in given.items() if key not in blank}
+        if not isinstance(given.get("missing", ()), list | tuple):
+            return stated  # what is no list is refused as that
+        unknown = [each for each in cast("Any", given.get("missing", ())) if each not in FACTS]
+        stated["missing"] = [*missing, *unknown]
+        if "delay" in blank and "sample_time" in stated:
+            step = stated["sample_time"]
+            if isinstance(step, Mapping):
+                step = cast("Mapping[str, object]", step).get("value")
+            stated["delay"] = {"value": getattr(step, "value", step), "source": "assumed"}
+        return stated
+
+    @model_serializer(mode="wrap")
+    def _leave_out_what_is_missing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = handler(self)
+        if not self.missing:
+            del content["missing"]
+        elif "motion" in self.missing:
+            del content["motion"]
+        return content
 
     @model_validator(mode="after")
     def _sane(self) -> Device:
@@ -167,6 +200,35 @@ class Device(Document):
                 f"{friction.forward.value:g} and {friction.backward.value:g}"
             )
         return self
+
+    def unstated(self) -> tuple[Fact, ...]:
+        """The facts of this device that nobody stated, in the order of FACTS."""
+        return missing_of(dict(self))
+
+    def assumed(self) -> tuple[str, ...]:
+        """Names of the quantities that nobody knows and somebody assumed, in the file's order."""
+        return tuple(key for key, item in self if getattr(item, "source", None) == "assumed")
+
+    def require_stated(
+        self,
+        needed: Collection[Fact] = FACTS,
+        *,
+        subject: str | PathLike[str] | None = None,
+        where: str = _WHERE,
+    ) -> None:
+        """Ask for every fact that is needed and was not stated.
+
+        Args:
+            needed: facts that are needed.
+            subject: the file asked about; None names the device.
+            where: a sentence that says where to write them.
+
+        Raises:
+            UnstatedError: which facts, what to write for each, and what the log suggests.
+        """
+        missing = [fact for fact in self.unstated() if fact in needed]
+        if missing:
+            raise question(subject or f"device {self.name}", missing, dict(self), where)
 
     def simultaneous_box(self, confidence: float = BOX_CONFIDENCE) -> Box:
         """Box that holds all identified quantities at once with the given probability.

@@ -32,10 +32,13 @@ class ForceLimit(Document):
 class Hardware(Document):
     """What is known before a log is taken (hardware.yaml); every key optional.
 
+    A key that is absent or blank is not stated. Before anything is certified, motion, sample time,
+    encoder resolution and force limit must be, and the delay unless the log tells it.
+
     Attributes:
         name: of the device.
         axis: name of the axis.
-        motion: "linear" (N, m) or "rotary" (N·m, rad).
+        motion: "linear" (N, m) or "rotary" (N·m, rad); None where nobody stated it.
         sample_time: s, of the control loop.
         delay: s, from command to measurement.
         encoder_resolution: m (rad), one count at the handle.
@@ -47,7 +50,7 @@ class Hardware(Document):
     schema_: Literal["haptune/hardware/1"] = Field(default="haptune/hardware/1", alias="schema")
     name: str = "device"
     axis: str = "x"
-    motion: Motion = "linear"
+    motion: Motion | None = None
     sample_time: AnyQuantity | None = None
     delay: AnyQuantity | None = None
     encoder_resolution: PositiveQuantity | None = None

@@ -196,7 +196,7 @@ def _check_request(
         ("--axis", trajectory.axis, device.axis),
         ("motion", trajectory.motion, device.motion),
     ):
-        if seen != known:
+        if seen is not None and seen != known:
             raise UsageError(
                 name,
                 f"the log is of {seen}, the profile of {known}",

@@ -39,13 +39,13 @@ if TYPE_CHECKING:
     from identification.device.hardware import (
         Hardware as Hardware,
     )
+    from identification.device.hardware import Mode as Mode
     from identification.device.known_devices import (
         load_device as load_device,
     )
     from identification.device.known_devices import (
         named_devices as named_devices,
     )
-    from identification.device.mechanism import Mode as Mode
     from identification.device.quantities import (
         AnyQuantity as AnyQuantity,
     )
@@ -151,10 +151,9 @@ _HOMES = {
     "examination": "Examination examine",
     "planning.excitation": "Excitation plan_excitation",
     "figure": "NotebookFigure",
-    "device.hardware": "ForceLimit Hardware",
+    "device.hardware": "ForceLimit Hardware Mode",
     "device.known_devices": "load_device named_devices",
     "readers.logs": "LogColumns load_trajectory",
-    "device.mechanism": "Mode",
     "_identify": "Identification identify",
     "fitting.one_log": "LogFit",
     "pictures": "fit_picture",

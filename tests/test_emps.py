@@ -103,7 +103,9 @@ def test_what_hardware_does_not_say_is_taken_from_the_log() -> None:
     assert all(finding.severity == "warning" for finding in found().findings)
     assert device.sample_time.value == pytest.approx(1e-3, rel=1e-9)
     assert device.delay.value == pytest.approx(1e-3, rel=1e-9)
-    assert device.delay.source == "assumed"
+    assert device.delay.source == "log"
+    assert device.delay.low <= 1e-3 <= device.delay.high
+    assert "delay" not in device.missing
     assert device.encoder_resolution is not None
     assert device.encoder_resolution.value == pytest.approx(5e-8, rel=1e-6)
     assert device.force_limit is not None

@@ -16,8 +16,13 @@ from pydantic import (
 )
 
 from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
-from identification.device.hardware import SHORTEST_STEP, ForceLimit, Hardware
-from identification.device.mechanism import MOST_MODES, Mode
+from identification.device.hardware import (
+    MOST_MODES,
+    SHORTEST_STEP,
+    ForceLimit,
+    Hardware,
+    Mode,
+)
 from identification.device.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
 from identification.device.stated import FACTS, Fact, missing_of, question
 from identification.documents.document import Document

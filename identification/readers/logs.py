@@ -136,7 +136,7 @@ def refuse_clock(trajectory: Trajectory, column: str) -> None:
     finding = Finding(
         code="force-unit",
         severity="refusal",
-        seen=f"column '{column}' of {trajectory.source} steps by {step:.4g} in the median, no step "
+        seen=f"in {trajectory.source} column '{column}' steps by {step:.4g} in the median, no step "
         f"in seconds of a control loop{guess}",
         needed=f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s",
         remedy=f"{remedy}, or name the right column with --time.",

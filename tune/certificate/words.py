@@ -47,7 +47,7 @@ ASSUMED = "of the device, what was only assumed: {}"
 
 def taken_on_trust(device: Device) -> tuple[str, ...]:
     """Facts that no log and no calculation can confirm, and who has to answer for them."""
-    units = ("N", "m") if device.motion == "linear" else ("N·m", "rad")
+    units = ("N", "m") if device.motion == "linear" else ("N m", "rad")
     facts = ["sample time", "delay"]
     facts += ["encoder resolution"] if device.encoder_resolution is not None else []
     facts += ["force limit"] if device.force_limit is not None else []

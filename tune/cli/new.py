@@ -11,7 +11,6 @@ import typer
 from tune.cli.options import DryRun, Json, Quiet
 from tune.cli.session import Session, run_command
 
-
 #: How far each known device is moved from its middle, m (rad): room that it has by its size.
 _ROOM = {"emps": 0.1, "homerehab": 0.1, "knob": 1.0, "stylus": 0.03}
 

@@ -53,6 +53,7 @@ def audit(
         from identification import UsageError, load_device
         from tune._audit import NEEDED
         from tune._audit import audit as judged
+        from tune.certificate.words import taken_on_trust
         from tune.documents.effects import Effects
         from tune.documents.errors import CheckFailedError
         from tune.loop.filters import Filters
@@ -80,6 +81,8 @@ def audit(
             )
         session.details = _numbers(found)
         session.say(_table(found))
+        for line in taken_on_trust(found.design.device):
+            session.say(f"taken on trust: {line}")
         if found.safe:
             session.say(f"safe with margin {found.design.margin.name}, proved over the whole box")
             return

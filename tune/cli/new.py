@@ -97,6 +97,8 @@ def excitation_of(name: str) -> str:
         value, low, high = (format_float_positional(each, trim="0") for each in ends)
         known[key] = f"{{value: {value}, low: {low}, high: {high}}}"
     lines = [f"# Guesses and limits of the known device {name}; check all of them on yours."]
+    assumed = [key for key in device.assumed() if key in known]
+    lines += [f"# Assumed, not known: {', '.join(assumed)}."] if assumed else []
     for line in template("excitation").splitlines():
         key, colon, rest = line.partition(":")
         if not colon or key not in known:

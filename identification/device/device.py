@@ -118,6 +118,7 @@ class Device(Document):
         name: of the device.
         axis: name of the axis.
         motion: "linear" or "rotary"; read as linear where it is missing.
+        missing: facts that nobody stated; in a file also whatever is absent or has ``source: log``.
         sample_time: T, s.
         mass: m, kg.
         damping: b, N·s/m, of both directions together; may be negative on a compensated axis.
@@ -134,7 +135,6 @@ class Device(Document):
         gravity: gs and gc.
         covariance: joint, of everything identified together.
         logs: what it was identified from.
-        missing: facts that nobody stated; in a file also whatever is absent or has ``source: log``.
     """
 
     model_config = ConfigDict(json_schema_extra=_delay_may_be_left_out)
@@ -143,6 +143,7 @@ class Device(Document):
     name: str = "device"
     axis: str = "x"
     motion: Motion = "linear"
+    missing: tuple[Fact, ...] = ()
     sample_time: AnyQuantity
     mass: AnyQuantity
     damping: AnyQuantity
@@ -159,7 +160,6 @@ class Device(Document):
     gravity: Gravity | None = None
     covariance: Covariance | None = None
     logs: tuple[LogRecord, ...] = ()
-    missing: tuple[Fact, ...] = ()
 
     @model_validator(mode="before")
     @classmethod

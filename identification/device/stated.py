@@ -45,7 +45,8 @@ def missing_of(content: Mapping[str, object]) -> tuple[Fact, ...]:
 
     Missing is what stands under ``missing``, what is absent, and what has ``source: log``; but a
     delay of a log counts as stated if its interval is no wider than a sample. What somebody assumed
-    is stated as that.
+    is stated as that. A file without ``missing`` that has facts of a log was identified before they
+    were marked, when an axis that nobody asked about was called linear: there motion is missing.
     """
     listed = content.get("missing")
     named = cast("Collection[str]", listed) if isinstance(listed, tuple | list) else ()
@@ -53,7 +54,7 @@ def missing_of(content: Mapping[str, object]) -> tuple[Fact, ...]:
     found |= {fact for fact in FACTS if content.get(fact) is None}
     for fact in ("sample_time", "encoder_resolution", "force_limit"):
         if _part(content.get(fact), "source") == "log":
-            found.add(fact)
+            found |= {fact} if "missing" in content or not content.get("logs") else {fact, "motion"}
     if not _tells_delay(content):
         found.add("delay")
     return tuple(fact for fact in FACTS if fact in found)

@@ -36,8 +36,8 @@ UNDER_LIMIT = 0.4
 #: 57, from degrees to radians, and more than interpolation by four to sixteen.
 COUNT_RATIO = 25.0
 #: Scatter of a reading, in counts stated, from which one of them has another unit: an encoder's
-#: readings scatter by a count.
-SCATTER = 25.0
+#: readings scatter by a count, and by at least 0.29 of one, which is 17 in degrees.
+SCATTER = 10.0
 #: Units a column may be in by mistake, and SI in each; ...
 _FORCES = (("mN or N·mm", 1e-3), ("kN", 1e3))
 _LENGTHS = {

@@ -258,8 +258,8 @@ def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
         remedy=""
         if agrees
         else f"The unit of the position looks {ratio:.4g} times too large: state "
-        f"--position-gain {1 / ratio:.4g}; or log more digits; or correct encoder_resolution and "
-        "tune again.",
+        f"--position-gain {1 / ratio:.4g}; or log more digits; only where the data sheet of the "
+        "encoder says so, state another encoder_resolution and tune again.",
     )
 
 

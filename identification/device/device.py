@@ -231,7 +231,7 @@ class Device(Document):
         Raises:
             UnstatedError: which facts, what to write for each, and what the log suggests.
         """
-        missing = [fact for fact in self.unstated() if fact in needed]
+        missing: list[Fact] = [fact for fact in self.unstated() if fact in needed]
         if missing:
             raise question(subject or f"device {self.name}", missing, dict(self), where)
 

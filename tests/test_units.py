@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import SCENARIOS, log_text, named_rig, run
-from identification import Trajectory, load_device
+from identification import Hardware, Trajectory, load_device
+from identification.findings.units import units
 from tests.commands import Ended, haptune
 from tune import load_profile
 
@@ -118,6 +119,36 @@ def test_another_unit_with_hardware_is_refused_and_its_gain_named(case: Mangled)
 @pytest.mark.parametrize("case", [each for each in VERSIONS if each.unit in {"mm", "ms"}], ids=str)
 def test_another_unit_without_hardware_is_refused_or_asked_about(case: Mangled) -> None:
     _judge(case, hardware=False)
+
+
+def test_radians_without_a_motion_are_told_about_rotary() -> None:
+    ended = _calibrated(Mangled(device="knob", unit="rad"), hardware=False)
+    assert ended.code == 3
+    assert ended.err.count("motion: rotary") >= 2, "as a warning and in the question"
+
+
+def test_what_travels_too_far_for_metres_may_turn() -> None:
+    far = replace(_log("knob"), position=_log("knob").position * 100, motion=None)
+    (told,) = [each for each in units(far, None) if "travels" in each.seen]
+    assert told.remedy.index("motion: rotary") < told.remedy.index("--position-gain")
+
+
+@pytest.mark.parametrize("device", LOGS)
+@pytest.mark.parametrize("decimals", [2, 6])
+def test_readings_without_counts_scatter_in_other_units(device: str, decimals: int) -> None:
+    """Noise of half a count after the counter, or few digits, hide the counts, not the unit."""
+    log, known = _log(device), load_device(device)
+    assert known.encoder_resolution is not None
+    count = known.encoder_resolution.value
+    hardware = Hardware(motion=known.motion, encoder_resolution=known.encoder_resolution)
+    noise = 0.5 * count * np.random.default_rng(1).standard_normal(len(log))
+    hidden = replace(log, position=log.position + noise)
+    assert units(hidden, hardware) == ()
+    factor = 180 / np.pi if known.motion == "rotary" else 1000.0
+    other = replace(hidden, position=np.round(hidden.position * factor, decimals))
+    told = [each for each in units(other, hardware) if "encoder resolution" in each.seen]
+    assert [each.severity for each in told] == ["refusal"]
+    assert "--position-gain" in told[0].remedy
 
 
 @pytest.mark.long

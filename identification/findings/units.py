@@ -151,27 +151,29 @@ def _against_limit(trajectory: Trajectory, hardware: Hardware | None) -> tuple[F
 
 
 def _against_count(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
-    """A count, or where none is seen a scatter, that is not that of the encoder stated."""
+    """A count, or a scatter of readings, that is not that of the encoder stated.
+
+    Noise or few digits may hide the count; a digit printed may look like one.
+    """
     if hardware is None or hardware.encoder_resolution is None:
         return ()
     stated, seen = hardware.encoder_resolution.value, encoder_count(trajectory.position)
-    if seen is not None:
-        if 1 / COUNT_RATIO < seen / stated < COUNT_RATIO:
-            return ()
+    likely, sure = "", ""
+    if seen is not None and not 1 / COUNT_RATIO < seen / stated < COUNT_RATIO:
         ratio, words = seen / stated, f"steps by {seen:.4g}"
-        needed, sure = f"the same within a factor of {COUNT_RATIO:g}", ""
+        needed = f"the same within a factor of {COUNT_RATIO:g}"
+        for unit, size in _LENGTHS[trajectory.motion or "linear"]:
+            if abs(ratio * size - 1) < _NAMED:
+                likely = f" ({unit}: {size:.6g})"
+    elif "position" in trajectory.stated_units:
+        return ()
     else:
         scatter = position_noise(trajectory.position, trajectory.force, trajectory.steps)
-        if scatter <= SCATTER * stated or "position" in trajectory.stated_units:
+        if scatter <= SCATTER * stated:
             return ()
-        ratio, words = scatter / stated, f"has no counts and scatters by {scatter:.4g} rms"
-        needed = f"counts, or a scatter of at most {SCATTER:g} of them"
+        ratio, words = scatter / stated, f"scatters by {scatter:.4g} rms"
+        needed = f"at most {SCATTER:g} times"
         sure = ", or --position-gain 1 if it is"
-    likely = [
-        f" ({unit}: {size:.6g})"
-        for unit, size in _LENGTHS[trajectory.motion or "linear"]
-        if seen is not None and abs(ratio * size - 1) < _NAMED
-    ]
     return (
         Finding(
             code="force-unit",
@@ -180,7 +182,7 @@ def _against_count(trajectory: Trajectory, hardware: Hardware | None) -> tuple[F
             f"resolution {stated:.4g} of the hardware",
             needed=needed,
             remedy="Where position is not in m (rad), give what one unit of it is with "
-            f"--position-gain{''.join(likely)}{sure}. The encoder resolution is that of the data "
+            f"--position-gain{likely}{sure}. The encoder resolution is that of the data "
             "sheet, in m (rad) at the handle.",
         ),
     )
@@ -192,7 +194,10 @@ def _out_of_reach(trajectory: Trajectory) -> tuple[Finding, ...]:
     speed = float(np.max(_speeds(trajectory)))
     if travel <= limits.travel and speed <= limits.speed:
         return ()
-    remedy = f"Give --position-gain: the position looks like {limits.wrong}."
+    remedy = (
+        f"Give --position-gain: the position looks like {limits.wrong}, or the motion that the "
+        "hardware file states is not that of the axis."
+    )
     if trajectory.motion is None:
         remedy = (
             "If the axis turns, state motion: rotary in the hardware file (--hardware), and for "

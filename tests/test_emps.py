@@ -93,9 +93,10 @@ def test_methods_that_lean_on_the_friction_model_are_not_believed() -> None:
     assert others["innovations"].value("damping") > 250
 
 
-def test_what_hardware_does_not_say_is_taken_from_the_log() -> None:
+def test_what_hardware_does_not_say_is_missing_and_the_log_suggests_it() -> None:
     device = found().device
     assert {finding.code for finding in found().findings} == {
+        "force-unit",
         "delay-unknown",
         "force-saturated",
         "few-counts",
@@ -110,6 +111,7 @@ def test_what_hardware_does_not_say_is_taken_from_the_log() -> None:
     assert device.encoder_resolution.value == pytest.approx(5e-8, rel=1e-6)
     assert device.force_limit is not None
     assert device.force_limit.peak == pytest.approx(152.05, rel=1e-4)
+    assert device.missing == ("motion", "sample_time", "encoder_resolution", "force_limit")
     assert device.logs[0].digest == log().digest
 
 

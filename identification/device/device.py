@@ -105,7 +105,9 @@ class Gravity(Document):
 
 def _delay_may_be_left_out(schema: dict[str, Any]) -> None:
     schema["required"].remove("delay")
-    schema["properties"]["delay"]["description"] = "s; left out: one sample time"
+    schema["properties"]["delay"]["description"] = (
+        "s; left out: missing, and read as one sample time"
+    )
 
 
 class Device(Document):
@@ -124,7 +126,7 @@ class Device(Document):
         damping: b, N·s/m, of both directions together; may be negative on a compensated axis.
         coulomb_friction: Fc, N, of both directions together.
         force_offset: f0, N.
-        delay: s, from command to measurement; left out: one sample time.
+        delay: s, from command to measurement; read as one sample time where it is missing.
         encoder_resolution: m, one count at the handle.
         force_limit: N at the handle.
         modes: vibration of the mechanism, beside the rigid mass.
@@ -170,10 +172,10 @@ class Device(Document):
         missing = missing_of(given)
         blank = {fact for fact in missing if given.get(fact) is None}
         stated = {key: value for key, value in given.items() if key not in blank}
-        if not isinstance(given.get("missing", ()), list | tuple):
-            return stated  # what is no list is refused as that
-        unknown = [each for each in cast("Any", given.get("missing", ())) if each not in FACTS]
-        stated["missing"] = [*missing, *unknown]
+        listed = given.get("missing")
+        if listed is None or isinstance(listed, list | tuple):  # anything else is refused as that
+            unknown = [each for each in cast("list[object]", listed or ()) if each not in FACTS]
+            stated["missing"] = [*missing, *unknown]
         if "delay" in blank and "sample_time" in stated:
             step = stated["sample_time"]
             if isinstance(step, Mapping):

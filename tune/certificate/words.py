@@ -39,8 +39,8 @@ NOT_ASSESSED = (
 
 FACTS = "facts of the device as stated, which a log cannot show: {} motion, {}"
 LOG_UNITS = (
-    "logs in SI units: force in {}, not volts or amperes, and position in {}; a unit changes no "
-    "residual"
+    "logs in SI units: force in {}, not volts or amperes (those need --force-gain, the torque "
+    "constant and transmission), and position in {}; a unit changes no residual"
 )
 ASSUMED = "of the device, what was only assumed: {}"
 

@@ -118,7 +118,7 @@ def hardware_of(name: str) -> str:
     hardware = Hardware(
         name=device.name,
         axis=device.axis,
-        motion=device.motion,
+        motion=None if "motion" in device.missing else device.motion,
         sample_time=device.sample_time,
         delay=device.delay,
         encoder_resolution=device.encoder_resolution,

@@ -126,7 +126,8 @@ def test_a_form_for_a_device_leaves_blank_what_nobody_stated() -> None:
     Path("device.yaml").write_text(to_yaml(to_mapping(device), ""), encoding="utf-8")
     assert haptune("new", "hardware", "--device", "device.yaml", "--quiet").code == 0
     hardware = load_document(Hardware, "hardware.yaml")
-    assert hardware.motion is None
+    assert hardware.motion is hardware.force_limit is None
+    assert hardware.encoder_resolution == quantity(0.000006)
     shutil.copy(bundled("homerehab.csv"), "log.csv")
     again = identify(load_trajectory("log.csv"), hardware=hardware, method="least-squares").device
     assert again.missing == ("motion", "force_limit")

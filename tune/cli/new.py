@@ -111,19 +111,19 @@ def excitation_of(name: str) -> str:
 
 
 def hardware_of(name: str) -> str:
-    """The hardware part of a known device as YAML."""
+    """The hardware part of a device as YAML, without what nobody stated of it."""
     from identification import Hardware, load_device, to_mapping, to_yaml
 
     device = load_device(name)
     hardware = Hardware(
         name=device.name,
         axis=device.axis,
-        motion=None if "motion" in device.missing else device.motion,
+        motion=device.motion,
         sample_time=device.sample_time,
         delay=device.delay,
         encoder_resolution=device.encoder_resolution,
         force_limit=device.force_limit,
         modes=device.modes,
         current_lag=device.current_lag,
-    )
+    ).model_copy(update=dict.fromkeys(device.unstated()))
     return to_yaml(to_mapping(hardware), f"Hardware of the known device {name}; check it on yours.")

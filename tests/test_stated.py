@@ -205,7 +205,8 @@ def test_the_question_of_calibrate_and_its_answer() -> None:
 
 
 def test_a_device_file_is_asked_about_and_mended_in_place() -> None:
-    found = identify(load_trajectory(bundled("homerehab.csv")))
+    log = load_trajectory(bundled("homerehab.csv"))
+    found = identify(log, method="least-squares")
     Path("device.yaml").write_text(to_yaml(to_mapping(found.device), ""), encoding="utf-8")
     before = files()
     for command in (("tune", "device.yaml", "scene.yaml"), ("audit", "device.yaml", "--mass", "1")):
@@ -265,7 +266,8 @@ def test_what_the_paper_does_not_give_is_marked_assumed_wherever_it_appears() ->
         hardware = load_document(Hardware, file)
         for each in (hardware.sample_time, hardware.delay):
             assert each == quantity(0.001, source="assumed")
-    found = identify(load_trajectory(bundled("homerehab.csv")), hardware=hardware).device
+    log = load_trajectory(bundled("homerehab.csv"))
+    found = identify(log, hardware=hardware, method="least-squares").device
     assert found.assumed() == ("sample_time", "delay")
     told = haptune("tune", "homerehab", "scene.yaml").out
     assert "only assumed: sample time, coulomb friction, force offset, delay" in told

@@ -122,7 +122,8 @@ def test_another_unit_without_hardware_is_refused_or_asked_about(case: Mangled) 
 
 
 def test_radians_without_a_motion_are_told_about_rotary() -> None:
-    ended = _calibrated(Mangled(device="knob", unit="rad"), hardware=False)
+    plain = Mangled(device="knob", unit="rad")
+    ended = _calibrated(plain, "--method", "least-squares", hardware=False)
     assert ended.code == 3
     assert ended.err.count("motion: rotary") >= 2, "as a warning and in the question"
 

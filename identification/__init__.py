@@ -33,24 +33,24 @@ if TYPE_CHECKING:
     from identification.device.device import (
         LogRecord as LogRecord,
     )
+    from identification.device.friction import (
+        SlopeRange as SlopeRange,
+    )
+    from identification.device.friction import (
+        UnmodelledForce as UnmodelledForce,
+    )
     from identification.device.hardware import (
         ForceLimit as ForceLimit,
     )
     from identification.device.hardware import (
         Hardware as Hardware,
     )
+    from identification.device.hardware import Mode as Mode
     from identification.device.known_devices import (
         load_device as load_device,
     )
     from identification.device.known_devices import (
         named_devices as named_devices,
-    )
-    from identification.device.mechanism import Mode as Mode
-    from identification.device.mechanism import (
-        SlopeRange as SlopeRange,
-    )
-    from identification.device.mechanism import (
-        UnmodelledForce as UnmodelledForce,
     )
     from identification.device.quantities import (
         AnyQuantity as AnyQuantity,
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from identification.device.quantities import (
         quantity as quantity,
     )
+    from identification.device.stated import Fact as Fact
     from identification.documents.document import Document as Document
     from identification.documents.document import as_stored as as_stored
     from identification.documents.document import load_document as load_document
@@ -89,6 +90,12 @@ if TYPE_CHECKING:
     )
     from identification.errors import (
         NotWrittenError as NotWrittenError,
+    )
+    from identification.errors import (
+        Unstated as Unstated,
+    )
+    from identification.errors import (
+        UnstatedError as UnstatedError,
     )
     from identification.errors import (
         UsageError as UsageError,
@@ -131,6 +138,7 @@ if TYPE_CHECKING:
     from identification.readers.logs import (
         load_trajectory as load_trajectory,
     )
+    from identification.trajectory import Motion as Motion
     from identification.trajectory import Trajectory as Trajectory
 
 #: Public names by module. No module has the name of a function (so _identify): once loaded,
@@ -142,16 +150,17 @@ _HOMES = {
     "documents.yaml_reading": "load_mapping",
     "documents.yaml_writing": "to_yaml",
     "errors": (
-        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError UsageError"
+        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError "
+        "Unstated UnstatedError UsageError"
     ),
     "estimators": "METHODS Method",
     "examination": "Examination examine",
     "planning.excitation": "Excitation plan_excitation",
     "figure": "NotebookFigure",
-    "device.hardware": "ForceLimit Hardware",
+    "device.hardware": "ForceLimit Hardware Mode",
     "device.known_devices": "load_device named_devices",
     "readers.logs": "LogColumns load_trajectory",
-    "device.mechanism": "Mode SlopeRange UnmodelledForce",
+    "device.friction": "SlopeRange UnmodelledForce",
     "_identify": "Identification identify",
     "fitting.one_log": "LogFit",
     "pictures": "fit_picture",
@@ -159,7 +168,8 @@ _HOMES = {
     "planning.spec": "ExcitationSpec load_excitation",
     "plant": "Plant",
     "device.quantities": "AnyQuantity Quantity quantity",
-    "trajectory": "Trajectory",
+    "device.stated": "Fact",
+    "trajectory": "Motion Trajectory",
     "documents.writing": "write_bytes write_text",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
@@ -175,6 +185,7 @@ __all__ = [
     "Examination",
     "Excitation",
     "ExcitationSpec",
+    "Fact",
     "Finding",
     "ForceLimit",
     "Gravity",
@@ -188,6 +199,7 @@ __all__ = [
     "LogRefusedError",
     "Method",
     "Mode",
+    "Motion",
     "NotWrittenError",
     "NotebookFigure",
     "Plant",
@@ -195,6 +207,8 @@ __all__ = [
     "SlopeRange",
     "Trajectory",
     "UnmodelledForce",
+    "Unstated",
+    "UnstatedError",
     "UsageError",
     "as_stored",
     "examine",

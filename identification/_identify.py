@@ -66,9 +66,11 @@ def identify(
     """Identify one axis from one log or several.
 
     Args:
-        trajectory: a log, or several of one axis; several give the envelope.
-        hardware: what is known of the device. A delay it states is honoured, 0 included; what it
-            does not state is taken from the logs, with a warning.
+        trajectory: a log, or several of one axis; several give the envelope. A log of which nobody
+            said whether it is linear or rotary has the motion of the hardware.
+        hardware: what is known of the device. A delay it states is honoured, 0 included. What it
+            does not state is ``missing`` in the device, which holds what the logs suggest of it
+            with ``source: log``; only a delay that they tell within a sample counts as known.
         method: "auto" believes output error where position noise explains its residual, else the
             most efficient method that a more robust one does not contradict; or one of METHODS.
         allow: codes of findings that are not to refuse a log; recorded with the device.
@@ -80,6 +82,7 @@ def identify(
     """
     trajectories = (trajectory,) if isinstance(trajectory, Trajectory) else tuple(trajectory)
     _check_request(trajectories, hardware, method, allow)
+    trajectories = tuple(_moving(log, trajectories, hardware) for log in trajectories)
     for log in trajectories:
         refuse_sizes(log)
     noticed = [inspect(log, hardware) for log in trajectories]
@@ -133,17 +136,19 @@ def _check_request(
             "--allow", f"{', '.join(unknown)} is no finding", "Choose from " + ", ".join(CODES)
         )
     for name in ("axis", "motion"):
-        seen = list(dict.fromkeys(getattr(log, name) for log in trajectories))
+        said = (getattr(log, name) for log in trajectories)
+        seen = list(dict.fromkeys(item for item in said if item is not None))
         if len(seen) > 1:
             raise UsageError(
                 f"--{name}",
                 f"the logs are of {' and '.join(seen)}",
                 f"Give logs of one {name} at a time; each has its own device",
             )
-        if hardware is not None and getattr(hardware, name) != seen[0]:
+        known = None if hardware is None else getattr(hardware, name)
+        if seen and known is not None and known != seen[0]:
             raise UsageError(
                 f"--{name}",
-                f"the logs are of {seen[0]}, the hardware of {getattr(hardware, name)}",
+                f"the logs are of {seen[0]}, the hardware of {known}",
                 f"Give the logs and the hardware of one {name}",
             )
 
@@ -181,6 +186,13 @@ def _stored(
 def _lenient(finding: Finding) -> Finding:
     """A finding that was let through."""
     return replace(finding, severity="warning")
+
+
+def _moving(log: Trajectory, logs: Sequence[Trajectory], hardware: Hardware | None) -> Trajectory:
+    """The log with the motion that the hardware, or else another of the logs, states."""
+    stated = [None if hardware is None else hardware.motion, *(each.motion for each in logs)]
+    motion = next((each for each in stated if each is not None), None)
+    return log if log.motion == motion else replace(log, motion=motion)
 
 
 def _clocked(trajectory: Trajectory, hardware: Hardware | None) -> Trajectory:

@@ -46,6 +46,43 @@ class InvalidInputError(IdentificationError):
         super().__init__(f"{self.subject}: {problem}. {remedy}")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unstated:
+    """One fact of a device that nobody stated.
+
+    Attributes:
+        key: in hardware.yaml and device.yaml.
+        write: what to write for it, with its unit and an example.
+        hint: what a log suggests, which is not used; "" if there is none.
+    """
+
+    key: str
+    write: str
+    hint: str
+
+    def __str__(self) -> str:
+        hint = f" (a hint that is not used: {self.hint})" if self.hint else ""
+        return f"{self.write}{hint}"
+
+
+class UnstatedError(InvalidInputError):
+    """A question: facts of a device that a person has to state before anything is certified.
+
+    Attributes:
+        missing: the facts, all of them.
+    """
+
+    def __init__(self, subject: str, missing: tuple[Unstated, ...], where: str) -> None:
+        self.missing = missing
+        keys = ", ".join(fact.key for fact in missing)
+        lines = "".join(f"\n  {fact}" for fact in missing)
+        super().__init__(
+            subject,
+            f"does not state {keys}, without which nothing can be certified",
+            f"{where}{lines}",
+        )
+
+
 class UsageError(IdentificationError):
     """A request that contradicts itself, such as logs of two axes for one device.
 

@@ -16,7 +16,7 @@ from identification.estimators import Method
 from identification.estimators.noise import encoder_count, position_noise
 from identification.findings import CODES
 from identification.findings.balance import Balance, balance_of
-from identification.trajectory import Trajectory
+from identification.trajectory import Motion, Trajectory
 
 #: The excited band holds the power of the velocity but for this part at either end.
 _OUTSIDE = 0.01
@@ -28,7 +28,7 @@ class Examination:
 
     Attributes:
         source: where the log comes from.
-        motion: "linear" or "rotary".
+        motion: "linear" or "rotary"; None where nobody stated it.
         samples: number of rows.
         fitted: rows that mass and damping are told from; None if they are not told.
         duration: s.
@@ -47,7 +47,7 @@ class Examination:
     """
 
     source: str
-    motion: str
+    motion: Motion | None
     samples: int
     fitted: int | None
     duration: float
@@ -94,7 +94,7 @@ def examine(
     time = trajectory.time
     return Examination(
         source=trajectory.source,
-        motion=trajectory.motion,
+        motion=trajectory.motion or (None if hardware is None else hardware.motion),
         samples=len(trajectory),
         fitted=None if found is None else found.logs[0].fitted,
         duration=float(time[-1] - time[0]),

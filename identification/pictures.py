@@ -40,6 +40,8 @@ def fit_picture(trajectory: Trajectory, device: Device, *, delay: float | None =
     explained = table.columns @ np.array(values)
     time = trajectory.time[table.first :][: applied.size]
     length, force = ("m", "N") if device.motion == "linear" else ("rad", "N·m")
+    if "motion" in device.missing:
+        length, force = "m (rad)", "N (N·m)"
     figure = NotebookFigure(figsize=(11, 6), layout="constrained")
     top, middle, bottom = figure.subplots(3, 1, sharex=True)
     top.plot(trajectory.time, trajectory.position, lw=1)

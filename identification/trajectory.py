@@ -36,7 +36,9 @@ class Trajectory:
         position: m (rad if rotary), shape (n,).
         reference: logged set-point in the unit of position, shape (n,), or None.
         axis: name of the axis the log belongs to.
-        motion: "linear" or "rotary".
+        motion: "linear" or "rotary"; None where nobody said it.
+        stated_units: of "force" and "position", those whose unit a person stated, so that their
+            size alone is no reason to ask.
         source: where the samples come from, for messages and for the device file.
         digest: "sha256:…" of the file the samples come from, or "".
 
@@ -50,7 +52,8 @@ class Trajectory:
     position: FloatArray
     reference: FloatArray | None = None
     axis: str = "x"
-    motion: Motion = "linear"
+    motion: Motion | None = None
+    stated_units: frozenset[str] = frozenset()
     source: str = "trajectory"
     digest: str = ""
     #: Median step between samples, s.
@@ -72,7 +75,8 @@ class Trajectory:
     def __repr__(self) -> str:
         length = float(self.time[-1] - self.time[0])
         return (
-            f"Trajectory({self.source}, axis {self.axis}, {self.motion}: {self.time.size} samples, "
+            f"Trajectory({self.source}, axis {self.axis}, {self.motion or 'motion not stated'}: "
+            f"{self.time.size} samples, "
             f"{length:.4g} s, {'with' if self.reference is not None else 'without'} a reference)"
         )
 

@@ -26,6 +26,7 @@ STEP = 1e-3
 COUNT = 6e-6
 HARDWARE = Hardware(
     name="homerehab",
+    motion="linear",
     sample_time=quantity(STEP),
     delay=quantity(STEP),
     encoder_resolution=quantity(COUNT),
@@ -36,7 +37,7 @@ NAMES = ("mass", "damping", "coulomb_friction", "force_offset")
 
 def log(force: Array, position: Array, step: float = STEP, **kind: Any) -> Trajectory:
     time: Array = np.arange(force.size) * np.float64(step)
-    return Trajectory(time=time, force=force, position=position, **kind)
+    return Trajectory(time=time, force=force, position=position, **{"motion": "linear", **kind})
 
 
 @cache

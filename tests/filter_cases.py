@@ -22,6 +22,7 @@ DEVICES = {
     "homerehab": load_device("homerehab"),
     "light": Device(
         name="light",
+        motion="linear",
         sample_time=quantity(1e-3),
         mass=quantity(0.08, 0.076, 0.084),
         damping=quantity(0.1, 0.08, 0.12),
@@ -43,6 +44,7 @@ DEVICES = {
     ),
     "heavy": Device(
         name="heavy",
+        motion="linear",
         sample_time=quantity(1e-3),
         mass=quantity(12.0, 11.0, 13.0),
         damping=quantity(40.0, 34.0, 46.0),

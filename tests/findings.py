@@ -13,7 +13,12 @@ from identification import (
 from identification.findings import CODES
 
 #: Hardware files leave it open: a warning of the same code as what a log can be refused for.
-UNSTATED = ("no delay is stated", "no force limit is stated", "no encoder resolution is stated")
+UNSTATED = (
+    "no motion is stated",
+    "no delay is stated",
+    "no force limit is stated",
+    "no encoder resolution is stated",
+)
 
 
 def findings_of(

@@ -103,6 +103,7 @@ class Recorded:
 def hardware() -> Hardware:
     """What a person knows of these devices."""
     return Hardware(
+        motion="linear",
         sample_time=quantity(T),
         delay=quantity(T),
         encoder_resolution=quantity(COUNT),

@@ -48,8 +48,12 @@ WRITERS = (parquet, npz, mat, csv)
 Writer = Callable[..., Path]
 
 
-def refusal(path: Path, columns: LogColumns | None = None) -> str:
-    with pytest.raises(InvalidInputError) as caught:
+def refusal(
+    path: Path,
+    columns: LogColumns | None = None,
+    kind: type[Exception] = InvalidInputError,
+) -> str:
+    with pytest.raises(kind) as caught:
         load_trajectory(path, columns)
     text = str(caught.value)
     assert "\n" not in text

@@ -13,6 +13,7 @@ import pytest
 from datasets_synthetic import bundled
 from identification import Device, load_device
 from tests.commands import files, haptune
+from tests.unlimited import UNLIMITED
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.perception import PerceptionTable, default_table
 from tune.documents.profile import SafeProfile, load_profile
@@ -36,9 +37,7 @@ def _scene(elements: dict[str, Any] = WALL, **more: Any) -> Scene:
 @pytest.fixture(scope="module")
 def device() -> Device:
     """HomeRehab without the limits that would hide stability."""
-    return load_device("homerehab").model_copy(
-        update={"force_limit": None, "encoder_resolution": None}
-    )
+    return load_device("homerehab").model_copy(update=UNLIMITED)
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (2, "is not one of 'auto'", "identify log.csv --method guess"),
     (2, "'soft' is not one of", "tune homerehab scene.yaml --margin soft"),
     (2, "--force-gain", "identify log.csv --force-gain two"),
-    (2, "fills in hardware", "new scene --device knob"),
+    (2, "fills in no scene", "new scene --device knob"),
     (2, "logs are of y", "identify log.csv --axis y --hardware x.yaml"),
     (2, "logs are of y", "calibrate log.csv --axis y --hardware x.yaml --scene scene.yaml"),
     (2, "guess is no finding", "identify log.csv --allow guess"),
@@ -100,7 +100,8 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "impossible.yaml": "elements: {wall: {stiffness: {min: 20000, max: 30000}}}",
         "perception.yaml": FLUID + "perception: absent.yaml\n",
         "x.yaml": "axis: x\n",
-        "late.yaml": "{sample_time: 0.001, mass: 3, damping: 10, delay: 0.05}",
+        "late.yaml": "{motion: linear, sample_time: 0.001, mass: 3, damping: 10, delay: 0.05, "
+        "encoder_resolution: 0.00001, force_limit: {continuous: 1, peak: 2}}",
         "changed.yaml": "{schema: haptune/profile/1, certificate: {}, digest: sha256:0}",
         "log.csv": log_text(),
         "constant.csv": log_text(force="2.0"),

@@ -9,7 +9,7 @@ import pytest
 
 from datasets_synthetic import bundled
 from tests.commands import files, haptune
-from tune.cli.new import template
+from tune.cli.new import excitation_of
 
 #: The second name is wider than its column.
 SCENE = (
@@ -29,7 +29,7 @@ TABLES = (
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
-    text = template("excitation").replace("duration: 10.0", "duration: 2.0")
+    text = excitation_of("homerehab").replace("duration: 10.0", "duration: 2.0")
     Path("excitation.yaml").write_text(text, encoding="utf-8")
     shutil.copy(bundled("homerehab.csv"), "log.csv")
 

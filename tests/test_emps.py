@@ -103,9 +103,10 @@ def test_methods_that_lean_on_the_friction_model_are_not_believed() -> None:
     assert others["innovations"].value("damping") > 250
 
 
-def test_what_hardware_does_not_say_is_taken_from_the_log() -> None:
+def test_what_hardware_does_not_say_is_missing_and_the_log_suggests_it() -> None:
     device = found().device
     assert {finding.code for finding in found().findings} == {
+        "force-unit",
         "delay-unknown",
         "force-saturated",
         "few-counts",
@@ -114,11 +115,14 @@ def test_what_hardware_does_not_say_is_taken_from_the_log() -> None:
     assert all(finding.severity == "warning" for finding in found().findings)
     assert device.sample_time.value == pytest.approx(1e-3, rel=1e-9)
     assert device.delay.value == pytest.approx(1e-3, rel=1e-9)
-    assert device.delay.source == "assumed"
+    assert device.delay.source == "log"
+    assert device.delay.low <= 1e-3 <= device.delay.high
+    assert "delay" not in device.missing
     assert device.encoder_resolution is not None
     assert device.encoder_resolution.value == pytest.approx(5e-8, rel=1e-6)
     assert device.force_limit is not None
     assert device.force_limit.peak == pytest.approx(152.05, rel=1e-4)
+    assert device.missing == ("motion", "sample_time", "encoder_resolution", "force_limit")
     assert device.logs[0].digest == log().digest
 
 

@@ -13,7 +13,7 @@ from identification import (
     LogRefusedError,
     identify,
 )
-from tests.fleet_hardware import data_sheet
+from tests.fleet_hardware import data_sheet, log_of
 from tests.simulated.fleet import Fleet, random_devices
 from tests.true_loops import judged, safe_gain
 from tune.certificate.certify import regions_of, setting_of
@@ -86,7 +86,8 @@ def _calibrate(
     recording = fleet.logs(faults=Faults(position_noise=1e-6, force_noise=1e-3), seed=seed)
     for member in range(count):
         try:
-            found = identify(recording.trajectory(member), hardware=data_sheet(fleet, member))
+            log, hardware = log_of(recording, member), data_sheet(fleet, member)
+            found = identify(log, hardware=hardware)
         except LogRefusedError as error:
             tally["refused: " + error.findings[0].code] += 1
             continue

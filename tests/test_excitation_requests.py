@@ -157,9 +157,11 @@ def test_command_says_what_it_would_do_and_what_is_wrong(here: Path) -> None:
 
 @pytest.mark.usefixtures("here")
 def test_template_is_read() -> None:
-    assert haptune("new", "excitation", "-o", "mine.yaml", "--quiet").code == 0
-    assert Path("mine.yaml").read_text(encoding="utf-8") == template("excitation")
+    assert haptune("new", "excitation", "-o", "blank.yaml", "--quiet").code == 0
+    assert Path("blank.yaml").read_text(encoding="utf-8") == template("excitation")
+    filled = ("--device", "homerehab", "-o", "mine.yaml", "--quiet")
+    assert haptune("new", "excitation", *filled).code == 0
     read = load_excitation(Path("mine.yaml"))
-    assert (read.mass.low, read.mass.high, read.samples) == (2.5, 3.5, 10_000)
+    assert (read.mass.low, read.mass.high, read.samples) == (2.7, 3.3, 10_000)
     assert len(read.corners()) == 9
     assert replace(planned("knob"), spec=read).time[-1] == pytest.approx(3.0)

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from identification import InvalidInputError
+from identification import InvalidInputError, UnstatedError
 from tests.exported import LOOPS, changed, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
-from tune.exporters import TARGETS, export
+from tune.exporters import TARGETS, Target, export
 from tune.exporters.names import identifiers
 
 HOSTILE = (
@@ -203,15 +203,20 @@ def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -
 
 
 def test_a_rotary_axis_has_its_units_and_no_linear_materials() -> None:
-    device = tuned().device.model_copy(update={"motion": "rotary", "force_limit": None})
+    device = tuned().device.model_copy(update={"motion": "rotary"})
     profile = tuned().model_copy(update={"device": device})
     texts = export(profile, "chai3d")
     assert "case HAPTUNE" not in texts["haptune_chai3d.hpp"]
     assert "torque" in texts["haptune_chai3d.hpp"].lower()
     assert "The force (N*m)" in texts["haptune_guard.h"]
-    assert "nothing is clamped" in " ".join(texts["haptune_guard.h"].split())
-    assert "force_limit" not in _ros2(export(profile, "ros2")["haptune_params.yaml"])
-    assert json.loads(export(profile, "json")["haptune_profile.json"])["force_limit"] is None
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_limit_that_nobody_stated_is_not_exported(target: Target) -> None:
+    device = tuned().device.model_copy(update={"force_limit": None})
+    with pytest.raises(UnstatedError, match="force_limit") as caught:
+        export(tuned().model_copy(update={"device": device}), target)
+    assert [fact.key for fact in caught.value.missing] == ["force_limit"]
 
 
 def test_a_name_that_is_an_identifier_keeps_it() -> None:

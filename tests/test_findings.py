@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -39,7 +40,7 @@ def plain(samples: int = 8000, seed: int = 0) -> Trajectory:
 
 def log(force: Array, position: Array, time: Array | None = None) -> Trajectory:
     stamps = STEP * np.arange(force.size, dtype=np.float64) if time is None else time
-    return Trajectory(time=stamps, force=force, position=position)
+    return Trajectory(time=stamps, force=force, position=position, motion="linear")
 
 
 def test_a_clean_log_has_nothing_to_say() -> None:
@@ -99,10 +100,14 @@ def test_numbers_of_a_converter_show_without_hardware() -> None:
     assert "force-unit" in refusals(log(volts, trajectory.position))
 
 
-def test_a_mass_of_tonnes_is_doubted_only() -> None:
-    """Without hardware nothing proves that mN are not N."""
+def test_a_mass_of_tonnes_is_refused() -> None:
     trajectory = plain()
-    assert warnings(log(trajectory.force * 1000, trajectory.position)) == {"force-unit"}
+    heavy = log(trajectory.force * 1000, trajectory.position)
+    assert refusals(heavy) == {"force-unit"}
+    told = [each for each in findings_of(heavy)[0] if "gives a mass" in each.seen]
+    assert [set(re.findall("--[a-z]+-gain", each.remedy)) for each in told] == [
+        {"--force-gain", "--position-gain", "--time-gain"}
+    ]
 
 
 def test_alternating_steps_are_used_as_they_are() -> None:

@@ -13,6 +13,7 @@ from datasets_synthetic import Controller
 from datasets_synthetic.law import ControlLaw
 from tests.exported import LOOPS, STEP, Array, changed, poles, tuned
 from tests.guard import FLAGS, Guard, built, compiler, compiles, enter, push, write
+from tests.unlimited import BOUNDLESS
 from tune import SafeProfile
 from tune.exporters import export
 
@@ -57,8 +58,8 @@ def forces(profile: SafeProfile, name: str, place: Array, rest: float) -> Array:
 @pytest.mark.parametrize("name", LOOPS)
 def test_the_guard_runs_the_certified_law(tmp_path: Path, name: str) -> None:
     profile = changed(**LOOPS[name])
-    without_limit = profile.device.model_copy(update={"force_limit": None})
-    profile = profile.model_copy(update={"device": without_limit})
+    device = profile.device.model_copy(update={"force_limit": BOUNDLESS})
+    profile = profile.model_copy(update={"device": device})
     guard = built(export(profile, "c"), tmp_path)
     place = movement()
     both = WALL | CUP

@@ -57,7 +57,10 @@ SCENES: dict[str, tuple[str, str | bytes]] = {
     "a name too long to be a file": ("cannot be read", SPRING + f"perception: {'x' * 300}"),
 }
 SCENES["a name with a zero byte"] = ("cannot be read", SPRING + 'perception: "a\\0b"')
-DEVICE = "{sample_time: 0.001, mass: 3, damping: 10, %s}"
+DEVICE = (
+    "{motion: linear, sample_time: 0.001, mass: 3, damping: 10, encoder_resolution: 0.00001, "
+    "force_limit: {continuous: 14, peak: 28}, %s}"
+)
 DEVICES = {
     "true for a quantity": ("true and false", "force_offset: true"),
     "true inside a quantity": ("true and false", "force_offset: {value: true}"),

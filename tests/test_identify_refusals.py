@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ def test_jitter_is_doubted_and_then_refused() -> None:
     generator = np.random.default_rng(7)
     for share, severity in ((0.015, "warning"), (0.1, "refusal")):
         stamps = plain.time + share * STEP * generator.uniform(-1.3, 1.3, len(plain)) / 1.06
-        shaken = Trajectory(time=stamps, force=plain.force, position=plain.position)
+        shaken = replace(plain, time=stamps)
         if severity == "refusal":
             assert refused(shaken, hardware=HARDWARE) == {"jitter"}
             allowed = identify(shaken, hardware=HARDWARE, allow=["jitter"])

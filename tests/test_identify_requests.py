@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,9 +33,10 @@ def test_delay_stated_assumed_or_read() -> None:
         assert found.logs[0].delay.value == pytest.approx(samples * STEP, abs=2e-5)
         stored = found.device.delay
         assert stored.value == pytest.approx(max(samples, 1.0) * STEP, rel=1e-2)
-        if samples > 1:
-            assert stored.source == "log"
-            assert stored.low <= samples * STEP <= stored.high
+        assert stored.source == "log"
+        assert stored.low <= samples * STEP <= stored.high
+        assert stored.high >= STEP
+        assert "delay" not in found.device.missing
         stated = identify(trajectory, hardware=Hardware(delay=quantity(samples * STEP)))
         assert stated.device.delay.value == samples * STEP
         assert stated.device.delay.source == "hardware"
@@ -64,9 +66,11 @@ def test_hardware_is_kept_and_what_it_leaves_open_is_read() -> None:
     assert device.sample_time.source == "hardware"
     assert device.encoder_resolution == quantity(COUNT, source="hardware")
     assert device.force_limit == HARDWARE.force_limit
-    found = identify(trajectory)
-    assert codes(found) == {"delay-unknown", "force-saturated", "few-counts"}
+    assert device.missing == ()
+    found = identify(replace(trajectory, motion=None))
+    assert codes(found) == {"force-unit", "delay-unknown", "force-saturated", "few-counts"}
     bare = found.device
+    assert bare.missing == ("motion", "sample_time", "encoder_resolution", "force_limit")
     assert bare.encoder_resolution is not None
     assert bare.encoder_resolution.value == pytest.approx(COUNT, rel=1e-6)
     assert bare.encoder_resolution.source == "log"
@@ -75,7 +79,8 @@ def test_hardware_is_kept_and_what_it_leaves_open_is_read() -> None:
     assert bare.force_limit.continuous == bare.force_limit.peak
     assert bare.force_limit.source == "log"
     assert bare.sample_time.value == pytest.approx(STEP, rel=1e-9)
-    assert bare.logs[0].findings == ("delay-unknown", "force-saturated", "few-counts")
+    assert bare.sample_time.source == "log"
+    assert bare.logs[0].findings == ("force-unit", "delay-unknown", "force-saturated", "few-counts")
 
 
 def test_sample_times_that_contradict() -> None:

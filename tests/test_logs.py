@@ -40,7 +40,7 @@ def test_reads_csv_exactly_and_digests_the_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.force, FORCE)
     np.testing.assert_array_equal(log.position, POSITION)
     assert log.reference is None
-    assert (log.source, log.axis, log.motion) == ("log.csv", "x", "linear")
+    assert (log.source, log.axis, log.motion) == ("log.csv", "x", None)
     assert log.digest == "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
 
 

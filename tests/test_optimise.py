@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from identification import Device, load_device, quantity
+from tests.unlimited import BOUNDLESS, UNLIMITED
 from tune.certificate.certify import setting_of
 from tune.certificate.polynomial import Point
 from tune.certificate.roots import judge
@@ -32,9 +33,6 @@ def _scene(elements: dict[str, Any], **more: Any) -> Scene:
 def _device(**changes: Any) -> Device:
     """HomeRehab without what would hide the limit under test."""
     return load_device("homerehab").model_copy(update=changes)
-
-
-UNLIMITED = {"force_limit": None, "encoder_resolution": None}
 
 
 def test_a_lone_spring_is_the_closed_form_at_the_worst_corner() -> None:
@@ -205,11 +203,13 @@ def test_devices_inside_the_box_are_stable_with_the_claimed_margins(seed: int) -
     step = float(rng.choice([5e-4, 1e-3, 2e-3]))
     spread = rng.uniform(0.01, 0.1)
     device = Device(
+        motion="linear",
         sample_time=quantity(step),
         mass=quantity(mass, mass * (1 - spread), mass * (1 + spread)),
         damping=quantity(damping, damping * (1 - 2 * spread), damping * (1 + 2 * spread)),
         delay=quantity(int(rng.integers(0, 3)) * step),
         encoder_resolution=quantity(1e-6),
+        force_limit=BOUNDLESS,
     )
     scene = _scene(
         {

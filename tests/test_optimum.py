@@ -25,6 +25,7 @@ from tests.optimum_reference import Reference
 from tests.optimum_search import gaps, highest
 from tests.reference import crossings
 from tests.sampled_loops import loop_along
+from tests.unlimited import stated
 from tune.certificate.check import check
 from tune.documents.errors import NoFeasibleEffectError
 from tune.optimisation._optimise import optimise
@@ -121,7 +122,7 @@ def test_no_search_from_200_starts_finds_better(seed: int) -> None:
 def test_what_is_written_passes_the_check(seed: int, tmp_path: Path) -> None:
     pair = random_pair(seed)
     try:
-        profile = optimise(pair.device, pair.scene)
+        profile = optimise(stated(pair.device), pair.scene)
     except NoFeasibleEffectError:
         return
     path = tmp_path / "profile.yaml"

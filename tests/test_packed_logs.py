@@ -172,14 +172,21 @@ def test_a_pickle_is_never_opened(tmp_path: Path) -> None:
 def test_stamps_in_other_units_are_told_by_their_step(
     tmp_path: Path, write: Writer, tick: int, unit: str
 ) -> None:
-    text = refusal(write(tmp_path, time=np.arange(ROWS) * tick))
+    path = write(tmp_path, time=np.arange(ROWS) * tick)
+    text = refusal(path, kind=LogRefusedError)
     assert f"'time' steps by {tick:.4g} in the median" in text
     assert unit in text
+    # The gain it names is the one that mends it.
+    gain = float(text.rpartition("--time-gain ")[2].partition(")")[0])
+    mended = load_trajectory(path, LogColumns(time_gain=gain))
+    assert mended.sample_time == pytest.approx(tick * gain)
+    assert f"it would be {mended.sample_time:.4g} s" in text
     assert ("count rows" in text) is (tick == 1)
 
 
 def test_impossibly_fast_and_slow_clocks(tmp_path: Path) -> None:
-    assert "1e-07 to 0.1 s" in refusal(csv(tmp_path, time=TIME * 1e-6))
-    assert "steps by 1e+10" in refusal(csv(tmp_path, time=TIME * 1e13))
+    fast = refusal(csv(tmp_path, time=TIME * 1e-6), kind=LogRefusedError)
+    assert "1e-07 to 0.1 s" in fast
+    assert "steps by 1e+10" in refusal(csv(tmp_path, time=TIME * 1e13), kind=LogRefusedError)
     assert load_trajectory(csv(tmp_path, time=TIME * 99)).sample_time == pytest.approx(0.099)
     assert load_trajectory(csv(tmp_path, time=TIME * 2e-4)).sample_time == pytest.approx(2e-7)

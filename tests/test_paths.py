@@ -14,7 +14,7 @@ import identification
 import tune
 from identification import InvalidInputError
 from tests.commands import FLUID, log_text
-from tune.cli.new import template
+from tune.cli.new import excitation_of
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def folder(tmp_path: Path) -> Path:
         "check": profile,
         "load_device": identification.to_yaml(identification.to_mapping(device)),
         "load_document": FLUID,
-        "load_excitation": template("excitation"),
+        "load_excitation": excitation_of("homerehab"),
         "load_mapping": FLUID,
         "load_profile": profile,
         "load_scene": FLUID,

@@ -9,6 +9,7 @@ import pytest
 
 from identification import load_device
 from tune.certificate.check import check
+from tune.cli.new import hardware_of
 from tune.documents.errors import CheckFailedError
 
 LOG = Path(__file__).parents[2] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
@@ -60,7 +61,14 @@ def test_calibrate_writes_a_profile_that_check_passes_and_a_changed_digit_fails(
 ) -> None:
     scene, target = tmp_path / "scene.yaml", tmp_path / "profile.yaml"
     scene.write_text(SCENE, encoding="utf-8")
+    hardware = tmp_path / "hardware.yaml"
+    hardware.write_text(hardware_of("emps"), encoding="utf-8")
     arguments = (str(LOG), *OPTIONS, "--scene", str(scene), "-o", str(target))
+    assert _haptune(monkeypatch, "calibrate", *arguments) == 3, "nobody stated the hardware"
+    arguments += ("--hardware", str(hardware))
+    # The voltage of the drive, taken for newtons.
+    volts = tuple(each for each in arguments if each not in {"--force-gain", "35.1507"})
+    assert _haptune(monkeypatch, "calibrate", *volts) == 4
     assert _haptune(monkeypatch, "calibrate", *arguments) == 0
     assert _haptune(monkeypatch, "check", str(target)) == 0
     text = target.read_text(encoding="utf-8")

@@ -13,6 +13,7 @@ import yaml
 
 from identification import Device, load_device, load_mapping, quantity, to_mapping
 from tests.test_yaml_readers import WORDS
+from tests.unlimited import UNLIMITED
 from tune import SafeProfile, Scene, check, optimise
 from tune.documents.errors import TuneError
 from tune.exporters import TARGETS, export
@@ -23,7 +24,14 @@ SCENE: dict[str, Any] = {
     "loop": {"velocity_filter_hz": "none"},
 }
 #: Perceivable on it are a few N·s/m.
-LIGHT = {"sample_time": 0.001, "mass": 0.5, "damping": {"value": 1.0, "low": 0.9, "high": 1.1}}
+LIGHT = {
+    "motion": "linear",
+    "sample_time": 0.001,
+    "delay": 0.001,
+    "mass": 0.5,
+    "damping": {"value": 1.0, "low": 0.9, "high": 1.1},
+    **UNLIMITED,
+}
 
 
 @functools.cache

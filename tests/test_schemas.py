@@ -22,7 +22,7 @@ from identification import (
     to_mapping,
 )
 from tune import SafeProfile, Scene, optimise
-from tune.cli.new import hardware_of, template
+from tune.cli.new import excitation_of, hardware_of, template
 from tune.documents.perception import PerceptionTable
 from tune.rendering.vibration import ThresholdCurve
 from tune.schemas import FOLDER, generate
@@ -76,7 +76,8 @@ def test_each_is_a_schema_that_knows_its_own_file(name: str) -> None:
 def test_what_haptune_writes_and_ships_is_valid() -> None:
     _validator("scene").validate(_parsed(template("scene")))
     _validator("hardware").validate(_parsed(template("hardware")))
-    _validator("excitation").validate(_parsed(template("excitation")))
+    for name in named_devices():
+        _validator("excitation").validate(_parsed(excitation_of(name)))
     for kind, name in (
         ("perception", "homerehab_study"),
         ("vibration", "grasped_cylinder"),

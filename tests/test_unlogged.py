@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from datasets_synthetic import Faults
 from identification import LogRefusedError, Method, identify
 from identification.estimators.unlogged import covariance
-from tests.fleet_hardware import data_sheet
+from tests.fleet_hardware import data_sheet, log_of
 from tests.simulated.fleet import random_devices
 
 MASS, RATE, STEP, ROWS = 2.0, 3.0, 1e-3, 3000
@@ -104,7 +104,7 @@ def _coverage(seeds: range, force_noise: float, method: Method) -> np.ndarray:
         faults = Faults(position_noise=1e-6, force_noise=force_noise)
         recording, rig = fleet.logs(faults=faults, seed=seed), fleet.rig
         for member in range(rig.batch):
-            log, hardware = recording.trajectory(member), data_sheet(fleet, member)
+            log, hardware = log_of(recording, member), data_sheet(fleet, member)
             try:
                 device = identify(log, hardware=hardware, method=method).device
             except LogRefusedError:

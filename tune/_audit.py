@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device, as_stored, parse_document, to_mapping
+from identification import Device, Fact, as_stored, parse_document, to_mapping
 from tune.documents.certified import Certificate
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.errors import CheckFailedError
@@ -29,6 +29,9 @@ from tune.rendering.ripple import count_jump, handle_vibration
 from tune.rendering.vibration import felt_vibration
 
 FloatArray = NDArray[np.float64]
+
+#: What stability rests on; force limit and encoder are judged against where they are stated.
+NEEDED: tuple[Fact, ...] = ("motion", "sample_time", "delay")
 
 #: The one element of the scene that an audit makes of the gains.
 ELEMENT = "gains"
@@ -107,6 +110,9 @@ def audit(
 ) -> Audit:
     """Judge K, B and M as one element of a scene, felt alone, no hand.
 
+    Stability rests on motion, sample time and delay, which have to be stated. Force and ripple are
+    judged where force limit and encoder are stated too, never against what a log suggests.
+
     Args:
         device: with its intervals.
         effects: numbers; zero is the same as absent.
@@ -115,13 +121,15 @@ def audit(
         extra_delay_samples: on top of the device's delay, from now on part of it.
 
     Raises:
+        UnstatedError: motion, sample time or delay that a person has to state.
         LoopError: a delay that cannot be judged.
         InvalidInputError: values no scene can hold.
     """
     from tune.certificate.certify import certify
 
+    device.require_stated(NEEDED)
     filters = filters or Filters()
-    later = to_mapping(_later(device, extra_delay_samples))
+    later = to_mapping(_later(_as_stated(device), extra_delay_samples))
     device = parse_document(Device, later, "the device with its extra delay")
     scene = parse_document(Scene, _scene_of(effects, filters, margin), "the gains and filters")
     job = Job.of(device, scene, default_table())
@@ -174,6 +182,11 @@ def _scene_of(effects: Effects, filters: Filters, margin: MarginName) -> dict[st
         "acceleration_filter_hz": filters.acceleration_filter_hz or "none",
     }
     return {"name": "audit", "margin": margin, "elements": {ELEMENT: gains}, "loop": loop}
+
+
+def _as_stated(device: Device) -> Device:
+    """The device without force limit and encoder that nobody stated."""
+    return device.model_copy(update=dict.fromkeys(device.unstated()))
 
 
 def _later(device: Device, samples: float) -> Device:

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from os import PathLike
 from typing import Any, Literal, cast
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
-from identification.device.hardware import SHORTEST_STEP, ForceLimit, Hardware
-from identification.device.mechanism import MOST_MODES, Mode, SlopeRange, UnmodelledForce
-from identification.device.quantities import (
-    AnyQuantity,
-    PositiveQuantity,
-    Quantity,
-    quantity,
+from identification.device.friction import SlopeRange, UnmodelledForce
+from identification.device.hardware import (
+    MOST_MODES,
+    SHORTEST_STEP,
+    ForceLimit,
+    Hardware,
+    Mode,
 )
+from identification.device.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
+from identification.device.stated import FACTS, Fact, missing_of, question
 from identification.documents.document import Document
 from identification.trajectory import Motion
 
@@ -38,6 +47,11 @@ __all__ = [
 
 #: kg (kg·m²): a milligram at a lever of a millimetre.
 LIGHTEST = 1e-12
+#: Where to write what is missing, unless a command knows better.
+_WHERE = (
+    "State them in hardware.yaml and identify with it, or in device.yaml, without 'source: log' "
+    "and no longer listed under 'missing':"
+)
 
 
 class Covariance(Document):
@@ -95,7 +109,9 @@ class Gravity(Document):
 
 def _delay_may_be_left_out(schema: dict[str, Any]) -> None:
     schema["required"].remove("delay")
-    schema["properties"]["delay"]["description"] = "s; left out: one sample time"
+    schema["properties"]["delay"]["description"] = (
+        "s; left out: missing, and read as one sample time"
+    )
 
 
 class Device(Document):
@@ -107,13 +123,14 @@ class Device(Document):
     Attributes:
         name: of the device.
         axis: name of the axis.
-        motion: "linear" or "rotary".
+        motion: "linear" or "rotary"; read as linear where it is missing.
+        missing: facts that nobody stated; in a file also whatever is absent or has ``source: log``.
         sample_time: T, s.
         mass: m, kg.
         damping: b, N·s/m, of both directions together; may be negative on a compensated axis.
         coulomb_friction: Fc, N, of both directions together.
         force_offset: f0, N.
-        delay: s, from command to measurement; left out: one sample time.
+        delay: s, from command to measurement; read as one sample time where it is missing.
         encoder_resolution: m, one count at the handle.
         force_limit: N at the handle.
         modes: vibration of the mechanism, beside the rigid mass.
@@ -135,6 +152,7 @@ class Device(Document):
     name: str = "device"
     axis: str = "x"
     motion: Motion = "linear"
+    missing: tuple[Fact, ...] = ()
     sample_time: AnyQuantity
     mass: AnyQuantity
     damping: AnyQuantity
@@ -155,14 +173,32 @@ class Device(Document):
 
     @model_validator(mode="before")
     @classmethod
-    def _default_delay(cls, raw: Any) -> Any:
-        if not isinstance(raw, Mapping) or "delay" in raw or "sample_time" not in raw:
+    def _mark_what_is_missing(cls, raw: Any) -> Any:
+        if not isinstance(raw, Mapping):
             return cast("object", raw)
-        stated = cast("Mapping[str, object]", raw)
-        step = stated["sample_time"]
-        if isinstance(step, Mapping):
-            step = cast("Mapping[str, object]", step).get("value")
-        return {**stated, "delay": {"value": getattr(step, "value", step), "source": "assumed"}}
+        given = cast("Mapping[str, object]", raw)
+        missing = missing_of(given)
+        blank = {fact for fact in missing if given.get(fact) is None}
+        stated = {key: value for key, value in given.items() if key not in blank}
+        listed = given.get("missing")
+        if listed is None or isinstance(listed, list | tuple):  # anything else is refused as that
+            unknown = [each for each in cast("list[object]", listed or ()) if each not in FACTS]
+            stated["missing"] = [*missing, *unknown]
+        if "delay" in blank and "sample_time" in stated:
+            step = stated["sample_time"]
+            if isinstance(step, Mapping):
+                step = cast("Mapping[str, object]", step).get("value")
+            stated["delay"] = {"value": getattr(step, "value", step), "source": "assumed"}
+        return stated
+
+    @model_serializer(mode="wrap")
+    def _leave_out_what_is_missing(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = handler(self)
+        if not self.missing:
+            del content["missing"]
+        elif "motion" in self.missing:
+            del content["motion"]
+        return content
 
     @model_validator(mode="after")
     def _sane(self) -> Device:
@@ -179,6 +215,35 @@ class Device(Document):
                 f"{friction.forward.value:g} and {friction.backward.value:g}"
             )
         return self
+
+    def unstated(self) -> tuple[Fact, ...]:
+        """The facts of this device that nobody stated, in the order of FACTS."""
+        return missing_of(dict(self))
+
+    def assumed(self) -> tuple[str, ...]:
+        """Names of the quantities that nobody knows and somebody assumed, in the file's order."""
+        return tuple(key for key, item in self if getattr(item, "source", None) == "assumed")
+
+    def require_stated(
+        self,
+        needed: Collection[Fact] = FACTS,
+        *,
+        subject: str | PathLike[str] | None = None,
+        where: str = _WHERE,
+    ) -> None:
+        """Ask for every fact that is needed and was not stated.
+
+        Args:
+            needed: facts that are needed.
+            subject: the file asked about; None names the device.
+            where: a sentence that says where to write them.
+
+        Raises:
+            UnstatedError: which facts, what to write for each, and what the log suggests.
+        """
+        missing: list[Fact] = [fact for fact in self.unstated() if fact in needed]
+        if missing:
+            raise question(subject or f"device {self.name}", missing, dict(self), where)
 
     def simultaneous_box(self, confidence: float = BOX_CONFIDENCE) -> Box:
         """Box that holds all identified quantities at once with the given probability.

@@ -88,7 +88,7 @@ def parse_document(
         telling = [
             item
             for item in items
-            if item["type"] != "literal_error" or isinstance(item["input"], str)
+            if item["type"] != "literal_error" or isinstance(item["input"], str | None)
         ]
         found = [_sentence(item, names) for item in telling or items]
         problems = "; ".join(dict.fromkeys(found[:MOST_PROBLEMS]))
@@ -113,6 +113,8 @@ def _sentence(item: dict[str, Any], names: tuple[str, ...]) -> str:
     kind = item["type"]
     if kind == "missing":
         return f"{where}: is missing"
+    if item["input"] is None:
+        return f"{where}: is blank; fill it in"
     if kind == "extra_forbidden":
         near = difflib.get_close_matches(location[-1], names, n=1)
         return f"{where}: is no key known here" + (f"; did you mean {near[0]}?" if near else "")

@@ -58,7 +58,9 @@ def causality(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tup
                 severity="refusal",
                 seen=seen,
                 needed="positive mass; with the force negated both become positive",
-                remedy="Give --force-gain the other sign: force is positive along +position.",
+                remedy="Give --force-gain the other sign, force being positive along +position: -1 "
+                "states that the column is in N (N·m); in volts, amperes or mN give N (N·m) per "
+                "unit, with a minus.",
             ),
         )
     return (_controller_finding(seen, "positive mass, and damping not clearly negative"),)

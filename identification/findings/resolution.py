@@ -29,6 +29,7 @@ def resolution(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Findi
             seen=f"{trajectory.source} travels {travel:.3g}, {travel / count:.0f} counts of "
             f"{count:.3g}",
             needed=f"at least {FEWEST_COUNTS} counts",
-            remedy="Move the device further while logging, or check --position-gain.",
+            remedy="Give m (rad) per unit of the position column with --position-gain if it is in "
+            "another unit; otherwise move the device further while logging.",
         ),
     )

@@ -38,6 +38,14 @@ FALSE_JITTER = 0.05
 MOST_JITTER = 0.3
 #: Samples looked at for that, from the middle: more add time, not truth.
 _LONGEST = 1 << 20
+#: Units of time by mistake, and s in each; above 1 it is the hardware that is not in s.
+_CLOCKS = (
+    ("milliseconds", 1e-3),
+    ("microseconds", 1e-6),
+    ("nanoseconds", 1e-9),
+    ("milliseconds", 1e3),
+    ("microseconds", 1e6),
+)
 #: Hardware and log may differ by this part in sample time; mass goes with its square.
 SAMPLE_TIME_TOLERANCE = 0.01
 #: A stated delay may be this part of the log.
@@ -45,7 +53,7 @@ LONGEST_DELAY = 0.1
 
 
 def sampling(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
-    """``dropped-samples`` and ``jitter``.
+    """``dropped-samples`` and ``jitter``, ``force-unit`` for time that is not in seconds.
 
     Raises:
         InvalidInputError: the log's sample time is not the hardware's nor a multiple of it, or the
@@ -156,6 +164,9 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> tupl
     if low <= seen <= high:
         return ()
     ratio = seen / stated.value
+    for unit, size in _CLOCKS:
+        if abs(ratio * size - 1) <= SAMPLE_TIME_TOLERANCE:
+            return (_other_clock(trajectory, stated.value, seen, unit, size),)
     if ratio > LOST and abs(ratio / round(ratio) - 1) <= SAMPLE_TIME_TOLERANCE:
         return (
             Finding(
@@ -164,13 +175,30 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> tupl
                 seen=f"{trajectory.source} steps by {seen * 1e3:.4g} ms, every "
                 f"{round(ratio)}th sample of the {stated.value * 1e3:.4g} ms of the hardware",
                 needed="every sample of the control loop, since force is held for each of them",
-                remedy="Log every sample, or correct sample_time in the hardware file.",
+                remedy="Log every sample; sample_time in the hardware file is the period of the "
+                "control loop, whatever the log was written with.",
             ),
         )
     raise InvalidInputError(
         trajectory.source,
         f"steps by {seen:.6g} s, but the hardware states a sample time of {stated.value:.6g} s",
-        "Give time in seconds (--time names the column), or correct sample_time",
+        "Give time in seconds (--time names the column, --time-gain s in one unit of it) of every "
+        "sample; sample_time is the period of the control loop in s",
+    )
+
+
+def _other_clock(
+    trajectory: Trajectory, stated: float, seen: float, unit: str, size: float
+) -> Finding:
+    return Finding(
+        code="force-unit",
+        severity="refusal",
+        seen=f"{trajectory.source} steps by {seen:.4g}, {seen / stated:.4g} times the sample time "
+        f"{stated:.4g} s of the hardware",
+        needed="both in seconds",
+        remedy=f"Give --time-gain {size:g} if the column of time is in {unit}."
+        if size < 1
+        else "State sample_time of the hardware file in seconds.",
     )
 
 

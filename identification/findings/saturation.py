@@ -33,7 +33,9 @@ def saturation(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Findi
                 seen=f"{trajectory.source} asks for up to {peak:.4g}, more than the peak force "
                 f"{limit:.4g} of the hardware in {share:.2%} of its samples",
                 needed="force that the actuator can give",
-                remedy="Excite more gently, check --force-gain, or correct force_limit.",
+                remedy="Give N (N·m) per unit of the force column with --force-gain if it is in "
+                "volts, amperes or another unit; only if it is in N (N·m), excite more gently. The "
+                "limit is that of the data sheet.",
             )
         )
     share = _share_in_runs(size >= peak * (1 - AT_LIMIT))

@@ -18,10 +18,10 @@ from identification.device.device import (
     Quantity,
     quantity,
 )
-from identification.device.mechanism import SlopeRange
+from identification.device.friction import SlopeRange
 from identification.errors import Finding
 from identification.estimators.held import LOST
-from identification.estimators.intervals import quantile
+from identification.estimators.intervals import NORMAL_95, quantile
 from identification.estimators.noise import finest_reading
 from identification.fitting.one_log import LogFit
 
@@ -44,27 +44,25 @@ def device_from(
 
     Args:
         fits: at least one, each with positive mass.
-        hardware: what is known; the logs fill in the rest with ``source: log``.
+        hardware: what is known; of the rest the device holds what the logs suggest, with
+            ``source: log``, and names it as missing.
         records: one for each fit, stored with the device.
     """
     hardware = hardware or Hardware()
     first = fits[0].trajectory
-    resolution = hardware.encoder_resolution
     return Device(
         name=hardware.name,
         axis=first.axis,
-        motion=first.motion,
+        motion=first.motion or "linear",
+        missing=() if first.motion else ("motion",),
         sample_time=_sample_time(fits, hardware),
         mass=_envelope(fits, "mass"),
         damping=_envelope(fits, "damping"),
         coulomb_friction=_envelope(fits, "coulomb_friction"),
         force_offset=_envelope(fits, "force_offset"),
         delay=_delay(fits, hardware),
-        encoder_resolution=(
-            quantity(_resolution(fits), source="log")
-            if resolution is None
-            else resolution.model_copy(update={"source": "hardware"})
-        ),
+        encoder_resolution=_stated(hardware.encoder_resolution)
+        or quantity(_resolution(fits), source="log"),
         force_limit=hardware.force_limit or _force_limit(fits),
         modes=hardware.modes,
         current_lag=hardware.current_lag,
@@ -79,11 +77,16 @@ def device_from(
 
 
 def unstated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
-    """Warnings for everything taken from the logs because no hardware file states it."""
+    """Warnings for everything that no hardware file states, and what the logs suggest of it.
+
+    Only a delay that the logs tell within a sample is used; for the rest `tune` will ask.
+    """
     hardware = hardware or Hardware()
     findings: list[Finding] = []
+    if fits[0].trajectory.motion is None:
+        findings.append(_no_motion(fits))
     if hardware.delay is None:
-        step = _sample_time(fits, Hardware()).value
+        step, given = _sample_time(fits, Hardware()).value, _delay(fits, hardware)
         seen = ", ".join(
             f"{fit.delay.value * 1e3:.4g} ± {2 * fit.delay.deviation * 1e3:.1g} ms in "
             f"{fit.trajectory.source}"
@@ -95,10 +98,9 @@ def unstated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding
                 code="delay-unknown",
                 severity="warning",
                 seen=f"no delay is stated; the log says {seen}, looking from 0 to 4 samples. "
-                "The device is given "
-                f"{_delay(fits, hardware).value * 1e3:.4g} ms, at least one sample "
-                f"({step * 1e3:.4g} ms)",
-                needed="the delay from command to measured force",
+                f"The device is given {given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms, one "
+                f"sample ({step * 1e3:.4g} ms) or more at its upper end",
+                needed="the delay from command to measured force, within a sample",
                 remedy="State delay in the hardware file.",
             )
         )
@@ -108,10 +110,12 @@ def unstated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding
             Finding(
                 code="force-saturated",
                 severity="warning",
-                seen=f"no force limit is stated; the largest force logged, {peak:.4g}, is taken "
-                "as continuous and peak limit",
-                needed="continuous and peak force of the actuator",
-                remedy="State force_limit in the hardware file.",
+                seen=f"no force limit is stated, and the largest force logged, {peak:.4g}, is none;"
+                " whether the column is in N (N·m), or in volts or amperes, nothing here can tell",
+                needed="continuous and peak force of the actuator, from its data sheet",
+                remedy="State force_limit in the hardware file; where the column is in another "
+                "unit, give N (N·m) per unit with --force-gain (per ampere: torque constant and "
+                "transmission).",
             )
         )
     if hardware.encoder_resolution is None:
@@ -120,12 +124,32 @@ def unstated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding
                 code="few-counts",
                 severity="warning",
                 seen="no encoder resolution is stated; the finest reading of position in the "
-                f"log, {_resolution(fits):.4g}, is taken",
-                needed="one count of the encoder at the handle",
+                f"log is {_resolution(fits):.4g}",
+                needed="one count of the encoder at the handle, from its data sheet",
                 remedy="State encoder_resolution in the hardware file.",
             )
         )
     return tuple(findings)
+
+
+def _no_motion(fits: Sequence[LogFit]) -> Finding:
+    """Whether an axis turns cannot be seen: radians and metres are numbers."""
+    travel = max(float(np.ptp(fit.trajectory.position)) for fit in fits)
+    return Finding(
+        code="force-unit",
+        severity="warning",
+        seen=f"no motion is stated; position spans {travel:.4g}, which may be m or rad",
+        needed="whether the axis slides (N, m, kg) or turns (N·m, rad, kg·m²)",
+        remedy="State motion: linear or motion: rotary in the hardware file (--hardware); degrees "
+        "need --position-gain 0.0174533 too.",
+    )
+
+
+def _stated(known: Quantity | None) -> Quantity | None:
+    """What the hardware states, marked so; what it only assumes stays assumed."""
+    if known is None or known.source is not None:
+        return known
+    return known.model_copy(update={"source": "hardware"})
 
 
 def _confidence(fits: Sequence[LogFit]) -> float:
@@ -234,9 +258,9 @@ def _covariance(fits: Sequence[LogFit]) -> Covariance:
 
 
 def _sample_time(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
-    stated = hardware.sample_time
+    stated = _stated(hardware.sample_time)
     if stated is not None:
-        return stated.model_copy(update={"source": "hardware"})
+        return stated
     logs = [np.asarray(fit.trajectory.steps) for fit in fits]
     # Lost rows are long steps of the log, not of the loop.
     usual = [steps[steps <= LOST * np.median(steps)] for steps in logs]
@@ -248,17 +272,19 @@ def _sample_time(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
 
 
 def _delay(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
-    """The delay stated, or the longest found, but not less than one sample."""
-    if hardware.delay is not None:
-        return hardware.delay.model_copy(update={"source": "hardware"})
+    """The delay stated, or the interval that the logs allow, up to one sample at least.
+
+    A loop that computes between reading and commanding is later than one that plays a plan.
+    """
+    stated = _stated(hardware.delay)
+    if stated is not None:
+        return stated
     least = _sample_time(fits, Hardware()).value
     found = [fit.delay for fit in fits if fit.delay is not None]
+    low = min(each.value - NORMAL_95 * each.deviation for each in found)
+    high = max(each.value + NORMAL_95 * each.deviation for each in found)
     value = max(each.value for each in found)
-    if value <= least:
-        return quantity(least, source="assumed")
-    low = min(each.value - 2 * each.deviation for each in found)
-    high = max(each.value + 2 * each.deviation for each in found)
-    return quantity(value, max(low, least), high, source="log")
+    return quantity(max(value, least), max(low, 0.0), max(high, least), source="log")
 
 
 def _resolution(fits: Sequence[LogFit]) -> float:

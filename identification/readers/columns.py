@@ -27,14 +27,18 @@ class LogColumns:
     """Which columns of a file are what, and the factors that make them SI.
 
     Attributes:
-        time: column in s; in Parquet and NPZ files a date and time or a duration as well.
+        time: column that, times ``time_gain``, is in s; in Parquet and NPZ files a date and time or
+            a duration as well.
         force: column that, times ``force_gain``, is the force on the device in N (N·m).
         position: column that, times ``position_gain``, is the position in m (rad).
         reference: set-point column in the unit of position; None takes a column named
             ``reference`` of a CSV or Parquet file if there is one. MAT and NPZ files hold arrays
             of any meaning, so there it has to be named.
-        force_gain: e.g. N per volt; negative turns the direction.
-        position_gain: e.g. m per count; applies to reference as well.
+        time_gain: s per unit of the column, e.g. 0.001.
+        force_gain: e.g. N per volt; negative turns the direction. None takes the column for N
+            (N·m), 1 states that it is.
+        position_gain: e.g. m per count; applies to reference as well. None takes the column for m
+            (rad), 1 states that it is.
         axis: name of the axis; None means "x".
 
     Raises:
@@ -45,14 +49,32 @@ class LogColumns:
     force: str = "force"
     position: str = "position"
     reference: str | None = None
-    force_gain: float = 1.0
-    position_gain: float = 1.0
+    time_gain: float = 1.0
+    force_gain: float | None = None
+    position_gain: float | None = None
     axis: str | None = None
 
+    @property
+    def gains(self) -> dict[str, float]:
+        """What the column of each role is multiplied with."""
+        place = 1.0 if self.position_gain is None else self.position_gain
+        return {
+            "time": self.time_gain,
+            "force": 1.0 if self.force_gain is None else self.force_gain,
+            "position": place,
+            "reference": place,
+        }
+
+    @property
+    def stated_units(self) -> frozenset[str]:
+        """Roles whose gain a person gave, be it 1."""
+        gains = {"force": self.force_gain, "position": self.position_gain}
+        return frozenset(role for role, gain in gains.items() if gain is not None)
+
     def __post_init__(self) -> None:
-        for name in ("force_gain", "position_gain"):
+        for name in ("time_gain", "force_gain", "position_gain"):
             gain = getattr(self, name)
-            if not math.isfinite(gain) or gain == 0:
+            if gain is not None and (not math.isfinite(gain) or gain == 0):
                 raise InvalidInputError(
                     "--" + name.replace("_", "-"),
                     f"is {gain:g}, not a finite number other than zero",

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.errors import InvalidInputError
+from identification.errors import Finding, InvalidInputError, LogRefusedError
 from identification.readers import READERS
 from identification.readers.columns import LogColumns, quoted
 from identification.readers.limits import LARGEST_FILE
@@ -31,7 +31,7 @@ def load_trajectory(
     path: str | PathLike[str],
     columns: LogColumns | None = None,
     *,
-    motion: Motion = "linear",
+    motion: Motion | None = None,
     axis: str | None = None,
 ) -> Trajectory:
     """Read one log.
@@ -40,7 +40,7 @@ def load_trajectory(
         path: a .csv file with a header, a .parquet file, a .mat file up to version 7.2 or a .npz
             file of numpy.savez.
         columns: names and gains; None means LogColumns().
-        motion: "linear" (N, m) or "rotary" (N·m, rad).
+        motion: "linear" (N, m) or "rotary" (N·m, rad); None leaves it to the hardware.
         axis: name of the axis; None takes ``columns.axis``, then "x".
 
     Returns:
@@ -49,8 +49,9 @@ def load_trajectory(
 
     Raises:
         InvalidInputError: a file that cannot be read, or not as asked, names what there is; or
-            time that cannot be in seconds, or numbers no device has.
-        LogRefusedError: columns that cannot be a log (see Trajectory).
+            numbers no device has.
+        LogRefusedError: columns that cannot be a log (see Trajectory), or time that cannot be in
+            seconds.
     """
     path = Path(path)
     columns = columns or LogColumns()
@@ -72,10 +73,8 @@ def load_trajectory(
         raise InvalidInputError(
             path, f"has columns of different lengths ({listed})", "Export columns of one length"
         )
-    gains = {"force": columns.force_gain}
-    gains |= dict.fromkeys(("position", "reference"), columns.position_gain)
-    for role, gain in gains.items():
-        if role in found:
+    for role, gain in columns.gains.items():
+        if role in found and (role != "time" or gain != 1):
             found[role] = found[role] * gain
             found[role].setflags(write=False)  # then it is not copied once more
     trajectory = Trajectory(
@@ -85,6 +84,7 @@ def load_trajectory(
         reference=found.get("reference"),
         axis=axis or columns.axis or "x",
         motion=motion,
+        stated_units=columns.stated_units,
         source=path.name,
         digest=digest,
     )
@@ -119,20 +119,26 @@ def refuse_clock(trajectory: Trajectory, column: str) -> None:
         column: name of its column of time, for the message.
 
     Raises:
-        InvalidInputError: a median step of LONGEST_STEP or more, or below SHORTEST_STEP.
+        LogRefusedError: a median step of LONGEST_STEP or more, or below SHORTEST_STEP.
     """
     step = trajectory.sample_time
     if SHORTEST_STEP <= step < LONGEST_STEP:
         return
     fitting = [name for name, size in _UNITS if SHORTEST_STEP <= step * size < LONGEST_STEP]
     guess = ""
+    remedy = "Give the seconds in one unit of the column with --time-gain"
     if step >= LONGEST_STEP and fitting:
-        guess = f"; as {fitting[0]} it would be {step * dict(_UNITS)[fitting[0]]:.4g} s"
+        size = dict(_UNITS)[fitting[0]]
+        guess = f"; as {fitting[0]} it would be {step * size:.4g} s"
+        remedy += f" (in {fitting[0]}: --time-gain {size:g})"
         if np.array_equal(np.diff(trajectory.time), np.ones(len(trajectory) - 1)):
             guess = "; it may count rows" + guess.replace(";", ",")
-    raise InvalidInputError(
-        trajectory.source,
-        f"column '{column}' steps by {step:.4g} in the median, no step in seconds of a control "
-        f"loop ({SHORTEST_STEP:g} to {LONGEST_STEP:g} s){guess}",
-        "Give time in seconds, or name the right column with --time",
+    finding = Finding(
+        code="force-unit",
+        severity="refusal",
+        seen=f"in {trajectory.source} column '{column}' steps by {step:.4g} in the median, no step "
+        f"in seconds of a control loop{guess}",
+        needed=f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s",
+        remedy=f"{remedy}, or name the right column with --time.",
     )
+    raise LogRefusedError((finding,))

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device.mechanism import Kind
+from identification.device.friction import Kind
 from identification.estimators.held import Held
 from identification.estimators.least_squares import Regression
 from identification.structure.candidates import smooth_speed

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device.mechanism import Kind, SlopeRange, UnmodelledForce
+from identification.device.friction import Kind, SlopeRange, UnmodelledForce
 from identification.estimators.intervals import NORMAL_95
 from identification.estimators.least_squares import Regression
 from identification.structure.distinct import scaled

@@ -24,6 +24,8 @@ def form_failures(profile: SafeProfile, content: Mapping[str, Any]) -> Iterator[
 
 def stated_failures(design: Design) -> Iterator[str]:
     """What a design says and would not say if it had been tuned; nothing is computed for it."""
+    for fact in design.device.unstated():
+        yield f"device.{fact} was stated by nobody. State it in the device and tune again"
     kept = MarginProfile.of(design.margin.name)
     for each in differences(to_mapping(design.margin), to_mapping(kept)):
         yield each.words("margin", f"the margin {kept.name}")

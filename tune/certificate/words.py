@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from identification import Device
 from tune.documents.effects import EFFECT_NAMES
 from tune.documents.profile import Design
 
@@ -40,11 +41,34 @@ NOT_ASSESSED = (
 )
 
 
+FACTS = "facts of the device as stated, which a log cannot show: {} motion, {}"
+LOG_UNITS = (
+    "logs in SI units: force in {}, not volts or amperes (those need --force-gain, the torque "
+    "constant and transmission), and position in {}; a unit changes no residual"
+)
+ASSUMED = "of the device, what was only assumed: {}"
+
+
+def taken_on_trust(device: Device) -> tuple[str, ...]:
+    """Facts that no log and no calculation can confirm, and who has to answer for them."""
+    units = ("N", "m") if device.motion == "linear" else ("N m", "rad")
+    facts = ["sample time", "delay"]
+    facts += ["encoder resolution"] if device.encoder_resolution is not None else []
+    facts += ["force limit"] if device.force_limit is not None else []
+    assumed = [name.replace("_", " ") for name in device.assumed()]
+    return (
+        FACTS.format(device.motion, ", ".join(facts)),
+        *((LOG_UNITS.format(*units),) if device.logs else ()),
+        *((ASSUMED.format(", ".join(assumed)),) if assumed else ()),
+    )
+
+
 def assumptions(design: Design) -> tuple[str, ...]:
     """What the proof takes for granted."""
     device = design.device
     return (
         *ASSUMES,
+        *taken_on_trust(device),
         NO_HAND if design.hand is None else WITH_HAND,
         WITH_MODES if device.modes else RIGID,
         *(() if device.current_lag is not None else (NO_LAG,)),

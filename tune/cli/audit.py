@@ -9,6 +9,7 @@ import typer
 
 from tune.cli.options import Json, MarginOption, Quiet
 from tune.cli.session import Session, run_command
+from tune.cli.tune import IN_DEVICE
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -50,7 +51,9 @@ def audit(
 
     def action(session: Session) -> None:
         from identification import UsageError, load_device
+        from tune._audit import NEEDED
         from tune._audit import audit as judged
+        from tune.certificate.words import taken_on_trust
         from tune.documents.effects import Effects
         from tune.documents.errors import CheckFailedError
         from tune.loop.filters import Filters
@@ -58,6 +61,7 @@ def audit(
         wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
         _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)
         known = load_device(device)
+        known.require_stated(NEEDED, subject=device, where=IN_DEVICE)
         if extra_delay_samples * known.sample_time.value + known.delay.low < 0:
             raise UsageError(
                 "--extra-delay-samples",
@@ -77,6 +81,8 @@ def audit(
             )
         session.details = _numbers(found)
         session.say(_table(found))
+        for line in taken_on_trust(found.design.device):
+            session.say(f"taken on trust: {line}")
         if found.safe:
             session.say(f"safe with margin {found.design.margin.name}, proved over the whole box")
             return

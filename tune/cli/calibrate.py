@@ -26,9 +26,15 @@ from tune.cli.options import (
     Quiet,
     Reference,
     Time,
+    TimeGain,
 )
 from tune.cli.session import Session, run_command
 from tune.cli.tune import tuned, wanted
+
+_IN_HARDWARE = (
+    "State them in a hardware file and give it with --hardware ('haptune new hardware' writes the "
+    "form):"
+)
 
 
 def calibrate(
@@ -39,8 +45,9 @@ def calibrate(
     force: Force = "force",
     position: Position = "position",
     reference: Reference = None,
-    force_gain: ForceGain = 1.0,
-    position_gain: PositionGain = 1.0,
+    time_gain: TimeGain = 1.0,
+    force_gain: ForceGain = None,
+    position_gain: PositionGain = None,
     axis: Axis = None,
     hardware: HardwareFile = None,
     allow: Allow = None,
@@ -62,12 +69,16 @@ def calibrate(
             force=force,
             position=position,
             reference=reference,
+            time_gain=time_gain,
             force_gain=force_gain,
             position_gain=position_gain,
             axis=axis,
         )
         wish = wanted(scene, margin)
         found = identified(session, logs, columns, hardware, method, allow or [])
+        found.device.require_stated(
+            subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
+        )
         profile = tuned(session, found.device, wish, compare=candidates)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
 

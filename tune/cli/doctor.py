@@ -18,6 +18,7 @@ from tune.cli.options import (
     Quiet,
     Reference,
     Time,
+    TimeGain,
 )
 from tune.cli.session import Session, run_command
 
@@ -33,8 +34,9 @@ def doctor(
     force: Force = "force",
     position: Position = "position",
     reference: Reference = None,
-    force_gain: ForceGain = 1.0,
-    position_gain: PositionGain = 1.0,
+    time_gain: TimeGain = 1.0,
+    force_gain: ForceGain = None,
+    position_gain: PositionGain = None,
     axis: Axis = None,
     hardware: HardwareFile = None,
     allow: Allow = None,
@@ -57,6 +59,7 @@ def doctor(
             force=force,
             position=position,
             reference=reference,
+            time_gain=time_gain,
             force_gain=force_gain,
             position_gain=position_gain,
             axis=axis,
@@ -90,9 +93,9 @@ def _table(seen: Examination) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from tune.cli.tables import UNITS
+    from tune.cli.tables import units_of
 
-    units = UNITS[seen.motion]
+    units = units_of(seen.motion)
     table = Table(title=seen.source, title_justify="left", box=SIMPLE_HEAD)
     table.add_column("seen in the log", overflow="fold")
     table.add_column("value", overflow="fold")

@@ -21,6 +21,7 @@ from tune.cli.options import (
     Quiet,
     Reference,
     Time,
+    TimeGain,
 )
 from tune.cli.session import Session, run_command
 
@@ -38,8 +39,9 @@ def identify(
     force: Force = "force",
     position: Position = "position",
     reference: Reference = None,
-    force_gain: ForceGain = 1.0,
-    position_gain: PositionGain = 1.0,
+    time_gain: TimeGain = 1.0,
+    force_gain: ForceGain = None,
+    position_gain: PositionGain = None,
     axis: Axis = None,
     hardware: HardwareFile = None,
     allow: Allow = None,
@@ -59,6 +61,7 @@ def identify(
             force=force,
             position=position,
             reference=reference,
+            time_gain=time_gain,
             force_gain=force_gain,
             position_gain=position_gain,
             axis=axis,
@@ -76,7 +79,7 @@ def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Traj
     return load_trajectory(
         path,
         columns,
-        motion="linear" if hardware is None else hardware.motion,
+        motion=None if hardware is None else hardware.motion,
         axis=columns.axis or (None if hardware is None else hardware.axis),
     )
 

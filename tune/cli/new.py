@@ -11,6 +11,9 @@ import typer
 from tune.cli.options import DryRun, Json, Quiet
 from tune.cli.session import Session, run_command
 
+#: How far each known device is moved from its middle, m (rad): room that it has by its size.
+_ROOM = {"emps": 0.1, "homerehab": 0.1, "knob": 1.0, "stylus": 0.03}
+
 
 class Kind(StrEnum):
     """Files that have a template."""
@@ -24,7 +27,7 @@ def new(
     kind: Annotated[Kind, typer.Argument(help="What to write.")],
     device: Annotated[
         Optional[str],  # noqa: UP045 - typer reads it at run time
-        typer.Option("--device", help="Fill in the hardware of a known device, such as homerehab."),
+        typer.Option("--device", help="Fill in what a known device has, such as homerehab."),
     ] = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
@@ -40,13 +43,17 @@ def new(
         from identification import UsageError, named_devices
 
         path = output or Path(f"{kind.value}.yaml")
-        if device is not None and kind is not Kind.hardware:
-            raise UsageError("--device", f"fills in hardware, not a {kind.value}", "Leave it out")
+        if device is not None and kind is Kind.scene:
+            raise UsageError("--device", "fills in no scene", "Leave it out")
         session.target(path)
-        text = template(kind.value) if device is None else hardware_of(device)
+        if device is None:
+            text = template(kind.value)
+        else:
+            text = hardware_of(device) if kind is Kind.hardware else excitation_of(device)
         session.write(path, text, dry_run=dry_run)
-        if kind is Kind.hardware and device is None:
-            session.say(f"known devices for --device: {', '.join(named_devices())}")
+        if kind is not Kind.scene and device is None:
+            known = ", ".join(named_devices())
+            session.say(f"fill in what is blank; known devices for --device: {known}")
 
     run_command("new", action, as_json=json, quiet=quiet)
 
@@ -58,8 +65,53 @@ def template(kind: str) -> str:
     return (files("tune") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
 
 
+def excitation_of(name: str) -> str:
+    """The template of an excitation with what is known of a device filled in.
+
+    Raises:
+        UsageError: a device file, of which nobody said how far it may be moved.
+    """
+    from numpy import format_float_positional
+
+    from identification import UsageError, load_device, named_devices
+
+    if name not in named_devices():
+        raise UsageError(
+            "--device", f"{name} is no known device", f"Give one of {', '.join(named_devices())}"
+        )
+    device = load_device(name)
+    limit, count = device.force_limit, device.encoder_resolution
+    assert limit is not None
+    assert count is not None
+    guesses = (device.mass, device.damping, device.coulomb_friction)
+    numbers = {
+        "sample_time": device.sample_time.value,
+        "force": limit.continuous,
+        "travel": _ROOM[name],
+        "encoder_resolution": count.value,
+    }
+    known = {"name": name, "axis": device.axis, "motion": device.motion}
+    known |= {key: format_float_positional(value, trim="0") for key, value in numbers.items()}
+    for key, guess in zip(("mass", "damping", "coulomb_friction"), guesses, strict=True):
+        ends = (guess.value, guess.low, guess.high)
+        value, low, high = (format_float_positional(each, trim="0") for each in ends)
+        known[key] = f"{{value: {value}, low: {low}, high: {high}}}"
+    lines = [f"# Guesses and limits of the known device {name}; check all of them on yours."]
+    assumed = [key for key in device.assumed() if key in known]
+    lines += [f"# Assumed, not known: {', '.join(assumed)}."] if assumed else []
+    for line in template("excitation").splitlines():
+        key, colon, rest = line.partition(":")
+        if not colon or key not in known:
+            lines.append(line)
+            continue
+        comment = rest.partition("#")[2]
+        kept = f"#{comment}" if comment and "such as" not in comment else ""
+        lines.append(f"{key + ': ' + known[key]:<31} {kept}".rstrip())
+    return "\n".join(lines) + "\n"
+
+
 def hardware_of(name: str) -> str:
-    """The hardware part of a known device as YAML."""
+    """The hardware part of a device as YAML, without what nobody stated of it."""
     from identification import Hardware, load_device, to_mapping, to_yaml
 
     device = load_device(name)
@@ -73,5 +125,5 @@ def hardware_of(name: str) -> str:
         force_limit=device.force_limit,
         modes=device.modes,
         current_lag=device.current_lag,
-    )
+    ).model_copy(update=dict.fromkeys(device.unstated()))
     return to_yaml(to_mapping(hardware), f"Hardware of the known device {name}; check it on yours.")

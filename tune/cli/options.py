@@ -21,6 +21,9 @@ class MarginChoice(StrEnum):
 
 Logs = Annotated[list[Path], typer.Argument(help="Logs of one axis: CSV, Parquet, MAT or NPZ.")]
 Time = Annotated[str, typer.Option("--time", metavar="COL", help="Column of time, in seconds.")]
+TimeGain = Annotated[
+    float, typer.Option("--time-gain", metavar="X", help="s per unit of the time column.")
+]
 Force = Annotated[
     str, typer.Option("--force", metavar="COL", help="Column of the actuator's force.")
 ]
@@ -30,12 +33,21 @@ Reference = Annotated[
     typer.Option("--reference", metavar="COL", help="Column of the set-point, if logged."),
 ]
 ForceGain = Annotated[
-    float,
-    typer.Option("--force-gain", metavar="X", help="N (N·m) per unit of the force column."),
+    Optional[float],  # noqa: UP045
+    typer.Option(
+        "--force-gain",
+        metavar="X",
+        help="N (N·m) per unit of the force column: per ampere torque constant and transmission; 1 "
+        "states that it is in N (N·m).",
+    ),
 ]
 PositionGain = Annotated[
-    float,
-    typer.Option("--position-gain", metavar="X", help="m (rad) per unit of the position column."),
+    Optional[float],  # noqa: UP045
+    typer.Option(
+        "--position-gain",
+        metavar="X",
+        help="m (rad) per unit of the position column; 1 states that it is in m (rad).",
+    ),
 ]
 Axis = Annotated[
     Optional[str],  # noqa: UP045

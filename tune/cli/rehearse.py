@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 #: Amplitude of force that may last, in ripple limits: the peak of three rms of a sinusoid. Within a
 #: count the encoder keeps a frictionless device moving for ever.
 _LASTING = 3 * 2**0.5
-#: Where no force limit is known, pushes are measured by the force that the design uses, this often.
-_SPARE = 2.0
 #: Moments played in one run: a step of a batch costs little more than one of a single device until
 #: there are some hundred members, and each moment is up to two dozen.
 _AT_ONCE = 16
@@ -36,23 +34,19 @@ class _Moment:
         stiffness: K, N/m (N·m/rad).
         damping: B, N·s/m (N·m·s/rad).
         mass: M, kg (kg·m²).
-        reach: the shortest penetration of them, m (rad).
-        force: what they use at most, N (N·m).
     """
 
     name: str
     stiffness: float
     damping: float
     mass: float
-    reach: float
-    force: float
 
 
 def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     """Play every moment of a design in the standard trials of the simulator.
 
     Args:
-        design: as it will be stored.
+        design: as it will be stored, its force limit and encoder stated.
         say: told what is going on.
 
     Raises:
@@ -61,8 +55,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     from datasets_synthetic import rehearse, rig_of
     from tune.documents.errors import CheckFailedError
 
-    device = design.device
-    rig, hand = rig_of(device), _grip(design)
+    rig, hand = rig_of(design.device), _grip(design)
     moments = [_moment(design, names) for names in design.moments()]
     felt = [each for each in moments if each.stiffness or each.damping or each.mass]
     vetoes: list[str] = []
@@ -73,8 +66,6 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
             rig,
             _law(design, part),
             hand=hand,
-            reach=None if device.encoder_resolution is not None else _column(part, "reach"),
-            push=None if device.force_limit is not None else _SPARE * _column(part, "force"),
             force_allowed=_LASTING * design.ripple_limit,
         )
         for moment, each in zip(part, found, strict=True):
@@ -90,13 +81,6 @@ def _moment(design: Design, names: tuple[str, ...]) -> _Moment:
         stiffness=sum(each.stiffness for each in chosen),
         damping=sum(each.damping for each in chosen),
         mass=sum(each.mass for each in chosen),
-        reach=min(each.motion.penetration for each in chosen),
-        force=sum(
-            abs(each.stiffness) * each.motion.penetration
-            + abs(each.damping) * each.motion.speed
-            + abs(each.mass) * each.motion.acceleration
-            for each in chosen
-        ),
     )
 
 

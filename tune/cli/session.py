@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -241,7 +241,13 @@ def _interrupted(session: Session) -> int:
 def _ended(session: Session, error: BaseException) -> int:
     """Print why a command failed and return its exit code."""
     ignore_signals()
-    from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
+    from identification import (
+        InvalidInputError,
+        LogRefusedError,
+        NotWrittenError,
+        UnstatedError,
+        UsageError,
+    )
     from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
     if isinstance(error, LogRefusedError):
@@ -253,6 +259,8 @@ def _ended(session: Session, error: BaseException) -> int:
         return session.finish(EXIT_NOT_WRITTEN, f"{error}{others}")
     if isinstance(error, CheckFailedError) and len(error.failures) > 1:
         return session.finish(EXIT_CHECK, "\n".join(("check failed", *error.failures)))
+    if isinstance(error, UnstatedError):
+        session.details["missing"] = [asdict(fact) for fact in error.missing]
     for kind, code in (
         (UsageError, EXIT_USAGE),
         (InvalidInputError, EXIT_INVALID),

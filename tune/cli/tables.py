@@ -9,7 +9,9 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from identification import Device, Quantity
+    from collections.abc import Iterator
+
+    from identification import Device, Motion, Quantity
     from tune.documents.certified import Certificate
     from tune.documents.discrimination import Estimate
     from tune.documents.loop_profile import LoopProfile
@@ -36,6 +38,13 @@ UNITS = {
         "speed": "rad/s",
     },
 }
+
+
+def units_of(motion: Motion | None) -> dict[str, str]:
+    """Units by quantity; both of each where nobody stated the motion."""
+    if motion is not None:
+        return UNITS[motion]
+    return {name: f"{unit} ({UNITS['rotary'][name]})" for name, unit in UNITS["linear"].items()}
 
 
 def elements_table(profile: SafeProfile) -> Table:
@@ -191,9 +200,14 @@ def _steps(steps: Estimate) -> str:
 
 def device_table(device: Device) -> Table:
     """Identified quantities with their 95 % intervals."""
-    units = UNITS[device.motion]
-    title = f"{device.name}, axis {device.axis}"
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
+    units = units_of(None if "motion" in device.missing else device.motion)
+    table = Table(
+        title=f"{device.name}, axis {device.axis}",
+        title_justify="left",
+        caption="\n".join(_reservations(device)),
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+    )
     for heading in ("quantity", "value", "95 % interval", "unit", "half-width"):
         side = "left" if heading in {"quantity", "unit"} else "right"
         table.add_column(heading, justify=side, overflow="fold")
@@ -222,6 +236,14 @@ def device_table(device: Device) -> Table:
         between = f"{slope.low:.4g} .. {slope.high:.4g}"
         table.add_row("slope of friction", "-", between, units["damping"], "-")
     return table
+
+
+def _reservations(device: Device) -> Iterator[str]:
+    """What nobody stated of a device, and what was only assumed."""
+    if device.missing:
+        yield f"missing, to be stated before anything is certified: {', '.join(device.missing)}"
+    if device.assumed():
+        yield f"assumed, not known: {', '.join(device.assumed())}"
 
 
 def _with_interval(quantity: Quantity) -> tuple[str, str]:

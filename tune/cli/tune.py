@@ -27,6 +27,13 @@ if TYPE_CHECKING:
     from tune.optimisation.candidates import Candidate, CandidateEffect
 
 
+#: Where to state what a device file lacks.
+IN_DEVICE = (
+    "State them in this file, without 'source: log' and no longer under 'missing'; or identify "
+    "again with --hardware ('haptune new hardware' writes the form):"
+)
+
+
 def tune(
     device: Annotated[str, typer.Argument(help="device.yaml, or the name of a known device.")],
     scene: Annotated[Path, typer.Argument(help="scene.yaml")],
@@ -43,7 +50,9 @@ def tune(
         from identification import load_device
 
         session.target(output, scene, Path(device))
-        profile = tuned(session, load_device(device), wanted(scene, margin), compare=candidates)
+        known = load_device(device)
+        known.require_stated(subject=device, where=IN_DEVICE)
+        profile = tuned(session, known, wanted(scene, margin), compare=candidates)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
 
     run_command("tune", action, as_json=json, quiet=quiet)
@@ -76,6 +85,7 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
         wish: what is to be felt.
         compare: tune with all three margins and show them side by side.
     """
+    from tune.certificate.words import taken_on_trust
     from tune.cli.rehearse import refuse_restless
     from tune.cli.tables import certificate_lines, elements_table
     from tune.optimisation._optimise import optimise
@@ -90,6 +100,8 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
         session.say(note)
     for line in certificate_lines(profile.certificate):
         session.say(line)
+    for line in taken_on_trust(profile.device):
+        session.say(f"taken on trust: {line}")
     with session.progress() as say:
         refuse_restless(profile, say)
     session.say("rehearsed in simulation with quantiser, friction, force limit and a wall: settles")

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from tune.cli.options import Axis, Force, ForceGain, Json, Position, PositionGain, Quiet, Time
+from tune.cli.options import (
+    Axis,
+    Force,
+    ForceGain,
+    Json,
+    Position,
+    PositionGain,
+    Quiet,
+    Time,
+    TimeGain,
+)
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
@@ -50,8 +60,9 @@ def verify(
     time: Time = "time",
     force: Force = "force",
     position: Position = "position",
-    force_gain: ForceGain = 1.0,
-    position_gain: PositionGain = 1.0,
+    time_gain: TimeGain = 1.0,
+    force_gain: ForceGain = None,
+    position_gain: PositionGain = None,
     axis: Axis = None,
     picture: Annotated[
         Optional[Path],  # noqa: UP045
@@ -80,6 +91,7 @@ def verify(
             time=time,
             force=force,
             position=position,
+            time_gain=time_gain,
             force_gain=force_gain,
             position_gain=position_gain,
             axis=axis,

@@ -35,6 +35,8 @@ def export(profile: SafeProfile, target: Target) -> dict[str, str]:
         target: ros2 (parameters), c (guard), chai3d (materials and guard) or json.
 
     Raises:
+        UnstatedError: facts of the device that nobody stated.
         InvalidInputError: the profile does not fit the target.
     """
+    profile.device.require_stated()
     return _WRITERS[target](profile)

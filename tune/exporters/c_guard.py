@@ -10,8 +10,8 @@ from identification import InvalidInputError
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import ElementProfile, SafeProfile
 from tune.exporters.c_header import HEADER
-from tune.exporters.c_source import CLAMP, LIMIT, SOURCE
-from tune.exporters.heading import digest, heading, short, unit_of_force
+from tune.exporters.c_source import SOURCE
+from tune.exporters.heading import digest, force_limit, heading, short, unit_of_force
 from tune.exporters.law import Section, law_of
 from tune.exporters.names import block_comment, identifiers, inside_comment
 
@@ -65,7 +65,7 @@ def _values(profile: SafeProfile) -> dict[str, str]:
     words = macros(profile)
     places = {name: index for index, name in enumerate(profile.elements)}
     sets = sorted({bits(moment, places) for moment in profile.moments()})
-    limit, force, sealed = device.force_limit, unit_of_force(profile), digest(profile)
+    limit, force, sealed = force_limit(profile), unit_of_force(profile), digest(profile)
     groups = [" | ".join(words[name] for name in group) for group in profile.together]
     return {
         "heading": block_comment(heading(profile)),
@@ -94,10 +94,7 @@ def _values(profile: SafeProfile) -> dict[str, str]:
         ),
         "known": f"0x{(1 << len(places)) - 1:x}",
         "moments": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
-        "limit": ""
-        if limit is None
-        else Template(LIMIT).substitute(force=force, peak=number(limit.peak)),
-        "clamp": "" if limit is None else CLAMP,
+        "peak": number(limit.peak),
     }
 
 

@@ -52,7 +52,10 @@ static const uint64_t known = UINT64_C(${known});
 /* Every set that is certified. */
 static const uint64_t moments[MOMENTS] = {
 ${moments}};
-${limit}
+
+/* ${force}: the peak force of the actuator. */
+static const double peak_force = ${peak};
+
 static uint64_t bit(unsigned index)
 {
     return UINT64_C(1) << index;
@@ -221,18 +224,10 @@ HAPTUNE_API double haptune_force(
         guard->status = HAPTUNE_NOT_FINITE;
         return 0.0;
     }
-${clamp}    return force;
-}
-"""
-
-LIMIT = """
-/* ${force}: the peak force of the actuator. */
-static const double peak_force = ${peak};
-"""
-
-CLAMP = """\
     if (force > peak_force || force < -peak_force) {
         force = force > 0.0 ? peak_force : -peak_force;
         guard->clamped = 1;
     }
+    return force;
+}
 """

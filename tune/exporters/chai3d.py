@@ -6,7 +6,7 @@ from string import Template
 
 from tune.documents.profile import ElementProfile, SafeProfile
 from tune.exporters.c_guard import c_files, macros, number
-from tune.exporters.heading import heading
+from tune.exporters.heading import force_limit, heading
 from tune.exporters.names import block_comment
 
 _TEXT = """\
@@ -33,7 +33,9 @@ ${heading}
 namespace haptune {
 
 // Continuous and peak force (torque) of the actuator; compare what is sent with them.
-${limits}
+const double continuous_force = ${continuous};
+const double peak_force = ${peak};
+
 // Sets a material to one element. True where CHAI3D's spring is the whole element; false where the
 // guard has to play it.
 inline bool set_material(const chai3d::cMaterialPtr& material, std::uint64_t element)
@@ -94,7 +96,7 @@ def chai3d_files(profile: SafeProfile) -> dict[str, str]:
 
     Materials are springs of linear axes (N/m); on a rotary axis the guard plays everything.
     """
-    limit = profile.device.force_limit
+    limit = force_limit(profile)
     words = macros(profile)
     springs = [
         f"    case {words[name]}:\n"
@@ -103,15 +105,10 @@ def chai3d_files(profile: SafeProfile) -> dict[str, str]:
         for name, element in profile.elements.items()
         if _only_spring(element) and profile.device.motion == "linear"
     ]
-    limits = (
-        "// None is stated in the profile.\n"
-        if limit is None
-        else f"const double continuous_force = {number(limit.continuous)};\n"
-        f"const double peak_force = {number(limit.peak)};\n"
-    )
     text = Template(_TEXT).substitute(
         heading=block_comment(heading(profile)),
-        limits=limits,
+        continuous=number(limit.continuous),
+        peak=number(limit.peak),
         springs="".join(springs),
         what="Torque (N*m)" if profile.device.motion == "rotary" else "Force (N)",
     )

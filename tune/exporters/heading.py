@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from identification import ForceLimit
 from tune.documents.profile import SafeProfile
 from tune.exporters.names import quoted
 
@@ -24,10 +25,22 @@ def unit_of_force(profile: SafeProfile) -> str:
     return "N*m" if profile.device.motion == "rotary" else "N"
 
 
+def force_limit(profile: SafeProfile) -> ForceLimit:
+    """What the actuator gives, without which no profile is exported.
+
+    Raises:
+        UnstatedError: nobody stated it.
+    """
+    profile.device.require_stated(("force_limit",))
+    limit = profile.device.force_limit
+    assert limit is not None
+    return limit
+
+
 def heading(profile: SafeProfile) -> tuple[str, ...]:
     """Lines of text without comment marks."""
     device, seal, margin = profile.device, profile.certificate, profile.margin
-    limit, force = device.force_limit, unit_of_force(profile)
+    limit, force = force_limit(profile), unit_of_force(profile)
     rotary = device.motion == "rotary"
     return (
         "Written by haptune from a certified profile. Do not edit: tune and export again.",
@@ -41,9 +54,7 @@ def heading(profile: SafeProfile) -> tuple[str, ...]:
         f"{_range(seal.damping)} {'N*m*s/rad' if rotary else 'N*s/m'}, sample time "
         f"{_range(seal.sample_time)} s, delay {_range(seal.delay_samples)} samples "
         f"(together {100 * seal.confidence:g} %)",
-        "force limit: none stated, nothing is clamped"
-        if limit is None
-        else f"force limit: {limit.continuous:g} {force} continuous, {limit.peak:g} {force} peak",
+        f"force limit: {limit.continuous:g} {force} continuous, {limit.peak:g} {force} peak",
         "method: " + seal.method,
         "assumes:",
         *(f"- {each}" for each in seal.assumes),

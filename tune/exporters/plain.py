@@ -7,14 +7,14 @@ from typing import Any
 
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import SafeProfile
-from tune.exporters.heading import digest
+from tune.exporters.heading import digest, force_limit
 from tune.exporters.law import Section, law_of
 
 
 def plain_files(profile: SafeProfile) -> dict[str, str]:
     """haptune_profile.json: gains, filter coefficients, limits; SI units."""
     device, seal, law = profile.device, profile.certificate, law_of(profile.loop)
-    limit = device.force_limit
+    limit = force_limit(profile)
     content = {
         "schema": "haptune/export/1",
         "digest": digest(profile),
@@ -29,7 +29,7 @@ def plain_files(profile: SafeProfile) -> dict[str, str]:
         "delay_samples": profile.loop.extra_delay_samples,
         "velocity": filter_of(profile.loop, "velocity", law.velocity),
         "acceleration": filter_of(profile.loop, "acceleration", law.acceleration),
-        "force_limit": limit and {"continuous": limit.continuous, "peak": limit.peak},
+        "force_limit": {"continuous": limit.continuous, "peak": limit.peak},
         "elements": {
             name: {
                 "stiffness": element.stiffness,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
 from tune.documents.profile import SafeProfile
-from tune.exporters.heading import digest, heading
+from tune.exporters.heading import digest, force_limit, heading
 from tune.exporters.law import law_of
 from tune.exporters.names import hash_comment, identifiers, quoted
 from tune.exporters.plain import filter_of
@@ -23,7 +23,7 @@ def ros2_files(profile: SafeProfile) -> dict[str, str]:
     """
     device, seal, law = profile.device, profile.certificate, law_of(profile.loop)
     keys = identifiers(profile.elements)
-    limit = device.force_limit
+    limit = force_limit(profile)
     parameters: dict[str, Any] = {
         "digest": digest(profile),
         "device": device.name[:_LONGEST_TEXT],
@@ -35,8 +35,7 @@ def ros2_files(profile: SafeProfile) -> dict[str, str]:
         "velocity": filter_of(profile.loop, "velocity", law.velocity),
         "acceleration": filter_of(profile.loop, "acceleration", law.acceleration),
     }
-    if limit is not None:
-        parameters["force_limit"] = {"continuous": limit.continuous, "peak": limit.peak}
+    parameters["force_limit"] = {"continuous": limit.continuous, "peak": limit.peak}
     parameters["elements"] = {
         keys[name]: {
             "name": name[:_LONGEST_TEXT],

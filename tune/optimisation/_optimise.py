@@ -50,11 +50,13 @@ def optimise(
         progress: called with a sentence before each part of the work.
 
     Raises:
+        UnstatedError: facts of the device that a person has to state; asked before any solving.
         NoFeasibleEffectError: nothing the scene asks for can be rendered.
         CheckFailedError: the independent check did not pass; nothing may be written.
     """
     from tune.certificate.certify import certify
 
+    device.require_stated()
     say = progress or _silent
     job = Job.of(as_stored(device), scene, table or default_table())
     filters = choose_filters(job, say)

@@ -196,7 +196,7 @@ def _check_request(
         ("--axis", trajectory.axis, device.axis),
         ("motion", trajectory.motion, device.motion),
     ):
-        if seen != known:
+        if seen is not None and seen != known:
             raise UsageError(
                 name,
                 f"the log is of {seen}, the profile of {known}",
@@ -258,8 +258,8 @@ def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
         remedy=""
         if agrees
         else f"The unit of the position looks {ratio:.4g} times too large: state "
-        f"--position-gain {1 / ratio:.4g}; or log more digits; or correct encoder_resolution and "
-        "tune again.",
+        f"--position-gain {1 / ratio:.4g}; or log more digits; only where the data sheet of the "
+        "encoder says so, state another encoder_resolution and tune again.",
     )
 
 

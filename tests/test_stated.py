@@ -1,0 +1,278 @@
+"""What nobody stated is asked for, all at once, before anything is solved."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+
+from datasets_synthetic import bundled
+from identification import (
+    Device,
+    Hardware,
+    InvalidInputError,
+    UnstatedError,
+    as_stored,
+    identify,
+    load_device,
+    load_document,
+    load_excitation,
+    load_mapping,
+    load_trajectory,
+    named_devices,
+    parse_document,
+    quantity,
+    to_mapping,
+    to_yaml,
+)
+from tests.commands import FLUID, files, haptune
+from tune import Effects, Scene, audit, check, export, load_profile, optimise
+from tune.documents.errors import CheckFailedError
+
+FACTS = ("motion", "sample_time", "delay", "encoder_resolution", "force_limit")
+#: A device of which a person states everything.
+STATED: dict[str, Any] = {
+    "motion": "linear",
+    "sample_time": 0.001,
+    "delay": 0.0,
+    "encoder_resolution": 0.000006,
+    "force_limit": {"continuous": 14.0, "peak": 28.0},
+    "mass": {"value": 3.0, "low": 2.9, "high": 3.1},
+    "damping": {"value": 10.0, "low": 9.5, "high": 10.5},
+}
+SCENE = Scene.model_validate({"elements": {"water": {"damping": 10.0}}})
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text(FLUID, encoding="utf-8")
+
+
+def _device(**changes: Any) -> Device:
+    content = {key: item for key, item in (STATED | changes).items() if item is not ...}
+    return parse_document(Device, content, "device.yaml")
+
+
+def test_a_device_that_a_person_wrote_in_full_lacks_nothing() -> None:
+    device = _device()
+    assert device.missing == device.unstated() == ()
+    device.require_stated()
+    assert "missing" not in to_mapping(device)
+    for name in named_devices():
+        assert load_device(name).unstated() == ()
+
+
+@pytest.mark.parametrize("fact", FACTS)
+@pytest.mark.parametrize("how", ["absent", "blank", "listed"])
+def test_each_fact_can_be_missing_and_stays_so_in_its_file(fact: str, how: str) -> None:
+    changes = {"absent": {fact: ...}, "blank": {fact: None}, "listed": {"missing": [fact]}}[how]
+    if fact == "sample_time" and how != "listed":
+        with pytest.raises(InvalidInputError, match="sample_time"):
+            _device(**changes)
+        return
+    device = _device(**changes)
+    assert device.missing == device.unstated() == (fact,)
+    assert as_stored(device) == device
+    text = to_yaml(to_mapping(device), "")
+    Path("device.yaml").write_text(text, encoding="utf-8")
+    assert load_device("device.yaml") == device
+    assert ("motion: linear" in text) is (fact != "motion")
+
+
+@pytest.mark.parametrize(
+    ("fact", "seen", "hint"),
+    [
+        ("sample_time", {"value": 0.001, "source": "log"}, "steps by 0.001 s"),
+        ("encoder_resolution", {"value": 6e-6, "source": "log"}, "is 6e-06"),
+        ("force_limit", {"continuous": 9.0, "peak": 9.0, "source": "log"}, "--force-gain"),
+        ("delay", {"value": 1e-3, "low": 0.0, "high": 1.1e-3, "source": "log"}, "0 to 0.0011 s"),
+    ],
+)
+def test_what_a_log_says_is_a_hint_and_no_statement(
+    fact: str, seen: dict[str, Any], hint: str
+) -> None:
+    with pytest.raises(UnstatedError) as caught:
+        optimise(_device(**{fact: seen}), SCENE)
+    (asked,) = caught.value.missing
+    assert asked.key == fact
+    assert asked.write.startswith(f"{fact}: ")
+    assert hint in asked.hint
+    assert "a hint that is not used" in str(caught.value)
+
+
+def test_a_delay_that_a_log_tells_within_a_sample_counts() -> None:
+    told = {"value": 5e-4, "low": 0.0, "high": 1e-3, "source": "log"}
+    assert _device(delay=told).missing == ()
+    assert _device(delay={"value": 1e-3, "source": "assumed"}).missing == ()
+    assert _device(delay=told, sample_time=5e-4).missing == ("delay",)
+
+
+@pytest.mark.parametrize(
+    ("listed", "words"), [(["colour"], "'colour'"), (5, "missing"), ([["motion"]], "missing")]
+)
+def test_a_list_of_other_things_is_refused(listed: Any, words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        _device(missing=listed)
+    assert _device(missing=None).missing == ()
+
+
+def test_a_form_for_a_device_leaves_blank_what_nobody_stated() -> None:
+    told = {"continuous": 9.0, "peak": 9.0, "source": "log"}
+    device = _device(motion=..., force_limit=told)
+    Path("device.yaml").write_text(to_yaml(to_mapping(device), ""), encoding="utf-8")
+    assert haptune("new", "hardware", "--device", "device.yaml", "--quiet").code == 0
+    hardware = load_document(Hardware, "hardware.yaml")
+    assert hardware.motion is hardware.force_limit is None
+    assert hardware.encoder_resolution == quantity(0.000006)
+    shutil.copy(bundled("homerehab.csv"), "log.csv")
+    again = identify(load_trajectory("log.csv"), hardware=hardware, method="least-squares").device
+    assert again.missing == ("motion", "force_limit")
+
+
+def test_a_file_from_before_facts_were_marked_is_asked_for_its_motion_too() -> None:
+    log = {"source": "log.csv", "digest": "", "samples": 8000, "method": "weak"}
+    old = {"encoder_resolution": {"value": 6e-6, "source": "log"}, "logs": [log]}
+    assert _device(**old).missing == ("motion", "encoder_resolution")
+    assert _device(**old, missing=[]).missing == ("encoder_resolution",)
+    assert _device(logs=[log]).missing == ()
+
+
+def test_nothing_is_solved_before_all_is_stated() -> None:
+    bare = _device(motion=..., force_limit=..., encoder_resolution=..., delay=...)
+    with (
+        mock.patch("tune.optimisation._optimise.choose_filters", side_effect=AssertionError),
+        pytest.raises(UnstatedError) as caught,
+    ):
+        optimise(bare, SCENE)
+    assert [each.key for each in caught.value.missing] == [
+        fact for fact in FACTS if fact != "sample_time"
+    ]
+    # A copy is no way round it.
+    copied = _device().model_copy(update={"force_limit": None})
+    with pytest.raises(UnstatedError, match="force_limit"):
+        optimise(copied, SCENE)
+
+
+def test_an_audit_needs_motion_and_times_and_uses_no_hint() -> None:
+    told = {"continuous": 1e-3, "peak": 1e-3, "source": "log"}
+    count = {"value": 1.0, "source": "log"}
+    gains = Effects(damping=10.0)
+    found = audit(_device(force_limit=told, encoder_resolution=count), gains)
+    assert found.safe
+    assert found.ripple is None
+    assert found.design.device.force_limit is None
+    for fact in ("motion", "delay"):
+        with pytest.raises(UnstatedError, match=fact):
+            audit(_device(**{fact: ...}), gains)
+    with pytest.raises(UnstatedError, match="sample_time"):
+        audit(_device(sample_time={"value": 0.001, "source": "log"}), gains)
+
+
+def test_the_question_of_calibrate_and_its_answer() -> None:
+    shutil.copy(bundled("homerehab.csv"), "log.csv")
+    haptune("new", "hardware", "--quiet")
+    form = Path("hardware.yaml").read_text(encoding="utf-8")
+    calibrate = (
+        *("calibrate", "log.csv", "--scene", "scene.yaml", "--hardware", "hardware.yaml"),
+        *("--method", "least-squares"),
+    )
+    asked = haptune(*calibrate, "--json")
+    assert asked.code == 3
+    assert asked.result["outputs"] == []
+    keys = [each["key"] for each in asked.result["details"]["missing"]]
+    assert keys == ["motion", "sample_time", "encoder_resolution", "force_limit"]
+    assert "--hardware" in asked.err
+    assert all(f"\n  {key}: " in asked.err for key in keys)
+    for blank, answer in (
+        ("motion:", "motion: linear"),
+        ("sample_time:", "sample_time: 0.001"),
+        ("encoder_resolution:", "encoder_resolution: 0.000006"),
+        ("force_limit:", "force_limit: {continuous: 14.0, peak: 28.0}"),
+    ):
+        form = form.replace(f"\n{blank} ", f"\n{answer} ")
+    Path("hardware.yaml").write_text(form, encoding="utf-8")
+    ended = haptune(*calibrate)
+    assert ended.code == 0, ended.err
+    device = load_profile("profile.yaml").device
+    assert device.missing == ()
+    assert device.delay.source == "log"
+    assert device.delay.low <= 0.001 <= device.delay.high
+    assert haptune("check", "profile.yaml", "--quiet").code == 0
+
+
+def test_a_device_file_is_asked_about_and_mended_in_place() -> None:
+    log = load_trajectory(bundled("homerehab.csv"))
+    found = identify(log, method="least-squares")
+    Path("device.yaml").write_text(to_yaml(to_mapping(found.device), ""), encoding="utf-8")
+    before = files()
+    for command in (("tune", "device.yaml", "scene.yaml"), ("audit", "device.yaml", "--mass", "1")):
+        asked = haptune(*command)
+        assert asked.code == 3
+        assert "device.yaml: does not state motion, sample_time" in asked.err
+        assert files() == before
+    content = load_mapping("device.yaml")
+    assert content["missing"] == ["motion", "sample_time", "encoder_resolution", "force_limit"]
+    answers = {key: STATED[key] for key in content["missing"]}
+    half = {**content, **answers}
+    Path("device.yaml").write_text(to_yaml(half, ""), encoding="utf-8")
+    assert "'missing'" in haptune("tune", "device.yaml", "scene.yaml").err
+    del half["missing"]
+    Path("device.yaml").write_text(to_yaml(half, ""), encoding="utf-8")
+    assert haptune("tune", "device.yaml", "scene.yaml", "--quiet").code == 0
+
+
+def test_a_profile_of_an_unstated_device_is_neither_passed_nor_exported() -> None:
+    profile = optimise(_device(), SCENE)
+    device = _device(force_limit={"continuous": 14.0, "peak": 28.0, "source": "log"})
+    forged = profile.model_copy(update={"device": device}).signed()
+    Path("profile.yaml").write_text(forged.to_yaml(), encoding="utf-8")
+    with pytest.raises(CheckFailedError, match=r"device\.force_limit was stated by nobody"):
+        check("profile.yaml")
+    assert haptune("export", "profile.yaml", "--to", "c").code == 6
+    with pytest.raises(UnstatedError):
+        export(forged, "c")
+
+
+def test_unedited_forms_are_questions() -> None:
+    for kind in ("hardware", "excitation"):
+        assert haptune("new", kind, "--quiet").code == 0
+    hardware = load_document(Hardware, "hardware.yaml")
+    assert all(getattr(hardware, fact) is None for fact in FACTS)
+    asked = haptune("excite", "excitation.yaml", "-o", "force.csv")
+    assert asked.code == 3
+    for key in ("motion", "sample_time", "force", "travel", "mass", "damping"):
+        assert f"{key}: is blank" in asked.err
+    for name in named_devices():
+        written = f"{name}.yaml"
+        assert haptune("new", "excitation", "--device", name, "-o", written, "--quiet").code == 0
+        spec, device = load_excitation(written), load_device(name)
+        assert (spec.motion, spec.mass.value) == (device.motion, device.mass.value)
+        assert device.force_limit is not None
+        assert spec.force == device.force_limit.continuous
+
+
+def test_what_the_paper_does_not_give_is_marked_assumed_wherever_it_appears() -> None:
+    """Sample time, delay and friction; its table and text give 3 kg, 10 N·s/m, 14/28 N, 6 µm."""
+    marks = {"sample_time", "delay", "coulomb_friction"}
+    device = load_device("homerehab")
+    assert marks <= set(device.assumed())
+    assert not {"mass", "damping", "encoder_resolution", "force_limit"} & set(device.assumed())
+    assert haptune("new", "hardware", "--device", "homerehab", "--quiet").code == 0
+    for file in (Path("hardware.yaml"), bundled("homerehab.hardware.yaml")):
+        hardware = load_document(Hardware, file)
+        for each in (hardware.sample_time, hardware.delay):
+            assert each == quantity(0.001, source="assumed")
+    log = load_trajectory(bundled("homerehab.csv"))
+    found = identify(log, hardware=hardware, method="least-squares").device
+    assert found.assumed() == ("sample_time", "delay")
+    told = haptune("tune", "homerehab", "scene.yaml").out
+    assert "only assumed: sample time, coulomb friction, force offset, delay" in told
+    profile = load_profile("profile.yaml")
+    assert any("coulomb friction" in line for line in profile.certificate.assumes)
+    assert "coulomb_friction: {value: 0.8, low: 0.7, high: 0.9, source: assumed}" in Path(
+        "profile.yaml"
+    ).read_text(encoding="utf-8")

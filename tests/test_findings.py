@@ -211,7 +211,7 @@ def test_friction_and_offset_in_one_way_motion() -> None:
     assert found.device.damping.value == pytest.approx(10.0, rel=0.02)
     (told,) = findings
     assert told.code == "not-exciting-damping"
-    both = float(told.seen.split("friction is ")[1].split(",")[0])
+    both = float(told.seen.split("friction is ")[1].split(" ±")[0])
     assert both == pytest.approx(0.8 + 0.5, rel=0.02)
 
 

@@ -67,9 +67,10 @@ def driven(plan: Excitation, factor: float, pull: float, count: int, seed: int) 
         guess = getattr(limits, name)
         return dice.uniform(guess.low, guess.high, count)
 
+    wrong = factor > 1
     axis = Axis(
-        mass=within("mass") * off[0],
-        damping=within("damping") * off[1],
+        mass=limits.mass.value * off[0] if wrong else within("mass"),
+        damping=limits.damping.value * off[1] if wrong else within("damping"),
         coulomb=within("coulomb_friction"),
         offset=within("force_offset") + tug,
         sample_time=limits.sample_time,

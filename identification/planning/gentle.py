@@ -13,7 +13,7 @@ from pathlib import Path
 
 from identification.device.box import BOX_CONFIDENCE, widened, widening
 from identification.device.device import Device
-from identification.device.known_devices import load_device
+from identification.device.known_devices import load_device, named_devices
 from identification.device.quantities import Quantity, quantity
 from identification.documents.document import load_document, parse_document, to_mapping
 from identification.errors import InvalidInputError
@@ -122,8 +122,8 @@ def identified_spec(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
     """
     if spec.device is None:
         return spec
-    named = Path(spec.device)
-    device = load_device(folder / named if named.suffix else spec.device)
+    known = spec.device in named_devices()
+    device = load_device(spec.device if known else folder / spec.device)
     if device.motion != spec.motion:
         raise InvalidInputError(
             spec.device,

@@ -143,7 +143,11 @@ def _regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:
         force = part * spec.force
         words = f"an unplanned constant force of {part:.0%} of the limit, {force:.3g} {unit}"
         yield f"unplanned-{100 * part:g}", words, stated.pulled(force)
-    yield "both", "guessed so and so pulled", twice.pulled(max(UNPLANNED) * spec.force)
+    yield (
+        "both",
+        f"guessed {WRONG:g} times wrong and pulled by {max(UNPLANNED):.0%}",
+        twice.pulled(max(UNPLANNED) * spec.force),
+    )
 
 
 def extremes(force: FloatArray, devices: list[Guess], step: float) -> tuple[FloatArray, FloatArray]:

@@ -13,7 +13,7 @@ from tune.cli.session import Session, run_command
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from identification import Excitation, ExcitationSpec
+    from identification import Excitation
 
 
 def excite(
@@ -54,7 +54,7 @@ def excite(
         if plan.beyond and wanted.device is None:
             session.warn(beyond_limits(plan))
         if wanted.gentle:
-            session.say(next_step(wanted))
+            session.say(next_step(plan))
         if dry_run:  # thousands of rows would tell nobody anything
             session.say(f"dry run: {output} would be written, {text.count(chr(10)) - 1} rows")
             return
@@ -149,12 +149,16 @@ def beyond_limits(plan: Excitation) -> str:
     )
 
 
-def next_step(wanted: ExcitationSpec) -> str:
+def next_step(plan: Excitation) -> str:
     """What a gentle play is for."""
+    spec = plan.spec
+    from tune.cli.tables import UNITS
+
     return (
-        f"gentle first play of {wanted.name}: identify its log (haptune identify LOG -o "
-        "first.yaml), then put device: first.yaml in the place of gentle: true and plan the full "
-        "force within the intervals identified"
+        f"gentle first play, at most {spec.force:.3g} {UNITS[spec.motion]['force']} for "
+        f"{spec.duration:g} s: identify its log (haptune identify LOG -o first.yaml), then put "
+        "device: first.yaml in the place of gentle: true and plan the full force for the device "
+        "identified"
     )
 
 

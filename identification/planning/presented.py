@@ -44,7 +44,7 @@ def excitation_picture(excitation: Excitation) -> Figure:
             axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")
         axes.set_ylabel(label)
     figure.axes[1].set_title(
-        "; ".join(
+        "\n".join(
             f"{each.words}: up to {each.travel:.2g} {length}" for each in excitation.worst[1:]
         ),
         fontsize=8,

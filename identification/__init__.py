@@ -121,13 +121,11 @@ if TYPE_CHECKING:
     from identification.planning.excitation import (
         plan_excitation as plan_excitation,
     )
+    from identification.planning.gentle import load_excitation as load_excitation
     from identification.planning.presented import excitation_picture as excitation_picture
     from identification.planning.presented import force_text as force_text
     from identification.planning.spec import (
         ExcitationSpec as ExcitationSpec,
-    )
-    from identification.planning.spec import (
-        load_excitation as load_excitation,
     )
     from identification.plant import (
         Plant as Plant,
@@ -165,7 +163,8 @@ _HOMES = {
     "fitting.one_log": "LogFit",
     "pictures": "fit_picture",
     "planning.presented": "excitation_picture force_text",
-    "planning.spec": "ExcitationSpec load_excitation",
+    "planning.spec": "ExcitationSpec",
+    "planning.gentle": "load_excitation",
     "plant": "Plant",
     "device.quantities": "AnyQuantity Quantity quantity",
     "device.stated": "Fact",

@@ -1,7 +1,8 @@
 """Every shell and Python block of the README and the documentation runs as printed, in order.
 
-What a reader brings along is provided here: a log of the device (``log.csv``), and one of an
-element of the profile played at a reduced gain (``played.csv``).
+What a reader brings along is provided here: a log of the device (``log.csv``), one of the gentle
+force (``gentle_log.csv``), and one of an element of the profile played at a reduced gain
+(``played.csv``).
 """
 
 from __future__ import annotations
@@ -10,12 +11,13 @@ import re
 import shlex
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from datasets_synthetic import Controller, bundled, log_text, rig_of, simulate
+from datasets_synthetic import Controller, bundled, log_text, named_rig, rig_of, simulate
 from tests.commands import haptune
 from tune import load_profile
 
@@ -37,12 +39,12 @@ def _blocks() -> Iterator[tuple[str, str, str]]:
             yield page.name, language, text
 
 
-def _commands(text: str) -> Iterator[str]:
-    """Single commands of a shell block."""
+def _commands(text: str) -> Iterator[tuple[str, str]]:
+    """Single commands of a shell block, each with its line, comment and all."""
     for line in text.splitlines():
         for command in line.partition(" #")[0].split("&&"):
             if command.strip() and not command.strip().startswith(LEFT_OUT):
-                yield command.strip()
+                yield line, command.strip()
 
 
 def _play(element: str, gain: float) -> None:
@@ -61,11 +63,22 @@ def _play(element: str, gain: float) -> None:
     Path("played.csv").write_text(log_text(run.trajectory()), encoding="utf-8")
 
 
-def _shorten_excitation() -> None:
-    """The limits are the reader's; two seconds are planned sooner than ten."""
+def _edit_excitation(command: str) -> None:
+    """As the comment says; the limits are the reader's: two seconds are planned sooner than ten."""
     spec = Path("excitation.yaml")
-    text = spec.read_text(encoding="utf-8")
-    spec.write_text(text.replace("duration: 10.0", "duration: 2.0"), encoding="utf-8")
+    text = spec.read_text(encoding="utf-8").replace("duration: 10.0", "duration: 2.0")
+    for key in re.findall(r"# with (.*)", command):
+        text = re.sub(r"^(gentle|device): .*$", key, text, flags=re.MULTILINE)
+        assert f"\n{key}\n" in text
+    spec.write_text(text, encoding="utf-8")
+
+
+def _play_gently() -> None:
+    """The gentle force, on a device whose mass and damping nobody guessed."""
+    force = np.loadtxt("gentle.csv", delimiter=",", skiprows=1)[:, 1]
+    known = named_rig("homerehab")
+    rig = replace(known, mass=1.4 * known.mass, damping=0.7 * known.damping)
+    Path("gentle_log.csv").write_text(log_text(simulate(rig, force).trajectory()), encoding="utf-8")
 
 
 def test_every_block_is_in_a_language_that_is_run_or_shown() -> None:
@@ -84,11 +97,13 @@ def test_every_block_runs_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyP
     for page, language, text in _blocks():
         if language == "python":
             exec(compile(text, page, "exec"), {})  # noqa: S102
-        for command in _commands(text) if language == "sh" else ():
+        for line, command in _commands(text) if language == "sh" else ():
             program, *arguments = shlex.split(command)
             assert program == "haptune", f"{page}: {command}"
             if arguments[0] == "excite":
-                _shorten_excitation()
+                _edit_excitation(line)
+            if "gentle_log.csv" in arguments:
+                _play_gently()
             if arguments[0] == "verify":
                 _play(PLAYED, GAIN)
             ended = haptune(*arguments)

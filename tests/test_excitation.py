@@ -184,6 +184,7 @@ def test_families_are_compared_and_the_best_is_played() -> None:
         "designing a multisine",
         "designing a swept sine",
         "designing a binary sequence",
+        "looking for the devices that go farthest",
     ]
     assert {each.family for each in plan.candidates} == {"multisine", "swept-sine", "binary"}
     products = [each.prediction.mass * each.prediction.damping for each in plan.candidates]

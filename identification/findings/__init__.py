@@ -9,7 +9,7 @@ from identification.estimators.model import Estimate
 from identification.findings.balance import balance_of
 from identification.findings.causality import causality
 from identification.findings.excitation import excitation
-from identification.findings.hand import hand
+from identification.findings.hand import hand, unlogged
 from identification.findings.heldout import heldout
 from identification.findings.lateness import lateness
 from identification.findings.place import place
@@ -80,11 +80,12 @@ def judge(
         delay: as read from the log; None if it was stated.
     """
     balance = balance_of(trajectory, chosen)
+    left = unlogged(trajectory, balance, chosen)
     return (
         *causality(trajectory, balance, chosen),
-        *excitation(trajectory, balance, regression, chosen, delay),
+        *excitation(trajectory, balance, regression, chosen, delay, left),
         *place(trajectory, balance, chosen),
-        *hand(trajectory, balance, chosen),
+        *hand(trajectory, balance, left),
         *heldout(trajectory, balance, chosen),
         *lateness(trajectory, delay),
         *mass_unit(trajectory, chosen.value("mass")),

@@ -45,6 +45,9 @@ _NOISE_SHARE = 1e-3
 _LOST = 0.02
 #: Part of a window that goes one way more than the other; less is a stop or a turn.
 _MOVING = 0.5
+#: Rows that go the other way, as part of those that go either way, below which the motion is one
+#: way.
+ONE_WAY = 0.01
 #: A window with an interval longer than this part of its half-width does not know its motion.
 _LONGEST_INTERVAL = 0.5
 
@@ -91,6 +94,12 @@ class Balance:
     def moving(self) -> NDArray[np.bool_]:
         """Rows in motion: at rest friction is whatever the force is, and says nothing."""
         return np.abs(self.direction) > _MOVING
+
+    @property
+    def one_way(self) -> bool:
+        """Whether the motion never turns: friction, offset and a steady load are then one force."""
+        forth, back = (np.count_nonzero(sense * self.direction > _MOVING) for sense in (1, -1))
+        return bool(min(forth, back) < ONE_WAY * (forth + back))
 
     @property
     def carried(self) -> FloatArray:

@@ -49,7 +49,9 @@ def causality(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tup
                 "a force that moves the device, not one computed from its position",
             ),
         )
-    if mass > 0 and damping + damping_spread >= 0:
+    # Motion one way may tell so little that signs are chance; excitation.py refuses that.
+    positive = mass + mass_spread > 0 if balance.one_way else mass > 0
+    if positive and damping + damping_spread >= 0:
         return ()
     if mass + mass_spread < 0 and damping - damping_spread <= 0:
         return (

@@ -6,9 +6,10 @@ import numpy as np
 
 from identification.errors import Finding
 from identification.estimators.delay import MOST_SAMPLES, Delay
-from identification.estimators.intervals import NORMAL_95, half_width
+from identification.estimators.intervals import NORMAL_95, half_width, quantile
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance, left_over
+from identification.findings.balance import ONE_WAY, Balance, left_over
+from identification.findings.hand import MOST_SLOW, SLOW, TREMOR, Unlogged
 from identification.trajectory import Trajectory
 
 #: Half-width of the 95 % interval of the mass, as part of the mass, above which a log is refused.
@@ -25,9 +26,9 @@ LARGEST_INFLATION = 1000.0
 #: Part of the acceleration's mean square that position does not explain: below, the motion has one
 #: frequency.
 ONE_FREQUENCY = 0.01
-#: Rows that go the other way, as part of those that go either way, below which the motion is one
-#: way and friction is not told from an offset.
-ONE_WAY = 0.01
+#: Standard deviation of the speed, as part of its mean, below which motion one way has one speed:
+#: damping, friction and offset are then one force.
+ONE_SPEED = 0.05
 
 
 def excitation(
@@ -36,19 +37,21 @@ def excitation(
     regression: Estimate,
     chosen: Estimate,
     delay: Delay | None,
+    left: Unlogged,
 ) -> tuple[Finding, ...]:
     """``not-exciting-mass`` and ``not-exciting-damping``.
 
-    ``delay`` is as read from the log, None if it was stated.
+    ``delay`` is as read from the log, None if it was stated; ``left`` is what it does not know.
     """
-    findings = [*_one_frequency(trajectory, balance), *_one_way(trajectory, balance, chosen)]
+    findings = [*_one_frequency(trajectory, balance)]
     inflation = dict(zip(regression.parameters, regression.inflation, strict=True))
     mass, damping = chosen.value("mass"), chosen.value("damping")
     # Force that is late by d and damping b look like a mass of b·d.
-    late = 0.0 if delay is None else _doubt(delay, trajectory.sample_time) * abs(damping)
-    spread = max(half_width(chosen, "mass"), late)
+    doubt = 0.0 if delay is None else _doubt(delay, trajectory.sample_time)
+    spread = max(half_width(chosen, "mass"), doubt * abs(damping))
     alike = inflation["mass"] > LARGEST_INFLATION
-    if alike or spread > WIDEST_MASS * abs(mass):
+    told = not alike and spread <= WIDEST_MASS * abs(mass)
+    if not told:
         findings.append(
             Finding(
                 code="not-exciting-mass",
@@ -74,6 +77,9 @@ def excitation(
                 remedy="Excite slower and further as well, at several speeds, and for longer.",
             )
         )
+    if balance.one_way:
+        known = told and mass > 0 and doubt <= trajectory.sample_time
+        findings.append(_one_way(trajectory, balance, chosen, left, mass_told=known))
     return tuple(findings)
 
 
@@ -102,25 +108,54 @@ def _one_frequency(trajectory: Trajectory, balance: Balance) -> tuple[Finding, .
     )
 
 
-def _one_way(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
-    """Friction and offset are one force in motion that never turns."""
-    forth, back = (int(np.count_nonzero(balance.direction * sense > 0.5)) for sense in (1, -1))
-    if min(forth, back) >= ONE_WAY * (forth + back):
-        return ()
-    sign, sense = ("+", "forward") if forth > back else ("-", "backward")
-    # Whatever the model calls it, this is what the log shows.
-    both = chosen.value("force_offset") + chosen.value("coulomb_friction") * (
-        1 if forth > back else -1
-    )
-    return (
-        Finding(
-            code="not-exciting-damping",
-            severity="warning",
-            seen=f"{trajectory.source} moves {sense} only: offset {sign} Coulomb friction is "
-            f"{both:.4g}, and neither is known by itself",
-            needed=f"at least {ONE_WAY:.0%} of the motion the other way",
-            remedy="Move both ways to tell friction from an offset.",
-        ),
+def _one_way(
+    trajectory: Trajectory,
+    balance: Balance,
+    chosen: Estimate,
+    left: Unlogged,
+    *,
+    mass_told: bool,
+) -> Finding:
+    """Friction and offset are one force in motion that never turns, at one speed damping too.
+
+    Mass can be told all the same, by what the force does to the speed.
+    """
+    mean = float(np.mean(balance.velocity))
+    sign, sense = ("+", "forward") if mean > 0 else ("-", "backward")
+    steady = float(np.std(balance.velocity)) < ONE_SPEED * abs(mean)
+    if steady:
+        seen = (
+            f"{trajectory.source} moves {sense} only, at one speed of {abs(mean):.4g}: damping, "
+            f"Coulomb friction and offset are one force of {np.mean(balance.force):.4g}, and none "
+            "is known by itself"
+        )
+    else:
+        # Whatever the model calls it, this is what the log shows.
+        parts = {"force_offset": 1.0, "coulomb_friction": np.sign(mean)}
+        weights = np.array([parts.get(name, 0.0) for name in chosen.parameters])
+        both = weights @ chosen.values
+        spread = quantile(chosen) * np.sqrt(max(weights @ chosen.covariance @ weights, 0.0))
+        seen = (
+            f"{trajectory.source} moves {sense} only: offset {sign} Coulomb friction is "
+            f"{both:.4g} ± {spread:.2g}, and neither is known by itself"
+        )
+    if left.shaking or left.slow >= MOST_SLOW * left.force:
+        seen += (
+            f"; forces that it does not log, {left.slow / left.force:.0%} of the force below "
+            f"{SLOW:g} Hz and {left.tremor / left.force:.1%} at {TREMOR[0]:g} to {TREMOR[1]:g} Hz, "
+            "may be a load, ripple of a motor, uneven friction or a hand"
+        )
+    if mass_told and not left.much:
+        seen += "; the mass is told, by how the speed changes"
+    speeds = ", at several speeds" if steady else ""
+    return Finding(
+        code="not-exciting-damping",
+        severity="refusal" if left.much else "warning",
+        seen=seen,
+        needed=f"at least {ONE_WAY:.0%} of the motion the other way{speeds}",
+        remedy=f"Move both ways{speeds}, to tell friction from an offset"
+        f"{' and damping from both' if steady else ''}"
+        f"{', with nothing else on the device' if left.much else ''}.",
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,31 +35,73 @@ LEAST_TREMOR = 0.015
 #: Above this part of the force the hand that trembles is as much in the log as the device is.
 MOST_TREMOR = 0.1
 #: Slow motion of a hand, Hz, and the part of the rms force it may push with, unlogged.
-_SLOW = 1.0
+SLOW = 1.0
 MOST_SLOW = 0.15
 
 
-def hand(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unlogged:
+    """Forces that the log does not know, at the pace of a hand.
+
+    Attributes:
+        tremor: rms at TREMOR, N.
+        peak: power there against that beside it, 0 where the force itself is strong there.
+        slow: rms below 1 Hz, a force of position taken out, N.
+        force: rms of the force that these are judged against, N: of its changes, or of all of it
+            in motion one way, where a steady force is what keeps the device moving.
+    """
+
+    tremor: float
+    peak: float
+    slow: float
+    force: float
+
+    @property
+    def shaking(self) -> bool:
+        """Whether the tremor stands out and is more than a trace of the force."""
+        return self.peak >= PEAK and self.tremor >= LEAST_TREMOR * self.force
+
+    @property
+    def much(self) -> bool:
+        """Whether what pushed so is as much in the estimate as the device is."""
+        shaken = self.shaking and self.tremor >= MOST_TREMOR * self.force
+        return shaken or self.slow >= MOST_SLOW * self.force
+
+
+def unlogged(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> Unlogged:
+    """Forces at the pace of a hand that mass, damping, friction and offset leave over.
+
+    Args:
+        trajectory: the log.
+        balance: its rows.
+        chosen: the estimate believed; gives the delay.
+    """
+    tremor, peak = _tremor(trajectory, chosen)
+    steady = float(np.mean(balance.force)) if balance.one_way else 0.0
+    force = float(np.hypot(np.std(balance.force), steady))
+    return Unlogged(tremor=tremor, peak=peak, slow=_slow(balance), force=force)
+
+
+def hand(trajectory: Trajectory, balance: Balance, left: Unlogged) -> tuple[Finding, ...]:
     """``hand-on-device``: forces that the log does not know, at the pace of a hand.
 
     Tremor alone disturbs like noise and widens the intervals: a warning. With a spring to the body,
     or as strong as the excitation, the mass and damping of the hand are in the estimate: a refusal.
+
+    In motion one way nothing is called a hand. Ripple once a turn, a load and friction that varies
+    look the same there, and a force of position is one of time; excitation.py says so instead.
     """
-    tremor, peak = _tremor(trajectory, chosen)
-    total = float(np.std(balance.force))
-    slow = _slow(balance) / total
-    shaking = peak >= PEAK and tremor >= LEAST_TREMOR * total
-    if not shaking and slow < MOST_SLOW:
+    if balance.one_way or not (left.shaking or left.slow >= MOST_SLOW * left.force):
         return ()
-    spring = carried_or_not(balance) >= LEAST_SHARE * total
-    refused = spring or tremor >= MOST_TREMOR * total or slow >= MOST_SLOW
+    spring = carried_or_not(balance) >= LEAST_SHARE * left.force
+    refused = spring or left.much
     seen = [f"forces that {trajectory.source} does not log:"]
-    if shaking:
+    if left.shaking:
         seen.append(
-            f"tremor of {tremor:.3g} rms at {TREMOR[0]:g} to {TREMOR[1]:g} Hz, {peak:.0f} times "
-            "the power beside that band,"
+            f"tremor of {left.tremor:.3g} rms at {TREMOR[0]:g} to {TREMOR[1]:g} Hz, "
+            f"{left.peak:.0f} times the power beside that band,"
         )
-    seen.append(f"{slow:.0%} of the force below {_SLOW:g} Hz")
+    seen.append(f"{left.slow / left.force:.0%} of the force below {SLOW:g} Hz")
     seen.append("and a spring to the body" if spring else "")
     return (
         Finding(
@@ -103,9 +147,9 @@ def _tremor(trajectory: Trajectory, chosen: Estimate) -> tuple[float, float]:
 
 
 def _slow(balance: Balance) -> float:
-    """Rms of what is left over below _SLOW, a force of position taken out, N."""
+    """Rms of what is left over below SLOW, a force of position taken out, N."""
     left = balance.unexplained(powers_of(balance.position), balance.carried)
     step = float(np.median(np.diff(balance.time)))
     spectrum = np.fft.rfft(left)
-    spectrum[np.fft.rfftfreq(left.size, step) > _SLOW] = 0
+    spectrum[np.fft.rfftfreq(left.size, step) > SLOW] = 0
     return float(np.std(np.fft.irfft(spectrum, left.size)))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.device.device import Hardware
 from identification.errors import Finding
 from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
 
 #: Force counts as at its limit within this part of it (printed digits, one count of a converter).
 AT_LIMIT = 1e-4
@@ -38,7 +41,7 @@ def saturation(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Findi
                 "limit is that of the data sheet.",
             )
         )
-    share = _share_in_runs(size >= peak * (1 - AT_LIMIT))
+    share = _share_in_runs(size, peak * (1 - AT_LIMIT))
     levels = np.unique(np.round(size / peak / AT_LIMIT)).size
     if share > TOLERATED and levels > SWITCHING_LEVELS:
         findings.append(
@@ -54,8 +57,19 @@ def saturation(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Findi
     return tuple(findings)
 
 
-def _share_in_runs(at_limit: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
-    """Part of all samples that lie in runs of at least RUN."""
-    edges = np.diff(np.concatenate(([0], at_limit.astype(np.int8), [0])))
-    lengths = np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)
-    return float(np.sum(lengths[lengths >= RUN]) / at_limit.size)
+def _share_in_runs(size: FloatArray, limit: float) -> float:
+    """Part of all samples that lie in runs of at least RUN at the limit, smooth tops left out."""
+    edges = np.diff(np.concatenate(([0], (size >= limit).astype(np.int8), [0])))
+    starts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    long = ends - starts >= RUN
+    runs = zip(starts[long].tolist(), ends[long].tolist(), strict=True)
+    flat = [end - start for start, end in runs if not _smooth_top(size[start:end])]
+    return sum(flat) / size.size
+
+
+def _smooth_top(part: FloatArray) -> bool:
+    """Whether it rises and then falls, as no force does that is cut off."""
+    steps = np.sign(np.diff(part))
+    return bool(
+        np.count_nonzero(steps) > steps.size / 2 and np.all(np.diff(steps[steps != 0]) <= 0)
+    )

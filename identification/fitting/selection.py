@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.estimators.intervals import half_width
 from identification.estimators.model import Estimate, Gravity, Model
+from identification.estimators.noise import position_noise
 from identification.fitting.choice import noise_explains, robust
 from identification.fitting.workshop import Workshop
 from identification.structure.stability_selection import Structure
@@ -15,6 +16,11 @@ from identification.trajectory import Trajectory
 
 #: Coulomb friction can be told from an offset if at least this part of the motion goes either way.
 LEAST_RETURN = 0.01
+#: A step is motion if it exceeds this many standard deviations of the noise of one reading, ...
+_CLEAR = 5.0
+#: ... over as many samples, doubled up to this part of the log, as make this part of steps motion.
+_LONGEST_SPAN = 0.01
+_ENOUGH = 0.5
 #: A friction term smaller than its own standard deviation is left out. A higher hurdle would move
 #: mass and damping by more than their intervals where the term is real.
 ASKED_FOR = 1.0
@@ -26,9 +32,17 @@ WIDE_SWING = 0.5
 
 
 def distinguishable(trajectory: Trajectory) -> Model:
-    """Friction and offset, if the log can tell them apart: motion one way only cannot."""
-    steps = np.diff(trajectory.position)
-    forth, back = np.sum(steps > 0), np.sum(steps < 0)
+    """Friction and offset, if the log can tell them apart: motion one way only cannot.
+
+    Noise of the readings steps both ways; only steps beyond it are motion.
+    """
+    place = trajectory.position
+    clear = _CLEAR * position_noise(place, trajectory.force)
+    span, steps = 1, np.diff(place)
+    while np.mean(np.abs(steps) > clear) < _ENOUGH and 2 * span <= _LONGEST_SPAN * place.size:
+        span *= 2
+        steps = place[span:] - place[:-span]
+    forth, back = np.sum(steps > clear), np.sum(steps < -clear)
     return Model(coulomb=bool(min(forth, back) >= LEAST_RETURN * (forth + back)))
 
 

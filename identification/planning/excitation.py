@@ -2,8 +2,9 @@
 
 Three families of signals are brought to their best within the limits and compared. What is played
 is the net force of the best, plus the friction of the guessed device while it moves, so that
-friction neither holds the device nor bends its path. Every corner of the guesses is then simulated
-exactly and the force scaled until none of them leaves its limits.
+friction neither holds the device nor bends its path, and the constant force guessed. Every corner
+of the guesses is then simulated exactly and the force scaled until none of them leaves its limits;
+for the force that is played, devices between the corners too.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ from numpy.typing import NDArray
 from identification.errors import InvalidInputError
 from identification.planning.bench import Bench
 from identification.planning.families import Family, Shape, binaries, multisines, swept_sines
+from identification.planning.gentle import gentle_spec
 from identification.planning.information import Prediction, predict
 from identification.planning.response import Response
 from identification.planning.spec import ExcitationSpec
 from identification.planning.stick_slip import Guess, answer
+from identification.planning.worst import BETWEEN, Region, Worst, extremes, worst_motions
 
 FloatArray = NDArray[np.float64]
 
@@ -81,12 +84,15 @@ class Excitation:
     """A planned force and what it is predicted to tell.
 
     Attributes:
-        spec: limits and guesses it was planned for.
+        spec: limits and guesses it was planned for; of a gentle play the narrower limits and wider
+            guesses that make it gentle.
         candidates: the best of each family, the best of all first.
+        worst: how far and how fast the best moves devices other than guessed.
     """
 
     spec: ExcitationSpec
     candidates: tuple[Candidate, ...]
+    worst: tuple[Worst, ...]
 
     def __repr__(self) -> str:
         return (
@@ -103,6 +109,14 @@ class Excitation:
     def time(self) -> FloatArray:
         """s, shape (n,)."""
         return np.arange(self.best.force.size, dtype=np.float64) * self.spec.sample_time
+
+    @property
+    def beyond(self) -> tuple[Worst, ...]:
+        """Which of the worst motions leave the travel or the speed allowed."""
+        speed = self.spec.speed or np.inf
+        return tuple(
+            each for each in self.worst if each.travel > self.spec.travel or each.speed > speed
+        )
 
     @property
     def mass(self) -> float:
@@ -132,26 +146,42 @@ def plan_excitation(
         if progress is not None:
             progress(sentence)
 
-    bench = Bench.of(spec)
-    candidates: list[Candidate] = []
+    wanted = gentle_spec(spec) if spec.gentle else spec
+    bench = Bench.of(wanted)
+    found: list[tuple[Candidate, Shape]] = []
     used: list[Used] = []
     for name, family in _FAMILIES:
         say(f"designing a {name}")
-        tried = [_fitted(bench, shape) for shape in family(bench)]
-        fitting = [each for each in tried if isinstance(each, Candidate)]
-        used += [each for each in tried if isinstance(each, Used)]
+        tried = [(_fitted(bench, shape, _corners_used), shape) for shape in family(bench)]
+        fitting = [(each, shape) for each, shape in tried if isinstance(each, Candidate)]
+        used += [each for each, _ in tried if isinstance(each, Used)]
         if fitting:
-            candidates.append(min(fitting, key=_product))
-    if not candidates:
-        raise InvalidInputError("excitation", *_impossible(spec, used[0]))
-    candidates.sort(key=_product)
-    return Excitation(spec=spec, candidates=tuple(candidates))
+            found.append(min(fitting, key=_product))
+    say("looking for the devices that go farthest")
+    found.sort(key=_product)
+    while found and wanted.ranges:
+        secured = _fitted(bench, found[0][1], _used)
+        if isinstance(secured, Candidate):
+            found[0] = (secured, found[0][1])
+            break
+        used.insert(0, secured)
+        del found[0]
+    if not found:
+        raise InvalidInputError("excitation", *_impossible(wanted, used[0]))
+    candidates = tuple(candidate for candidate, _ in found)
+    return Excitation(
+        spec=wanted,
+        candidates=candidates,
+        worst=worst_motions(spec, candidates[0].force),
+    )
 
 
-def _fitted(bench: Bench, shape: Shape) -> Candidate | Used:
-    """The shape on the controller's samples, friction made up for, within all limits.
+def _fitted(
+    bench: Bench, shape: Shape, judge: Callable[[ExcitationSpec, FloatArray], Used]
+) -> Candidate | Used:
+    """The shape on the controller's samples, friction and offset made up for, within all limits.
 
-    Returns what the last try used of the limits if none keeps them.
+    Returns what the last try used of the limits, by the judge, if none keeps them.
     """
     spec = bench.spec
     step = spec.sample_time
@@ -165,8 +195,9 @@ def _fitted(bench: Bench, shape: Shape) -> Candidate | Used:
     best: tuple[FloatArray, Used] | None = None
     used = Used(force=0.0, travel=0.0, speed=0.0)
     for _ in range(_TRIES):
-        force = _rounded(scale * net + guess.coulomb_friction * sense, spec.force)
-        used = _used(spec, force)
+        against = guess.coulomb_friction * sense + guess.force_offset
+        force = _rounded(scale * net + against, spec.force)
+        used = judge(spec, force)
         if used.most <= 1 and scale > accepted:
             best, accepted = (force, used), scale
             if used.most >= _ENOUGH:
@@ -194,9 +225,10 @@ def _fitted(bench: Bench, shape: Shape) -> Candidate | Used:
     )
 
 
-def _product(candidate: Candidate) -> float:
+def _product(found: tuple[Candidate, Shape]) -> float:
     """What is to be small: the product of both intervals."""
-    return candidate.prediction.mass * candidate.prediction.damping
+    prediction = found[0].prediction
+    return prediction.mass * prediction.damping
 
 
 def _device(corner: tuple[float, float, float, float]) -> Guess:
@@ -212,15 +244,27 @@ def _rounded(force: FloatArray, limit: float) -> FloatArray:
     return rows
 
 
-def _used(spec: ExcitationSpec, force: FloatArray) -> Used:
+def _corners_used(spec: ExcitationSpec, force: FloatArray) -> Used:
     """Parts of the limits that the worst corner uses."""
     travel = speed = 0.0
     for corner in spec.corners():
         motion = answer(force[:-1], _device(corner), spec.sample_time)
-        travel = max(travel, motion.reach / spec.travel)
-        if spec.speed is not None:
-            speed = max(speed, motion.speed / spec.speed)
-    return Used(force=float(np.max(np.abs(force))) / spec.force, travel=travel, speed=speed)
+        travel, speed = max(travel, motion.reach), max(speed, motion.speed)
+    return _parts(spec, force, travel, speed)
+
+
+def _used(spec: ExcitationSpec, force: FloatArray) -> Used:
+    """Parts of the limits that the worst device of the guesses uses, between the corners too."""
+    reach, speed = extremes(force[:-1], Region.stated(spec).devices(), spec.sample_time)
+    return _parts(spec, force, BETWEEN * float(np.max(reach)), BETWEEN * float(np.max(speed)))
+
+
+def _parts(spec: ExcitationSpec, force: FloatArray, travel: float, speed: float) -> Used:
+    return Used(
+        force=float(np.max(np.abs(force))) / spec.force,
+        travel=travel / spec.travel,
+        speed=0.0 if spec.speed is None else speed / spec.speed,
+    )
 
 
 def _impossible(spec: ExcitationSpec, used: Used) -> tuple[str, str]:
@@ -230,8 +274,8 @@ def _impossible(spec: ExcitationSpec, used: Used) -> tuple[str, str]:
             f"however small the force, some device within the guesses moves {used.travel:.2g} "
             f"times the travel of {spec.travel:g} in {spec.duration:g} s",
             "Without a spring an unknown friction or offset makes a device drift: narrow the "
-            "ranges of coulomb_friction and force_offset, shorten the duration, or allow more "
-            "travel",
+            "ranges of coulomb_friction and force_offset (gentle: true plans a first play that "
+            "tells them), shorten the duration, or allow more travel",
         )
     return (
         f"no force keeps every device within the guesses below the speed of {spec.speed:g}",

@@ -43,6 +43,13 @@ def excitation_picture(excitation: Excitation) -> Figure:
         for side in (-1, 1) if limit is not None else ():
             axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")
         axes.set_ylabel(label)
+    figure.axes[1].set_title(
+        "\n".join(
+            f"{each.words}: up to {each.travel:.2g} {length}" for each in excitation.worst[1:]
+        ),
+        fontsize=8,
+        loc="left",
+    )
     figure.axes[-1].set_xlabel("time, s")
     figure.suptitle(
         f"{spec.name}, axis {spec.axis}: {best.family}, {best.description}; predicted 95 % "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from os import PathLike
 from typing import Literal
 
 import numpy as np
@@ -18,16 +17,16 @@ from identification.device.quantities import (
     Quantity,
     quantity,
 )
-from identification.documents.document import Document, load_document
+from identification.documents.document import Document
 from identification.trajectory import SHORTEST, Motion
 
 #: Rows of the longest force planned: three minutes at 1 kHz. A simulation steps through all of
 #: them for every corner of the guesses.
 MOST_SAMPLES = 200_000
 #: At least this many ramps make up a signal; the rest must still have time to excite.
-_FEWEST_RAMPS = 4
+FEWEST_RAMPS = 4
 #: No limit is wider than friction by less than this factor: below it the device creeps and sticks.
-_ABOVE_FRICTION = 1.5
+ABOVE_FRICTION = 1.5
 
 
 class ExcitationSpec(Document):
@@ -54,6 +53,10 @@ class ExcitationSpec(Document):
         position_noise: rms of what is added to the position before it is counted, m (rad).
         force_noise: rms of a white force on the device that no log knows, held one sample, N (N·m).
         delay: "known", or "unknown" if it will be estimated from the same log.
+        gentle: plan a short and weak first play that is safe if the guesses are two times wrong
+            and a constant force of 2 % of the limit acts that nobody planned for.
+        device: file of the device as identified from a gentle play, or a named device; its mass,
+            damping, friction and offset stand in for the guesses.
     """
 
     schema_: Literal["haptune/excitation/1"] = Field(default="haptune/excitation/1", alias="schema")
@@ -74,9 +77,16 @@ class ExcitationSpec(Document):
     position_noise: float = Field(default=0.0, ge=0, le=LARGEST)
     force_noise: float = Field(default=0.0, ge=0, le=LARGEST)
     delay: Literal["known", "unknown"] = "known"
+    gentle: bool = False
+    device: str | None = None
 
     @model_validator(mode="after")
     def _sane(self) -> ExcitationSpec:
+        if self.gentle and self.device is not None:
+            raise ValueError(
+                f"gentle plans for a device that is guessed, {self.device} tells of one that is "
+                "known; leave out gentle, or device"
+            )
         if self.mass.low < LIGHTEST:
             raise ValueError(f"mass must be {LIGHTEST:g} or more, not {self.mass.low:g}")
         for name in ("damping", "coulomb_friction"):
@@ -88,18 +98,18 @@ class ExcitationSpec(Document):
                 f"{self.duration:g} s at {self.sample_time:g} s a sample are {self.samples} "
                 f"samples; {SHORTEST} to {MOST_SAMPLES} can be planned"
             )
-        if self.duration < _FEWEST_RAMPS * self.ramp:
+        if self.duration < FEWEST_RAMPS * self.ramp:
             raise ValueError(
                 f"a duration of {self.duration:g} s leaves too little between two ramps of "
-                f"{self.ramp:g} s; give {_FEWEST_RAMPS * self.ramp:g} s or more"
+                f"{self.ramp:g} s; give {FEWEST_RAMPS * self.ramp:g} s or more"
             )
         against = self.coulomb_friction.high + max(
             abs(self.force_offset.low), abs(self.force_offset.high)
         )
-        if self.force < _ABOVE_FRICTION * against:
+        if self.force < ABOVE_FRICTION * against:
             raise ValueError(
                 f"a force of {self.force:g} against friction and offset of up to {against:g} "
-                f"hardly moves the device; allow {_ABOVE_FRICTION * against:g} or more"
+                f"hardly moves the device; allow {ABOVE_FRICTION * against:g} or more"
             )
         return self
 
@@ -113,17 +123,18 @@ class ExcitationSpec(Document):
         """Standard deviation of one position in the log, m (rad): noise and rounding to a count."""
         return float(np.hypot(self.position_noise, self.encoder_resolution / np.sqrt(12)))
 
+    @property
+    def ranges(self) -> bool:
+        """Whether any guess is more than a number."""
+        guesses = (self.mass, self.damping, self.coulomb_friction, self.force_offset)
+        return not all(guess.exact for guess in guesses)
+
     def corners(self) -> tuple[tuple[float, float, float, float], ...]:
         """(mass, damping, friction, offset) of the guess, then of every corner of its ranges."""
         guesses = (self.mass, self.damping, self.coulomb_friction, self.force_offset)
         middle = tuple(guess.value for guess in guesses)
         ends = product(*(_ends(guess) for guess in guesses))
         return tuple(dict.fromkeys([middle, *ends]))  # pyright: ignore[reportReturnType]
-
-
-def load_excitation(path: str | PathLike[str]) -> ExcitationSpec:
-    """Read and validate excitation.yaml. Raises InvalidInputError."""
-    return load_document(ExcitationSpec, path)
 
 
 def _ends(guess: Quantity) -> tuple[float, ...]:

@@ -47,8 +47,14 @@ def excite(
             plan = plan_excitation(wanted, progress=say)
             text = force_text(plan)
             drawing = None if picture is None else excitation_picture(plan)
+        session.details |= plan_details(plan)
         session.say(excitation_table(plan))
         session.say(prediction_line(plan))
+        session.say(worst_table(plan))
+        if plan.beyond and wanted.device is None:
+            session.warn(beyond_limits(plan))
+        if wanted.gentle:
+            session.say(next_step(plan))
         if dry_run:  # thousands of rows would tell nobody anything
             session.say(f"dry run: {output} would be written, {text.count(chr(10)) - 1} rows")
             return
@@ -91,6 +97,102 @@ def excitation_table(plan: Excitation) -> Table:
             "-" if spec.speed is None else f"{used.speed:.0%}",
         )
     return table
+
+
+def worst_table(plan: Excitation) -> Table:
+    """One row a set of devices: how far and how fast the played force moves the worst of them."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    spec = plan.spec
+    from tune.cli.tables import UNITS
+
+    units = UNITS[spec.motion]
+    table = Table(
+        title="the played force on a device that is not as guessed: farthest and fastest",
+        title_justify="left",
+        box=SIMPLE_HEAD,
+    )
+    for heading in ("device", f"travel, {units['length']}", "of it", units["speed"], "of it"):
+        side = "left" if heading == "device" else "right"
+        table.add_column(heading, justify=side, overflow="fold")
+    for each in plan.worst:
+        table.add_row(
+            each.words,
+            f"{each.travel:.3g}",
+            f"{each.travel / spec.travel:.0%}",
+            f"{each.speed:.3g}",
+            "-" if spec.speed is None else f"{each.speed / spec.speed:.0%}",
+        )
+    return table
+
+
+def beyond_limits(plan: Excitation) -> str:
+    """What would leave the limits, by how much, and what to do about it."""
+    spec = plan.spec
+    from tune.cli.tables import UNITS
+
+    units = UNITS[spec.motion]
+    allowed = f"travel {spec.travel:g} {units['length']}"
+    if spec.speed is not None:
+        allowed += f", speed {spec.speed:g} {units['speed']}"
+    seen = "; ".join(
+        f"{each.words}: {each.travel:.2g} {units['length']}, {each.speed:.2g} {units['speed']}"
+        for each in plan.beyond
+    )
+    return (
+        f"this force may drive a device that is not as guessed against its end stops: {seen}; "
+        f"allowed: {allowed}. Plan a gentle first play with gentle: true and name the device "
+        "identified from its log with device: FILE; or widen the guesses to what they may be, "
+        "shorten the duration (a constant force makes a device without a spring drift all along), "
+        "lower the force or allow more travel"
+    )
+
+
+def next_step(plan: Excitation) -> str:
+    """What a gentle play is for."""
+    spec = plan.spec
+    from tune.cli.tables import UNITS
+
+    return (
+        f"gentle first play, at most {spec.force:.3g} {UNITS[spec.motion]['force']} for "
+        f"{spec.duration:g} s: identify its log (haptune identify LOG -o first.yaml), then put "
+        "device: first.yaml in the place of gentle: true and plan the full force for the device "
+        "identified"
+    )
+
+
+def plan_details(plan: Excitation) -> dict[str, object]:
+    """Every number of the tables, SI."""
+    spec = plan.spec
+    mass, damping = plan.best.prediction.stated
+    return {
+        "duration": spec.duration,
+        "limits": {"force": spec.force, "travel": spec.travel, "speed": spec.speed},
+        "candidates": [
+            {
+                "signal": each.family,
+                "frequencies": each.description,
+                "mass": each.prediction.mass,
+                "damping": each.prediction.damping,
+                "force_used": each.used.force,
+                "travel_used": each.used.travel,
+                "speed_used": None if spec.speed is None else each.used.speed,
+            }
+            for each in plan.candidates
+        ],
+        "stated": {"mass": mass, "damping": damping},
+        "worst": [
+            {
+                "device": each.name,
+                "words": each.words,
+                "travel": each.travel,
+                "speed": each.speed,
+                "beyond": each in plan.beyond,
+            }
+            for each in plan.worst
+        ],
+    }
 
 
 def prediction_line(plan: Excitation) -> str:

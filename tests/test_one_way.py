@@ -1,0 +1,104 @@
+"""Motion one way: what it tells, what it cannot, and that a motor is not taken for a hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification import Finding, Trajectory
+from identification.fitting.selection import distinguishable
+from tests.exact_axis import Axis, counted, positions
+from tests.findings import findings_of
+from tests.motor_logs import RUNS, STEP, Motors, Run, logs
+
+Array = NDArray[np.float64]
+
+
+def one_way_of(trajectory: Trajectory) -> Finding:
+    """The one finding about motion one way, among others; none calls it a hand."""
+    findings, _ = findings_of(trajectory)
+    assert "hand-on-device" not in {each.code for each in findings}, trajectory.source
+    told = [each for each in findings if " only" in each.seen]
+    assert [each.code for each in told] == ["not-exciting-damping"], trajectory.source
+    assert "Move both ways" in told[0].remedy
+    return told[0]
+
+
+def check(run: Run, seeds: range, seconds: float) -> None:
+    motors = Motors.drawn(seeds)
+    for log, speed, hold in zip(
+        logs(motors, run, seeds.start, seconds),
+        motors.speed,
+        motors.hold(motors.speed),
+        strict=True,
+    ):
+        told = one_way_of(log)
+        steady = run in ("constant-torque", "constant-speed")
+        assert ("at one speed" in told.seen) == steady
+        if steady:
+            at, force = (
+                float(told.seen.split(word)[1].split()[0].strip(":,"))
+                for word in ("at one speed of", "are one force of")
+            )
+            assert at == pytest.approx(speed, rel=0.1)
+            assert force == pytest.approx(hold, rel=0.1)
+            assert "several speeds" in told.remedy
+
+
+@pytest.mark.parametrize(
+    ("run", "seed"), [("constant-torque", 0), ("constant-speed", 0), ("speed-ramps", 5)]
+)
+def test_a_motor_that_turns_one_way_is_no_hand(run: Run, seed: int) -> None:
+    check(run, range(seed, seed + 2), 3.0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("run", RUNS)
+def test_a_hundred_motors_that_turn_one_way_are_no_hand(run: Run) -> None:
+    check(run, range(100), 6.0)
+
+
+def pushed(tremor: float, wander: float, samples: int = 8000) -> Trajectory:
+    """Steps of force one way, and what a hand adds to them: at 10 Hz and below half a hertz, N."""
+    generator = np.random.default_rng(4)
+    force = np.repeat(generator.choice([3.0, 4.0, 6.0], samples // 400), 400)
+    time: Array = STEP * np.arange(samples, dtype=np.float64)
+    phase = np.cumsum(generator.normal(10, 3, samples)) * STEP
+    push = tremor * np.sqrt(2) * np.sin(2 * np.pi * phase)
+    push += wander * np.sqrt(2) * np.sin(2 * np.pi * 0.37 * time)
+    push += 5e-3 * generator.standard_normal(samples)
+    axis = Axis(coulomb=0.8, delay=STEP)
+    place = positions(axis, force[:, None], disturbance=push[:, None], speed=0.3)[:, 0]
+    return Trajectory(time=time, force=force, position=counted(place, 6e-6))
+
+
+@pytest.mark.parametrize(
+    ("tremor", "wander", "severity", "told"),
+    [
+        (0.0, 0.0, "warning", "the mass is told"),
+        (0.2, 0.0, "warning", "or a hand"),
+        (0.0, 2.0, "refusal", "or a hand"),
+    ],
+)
+def test_what_pushes_unlogged_one_way_is_said_and_refused_where_it_is_much(
+    tremor: float, wander: float, severity: str, told: str
+) -> None:
+    """Of a force of 4.5 N rms; a hand may be on the device, but nothing shows that it is one."""
+    found = one_way_of(pushed(tremor, wander))
+    assert found.severity == severity, found.seen
+    assert told in found.seen
+    assert ("with nothing else on the device" in found.remedy) == (severity == "refusal")
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_noise_of_the_readings_is_no_motion_the_other_way(sense: float) -> None:
+    """At 5 mm/s a step is 5 µm; readings that are noisier than that step back as often."""
+    time: Array = STEP * np.arange(6000, dtype=np.float64)
+    generator = np.random.default_rng(1)
+    place = sense * 5e-3 * time + 2e-5 * generator.standard_normal(time.size)
+    assert np.mean(np.diff(place) * sense < 0) > 0.3
+    force = np.sin(2 * np.pi * 0.7 * time)
+    assert not distinguishable(Trajectory(time=time, force=force, position=place)).coulomb
+    turning = place + 0.02 * np.sin(2 * np.pi * 0.3 * time)
+    assert distinguishable(Trajectory(time=time, force=force, position=turning)).coulomb

@@ -32,11 +32,16 @@ FloatArray = NDArray[np.float64]
 
 #: Probability that a kind is found by chance, for each kind and log.
 CHANCE = 1e-6
-#: What a kind takes away from the residual is at least this part of the force, both rms; less moves
-#: damping by less than amplifiers and calibrations do. ...
-LEAST_PART = 0.004
-#: ... Drag moves it more than any other of its size.
-LEAST_DRAG = 0.002
+#: What a kind takes away from the residual is at least this part of the force, both rms. Less moves
+#: damping by less than amplifiers and calibrations do; waves of position are many, and follow more
+#: of a short log by chance.
+LEAST: dict[Kind, float] = {
+    "drag": 0.002,
+    "falling": 0.003,
+    "memory": 0.003,
+    "place": 0.007,
+    "position": 0.007,
+}
 #: ... and this part of what is left, mean squares: the first of all, whose many columns also follow
 #: what a controller answers to forces nobody logged, and a further one. Drag has two columns that
 #: nothing else resembles, and is found in noise as well.
@@ -170,10 +175,8 @@ def _kinds(own: _Table) -> list[Kind]:
 
 def _noticed(own: _Table, kind: Kind, beside: Sequence[Kind], gone: float, left: float) -> bool:
     """Whether what a kind takes away from what is left, mean squares, is large enough and sure."""
-    drag = kind == "drag"
-    part = FURTHER if beside else 0.0 if drag else FIRST
-    least = LEAST_DRAG if drag else LEAST_PART
-    return gone >= max(least**2, part * left) and own.worth(kind, beside) >= 1
+    part = FURTHER if beside else 0.0 if kind == "drag" else FIRST
+    return gone >= max(LEAST[kind] ** 2, part * left) and own.worth(kind, beside) >= 1
 
 
 def _frequencies(

@@ -79,7 +79,7 @@ class Session:
     def found(self, findings: tuple[Finding, ...]) -> None:
         """Keep findings for the JSON result and warn on standard error."""
         for finding in findings:
-            self.findings.append(_plain(finding))
+            self.findings.append(asdict(finding))
             if not self.as_json and not self.quiet:
                 print(f"{finding.severity}: {finding}", file=sys.stderr)  # noqa: T201
 
@@ -246,17 +246,12 @@ def _interrupted(session: Session) -> int:
 def _ended(session: Session, error: BaseException) -> int:
     """Print why a command failed and return its exit code."""
     ignore_signals()
-    from identification import (
-        InvalidInputError,
-        LogRefusedError,
-        NotWrittenError,
-        UnstatedError,
-        UsageError,
-    )
+    from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
+    from identification.device.stated import UnstatedError
     from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
     if isinstance(error, LogRefusedError):
-        session.findings += [_plain(finding) for finding in error.findings]
+        session.findings += [asdict(finding) for finding in error.findings]
         lines = [f"{finding.severity}: {finding}" for finding in error.findings]
         return session.finish(EXIT_REFUSED, "log refused\n" + "\n".join(lines))
     if isinstance(error, NotWrittenError):
@@ -280,16 +275,6 @@ def _ended(session: Session, error: BaseException) -> int:
         f"internal error: {type(error).__name__}: {error}; {session.whereabouts()}. "
         "Please report it with the command and the files",
     )
-
-
-def _plain(finding: Finding) -> dict[str, str]:
-    return {
-        "code": finding.code,
-        "severity": finding.severity,
-        "seen": finding.seen,
-        "needed": finding.needed,
-        "remedy": finding.remedy,
-    }
 
 
 def _owner(path: Path) -> str | None:

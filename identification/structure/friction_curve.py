@@ -24,7 +24,7 @@ from identification.estimators.intervals import NORMAL_95
 from identification.estimators.least_squares import Regression
 from identification.structure.distinct import scaled
 from identification.structure.forces import Forces
-from identification.structure.resampling import BLOCKS, BlockSums, cut, sums_of
+from identification.structure.resampling import BLOCKS, BlockSums, cut, least_norm, sums_of
 from identification.structure.sparse import paying_terms
 from identification.structure.stability_selection import HALF_HURDLE, HALVES, STABLE
 
@@ -208,9 +208,9 @@ def _curve(own: _Table, kinds: Sequence[Kind], forces: Forces) -> FrictionCurve:
     left = float(np.sqrt(own.left(kinds) / own.left(())))
     scales = own.scales[chosen]
     moved = np.abs(fitted[:2] - linear[:2]) * scales[:2] * left
-    low, high = slope_range(own, kinds, forces)
+    low, high = _slope_range(own, kinds, forces)
     for other in _as_good(own, kinds):
-        below, above = slope_range(own, (other,), forces)
+        below, above = _slope_range(own, (other,), forces)
         low, high = min(low, below), max(high, above)
     found = tuple(UnmodelledForce(kind=kind, share=_share(own, kind, kinds)) for kind in kinds)
     return FrictionCurve(
@@ -239,12 +239,11 @@ def _share(own: _Table, kind: Kind, kinds: Sequence[Kind]) -> float:
     terms = own.base[2:] if kind != "drag" else []
     if terms:
         overlap = gram[np.ix_(terms, members)] @ part
-        followed = np.linalg.lstsq(gram[np.ix_(terms, terms)], overlap, rcond=None)[0]
-        square -= float(overlap @ np.asarray(followed, dtype=np.float64))
+        square -= float(overlap @ least_norm(gram[np.ix_(terms, terms)], overlap))
     return float(np.sqrt(max(square, 0.0)))
 
 
-def slope_range(own: _Table, kinds: Sequence[Kind], forces: Forces) -> tuple[float, float]:
+def _slope_range(own: _Table, kinds: Sequence[Kind], forces: Forces) -> tuple[float, float]:
     """Least and largest slope of friction over speed with some kinds in the regression, N·s/m."""
     chosen = own.chosen(kinds)
     fitted, covariance = own.sums.fit(chosen)

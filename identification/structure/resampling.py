@@ -55,7 +55,7 @@ class Resampled:
         nuisance = self.rights.shape[1] - self.coefficients.size
         return np.stack(
             [
-                _solved(self.normals[part].sum(axis=0), self.rights[part].sum(axis=0))[nuisance:]
+                least_norm(self.normals[part].sum(axis=0), self.rights[part].sum(axis=0))[nuisance:]
                 for part in parts[:count]
             ]
         )
@@ -69,7 +69,7 @@ class Resampled:
         if not members:
             return np.empty(0), float(target @ target)
         columns = self.root[:, members]
-        fitted = _solved(columns, target)
+        fitted = least_norm(columns, target)
         missed = target - columns @ fitted
         return fitted, float(missed @ missed)
 
@@ -119,7 +119,7 @@ class BlockSums:
         normals = self.normals[:, members][:, :, members]
         rights = self.rights[:, members]
         whole = normals.sum(axis=0)
-        fitted = _solved(whole, rights.sum(axis=0))
+        fitted = least_norm(whole, rights.sum(axis=0))
         scores = rights - normals @ fitted
         # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
         shifts = (_inverse(whole - normals) @ scores[:, :, None])[:, :, 0]
@@ -130,7 +130,7 @@ class BlockSums:
         """Mean square of the answer that least squares on some columns leaves over."""
         right = self.rights[:, members].sum(axis=0)
         whole = self.normals.sum(axis=0)[np.ix_(members, members)]
-        return max(0.0, self.square - float(_solved(whole, right) @ right)) / self.rows
+        return max(0.0, self.square - float(least_norm(whole, right) @ right)) / self.rows
 
 
 def sums_of(columns: FloatArray, answer: FloatArray) -> BlockSums:
@@ -172,7 +172,7 @@ def _long_run(shifts: FloatArray) -> FloatArray:
     return (blocks - 1) / blocks * total
 
 
-def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+def least_norm(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Least-squares solution of least norm; a half of a log may lack a term altogether."""
     return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, as_stored, parse_document, to_mapping
+from tune.certificate.words import refusal_of
 from tune.documents.certified import Certificate
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.errors import CheckFailedError
@@ -36,7 +37,9 @@ ELEMENT = "gains"
 #: What stays this close to the least size that is looked at is nothing.
 _MORE = 10.0
 
-Word = Literal["stability", "gain-margin", "delay-margin", "force", "ripple", "certificate"]
+Word = Literal[
+    "device", "stability", "gain-margin", "delay-margin", "force", "ripple", "certificate"
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +137,13 @@ def audit(
         design_of(job, filters, [Solved(problem=problem, sizes=sizes, dropped={})], {})
     )
     noise = ripple(problem, moment, sizes) if stable else None
+    refusal = refusal_of(device)
     faults = tuple(_faults(problem, sizes, gain, noise))
+    if refusal is not None:
+        fault = Fault(
+            limit="device", seen=refusal.seen, needed=refusal.needed, remedy=refusal.remedy
+        )
+        faults = (fault, *faults)
     certificate = None
     if not faults:
         try:
@@ -160,7 +169,7 @@ def audit(
         felt=thresholds,
         jumps=_jumps(device, felt, filters),
         faults=faults,
-        nearest=_nearest(job, filters) if faults else None,
+        nearest=_nearest(job, filters) if faults and refusal is None else None,
         certificate=certificate,
     )
 

@@ -176,7 +176,8 @@ class Device(Document):
         widened on a logarithmic scale, because it cannot be negative; damping is left free to be
         negative, because a compensated axis may be. Where damping differs with the direction of
         motion, the box spans both directions and the common value: whatever way the device moves,
-        its damping is inside. Sample time and delay are taken as stated.
+        its damping is inside. The slope of gs·sin(q) + gc·cos(q) runs over ±√(gs² + gc²) as the
+        axis turns: the stiffness spans that beside k. Sample time and delay are taken as stated.
         """
         count = max(2, sum(not item.exact for item in self._identified()))
         freedom = np.inf
@@ -193,7 +194,18 @@ class Device(Document):
             damping=(min(low for low, _ in ranges), max(high for _, high in ranges)),
             sample_time=(self.sample_time.low, self.sample_time.high),
             delay=(self.delay.low, self.delay.high),
+            position_stiffness=self._slopes(factor),
         )
+
+    def _slopes(self, factor: float) -> tuple[float, float]:
+        """(least, largest) slope of the force by position, intervals widened by a factor, N/m."""
+        low = high = steepest = 0.0
+        if self.position_stiffness is not None:
+            low, high = widened(self.position_stiffness, factor)
+        if self.gravity is not None:
+            parts = (widened(part, factor) for part in (self.gravity.sine, self.gravity.cosine))
+            steepest = float(np.hypot(*(max(abs(low), abs(high)) for low, high in parts)))
+        return low - steepest, high + steepest
 
     def _identified(self) -> Iterator[Quantity]:
         """Everything a log tells, known exactly or not."""

@@ -15,7 +15,7 @@ from tune.certificate.felt import felt_failures
 from tune.certificate.point import Point, Setting
 from tune.certificate.proof import Claim, prove
 from tune.certificate.region import HandRegion, ModeRegion, Region
-from tune.certificate.words import METHOD, assumptions, not_assessed
+from tune.certificate.words import METHOD, NOT_ASSESSED, assumptions, refuse_unbalanced
 from tune.certificate.worst import Worst, worst_point
 from tune.documents.certified import Certificate, HandBox, ModeBox, ModePlace, WorstPoint
 from tune.documents.errors import CheckFailedError
@@ -59,6 +59,7 @@ def certify(design: Design, most_cells: int | None = None) -> Certificate:
     Raises:
         CheckFailedError: with every failure, each naming elements, point and reason.
     """
+    refuse_unbalanced(design.device)
     regions = regions_of(design)
     bare = regions[0]
     longest = _longest(design, bare)
@@ -251,7 +252,7 @@ def _certificate(
         interior=interior,
         worst=_place(moment, gain, worst.point, worst.verdict.radius),
         assumes=assumptions(design),
-        not_assessed=not_assessed(design),
+        not_assessed=NOT_ASSESSED,
         versions={name: version(name) for name in ("haptune", "numpy", "python-flint")},
     )
 

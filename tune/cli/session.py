@@ -83,6 +83,11 @@ class Session:
             if not self.as_json and not self.quiet:
                 print(f"{finding.severity}: {finding}", file=sys.stderr)  # noqa: T201
 
+    def warn(self, sentence: str) -> None:
+        """Say something on standard error that does not end the command."""
+        if not self.as_json and not self.quiet:
+            print(f"warning: {sentence}", file=sys.stderr)  # noqa: T201
+
     def target(self, output: Path, *inputs: Path | None) -> None:
         """Refuse, before any work is done, an output that cannot be written or is an input.
 

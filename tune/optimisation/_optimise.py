@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 
 from identification import Device, as_stored
-from tune.certificate.words import note_of_dropped, skipped_parts
+from tune.certificate.words import note_of_dropped, refusal_of, skipped_parts
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.hand import hand_of
 from tune.documents.loop_profile import LoopProfile
@@ -50,12 +50,16 @@ def optimise(
         progress: called with a sentence before each part of the work.
 
     Raises:
-        NoFeasibleEffectError: nothing the scene asks for can be rendered.
+        NoFeasibleEffectError: nothing the scene asks for can be rendered, or nothing at all,
+            because the device runs away by its own force.
         CheckFailedError: the independent check did not pass; nothing may be written.
     """
     from tune.certificate.certify import certify
 
     say = progress or _silent
+    refusal = refusal_of(device)
+    if refusal is not None:
+        raise NoFeasibleEffectError((f"device: {refusal}",))
     job = Job.of(as_stored(device), scene, table or default_table())
     filters = choose_filters(job, say)
     for attempt in range(_MOST_ATTEMPTS + 1):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import Device, quantity
+from tune.certificate.words import refuse_unbalanced
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
@@ -110,7 +111,11 @@ def advise(
         profile: that is to be verified.
         targets: moments; None is every one that plays anything.
         say: is told the moment that is looked at.
+
+    Raises:
+        CheckFailedError: a device that no effect can be certified on.
     """
+    refuse_unbalanced(profile.device)
     targets = moments_of(profile, None) if targets is None else targets
     singles = tuple(moment for moment in moments_of(profile, None) if len(moment) == 1)
     found: list[Advice] = []

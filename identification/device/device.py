@@ -197,6 +197,12 @@ class Device(Document):
             position_stiffness=self._slopes(factor),
         )
 
+    @property
+    def slope_at_zero(self) -> float:
+        """Slope of the force by position where the position is zero, k + gs, N/m; best estimate."""
+        own = 0.0 if self.position_stiffness is None else self.position_stiffness.value
+        return own if self.gravity is None else own + self.gravity.sine.value
+
     def _slopes(self, factor: float) -> tuple[float, float]:
         """(least, largest) slope of the force by position, intervals widened by a factor, N/m."""
         low = high = steepest = 0.0

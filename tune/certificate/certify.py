@@ -113,6 +113,7 @@ def regions_of(design: Design) -> tuple[Region, ...]:
             for mode in device.modes
         ),
         current_lag=(0.0, 0.0) if lag is None else (lag.low, lag.high),
+        position_stiffness=box.position_stiffness,
     )
     if design.hand is None:
         return (bare,)
@@ -244,6 +245,7 @@ def _certificate(
             for mode in region.modes
         ),
         current_lag=None if design.device.current_lag is None else region.current_lag,
+        position_stiffness=region.position_stiffness if any(region.position_stiffness) else None,
         hand=hand and HandBox(mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness),
         gain=design.margin.gain,
         extra_delay_samples=float(design.margin.extra_delay_samples),
@@ -274,6 +276,7 @@ def _place(moment: tuple[str, ...], gain: float, point: Point, radius: float) ->
             for mode in point.modes
         ),
         current_lag=point.current_lag or None,
+        position_stiffness=point.position_stiffness or None,
         hand=point.hand,
         gain=gain,
         pole_radius=radius,

@@ -72,12 +72,12 @@ def refusal_of(device: Device) -> Refusal | None:
             needed="no gravity",
             remedy=_BALANCE,
         )
-    if low == high == 0:
+    if low > 0 or low == high == 0:
         return None
     return Refusal(
-        seen=f"position_stiffness: {low:.4g} to {high:.4g} {unit} over the box of the device; where "
-        "it is not positive nothing brings the device back, and it runs away by itself beside any "
-        "effect that is weak",
+        seen=f"position_stiffness: {low:.4g} to {high:.4g} {unit} over the box of the device; "
+        "where it is not positive nothing brings the device back, and it runs away by itself "
+        "beside any effect that is weak",
         needed=f"above 0 {unit} throughout, or none",
         remedy=_BALANCE + (" A log of more travel narrows the interval." if high > 0 else ""),
     )

@@ -103,6 +103,7 @@ def _warned(job: Job, error: CheckFailedError) -> Job | None:
             damping=point.damping,
             sample_time=point.sample_time,
             delay=point.delay_samples * point.sample_time,
+            position_stiffness=point.position_stiffness or 0.0,
             modes=tuple((mode.frequency_hz, mode.damping_ratio) for mode in point.modes),
             current_lag=point.current_lag or 0.0,
             hand=point.hand and (point.hand.mass, point.hand.damping, point.hand.stiffness),

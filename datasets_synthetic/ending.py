@@ -69,7 +69,10 @@ def endings(
         parts = _parts(position) / count
         moved, pulled = _amplitudes(parts), _amplitudes(_parts(force))
         travel = _travel(parts)
-        travel = np.where(travel > _MORE * moved, travel, 0.0)
+        # Travel is what is left of a line; of an oscillation before it, all the way it went, as
+        # the last swing of what dies out is nothing but travel.
+        swings = np.stack([np.ptp(parts[:, 0], axis=1), np.zeros(len(parts))], axis=1)
+        travel = np.where(travel > _MORE * moved, travel, swings)
     return [_ending(*each, allowed) for each in zip(moved, pulled, travel, strict=True)]
 
 

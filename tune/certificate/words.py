@@ -28,6 +28,10 @@ WITH_HAND = (
     "place that rests"
 )
 RIGID = "a rigid mechanism: no vibration mode is stated"
+SPRUNG = (
+    "the device's own force by position is proportional to it over all the travel, and acts on the "
+    "rigid mass; no gravity"
+)
 WITH_MODES = "no vibration modes but those stated"
 NO_LAG = "no lag of the current loop but what the delay holds"
 _BALANCE = (
@@ -96,6 +100,7 @@ def assumptions(design: Design) -> tuple[str, ...]:
     return (
         *ASSUMES,
         NO_HAND if design.hand is None else WITH_HAND,
+        *(() if device.slope_at_zero == 0 else (SPRUNG,)),
         WITH_MODES if device.modes else RIGID,
         *(() if device.current_lag is not None else (NO_LAG,)),
     )

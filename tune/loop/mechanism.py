@@ -9,8 +9,8 @@ the rigid mass) position over force is N/D, handle over force H/D,
     N = Σ ei² Π_{j≠i} dj + h·Σ_{i<j} (ei·pj - ej·pi)² Π_{l≠i,j} dl     (Sherman-Morrison, Lagrange)
     H = Σ ei·pi Π_{j≠i} dj
 
-Without a negative damping or slope every term of D and N is positive: nothing cancels. D is then split into
-real quadratic factors and N, H into partial fractions over them. Close poles make the
+Without a negative damping or slope every term of D and N is positive: nothing cancels. D is then
+split into real quadratic factors and N, H into partial fractions over them. Close poles make the
 terms of those large, and with them the sizes of what is put together from them.
 """
 

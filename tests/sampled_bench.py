@@ -57,9 +57,12 @@ class SampledBench:
             below, above = (below, middle) if unstable(middle) else (middle, above)
         return (below + above) / 2
 
-    def radius(self, gains: tuple[float, float, float]) -> float:
-        """Largest modulus of the closed loop at (K, B, M), free motion left out."""
-        return self._radius(self._matrix(*gains), held=self._held(gains))
+    def radii(self, ray: tuple[float, float, float], gains: FloatArray) -> FloatArray:
+        """Largest modulus of the closed loop at each gain times (K, B, M), free motion left out."""
+        bare = self._matrix(0.0, 0.0, 0.0)
+        along = self._matrix(*ray) - bare
+        held = self._held(ray)
+        return np.array([self._radius(bare + gain * along, held=held) for gain in gains.tolist()])
 
     def _held(self, gains: tuple[float, float, float]) -> bool:
         return gains[0] != 0 or self.hand[2] > 0 or self.own_stiffness != 0

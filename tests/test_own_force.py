@@ -7,11 +7,16 @@ from typing import Any
 
 import pytest
 
+from scipy.stats import chi2, norm
+
+from datasets_synthetic import log_text, rig_of
 from identification import Device, load_device, parse_document, to_mapping, to_yaml
 from tests.commands import haptune
+from tests.simulated.families import family_named
 from tune import CheckFailedError, NoFeasibleEffectError, SafeProfile, Scene, optimise
 from tune._audit import audit
 from tune.certificate.certify import certify
+from tune.certificate.check import check_content
 from tune.documents.effects import Effects
 from tune.verification import advise
 
@@ -61,6 +66,59 @@ def test_a_force_of_exactly_nothing_is_none(plain: SafeProfile) -> None:
     device = with_force(position_stiffness=0.0, gravity={"sine": 0.0, "cosine": 0.0})
     profile = optimise(device, WALL)
     assert profile.elements == plain.elements
+
+
+def test_the_box_spans_the_slopes_of_the_force_by_position() -> None:
+    """k as wide as its interval over 95 % times the radius of the box; gravity by √(gs² + gc²)."""
+    known = {"mass": 3.0, "damping": 10.0, "sample_time": 0.001}
+    wide = {"position_stiffness": {"value": 100.0, "low": 90.0, "high": 120.0}}
+    low, high = parse_document(Device, known | wide, "x").simultaneous_box().position_stiffness
+    assert (high - 100) / (100 - low) == pytest.approx(2.0)
+    radius = chi2.ppf(0.999, 2) ** 0.5 / norm.ppf(0.975)
+    assert low == pytest.approx(100 - 10 * radius, rel=1e-6)
+    arm = {"gravity": {"sine": -3.0, "cosine": 4.0}, "position_stiffness": 2.0}
+    assert parse_document(Device, known | arm, "x").simultaneous_box().position_stiffness == (
+        pytest.approx((-3.0, 7.0))
+    )
+
+
+def test_the_simulated_device_has_the_force_too() -> None:
+    rig = rig_of(with_force(position_stiffness=-7.0, gravity={"sine": 1.5, "cosine": -0.5}))
+    assert (rig.stiffness[0], rig.gravity_sine[0], rig.gravity_cosine[0]) == (-7.0, 1.5, -0.5)
+
+
+def test_a_spring_of_its_own_is_certified_stated_and_checked() -> None:
+    spring = {"value": 500.0, "low": 480.0, "high": 530.0}
+    profile = optimise(with_force(position_stiffness=spring), WALL)
+    stated = profile.certificate
+    box = profile.device.simultaneous_box().position_stiffness
+    assert stated.position_stiffness == pytest.approx(box, rel=1e-9)
+    assert any("force by position is proportional" in each for each in stated.assumes)
+    assert stated.worst.position_stiffness is not None
+    assert box[0] <= stated.worst.position_stiffness <= box[1]
+    content = to_mapping(profile)
+    assert check_content(content, "profile.yaml").certificate.interior == {"wall": "proved"}
+    for key, value, said in (
+        ("position_stiffness", [400.0, 600.0], "certificate.position_stiffness is not what"),
+        ("worst", content["certificate"]["worst"] | {"position_stiffness": 300.0}, "not a point"),
+    ):
+        other = content | {"certificate": content["certificate"] | {key: value}}
+        with pytest.raises(CheckFailedError, match=said):
+            check_content(other, "profile.yaml")
+
+
+def test_identify_warns_of_what_tune_refuses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The log of an arm that hangs: gravity is found, the device written, the warning given."""
+    monkeypatch.chdir(tmp_path)
+    (log,) = family_named("offset-gravity").logs([0])
+    Path("log.csv").write_text(log_text(log), encoding="utf-8")
+    Path("hardware.yaml").write_text("motion: rotary\n", encoding="utf-8")
+    ended = haptune("identify", "log.csv", "--hardware", "hardware.yaml", "-o", "device.yaml")
+    assert ended.code == 0, ended.err
+    assert "warning: tune will refuse this device: gravity: the slope" in ended.err
+    assert load_device("device.yaml").gravity is not None
 
 
 def test_commands_end_in_5_and_6(

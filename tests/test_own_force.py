@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from scipy.stats import chi2, norm
 
 from datasets_synthetic import log_text, rig_of

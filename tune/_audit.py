@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,7 @@ from tune.documents.scene import MarginName, Scene
 from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
 from tune.margins.margins import LoopMargins, margins_of
-from tune.optimisation._optimise import design_of
+from tune.optimisation._optimise import SLACK, design_of
 from tune.optimisation.climb import climb, closed_form
 from tune.optimisation.delays import Felt, extra_delays
 from tune.optimisation.describe import reasons_for_nothing
@@ -121,8 +121,6 @@ def audit(
         LoopError: a delay that cannot be judged.
         InvalidInputError: values no scene can hold.
     """
-    from tune.certificate.certify import certify
-
     filters = filters or Filters()
     later = to_mapping(_later(device, extra_delay_samples))
     device = parse_document(Device, later, "the device with its extra delay")
@@ -133,29 +131,24 @@ def audit(
     (moment,) = problem.moments
     gain = worst_gain(problem, moment, sizes, late=False)
     stable = gain > 1
-    design = as_stored(
-        design_of(job, filters, [Solved(problem=problem, sizes=sizes, dropped={})], {})
-    )
+    solved = Solved(problem=problem, sizes=sizes, dropped={})
+    design = as_stored(design_of(job, filters, [solved], {}))
     noise = ripple(problem, moment, sizes) if stable else None
     refusal = refusal_of(device)
     faults = tuple(_faults(problem, sizes, gain, noise))
     if refusal is not None:
-        fault = Fault(
-            limit="device", seen=refusal.seen, needed=refusal.needed, remedy=refusal.remedy
-        )
-        faults = (fault, *faults)
+        faults = (Fault(limit="device", **asdict(refusal)), *faults)
     certificate = None
     if not faults:
         try:
-            certificate = certify(design)
+            design, certificate = _certified(job, filters, solved)
         except CheckFailedError as error:
             faults = tuple(
                 Fault(limit="certificate", seen=failure, needed="proved", remedy="Lower the gains.")
                 for failure in error.failures
             )
     sustained, peak = (float(force) for force in forces(moment, sizes))
-    felt = problem.effects(moment, sizes)
-    at = Felt(problem=problem, moment=moment, sizes=sizes)
+    felt, at = problem.effects(moment, sizes), Felt(problem=problem, moment=moment, sizes=sizes)
     vibration, thresholds = _vibration(device, felt, filters) if stable else (None, None)
     return Audit(
         design=design,
@@ -172,6 +165,24 @@ def audit(
         nearest=_nearest(job, filters) if faults and refusal is None else None,
         certificate=certificate,
     )
+
+
+def _certified(job: Job, filters: Filters, solved: Solved) -> tuple[Design, Certificate]:
+    """The gains with all the margin that can be proved, at least the one asked for.
+
+    Raises:
+        CheckFailedError: they do not keep that margin, or not even that could be proved.
+    """
+    from tune.certificate.certify import certify
+
+    for slack in (0.0, *SLACK):
+        design = as_stored(design_of(replace(job, slack=slack), filters, [solved], {}))
+        try:
+            return design, certify(design)
+        except CheckFailedError as error:
+            if slack == SLACK[-1] or any(p.gain == design.margin.gain for p in error.points):
+                raise
+    raise AssertionError("the last attempt returns or raises")
 
 
 def _scene_of(effects: Effects, filters: Filters, margin: MarginName) -> dict[str, object]:

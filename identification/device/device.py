@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal, cast
 
@@ -210,7 +211,7 @@ class Device(Document):
             low, high = widened(self.position_stiffness, factor)
         if self.gravity is not None:
             parts = (widened(part, factor) for part in (self.gravity.sine, self.gravity.cosine))
-            steepest = float(np.hypot(*(max(abs(low), abs(high)) for low, high in parts)))
+            steepest = math.hypot(*(max(abs(least), abs(most)) for least, most in parts))
         return low - steepest, high + steepest
 
     def _identified(self) -> Iterator[Quantity]:

@@ -29,7 +29,7 @@ Progress = Callable[[str], None]
 _MOST_ATTEMPTS = 4
 #: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
 #: came too close to the edge.
-_SLACK = (1e-3, 1e-2, 5e-2)
+SLACK = (1e-3, 1e-2, 5e-2)
 #: Cells of a proof, for one moment, after which more margin is tried instead; the last try has all.
 _CELLS = 50_000
 
@@ -66,7 +66,7 @@ def optimise(
         design = _proposed(job, filters, say)
         say("certifying")
         try:
-            last = attempt == _MOST_ATTEMPTS or job.slack == _SLACK[-1]
+            last = attempt == _MOST_ATTEMPTS or job.slack == SLACK[-1]
             certificate = certify(design, None if last else _CELLS)
         except CheckFailedError as error:
             warned = _warned(job, error)
@@ -111,7 +111,7 @@ def _warned(job: Job, error: CheckFailedError) -> Job | None:
         for point in error.points
     )
     if not spots:
-        slack = next((more for more in _SLACK if more > job.slack), None)
+        slack = next((more for more in SLACK if more > job.slack), None)
         return None if slack is None else replace(job, slack=slack)
     return replace(job, region=replace(job.region, found=job.region.found + spots))
 

@@ -181,9 +181,10 @@ class Region:
             hand = self.hand
             grips += list(product(_ends(hand.mass), _ends(hand.damping), _ends(hand.stiffness)))
         lags = (0.0,) if self.current_lag is None else _ends(self.current_lag)
-        own = (self.box.mass, self.box.damping, self.box.position_stiffness)
+        masses, dampings = dict.fromkeys(self.box.mass), dict.fromkeys(self.box.damping)
+        slopes = dict.fromkeys(self.box.position_stiffness)
         for mass, damping, slope, way, lag, grip in product(
-            *(dict.fromkeys(side) for side in own), dict.fromkeys(ways), lags, grips
+            masses, dampings, slopes, dict.fromkeys(ways), lags, grips
         ):
             yield Spot(
                 mass=mass,

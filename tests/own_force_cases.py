@@ -78,6 +78,13 @@ class OwnForceCase:
         ):
             yield replace(self.bench(), mass=mass, damping=damping, own_stiffness=own)
 
+    def grasped(self) -> Iterator[SampledBench]:
+        """The same in every corner of the hand's box, where there is a hand."""
+        grip = FREE_TO_RIGID["linear"]
+        sides = [(q.low, q.high) for q in (grip.mass, grip.damping, grip.stiffness)]
+        for bench, hand in product(self.corners(), product(*sides) if self.hand else ()):
+            yield replace(bench, hand=(hand[0], hand[1], hand[2]))
+
     def somewhere(self, chance: np.random.Generator, count: int) -> Iterator[SampledBench]:
         """Points within the box and up to one sample late, half of them in a hand if there is."""
         box = self.device.simultaneous_box()

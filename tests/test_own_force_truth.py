@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,9 +24,6 @@ from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.stability.verdict import is_stable
 
-#: Of the default set, and of the long one.
-FEW, MANY = range(12), range(12, 212)
-SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.long) for seed in MANY)]
 #: The balanced margin.
 GAIN = 2.0
 #: Gains are compared up to here, and to this part.
@@ -32,6 +31,13 @@ MOST, CLOSE = 4.0, 1e-5
 #: A rehearsal compares two parts of this length, s; it tells decay to so much of what was before,
 #: and growth by so many times, from whatever little a slow pole begins with.
 PART, DECAYS, GROWS = 0.9, 0.2, 100.0
+
+
+def some(*few: int) -> list[Any]:
+    """200 cases, of which these few belong to the default set."""
+    return [
+        pytest.param(seed, marks=() if seed in few else pytest.mark.long) for seed in range(200)
+    ]
 
 
 def effects_of(sizes: Triple) -> Effects:
@@ -57,7 +63,7 @@ def refused_for_a_reason(case: OwnForceCase) -> bool:
     return any(bench.radii((0.0, 0.0, 0.0), np.zeros(1))[0] > 1 for bench in case.corners())
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", some(*range(12)))
 def test_an_audit_says_what_is_true(seed: int) -> None:
     case = draw_case(seed)
     found = judged(case)
@@ -83,7 +89,7 @@ def test_an_audit_says_what_is_true(seed: int) -> None:
         assert limits[0] in {"stability", "gain-margin", "delay-margin"}
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", some(*range(12)))
 def test_loop_and_certificate_judge_one_device_alike(seed: int) -> None:
     """Its own force of either sign, gravity where the position is zero, with a hand and without."""
     case = draw_case(seed)
@@ -125,7 +131,7 @@ def test_loop_and_certificate_judge_one_device_alike(seed: int) -> None:
     assert (verdict.answer == "stable") == stable(bench, sizes, 1.0)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", some(1, 2, 6, 9))
 def test_what_is_tuned_is_stable_and_what_is_refused_is_not(seed: int) -> None:
     case = draw_case(seed)
     played = ("stiffness", "damping", "mass")[seed % 3]
@@ -144,7 +150,19 @@ def test_what_is_tuned_is_stable_and_what_is_refused_is_not(seed: int) -> None:
             optimise(case.device, scene)
         assert refused_for_a_reason(case)
         return
-    profile = optimise(case.device, scene)
+    try:
+        profile = optimise(case.device, scene)
+    except NoFeasibleEffectError as error:
+        # Less than a step can be told: so small a size, and a little more loses its margin.
+        (reason,) = error.reasons
+        size = re.match(rf"one\.{played}: (\S+) would be 0\.\d+ of a step", reason)
+        assert size, reason
+        largest = [1.05 * float(size[1]) if name == played else 0.0 for name in EFFECT_NAMES]
+        worst = [*case.corners(), *case.grasped()]
+        late = [replace(bench, delay=bench.delay + bench.sample_time) for bench in worst]
+        beyond = (largest[0], largest[1], largest[2])
+        assert not all(stable(bench, beyond, GAIN) for bench in [*worst, *late])
+        return
     one = profile.elements["one"]
     sizes = one.stiffness, one.damping, one.mass
     assert any(sizes)
@@ -156,9 +174,7 @@ def test_what_is_tuned_is_stable_and_what_is_refused_is_not(seed: int) -> None:
         assert not all(stable(bench, beyond, GAIN) for bench in [*case.corners(), *late])
 
 
-@pytest.mark.parametrize(
-    "seed", [0, 5, *(pytest.param(seed, marks=pytest.mark.long) for seed in MANY)]
-)
+@pytest.mark.parametrize("seed", some(0, 5))
 def test_a_rehearsal_settles_where_the_loop_does(seed: int) -> None:
     """At a third of the gain at which stability ends and beyond it, where time enough is left."""
     case = draw_case(seed)

@@ -22,7 +22,11 @@ SPRUNG = Bench(
 
 
 @pytest.mark.parametrize(
-    ("element", "gain", "spring"), [("wall", 0.5, 800.0), ("oil", 1.0, 400.0)], ids=["wall", "oil"]
+    ("element", "gain", "spring"),
+    [
+        pytest.param("wall", 0.5, 800.0, id="wall", marks=pytest.mark.long),
+        pytest.param("oil", 1.0, 400.0, id="oil"),
+    ],
 )
 def test_an_agreeing_log_agrees_and_another_spring_shows(
     element: str, gain: float, spring: float
@@ -40,6 +44,7 @@ def test_an_agreeing_log_agrees_and_another_spring_shows(
     assert verdicts(verify(SPRUNG.profile, softer))["frequency"] == "disagrees"
 
 
+@pytest.mark.long
 def test_advice_lets_go_of_an_element_without_a_spring_too() -> None:
     (oil,) = advise(SPRUNG.profile, (("oil",),))
     assert oil.play is not None

@@ -71,8 +71,12 @@ def refusal_of(device: Device) -> Refusal | None:
     ):
         return Refusal(
             seen=f"gravity: the slope of the device's own force runs from {low:.4g} to {high:.4g} "
-            f"{unit} as the axis turns; where it is negative the device falls by itself, beside "
-            "any effect that is weak",
+            f"{unit} as the axis turns; "
+            + (
+                "where it is negative the device falls by itself, beside any effect that is weak"
+                if low < 0
+                else "what is proved holds for a slope that does not change"
+            ),
             needed="no gravity",
             remedy=_BALANCE,
         )

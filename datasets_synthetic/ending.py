@@ -67,10 +67,13 @@ def endings(
     """The end of every run, position (m) and force (N) of shape (batch, n)."""
     with np.errstate(over="ignore", invalid="ignore"):
         parts = _parts(position) / count
-        moved, pulled = _amplitudes(parts), _amplitudes(_parts(force))
+        forces = _parts(force)
+        moved, pulled = _amplitudes(parts), _amplitudes(forces)
         travel = _travel(parts)
         travel = np.where(travel > _MORE * moved, travel, 0.0)
-    return [_ending(*each, allowed) for each in zip(moved, pulled, travel, strict=True)]
+        reaches = np.ptp(parts, axis=2), np.ptp(forces, axis=2)
+    sizes = zip(moved, pulled, travel, *reaches, strict=True)
+    return [_ending(*each, allowed) for each in sizes]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,11 +83,13 @@ class _Left:
     Attributes:
         phrase: what it is, with places for its size before and now.
         pair: amplitude or travel in the part before and the last one.
+        reach: from the least to the most of all in each of them.
         allowed: the most that counts as none.
     """
 
     phrase: str
     pair: FloatArray
+    reach: FloatArray
     allowed: float
 
     @property
@@ -94,8 +99,12 @@ class _Left:
 
     @property
     def lasts(self) -> bool:
-        """Whether it is not dying out."""
-        return bool(self.pair[1] >= _DIES * self.pair[0])
+        """Whether it is not dying out.
+
+        Amplitude and travel of a slow oscillation depend on its phase, a quantiser makes its own of
+        slow motion: what reaches less far than before dies out all the same.
+        """
+        return bool(np.all([each[1] >= _DIES * each[0] for each in (self.pair, self.reach)]))
 
     @property
     def grows(self) -> bool:
@@ -111,11 +120,22 @@ def _listed(quantities: list[_Left]) -> str:
     )
 
 
-def _ending(counts: FloatArray, force: FloatArray, travel: FloatArray, allowed: Allowed) -> Ending:
+def _ending(
+    counts: FloatArray,
+    force: FloatArray,
+    travel: FloatArray,
+    reach: FloatArray,
+    pulled: FloatArray,
+    allowed: Allowed,
+) -> Ending:
     """From what is left in the two last parts, before and after, each shape (2,)."""
-    readings = _Left(phrase="readings from {} to {} counts", pair=counts, allowed=allowed.counts)
-    pull = _Left(phrase="force from {} to {}", pair=force, allowed=allowed.force)
-    moved = _Left(phrase="travel from {} to {} counts", pair=travel, allowed=allowed.counts)
+    readings = _Left(
+        phrase="readings from {} to {} counts", pair=counts, reach=reach, allowed=allowed.counts
+    )
+    pull = _Left(phrase="force from {} to {}", pair=force, reach=pulled, allowed=allowed.force)
+    moved = _Left(
+        phrase="travel from {} to {} counts", pair=travel, reach=reach, allowed=allowed.counts
+    )
     left = [readings, pull]
     # Steady travel under a push is at rest in this sense; travel that gains is not.
     left += [moved] if moved.grows or not allowed.pushed else []

@@ -127,7 +127,7 @@ def rehearse(
     sizes = Sizes.of(rig, controller.size(), reach=reach, push=push, duration=duration)
     conditions = conditions_of(rig, hand)
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
-    pushed = bool(np.any(rig.force_offset))
+    pushed = bool(np.any(rig.force_offset) or np.any(rig.stiffness))
     allowed = [Allowed(counts=counts_allowed, force=float(f), pushed=pushed) for f in force]
     found: list[list[Ending]] = [[] for _ in allowed]
     left = np.arange(sizes.batch)

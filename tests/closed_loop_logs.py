@@ -62,6 +62,7 @@ class Bench:
             mass=within("mass", 0.01),
             damping=within("damping", 0.05),
             coulomb_friction=within("coulomb_friction", 0.1),
+            position_stiffness=within("stiffness", 0.02) if "stiffness" in self.truth else None,
             sample_time=quantity(T),
             delay=quantity(T),
             encoder_resolution=self.truth["encoder_resolution"],

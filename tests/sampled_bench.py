@@ -32,6 +32,7 @@ class SampledBench:
     current_lag: float = 0.0
     modes: tuple[tuple[float, float, float, float], ...] = ()
     hand: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    own_stiffness: float = 0.0
     velocity_filter_hz: float = np.inf
     acceleration_filter_hz: float = np.inf
     velocity_filter_order: int = 1
@@ -43,7 +44,7 @@ class SampledBench:
         """Smallest s in (0, high] at which s·(K, B, M) turns unstable, to 1e-10."""
         bare = self._matrix(0.0, 0.0, 0.0)
         along = self._matrix(*ray) - bare  # the loop is affine in its gains
-        held = ray[0] != 0 or self.hand[2] > 0
+        held = self._held(ray)
 
         def unstable(gain: float) -> bool:
             return self._radius(bare + gain * along, held=held) > 1
@@ -55,6 +56,16 @@ class SampledBench:
             middle = (above + below) / 2
             below, above = (below, middle) if unstable(middle) else (middle, above)
         return (below + above) / 2
+
+    def radii(self, ray: tuple[float, float, float], gains: FloatArray) -> FloatArray:
+        """Largest modulus of the closed loop at each gain times (K, B, M), free motion left out."""
+        bare = self._matrix(0.0, 0.0, 0.0)
+        along = self._matrix(*ray) - bare
+        held = self._held(ray)
+        return np.array([self._radius(bare + gain * along, held=held) for gain in gains.tolist()])
+
+    def _held(self, gains: tuple[float, float, float]) -> bool:
+        return gains[0] != 0 or self.hand[2] > 0 or self.own_stiffness != 0
 
     @staticmethod
     def _radius(loop: FloatArray, *, held: bool) -> float:
@@ -76,7 +87,7 @@ class SampledBench:
         n = g.size
         inverse = np.linalg.inv(m * np.eye(n) + mh * np.outer(p, p))
         loss = np.diag([self.damping, *(2 * z * w * m)]) + bh * np.outer(p, p)
-        spring = np.diag([0.0, *(w * w * m)]) + kh * np.outer(p, p)
+        spring = np.diag([self.own_stiffness, *(w * w * m)]) + kh * np.outer(p, p)
         a = np.zeros((2 * n + 1, 2 * n + 1))
         command = np.zeros(2 * n + 1)
         a[:n, n : 2 * n] = np.eye(n)

@@ -180,6 +180,20 @@ def test_endings_of_known_signals() -> None:
     assert [each.verdict for each in pushed] == ["settles", "diverges"]
 
 
+@pytest.mark.parametrize("rate", [-1.5, 1.0])
+def test_a_swing_as_slow_as_a_part_is_judged_by_how_far_it_goes(rate: float) -> None:
+    """At any phase: cut anywhere, less of what dies out may look like less motion before."""
+    time = np.linspace(0, 3, 3000)
+    phases = np.linspace(0, np.pi, 24)[:, None]
+    swings = 1e5 * np.exp(rate * time) * np.cos(2 * np.pi * 0.6 * time + phases)
+    found = endings(swings, 0 * swings, 1.0, replace(ALLOWED, pushed=True))
+    if rate < 0:
+        assert {each.verdict for each in found} == {"settles"}
+        assert not any(each.at_rest for each in found)
+    else:
+        assert all(each.verdict != "settles" for each in found)
+
+
 def test_growing_is_said_of_what_grows_and_dying_out_of_what_is_too_much() -> None:
     time = np.linspace(0, 3, 3000)
     wave = np.sin(2 * np.pi * 30 * time)

@@ -7,8 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from identification import load_device, quantity
-from tune import Scene, optimise
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.roots import judge
 from tune.documents.effects import Effects
@@ -89,12 +87,3 @@ def test_marginal_is_not_stable() -> None:
         stiffness=0.0, damping=0.0, mass=0.5, velocity_filter_hz=None, acceleration_filter_hz=None
     )
     assert judge(point, setting, 1.0).answer == "undecided"
-
-
-def test_a_force_that_depends_on_position_is_named_as_not_assessed() -> None:
-    device = load_device("homerehab")
-    scene = Scene.model_validate({"elements": {"wall": {"stiffness": "max"}}})
-    pulled = device.model_copy(update={"position_stiffness": quantity(5.0)})
-    plain, sprung = (optimise(each, scene).certificate for each in (device, pulled))
-    assert not any("position_stiffness" in each for each in plain.not_assessed)
-    assert any("position_stiffness" in each for each in sprung.not_assessed)

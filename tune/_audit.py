@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, Fact, as_stored, parse_document, to_mapping
+from tune.certificate.refusal import refusal_of
 from tune.documents.certified import Certificate
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.errors import CheckFailedError
@@ -18,12 +18,13 @@ from tune.documents.scene import MarginName, Scene
 from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
 from tune.margins.margins import LoopMargins, margins_of
-from tune.optimisation._optimise import design_of
+from tune.optimisation._optimise import SLACK, design_of
 from tune.optimisation.climb import climb, closed_form
 from tune.optimisation.delays import Felt, extra_delays
 from tune.optimisation.describe import reasons_for_nothing
+from tune.optimisation.faults import Fault, faults_of
 from tune.optimisation.limits import forces, ripple, worst_gain
-from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.problem import Job, pose
 from tune.optimisation.solve import Solved, backends, settled
 from tune.rendering.ripple import count_jump, handle_vibration
 from tune.rendering.vibration import felt_vibration
@@ -38,18 +39,6 @@ ELEMENT = "gains"
 
 #: What stays this close to the least size that is looked at is nothing.
 _MORE = 10.0
-
-Word = Literal["stability", "gain-margin", "delay-margin", "force", "ripple", "certificate"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
-    """One reason why gains are not fit: which limit, what was seen, what is needed."""
-
-    limit: Word
-    seen: str
-    needed: str
-    remedy: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,8 +114,6 @@ def audit(
         LoopError: a delay that cannot be judged.
         InvalidInputError: values no scene can hold.
     """
-    from tune.certificate.certify import certify
-
     device.require_stated(NEEDED)
     filters = filters or Filters()
     later = to_mapping(_later(_as_stated(device), extra_delay_samples))
@@ -138,23 +125,24 @@ def audit(
     (moment,) = problem.moments
     gain = worst_gain(problem, moment, sizes, late=False)
     stable = gain > 1
-    design = as_stored(
-        design_of(job, filters, [Solved(problem=problem, sizes=sizes, dropped={})], {})
-    )
+    solved = Solved(problem=problem, sizes=sizes, dropped={})
+    design = as_stored(design_of(job, filters, [solved], {}))
     noise = ripple(problem, moment, sizes) if stable else None
-    faults = tuple(_faults(problem, sizes, gain, noise))
+    refusal = refusal_of(device)
+    faults = tuple(faults_of(problem, sizes, gain, noise))
+    if refusal is not None:
+        faults = (Fault(limit="device", **asdict(refusal)), *faults)
     certificate = None
     if not faults:
         try:
-            certificate = certify(design)
+            design, certificate = _certified(job, filters, solved)
         except CheckFailedError as error:
             faults = tuple(
                 Fault(limit="certificate", seen=failure, needed="proved", remedy="Lower the gains.")
                 for failure in error.failures
             )
     sustained, peak = (float(force) for force in forces(moment, sizes))
-    felt = problem.effects(moment, sizes)
-    at = Felt(problem=problem, moment=moment, sizes=sizes)
+    felt, at = problem.effects(moment, sizes), Felt(problem=problem, moment=moment, sizes=sizes)
     vibration, thresholds = _vibration(device, felt, filters) if stable else (None, None)
     return Audit(
         design=design,
@@ -168,9 +156,27 @@ def audit(
         felt=thresholds,
         jumps=_jumps(device, felt, filters),
         faults=faults,
-        nearest=_nearest(job, filters) if faults else None,
+        nearest=_nearest(job, filters) if faults and refusal is None else None,
         certificate=certificate,
     )
+
+
+def _certified(job: Job, filters: Filters, solved: Solved) -> tuple[Design, Certificate]:
+    """The gains with all the margin that can be proved, at least the one asked for.
+
+    Raises:
+        CheckFailedError: they do not keep that margin, or not even that could be proved.
+    """
+    from tune.certificate.certify import certify
+
+    for slack in (0.0, *SLACK):
+        design = as_stored(design_of(replace(job, slack=slack), filters, [solved], {}))
+        try:
+            return design, certify(design)
+        except CheckFailedError as error:
+            if slack == SLACK[-1] or any(p.gain == design.margin.gain for p in error.points):
+                raise
+    raise AssertionError("the last attempt returns or raises")
 
 
 def _scene_of(effects: Effects, filters: Filters, margin: MarginName) -> dict[str, object]:
@@ -193,66 +199,6 @@ def _later(device: Device, samples: float) -> Device:
     delay, step = device.delay, device.sample_time.value
     shift = {name: getattr(delay, name) + samples * step for name in ("value", "low", "high")}
     return device.model_copy(update={"delay": delay.model_copy(update=shift)})
-
-
-def _faults(problem: Problem, sizes: FloatArray, gain: float, noise: float | None) -> list[Fault]:
-    """Every limit that the sizes break, in words; their gain margin and ripple are known."""
-    (moment,) = problem.moments
-    margin, limits = problem.margin, problem.limits
-    late = worst_gain(problem, moment, sizes)
-    extra = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
-    smaller = "Lower the gains, or filter velocity and acceleration."
-    faults: list[Fault] = []
-    if gain <= 1:
-        seen = (
-            f"unstable: every gain from 0 holds up to {gain:.4g} of these" if gain else "unstable"
-        )
-        faults.append(
-            Fault(limit="stability", seen=seen, needed=f"{margin.gain:g}", remedy=smaller)
-        )
-    elif gain <= margin.gain:
-        faults.append(
-            Fault(
-                limit="gain-margin",
-                seen=f"stable up to {gain:.4g} of these gains",
-                needed=f"{margin.gain:g}",
-                remedy=smaller,
-            )
-        )
-    elif late <= margin.gain:
-        faults.append(
-            Fault(
-                limit="delay-margin",
-                seen=f"with {extra} of delay stable up to {late:.4g} of these gains",
-                needed=f"{margin.gain:g}",
-                remedy="Lower the gains, or shorten the delay.",
-            )
-        )
-    for words, force, most in zip(
-        ("K·penetration", "K·penetration + |B|·speed + |M|·acceleration"),
-        forces(moment, sizes),
-        (limits.continuous_force, limits.peak_force),
-        strict=True,
-    ):
-        if most is not None and force > most:
-            faults.append(
-                Fault(
-                    limit="force",
-                    seen=f"{words} is {force:.4g}",
-                    needed=f"{most:.4g} at most",
-                    remedy="Lower the gains, or keep to less penetration.",
-                )
-            )
-    if noise is not None and noise > limits.ripple:
-        faults.append(
-            Fault(
-                limit="ripple",
-                seen=f"the encoder makes the force ripple by {noise:.3g} rms",
-                needed=f"{limits.ripple:g} at most, what a hand does not notice",
-                remedy="Filter velocity and acceleration, or lower damping and mass.",
-            )
-        )
-    return faults
 
 
 def _vibration(

@@ -18,12 +18,22 @@ _MANY = 1e6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """Simultaneous region of what is not known exactly; each entry (low, high), SI units."""
+    """Simultaneous region of what is not known exactly; each entry (low, high), SI units.
+
+    Attributes:
+        mass: kg.
+        damping: N·s/m.
+        sample_time: s.
+        delay: s.
+        position_stiffness: slope of the device's own force by position, N/m: of k·q, and of
+            gravity its steepest, of either sign.
+    """
 
     mass: tuple[float, float]
     damping: tuple[float, float]
     sample_time: tuple[float, float]
     delay: tuple[float, float]
+    position_stiffness: tuple[float, float] = (0.0, 0.0)
 
 
 def widening(count: int, freedom: float, confidence: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping
 from os import PathLike
 from typing import Any, Literal, cast
@@ -16,7 +17,7 @@ from pydantic import (
 )
 
 from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
-from identification.device.friction import SlopeRange, UnmodelledForce
+from identification.device.friction import ByDirection, SlopeRange, UnmodelledForce
 from identification.device.hardware import (
     MOST_MODES,
     SHORTEST_STEP,
@@ -81,18 +82,6 @@ class LogRecord(Document):
     findings: tuple[str, ...] = ()
     allowed: tuple[str, ...] = ()
     unmodelled_forces: tuple[UnmodelledForce, ...] = ()
-
-
-class ByDirection(Document):
-    """A quantity that differs with the direction of motion.
-
-    Attributes:
-        forward: while the velocity is positive.
-        backward: while the velocity is negative.
-    """
-
-    forward: AnyQuantity
-    backward: AnyQuantity
 
 
 class Gravity(Document):
@@ -253,8 +242,9 @@ class Device(Document):
         widened on a logarithmic scale, because it cannot be negative; damping is left free to be
         negative, because a compensated axis may be. Where damping differs with the direction of
         motion, the box spans both directions and the common value: whatever way the device moves,
-        its damping is inside. Where the slope of friction was found, the box spans all of it.
-        Sample time and delay are taken as stated.
+        its damping is inside. Where the slope of friction was found, the box spans all of it. The
+        slope of gs·sin(q) + gc·cos(q) runs over ±√(gs² + gc²) as the axis turns: the stiffness
+        spans that beside k. Sample time and delay are taken as stated.
         """
         count = max(2, sum(not item.exact for item in self._identified()))
         freedom = np.inf
@@ -273,7 +263,24 @@ class Device(Document):
             damping=(min(low for low, _ in ranges), max(high for _, high in ranges)),
             sample_time=(self.sample_time.low, self.sample_time.high),
             delay=(self.delay.low, self.delay.high),
+            position_stiffness=self._slopes(factor),
         )
+
+    @property
+    def slope_at_zero(self) -> float:
+        """Slope of the force by position where the position is zero, k + gs, N/m; best estimate."""
+        own = 0.0 if self.position_stiffness is None else self.position_stiffness.value
+        return own if self.gravity is None else own + self.gravity.sine.value
+
+    def _slopes(self, factor: float) -> tuple[float, float]:
+        """(least, largest) slope of the force by position, intervals widened by a factor, N/m."""
+        low = high = steepest = 0.0
+        if self.position_stiffness is not None:
+            low, high = widened(self.position_stiffness, factor)
+        if self.gravity is not None:
+            parts = (widened(part, factor) for part in (self.gravity.sine, self.gravity.cosine))
+            steepest = math.hypot(*(max(abs(least), abs(most)) for least, most in parts))
+        return low - steepest, high + steepest
 
     def _identified(self) -> Iterator[Quantity]:
         """Everything a log tells, known exactly or not."""

@@ -1,4 +1,4 @@
-"""Friction that is neither constant damping nor Coulomb friction, as a device states it."""
+"""Friction as a device states it, where one damping and one Coulomb friction do not say all."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from identification.device.quantities import LARGEST
+from identification.device.quantities import LARGEST, AnyQuantity
 from identification.documents.document import Document
 
 Kind = Literal["drag", "falling", "place", "position", "memory"]
@@ -19,6 +19,18 @@ KINDS: dict[Kind, str] = {
     "position": "a force of position (cogging, a cable's pull)",
     "memory": "friction with a memory (presliding, cables)",
 }
+
+
+class ByDirection(Document):
+    """A quantity that differs with the direction of motion.
+
+    Attributes:
+        forward: while the velocity is positive.
+        backward: while the velocity is negative.
+    """
+
+    forward: AnyQuantity
+    backward: AnyQuantity
 
 
 class SlopeRange(Document):

@@ -93,6 +93,7 @@ def _best_estimates(design: Design) -> list[Point]:
                 mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value
             ),
             current_lag=0.0 if device.current_lag is None else device.current_lag.value,
+            position_stiffness=device.slope_at_zero,
         )
         for hand in hands
     ]

@@ -14,6 +14,7 @@ from tune.certificate.bounds import force_failures, passivity_failures, ripple_f
 from tune.certificate.felt import felt_failures
 from tune.certificate.point import Point, Setting
 from tune.certificate.proof import Claim, prove
+from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import HandRegion, ModeRegion, Region
 from tune.certificate.words import METHOD, assumptions, not_assessed
 from tune.certificate.worst import Worst, worst_point
@@ -59,6 +60,7 @@ def certify(design: Design, most_cells: int | None = None) -> Certificate:
     Raises:
         CheckFailedError: with every failure, each naming elements, point and reason.
     """
+    refuse_unbalanced(design.device)
     regions = regions_of(design)
     bare = regions[0]
     longest = _longest(design, bare)
@@ -112,6 +114,7 @@ def regions_of(design: Design) -> tuple[Region, ...]:
             for mode in device.modes
         ),
         current_lag=(0.0, 0.0) if lag is None else (lag.low, lag.high),
+        position_stiffness=box.position_stiffness,
     )
     if design.hand is None:
         return (bare,)
@@ -243,6 +246,7 @@ def _certificate(
             for mode in region.modes
         ),
         current_lag=None if design.device.current_lag is None else region.current_lag,
+        position_stiffness=region.position_stiffness if any(region.position_stiffness) else None,
         hand=hand and HandBox(mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness),
         gain=design.margin.gain,
         extra_delay_samples=float(design.margin.extra_delay_samples),
@@ -273,6 +277,7 @@ def _place(moment: tuple[str, ...], gain: float, point: Point, radius: float) ->
             for mode in point.modes
         ),
         current_lag=point.current_lag or None,
+        position_stiffness=point.position_stiffness or None,
         hand=point.hand,
         gain=gain,
         pole_radius=radius,

@@ -102,7 +102,7 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
         seen, said = getattr(fresh, name), getattr(stated, name)
         if not np.allclose(seen, said, rtol=_AGREE, atol=0):
             yield f"certificate.{name} says {_number(said)}, computed anew it is {_number(seen)}"
-    for name in ("modes", "current_lag", "hand"):
+    for name in ("modes", "current_lag", "position_stiffness", "hand"):
         seen, said = _flat(getattr(fresh, name)), _flat(getattr(stated, name))
         if len(seen) != len(said) or not np.allclose(seen, said, rtol=_AGREE, atol=0):
             yield f"certificate.{name} is not what device and hand of the file give"
@@ -136,6 +136,7 @@ def _worst_differs(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
         ),
         hand=stated.hand,
         current_lag=stated.current_lag or 0.0,
+        position_stiffness=stated.position_stiffness or 0.0,
     )
     seen = judge(point, setting, stated.gain).radius
     if not np.isclose(seen, stated.pole_radius, rtol=_AGREE, atol=0):
@@ -165,10 +166,14 @@ def _inside(stated: WorstPoint, box: Certificate) -> bool:
     for place, around in zip(stated.modes, box.modes, strict=True):
         pairs.append((place.frequency_hz, around.frequency_hz))
         pairs.append((place.damping_ratio, around.damping_ratio))
-    if (stated.current_lag is None) != (box.current_lag is None):
-        return False
-    if stated.current_lag is not None and box.current_lag is not None:
-        pairs.append((stated.current_lag, box.current_lag))
+    for value, around in (
+        (stated.current_lag, box.current_lag),
+        (stated.position_stiffness, box.position_stiffness),
+    ):
+        if (value is None) != (around is None):
+            return False
+        if value is not None and around is not None:
+            pairs.append((value, around))
     if stated.hand is not None:
         if box.hand is None:
             return False

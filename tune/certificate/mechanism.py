@@ -1,9 +1,9 @@
 """The mechanism in continuous time over cells, and what sampling folds of it onto one frequency.
 
 The plant P(S), S in units of one sample, is a quotient of polynomials in S and in every parameter:
-rigid mass, modes, a hand that holds the handle, and the lag of the current loop. Its aliases are
-looked at one by one as far as they matter; those beyond are sums of inverse powers of S, known in
-closed form, and a bounded rest.
+rigid mass with a spring of its own, modes, a hand that holds the handle, and the lag of the current
+loop. Its aliases are looked at one by one as far as they matter; those beyond are sums of inverse
+powers of S, known in closed form, and a bounded rest.
 """
 
 from __future__ import annotations
@@ -33,10 +33,11 @@ class Mechanism:
         sample_time: s.
         delay: x, in samples.
         lag: time constant of the current loop, s; exactly 0.0 for none.
+        position_stiffness: of the device's own force by position, N/m; exactly 0.0 for none.
         hand: mass, damping and stiffness of the grip; None is no hand.
         modes: frequency in Hz and damping ratio of each.
         participations: (e, h) of each mode.
-        held: a spring of the hand holds the position.
+        held: a spring of device or hand holds the position.
     """
 
     mass: Term
@@ -44,6 +45,7 @@ class Mechanism:
     sample_time: Term
     delay: Form
     lag: Term
+    position_stiffness: Term
     hand: tuple[Term, Term, Term] | None
     modes: tuple[tuple[Term, Term], ...]
     participations: tuple[tuple[float, float], ...]
@@ -64,6 +66,8 @@ class Scaled:
         per_mass: its inverse.
         damping: b/T.
         ratio: bT/m.
+        spring: k of the device itself, None for none.
+        spring_ratio: kT²/m, likewise.
         lag: in samples, None for none.
         hand: (m_h/T², b_h/T, k_h) or None.
         modes: (2ζω, ω²) in samples of each.
@@ -75,6 +79,8 @@ class Scaled:
     per_mass: Term
     damping: Term
     ratio: Term
+    spring: Term | None
+    spring_ratio: Term | None
     lag: Term | None
     hand: tuple[Term, Term, Term] | None
     modes: tuple[tuple[Term, Term], ...]
@@ -90,11 +96,14 @@ class Scaled:
         per_mass = inverse(given.mass)
         omegas = [f * step * (2 * np.pi) for f, _ in given.modes]
         hand = given.hand
+        free = given.position_stiffness == 0.0
         return cls(
             mass=given.mass * per_square,
             per_mass=per_mass * (step * step),
             damping=given.damping * per_step,
             ratio=given.damping * step * per_mass,
+            spring=None if free else given.position_stiffness,
+            spring_ratio=None if free else given.position_stiffness * (step * step) * per_mass,
             lag=None if given.lag == 0.0 else given.lag * per_step,
             hand=hand and (hand[0] * per_square, hand[1] * per_step, hand[2]),
             modes=tuple(
@@ -111,6 +120,8 @@ class Scaled:
             per_mass=stacked(self.per_mass),
             damping=stacked(self.damping),
             ratio=stacked(self.ratio),
+            spring=None if self.spring is None else stacked(self.spring),
+            spring_ratio=None if self.spring_ratio is None else stacked(self.spring_ratio),
             lag=None if self.lag is None else stacked(self.lag),
             hand=self.hand
             and (stacked(self.hand[0]), stacked(self.hand[1]), stacked(self.hand[2])),
@@ -125,16 +136,20 @@ class Scaled:
         resonances = [s * (s + a) + c for a, c in self.modes]
         every = _product(resonances)
         others = [_product(resonances, without=(i,)) for i in range(len(resonances))]
-        inertial: Term = s * (s + self.ratio) if self.modes else 0.0
+        inertial: Term = 0.0
+        if self.modes:
+            inertial = s * (s + self.ratio)
+            inertial = inertial if self.spring_ratio is None else inertial + self.spring_ratio
         numerator = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
-        denominator = damped * every
+        rigid = damped * s if self.held else damped
+        denominator = (rigid if self.spring is None else rigid + self.spring) * every
         if self.hand is not None:
             mass, damping, stiffness = self.hand
             followed = s * mass + damping
             spring = s * followed + stiffness if self.held else followed
             grip = spring if self.held else s * followed
             grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
-            denominator = (denominator * s if self.held else denominator) + spring * grasped
+            denominator = denominator + spring * grasped
             if self.modes:
                 numerator = numerator + grip * self._apart(resonances, others, inertial)
         if self.lag is not None:
@@ -215,7 +230,8 @@ class Scaled:
         handle = 1 + sum(h * h for _, h in self.participations)
         encoder = 1 + sum(e * e for e, _ in self.participations)
         damping = max(np.abs(ends(self.ratio)).max(), *(ends(a)[1] for a, _ in self.modes), 0.0)
-        spring = max(0.0, *(ends(c)[1] for _, c in self.modes), 0.0)
+        own = 0.0 if self.spring_ratio is None else float(ends(self.spring_ratio)[1])
+        spring = max(own, *(ends(c)[1] for _, c in self.modes), 0.0)
         if self.hand is not None:
             damping += ends(self.hand[1] * self.per_mass)[1] * handle
             spring += ends(self.hand[2] * self.per_mass)[1] * handle

@@ -86,7 +86,7 @@ def _state_space(point: Point) -> tuple[list[list[arb]], list[arb], list[arb]]:
         arb(point.damping),
         *(2 * arb(p.damping_ratio) * w * m for p, w in zip(point.modes, omegas, strict=True)),
     ]
-    springs = [arb(0), *(w * w * m for w in omegas)]
+    springs = [arb(point.position_stiffness), *(w * w * m for w in omegas)]
     grip = point.hand
     hm, hb, hk = (
         arb(x) for x in ((grip.mass, grip.damping, grip.stiffness) if grip else (0, 0, 0))

@@ -36,6 +36,7 @@ class Point:
         modes: vibration modes of the mechanism.
         hand: the grip; None is no hand.
         current_lag: time constant of the current loop, s; 0 is none.
+        position_stiffness: of the device's own force by position, N/m; 0 is none.
     """
 
     mass: float
@@ -45,6 +46,7 @@ class Point:
     modes: tuple[ModePoint, ...] = ()
     hand: HandPlace | None = None
     current_lag: float = 0.0
+    position_stiffness: float = 0.0
 
     @property
     def plain(self) -> bool:
@@ -53,13 +55,14 @@ class Point:
             not self.modes
             and self.hand is None
             and self.current_lag == 0
+            and self.position_stiffness == 0
             and self.delay_samples == int(self.delay_samples)
         )
 
     @property
     def held(self) -> bool:
-        """A spring of the hand holds the position."""
-        return self.hand is not None and self.hand.stiffness > 0
+        """A spring of the device or of the hand binds the position."""
+        return self.position_stiffness != 0 or (self.hand is not None and self.hand.stiffness > 0)
 
     def words(self) -> str:
         """The point for people."""
@@ -69,6 +72,8 @@ class Point:
             f"sample time {self.sample_time:.6g} s",
             f"delay {self.delay_samples:.6g} samples",
         ]
+        if self.position_stiffness:
+            parts.append(f"position stiffness {self.position_stiffness:.6g}")
         if self.current_lag:
             parts.append(f"current lag {self.current_lag:.6g} s")
         parts += [

@@ -179,7 +179,7 @@ def _as_form(term: Term, cells: _Cells, symbols: int) -> Form:
 
 
 def _mechanism(region: Region, terms: list[Term]) -> Mechanism:
-    theta, _, extra, mass, damping, step, delay, lag, *rest = terms
+    theta, _, extra, mass, damping, step, delay, lag, slope, *rest = terms
     del theta
     hand = None
     if region.hand is not None:
@@ -191,6 +191,7 @@ def _mechanism(region: Region, terms: list[Term]) -> Mechanism:
         sample_time=step,
         delay=_samples(delay, step, extra, terms[0]),
         lag=lag,
+        position_stiffness=slope,
         hand=hand,
         modes=tuple((rest[2 * i], rest[2 * i + 1]) for i in range(len(region.modes))),
         participations=tuple((mode.at_encoder, mode.at_handle) for mode in region.modes),

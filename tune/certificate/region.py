@@ -43,6 +43,7 @@ class Region:
         delay: of the device, s; extra samples of delay come on top.
         modes: vibration modes.
         current_lag: s.
+        position_stiffness: of the device's own force by position, N/m; positive, or none.
         hand: grips; None is no hand.
     """
 
@@ -52,12 +53,15 @@ class Region:
     delay: Interval
     modes: tuple[ModeRegion, ...] = ()
     current_lag: Interval = (0.0, 0.0)
+    position_stiffness: Interval = (0.0, 0.0)
     hand: HandRegion | None = None
 
     @property
     def held(self) -> bool:
-        """Whether a spring of the hand holds the position, everywhere in the region."""
-        return self.hand is not None and self.hand.stiffness[0] > 0
+        """Whether a spring of device or hand holds the position, everywhere in the region."""
+        return self.position_stiffness[0] > 0 or (
+            self.hand is not None and self.hand.stiffness[0] > 0
+        )
 
     def sides(self) -> tuple[Interval, ...]:
         """Every interval, in the order that `point` reads."""
@@ -68,13 +72,14 @@ class Region:
             self.sample_time,
             self.delay,
             self.current_lag,
+            self.position_stiffness,
             *((hand.mass, hand.damping, hand.stiffness) if hand is not None else ()),
             *(side for mode in self.modes for side in (mode.frequency_hz, mode.damping_ratio)),
         )
 
     def point(self, values: FloatArray, extra: float) -> Point:
         """The point with the given value of every side and samples of delay on top."""
-        mass, damping, step, delay, lag, *rest = (float(value) for value in values)
+        mass, damping, step, delay, lag, slope, *rest = (float(value) for value in values)
         hand = None
         if self.hand is not None:
             hand = HandPlace(mass=rest[0], damping=rest[1], stiffness=rest[2])
@@ -89,6 +94,7 @@ class Region:
             delay_samples=float(whole) if abs(samples - whole) < 1e-12 * (1 + whole) else samples,
             hand=hand,
             current_lag=lag,
+            position_stiffness=slope,
             modes=tuple(
                 ModePoint(
                     frequency_hz=rest[2 * i],
@@ -105,14 +111,19 @@ class Region:
         return np.array([(low + high) / 2 for low, high in self.sides()])
 
     def merged(self) -> Region:
-        """The same loops in fewer dimensions: a grip on a rigid device adds to mass and damper."""
+        """The same loops in fewer dimensions: a grip on a rigid device adds to all it has."""
         if self.hand is None or self.modes:
             return self
         return replace(
             self,
             mass=_sum(self.mass, self.hand.mass),
             damping=_sum(self.damping, self.hand.damping),
-            hand=HandRegion(mass=(0.0, 0.0), damping=(0.0, 0.0), stiffness=self.hand.stiffness),
+            position_stiffness=(0.0, 0.0),
+            hand=HandRegion(
+                mass=(0.0, 0.0),
+                damping=(0.0, 0.0),
+                stiffness=_sum(self.hand.stiffness, self.position_stiffness),
+            ),
         )
 
 

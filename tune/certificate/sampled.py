@@ -100,7 +100,7 @@ def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: F
 
 
 def _state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    mass, damping, _, _, lag, *rest = values
+    mass, damping, _, _, lag, slope, *rest = values
     points = len(mass)
     hand = np.zeros((3, points))
     if region.hand is not None:
@@ -114,6 +114,7 @@ def _state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatA
     inertia, loss, spring = (grip * part[:, None, None] for part in hand)
     inertia[:, diagonal, diagonal] += mass[:, None]
     loss[:, 0, 0] += damping
+    spring[:, 0, 0] += slope
     for i in range(count - 1):
         omega = 2 * np.pi * rest[2 * i]
         loss[:, i + 1, i + 1] += 2 * rest[2 * i + 1] * omega * mass

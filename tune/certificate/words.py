@@ -1,4 +1,4 @@
-"""What a certificate says it takes for granted, and what it leaves to others."""
+"""What a certificate says it takes for granted, what it leaves to others, where there is none."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ WITH_HAND = (
     "place that rests"
 )
 RIGID = "a rigid mechanism: no vibration mode is stated"
+SPRUNG = (
+    "the device's own force by position is proportional to it over all the travel, and acts on the "
+    "rigid mass; no gravity"
+)
 WITH_MODES = "no vibration modes but those stated"
 NO_LAG = "no lag of the current loop but what the delay holds"
 SLOPES = (
     "friction that rises with speed acts as some constant damping between its least and its "
     "largest slope"
-)
-POSITION_FORCE = (
-    "the device's own force that depends on position (position_stiffness, gravity): the certified "
-    "loop has none"
 )
 NOT_ASSESSED = (
     "bounce on a one-sided wall, and sustained oscillation from quantiser and friction: the "
@@ -70,6 +70,7 @@ def assumptions(design: Design) -> tuple[str, ...]:
         *ASSUMES,
         *taken_on_trust(device),
         NO_HAND if design.hand is None else WITH_HAND,
+        *(() if device.slope_at_zero == 0 else (SPRUNG,)),
         WITH_MODES if device.modes else RIGID,
         *(() if device.current_lag is not None else (NO_LAG,)),
         *(() if device.damping_slope is None else (SLOPES,)),
@@ -78,8 +79,7 @@ def assumptions(design: Design) -> tuple[str, ...]:
 
 def not_assessed(design: Design) -> tuple[str, ...]:
     """What the proof leaves out."""
-    pushed = design.device.position_stiffness is not None or design.device.gravity is not None
-    return ((POSITION_FORCE,) if pushed else ()) + _uncovered(design) + NOT_ASSESSED
+    return _uncovered(design) + NOT_ASSESSED
 
 
 def _uncovered(design: Design) -> tuple[str, ...]:

@@ -54,6 +54,7 @@ def identify(
 
     def action(session: Session) -> None:
         from identification import LogColumns, to_mapping, to_yaml
+        from tune.certificate.refusal import refusal_of
 
         session.target(output, *logs, hardware)
         columns = LogColumns(
@@ -67,6 +68,9 @@ def identify(
             axis=axis,
         )
         result = identified(session, logs, columns, hardware, method, allow or [])
+        refusal = refusal_of(result.device)
+        if refusal is not None:
+            session.warn(f"tune will refuse this device: {refusal}")
         session.write(output, to_yaml(to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run)
 
     run_command("identify", action, as_json=json, quiet=quiet)

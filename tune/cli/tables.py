@@ -268,9 +268,11 @@ def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
     delay = " to ".join(dict.fromkeys(f"{item:.4g}" for item in certificate.delay_samples))
     beside = ["with modes"] if certificate.modes else []
     beside += ["without a hand and in every hand"] if certificate.hand else []
+    own = certificate.position_stiffness
+    spring = f", own stiffness {own[0]:.6g} to {own[1]:.6g}" if own else ""
     return (
         f"proved for every device: mass {certificate.mass[0]:.6g} to {certificate.mass[1]:.6g}, "
-        f"damping {certificate.damping[0]:.6g} to {certificate.damping[1]:.6g} (together "
+        f"damping {certificate.damping[0]:.6g} to {certificate.damping[1]:.6g}{spring} (together "
         f"{100 * certificate.confidence:g} %), delay {delay} samples and up to "
         f"{certificate.extra_delay_samples:g} more, every gain in (0, {certificate.gain:g}]"
         + "".join(f", {part}" for part in beside),

@@ -33,6 +33,7 @@ class WorstPoint(Document):
         delay_samples: the whole delay, with the extra; need not be whole.
         modes: in the order of the device's.
         current_lag: s; None for none.
+        position_stiffness: slope of the device's own force by position, N/m; None for none.
         hand: None for the device alone.
         gain: of all effects.
         pole_radius: largest modulus of a pole.
@@ -45,6 +46,7 @@ class WorstPoint(Document):
     delay_samples: float
     modes: tuple[ModePlace, ...] = ()
     current_lag: float | None = None
+    position_stiffness: float | None = None
     hand: HandPlace | None = None
     gain: float
     pole_radius: float
@@ -76,6 +78,7 @@ class Certificate(Document):
         delay_samples: the same in samples, over the interval of the sample time.
         modes: in the order of the device's.
         current_lag: None for none.
+        position_stiffness: slope of the device's own force by position, N/m; None for none.
         hand: None for the device alone; with a hand the device alone is proved beside it.
         gain: every gain in (0, gain].
         extra_delay_samples: on top of the device's delay, any part of it.
@@ -97,6 +100,7 @@ class Certificate(Document):
     delay_samples: tuple[float, float]
     modes: tuple[ModeBox, ...] = ()
     current_lag: tuple[float, float] | None = None
+    position_stiffness: tuple[float, float] | None = None
     hand: HandBox | None = None
     gain: float
     extra_delay_samples: float

@@ -47,8 +47,9 @@ class Loop:
         sizes: the same with every factor taken absolutely; rounding errors scale with these.
         transfer: plant and control law apart.
         scales: (T²/m, T/m, 1/m): what turns (K, B, M) into (α, β, γ), each of the loop's shape.
-        held: a spring of the hand holds the position; without one the pole at z = 1 is free
-            motion, and is left out of the judgement where no virtual spring is there either.
+        held: a spring of the hand, or the device's own force by position, binds the position;
+            without one the pole at z = 1 is free motion, and is left out of the judgement where no
+            virtual spring is there either.
         factors: the same unexpanded, where known; it makes limits of lightly damped loops exact.
     """
 
@@ -60,7 +61,7 @@ class Loop:
     factors: Factors | None = None
 
     def __repr__(self) -> str:
-        held = "held by a hand" if self.held else "position free without a spring"
+        held = "position bound" if self.held else "position free without a spring"
         return f"Loop(degree {self.degree} in w, shape {self.terms.free.shape[1:]}, {held})"
 
     @classmethod
@@ -75,7 +76,8 @@ class Loop:
         """The loop of a device at its best estimate.
 
         Args:
-            device: mass, damping, sample time, delay, modes and current lag are read.
+            device: mass, damping, sample time, delay, modes, current lag and the slope of its own
+                force by position, with gravity where the position is zero, are read.
             filters: of velocity and acceleration; None is plain backward differences.
             hand: attached at the handle, at its best estimate; None is the device alone.
             extra_delay_samples: on top of the device's delay.
@@ -92,6 +94,7 @@ class Loop:
             modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
             hand=None if hand is None else HandNumbers.of(hand),
             current_lag=0.0 if device.current_lag is None else device.current_lag.value,
+            position_stiffness=device.slope_at_zero,
         )
 
     @classmethod
@@ -106,6 +109,7 @@ class Loop:
         modes: Sequence[ModeNumbers] = (),
         hand: HandNumbers | None = None,
         current_lag: ArrayLike = 0.0,
+        position_stiffness: ArrayLike = 0.0,
     ) -> Loop:
         """Loops for numbers or arrays, broadcast.
 
@@ -118,6 +122,7 @@ class Loop:
             modes: vibration of the mechanism.
             hand: at the handle; None is the device alone.
             current_lag: time constant of the actuator, s.
+            position_stiffness: slope of the device's own force by position, of either sign, N/m.
 
         Raises:
             LoopError: a mass, sample time, delay, mode, hand or lag that cannot be.
@@ -130,6 +135,7 @@ class Loop:
             modes=modes,
             hand=hand,
             current_lag=current_lag,
+            position_stiffness=position_stiffness,
         )
         return cls.around(sampled, filters or Filters())
 
@@ -166,7 +172,7 @@ class Loop:
         return self.terms.free.shape[0] - 1
 
     def has_free_pole(self, effects: Effects) -> bool:
-        """Whether no spring, of the effects or of a hand, holds the position.
+        """Whether no spring, of the effects, a hand or the device, holds the position.
 
         The factor w of free motion (z = 1) then belongs to the structure and is not judged
         (docs/theory.md, 2).

@@ -1,6 +1,7 @@
 """The mechanism in continuous time: rigid mass, modes and a hand, as a sum of second-order blocks.
 
-In units of the mass and the sample time, d0 = s² + δs is the rigid mass, di = s² + 2ζΩs + Ω² a
+In units of the mass and the sample time, d0 = s² + δs + k is the rigid mass on its damper and on
+the slope of its own force by position, di = s² + 2ζΩs + Ω² a
 mode and h = μs² + ηs + κ the hand. With participations e at the encoder and p at the handle (1 for
 the rigid mass) position over force is N/D, handle over force H/D,
 
@@ -8,8 +9,8 @@ the rigid mass) position over force is N/D, handle over force H/D,
     N = Σ ei² Π_{j≠i} dj + h·Σ_{i<j} (ei·pj - ej·pi)² Π_{l≠i,j} dl     (Sherman-Morrison, Lagrange)
     H = Σ ei·pi Π_{j≠i} dj
 
-Without a negative damping every term of D and N is positive: nothing cancels. D is then split into
-real quadratic factors and N, H into partial fractions over them. Close poles make the
+Without a negative damping or slope every term of D and N is positive: nothing cancels. D is then
+split into real quadratic factors and N, H into partial fractions over them. Close poles make the
 terms of those large, and with them the sizes of what is put together from them.
 """
 
@@ -149,13 +150,22 @@ def grip_of(numbers: Sequence[FloatArray], m: FloatArray, T: FloatArray) -> Grip
     return Grip(mass=mass / m, damping=damping * T / m, stiffness=stiffness * T * T / m)
 
 
-def parts_of(delta: FloatArray, modes: Sequence[Vibration], grip: Grip | None) -> tuple[Part, ...]:
-    """The blocks of a mechanism; without a hand the rigid mass and each mode are their own."""
+def parts_of(
+    delta: FloatArray, spring: FloatArray, modes: Sequence[Vibration], grip: Grip | None
+) -> tuple[Part, ...]:
+    """The blocks of a mechanism; without a hand the rigid mass and each mode are their own.
+
+    Args:
+        delta: δ = bT/m.
+        spring: kT²/m of the device's own force by position, of either sign.
+        modes: in units of the sample time.
+        grip: in units of mass and sample time, or None.
+    """
     one, zero = np.ones_like(delta), np.zeros_like(delta)
     if grip is None:
         rigid = Polynomial.exact(one, zero)
         return (
-            Part(a=delta, b=zero, blur=one, encoder=rigid, handle=rigid),
+            Part(a=delta, b=spring, blur=one, encoder=rigid, handle=rigid),
             *(
                 Part(
                     a=mode.damping,
@@ -170,23 +180,33 @@ def parts_of(delta: FloatArray, modes: Sequence[Vibration], grip: Grip | None) -
     if not modes:
         mass = 1 + grip.mass
         share = Polynomial.exact(1 / mass, zero)
-        damping, sizes = delta + grip.damping, np.abs(delta) + grip.damping
+        damping, stiffness = delta + grip.damping, spring + grip.stiffness
         return (
             Part(
                 a=damping / mass,
-                b=grip.stiffness / mass,
-                # A negative damping of the device may cancel that of the hand.
-                blur=np.maximum(1.0, sizes / np.where(damping == 0, 1.0, np.abs(damping))),
+                b=stiffness / mass,
+                # A negative damping or slope of the device may cancel that of the hand.
+                blur=np.maximum(
+                    _cancelled(damping, np.abs(delta) + grip.damping),
+                    _cancelled(stiffness, np.abs(spring) + grip.stiffness),
+                ),
                 encoder=share,
                 handle=share,
             ),
         )
-    return _coupled(delta, modes, grip)
+    return _coupled(delta, spring, modes, grip)
 
 
-def _coupled(delta: FloatArray, modes: Sequence[Vibration], grip: Grip) -> tuple[Part, ...]:
-    one, zero = np.ones_like(delta), np.zeros_like(delta)
-    own = [Polynomial.exact(zero, delta, one)]
+def _cancelled(total: FloatArray, sizes: FloatArray) -> FloatArray:
+    """By how much the sizes of what was added exceed the sum; 1 where nothing cancelled."""
+    return np.maximum(1.0, sizes / np.where(total == 0, 1.0, np.abs(total)))
+
+
+def _coupled(
+    delta: FloatArray, spring: FloatArray, modes: Sequence[Vibration], grip: Grip
+) -> tuple[Part, ...]:
+    one = np.ones_like(delta)
+    own = [Polynomial.exact(spring, delta, one)]
     own += [Polynomial.exact(mode.stiffness, mode.damping, one) for mode in modes]
     encoder = [one, *(mode.encoder for mode in modes)]
     handle = [one, *(mode.handle for mode in modes)]

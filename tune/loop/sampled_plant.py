@@ -66,7 +66,7 @@ class SampledPlant:
         delta: δ = bT/m, of the shape of all that was given, as the two below.
         mass: kg.
         sample_time: s.
-        held: a spring of the hand holds the position.
+        held: the position is bound, by a spring of the hand or by the device's own force.
     """
 
     plant: HoldEquivalent
@@ -86,16 +86,17 @@ class SampledPlant:
         modes: Sequence[ModeNumbers] = (),
         hand: HandNumbers | None = None,
         current_lag: ArrayLike = 0.0,
+        position_stiffness: ArrayLike = 0.0,
     ) -> SampledPlant:
         """For numbers or arrays, broadcast; as `Loop.from_numbers`, which says more.
 
         Raises:
             LoopError: a mass, sample time, delay, mode, hand or lag that cannot be.
         """
-        given = [mass, damping, sample_time, delay_samples, current_lag]
+        given = [mass, damping, sample_time, delay_samples, current_lag, position_stiffness]
         given += [number for mode in modes for number in mode.numbers()]
         given += () if hand is None else hand.numbers()
-        m, b, T, delay, lag, *rest = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
+        m, b, T, delay, lag, k, *rest = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
         if not (np.all(m > 0) and np.all(T > 0)):
             raise LoopError(f"mass and sample time must be positive, not {m.min():g}, {T.min():g}")
         samples, fraction = split_delay(delay)
@@ -103,14 +104,16 @@ class SampledPlant:
             raise LoopError(f"current_lag must not be negative, not {lag.min():g} s")
         vibrations = [vibration_of(rest[4 * k : 4 * k + 4], T) for k in range(len(modes))]
         grip = None if hand is None else grip_of(rest[-3:], m, T)
-        delta = b * T / m
-        if fraction is None and not vibrations and grip is None and not np.any(lag):
+        delta, sprung = b * T / m, bool(np.any(k != 0))
+        plain = fraction is None and not vibrations and grip is None
+        if plain and not sprung and not np.any(lag):
             plant = ideal_equivalent(delta, samples)
         else:
             plant = _general_equivalent(
                 delta,
                 samples,
                 fraction,
+                spring=k * T * T / m,
                 modes=vibrations,
                 grip=grip,
                 lag=lag / T if np.any(lag) else None,
@@ -120,7 +123,7 @@ class SampledPlant:
             delta=delta,
             mass=m,
             sample_time=T,
-            held=grip is not None and bool(np.any(grip.stiffness > 0)),
+            held=sprung or (grip is not None and bool(np.any(grip.stiffness > 0))),
         )
 
 
@@ -168,6 +171,7 @@ def _general_equivalent(
     samples: int,
     fraction: FloatArray | None,
     *,
+    spring: FloatArray,
     modes: Sequence[Vibration],
     grip: Grip | None,
     lag: FloatArray | None,
@@ -178,11 +182,12 @@ def _general_equivalent(
         delta: δ = bT/m.
         samples: whole samples of delay.
         fraction: of a sample more, in [0, 1], or None.
+        spring: kT²/m of the device's own force by position.
         modes: in units of the sample time.
         grip: in units of mass and sample time, or None.
         lag: time constant of the actuator over the sample time, not negative, or None.
     """
-    parts = parts_of(delta, modes, grip)
+    parts = parts_of(delta, spring, modes, grip)
     numerators: list[Polynomial] = []
     handles: list[Polynomial] = []
     denominators: list[Polynomial] = []

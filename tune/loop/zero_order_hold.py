@@ -97,7 +97,7 @@ class _Motion:
 
 
 def block(a: FloatArray, b: FloatArray, fraction: FloatArray | None) -> Block:
-    """The factors for arrays of a and b >= 0 of one shape.
+    """The factors for arrays of a and b of one shape.
 
     Args:
         a: damping over mass, times the sample time.

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 
 from identification import Device, as_stored
+from tune.certificate.refusal import refusal_of
 from tune.certificate.words import note_of_dropped, skipped_parts
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.hand import hand_of
@@ -29,7 +30,7 @@ Progress = Callable[[str], None]
 _MOST_ATTEMPTS = 4
 #: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
 #: came too close to the edge.
-_SLACK = (1e-3, 1e-2, 5e-2)
+SLACK = (1e-3, 1e-2, 5e-2)
 #: Cells of a proof, for one moment, after which more margin is tried instead; the last try has all.
 _CELLS = 50_000
 
@@ -51,20 +52,24 @@ def optimise(
 
     Raises:
         UnstatedError: facts of the device that a person has to state; asked before any solving.
-        NoFeasibleEffectError: nothing the scene asks for can be rendered.
+        NoFeasibleEffectError: nothing the scene asks for can be rendered, or nothing at all,
+            because the device runs away by its own force.
         CheckFailedError: the independent check did not pass; nothing may be written.
     """
     from tune.certificate.certify import certify
 
     device.require_stated()
     say = progress or _silent
+    refusal = refusal_of(device)
+    if refusal is not None:
+        raise NoFeasibleEffectError((f"device: {refusal}",))
     job = Job.of(as_stored(device), scene, table or default_table())
     filters = choose_filters(job, say)
     for attempt in range(_MOST_ATTEMPTS + 1):
         design = _proposed(job, filters, say)
         say("certifying")
         try:
-            last = attempt == _MOST_ATTEMPTS or job.slack == _SLACK[-1]
+            last = attempt == _MOST_ATTEMPTS or job.slack == SLACK[-1]
             certificate = certify(design, None if last else _CELLS)
         except CheckFailedError as error:
             warned = _warned(job, error)
@@ -101,6 +106,7 @@ def _warned(job: Job, error: CheckFailedError) -> Job | None:
             damping=point.damping,
             sample_time=point.sample_time,
             delay=point.delay_samples * point.sample_time,
+            position_stiffness=point.position_stiffness or 0.0,
             modes=tuple((mode.frequency_hz, mode.damping_ratio) for mode in point.modes),
             current_lag=point.current_lag or 0.0,
             hand=point.hand and (point.hand.mass, point.hand.damping, point.hand.stiffness),
@@ -108,7 +114,7 @@ def _warned(job: Job, error: CheckFailedError) -> Job | None:
         for point in error.points
     )
     if not spots:
-        slack = next((more for more in _SLACK if more > job.slack), None)
+        slack = next((more for more in SLACK if more > job.slack), None)
         return None if slack is None else replace(job, slack=slack)
     return replace(job, region=replace(job.region, found=job.region.found + spots))
 

@@ -26,6 +26,7 @@ class Spot:
     """One way device and hand may be, SI units.
 
     Attributes:
+        position_stiffness: slope of the device's own force by position.
         modes: (frequency in Hz, damping ratio) of each mode of the mechanism.
         hand: (mass, damping, stiffness), or None for the device alone.
     """
@@ -34,6 +35,7 @@ class Spot:
     damping: float
     sample_time: float
     delay: float
+    position_stiffness: float = 0.0
     modes: tuple[tuple[float, float], ...] = ()
     current_lag: float = 0.0
     hand: tuple[float, float, float] | None = None
@@ -151,6 +153,7 @@ class Region:
                 for index, mode in enumerate(self.modes)
             ),
             current_lag=np.array([spot.current_lag for spot in spots]),
+            position_stiffness=np.array([spot.position_stiffness for spot in spots]),
             hand=(
                 None
                 if not grips
@@ -179,14 +182,16 @@ class Region:
             grips += list(product(_ends(hand.mass), _ends(hand.damping), _ends(hand.stiffness)))
         lags = (0.0,) if self.current_lag is None else _ends(self.current_lag)
         masses, dampings = dict.fromkeys(self.box.mass), dict.fromkeys(self.box.damping)
-        for mass, damping, way, lag, grip in product(
-            masses, dampings, dict.fromkeys(ways), lags, grips
+        slopes = dict.fromkeys(self.box.position_stiffness)
+        for mass, damping, slope, way, lag, grip in product(
+            masses, dampings, slopes, dict.fromkeys(ways), lags, grips
         ):
             yield Spot(
                 mass=mass,
                 damping=damping,
                 sample_time=step,
                 delay=delay,
+                position_stiffness=slope,
                 modes=way,
                 current_lag=lag,
                 hand=grip,

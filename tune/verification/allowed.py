@@ -2,9 +2,9 @@
 
 In free motion a delay d under a spring K looks like damping: what decays is m·q̈ + (b - K·d)·q̇ +
 K·q, so one log at one gain tells b - K·d and never d alone. What it tells is the set of all
-(m, b, d), m and b within the device's box, whose slow mode is the measured one. The range of d in
-it is the interval of the delay; and as each d comes with its own m and b, the set says more of
-other gains than that interval beside the box.
+(m, b, k, d), m, b and the device's own stiffness k within its box, whose slow mode is the measured
+one. The range of d in it is the interval of the delay; and as each d comes with its own m, b and k,
+the set says more of other gains than that interval beside the box.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ Range = tuple[float, float]
 
 #: Samples of delay looked through beyond the stated one, and the step of the search.
 _MOST_SAMPLES = 16.0
-#: Masses and dampings that stand for the box, ...
-_MASSES, _DAMPINGS = 21, 17
+#: Masses, dampings and own stiffnesses that stand for the box, ...
+_MASSES, _DAMPINGS, _STIFFNESSES = 21, 17, 5
 #: ... and those, with every whole delay, at which the mode is computed: it is smooth between.
 _KNOTS = 5
 
@@ -46,11 +46,12 @@ class ModeSeen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AllowedLoops:
-    """Masses, dampings and delays whose loop has a given slow mode, each of shape (n,).
+    """Devices and delays whose loop has a given slow mode, each of shape (n,).
 
     Attributes:
         mass: kg.
         damping: N·s/m.
+        position_stiffness: slope of the device's own force by position, N/m.
         delay_samples: from command to measurement.
         most: the longest delay that was looked at, samples.
         step: between the delays that were looked at, samples.
@@ -59,6 +60,7 @@ class AllowedLoops:
 
     mass: FloatArray
     damping: FloatArray
+    position_stiffness: FloatArray
     delay_samples: FloatArray
     most: float
     step: float
@@ -108,9 +110,15 @@ def allowed_loops(
     delays = np.unique([*np.arange(0.0, most + step / 2, step), *stated, device.delay.value / T])
     masses = _places(np.log(box.mass), _MASSES)
     dampings = _places(box.damping, _DAMPINGS)
-    grid = np.meshgrid(delays, masses, dampings, indexing="ij")
+    slopes = _places(box.position_stiffness, _STIFFNESSES)
+    grid = np.meshgrid(delays, masses, dampings, slopes, indexing="ij")
     inside = np.ones(grid[0].shape, dtype=np.bool_)
-    knots = np.arange(most + 1), _places(np.log(box.mass), _KNOTS), _places(box.damping, _KNOTS)
+    knots = (
+        np.arange(most + 1),
+        _places(np.log(box.mass), _KNOTS),
+        _places(box.damping, _KNOTS),
+        slopes,
+    )
     for values, wanted in zip(
         _mode(device, filters, effects, knots), (seen.frequency, seen.decay), strict=True
     ):
@@ -121,6 +129,7 @@ def allowed_loops(
     return AllowedLoops(
         mass=np.exp(grid[1][inside]),
         damping=grid[2][inside],
+        position_stiffness=grid[3][inside],
         delay_samples=grid[0][inside],
         most=most,
         step=step,
@@ -131,16 +140,17 @@ def allowed_loops(
 def _mode(
     device: Device, filters: Filters, effects: Effects, knots: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """(frequency, Hz; decay, 1/s) at delays, logarithms of mass and dampings; of their shape."""
-    delays, masses, dampings = knots
+    """(frequency, Hz; decay, 1/s) at delays, logarithms of mass, dampings and own stiffnesses."""
+    delays, *rigid = knots
     T, used = device.sample_time.value, used_filters(filters, effects)
-    mass, damping = (part.ravel() for part in np.meshgrid(np.exp(masses), dampings, indexing="ij"))
+    masses, damping, slope = (part.ravel() for part in np.meshgrid(*rigid, indexing="ij"))
+    mass = np.exp(masses)
     poles = np.stack(
         [
-            slow_poles(loops_over(device, mass, damping, delay, used), effects, T)
+            slow_poles(loops_over(device, mass, damping, slope, delay, used), effects, T)
             for delay in delays.tolist()
         ]
-    ).reshape(delays.size, masses.size, dampings.size)
+    ).reshape(tuple(each.size for each in knots))
     return damped_hertz(poles), -poles.real
 
 
@@ -164,9 +174,9 @@ def _places(ends: Range | FloatArray, count: int) -> FloatArray:
 
 
 def _reach(values: FloatArray) -> FloatArray:
-    """How far values change halfway to the next mass and damping, so that none slips between."""
+    """How far values change halfway to the next place in the box, so that none slips between."""
     reach = np.zeros_like(values)
-    for axis in (1, 2):
+    for axis in (1, 2, 3):
         if values.shape[axis] > 1:
             reach += np.abs(np.gradient(values, axis=axis)) / 2
     return reach

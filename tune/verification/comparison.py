@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
+from tune.certificate.refusal import refuse_unbalanced
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
@@ -141,7 +142,9 @@ def verify(
     Raises:
         UsageError: an element that is not in the profile, a log of another axis.
         LogRefusedError: rows lost, an uneven clock, another sample time.
+        CheckFailedError: a device that no effect can be certified on.
     """
+    refuse_unbalanced(profile.device)
     _check_request(profile, trajectory, gain, release)
     check_clock(profile, trajectory)
     unit = _UNITS[profile.device.motion]

@@ -25,16 +25,18 @@ def loops_over(
     device: Device,
     mass: FloatArray,
     damping: FloatArray,
+    position_stiffness: FloatArray,
     delay_samples: float,
     filters: Filters,
     hand: HandNumbers | None = None,
 ) -> Loop:
-    """Loops of a device whose mass and damping vary; its modes and current lag at their best.
+    """Loops of a device whose rigid numbers vary; its modes and current lag at their best.
 
     Args:
         device: sample time, modes and current lag are read.
         mass: kg, shape (n,).
         damping: N·s/m, shape (n,).
+        position_stiffness: slope of its own force by position, N/m, shape (n,).
         delay_samples: from command to measurement, one number.
         filters: of velocity and acceleration.
         hand: at the handle; None is the device alone.
@@ -51,6 +53,7 @@ def loops_over(
         modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
         hand=hand,
         current_lag=0.0 if device.current_lag is None else device.current_lag.value,
+        position_stiffness=position_stiffness,
     )
 
 

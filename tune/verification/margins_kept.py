@@ -41,8 +41,8 @@ def margin_kept(
 
     Every gain in (0, g] must be stable, and every gain in (0, 1] with the extra delay of the
     margin, half of it and all of it; without a hand and with every corner of the hand's box. Of
-    each mass the least and the largest damping that is allowed are judged, at whole samples of
-    delay and at the shortest and the longest delay.
+    each mass and own stiffness the least and the largest damping that is allowed are judged, at
+    whole samples of delay and at the shortest and the longest delay.
 
     Args:
         profile: with the margin to keep.
@@ -56,7 +56,7 @@ def margin_kept(
     delays = np.unique(allowed.delay_samples)
     ends = np.isin(delays, (delays.min(initial=np.inf), delays.max(initial=0.0)))
     for delay in delays[ends | (delays % 1 == 0)].tolist():
-        masses, dampings = _extremes(allowed, delay)
+        masses, dampings, slopes = _extremes(allowed, delay)
         for each in used:
             for hand in hands_of(profile.hand):
                 for further, gain in tasks:
@@ -64,6 +64,7 @@ def margin_kept(
                         profile.device,
                         masses,
                         dampings,
+                        slopes,
                         delay + further,
                         each,
                         hand,
@@ -73,12 +74,12 @@ def margin_kept(
     return Kept(moment=moment, lost_at=None)
 
 
-def _extremes(allowed: AllowedLoops, delay: float) -> tuple[FloatArray, FloatArray]:
-    """(mass, damping) of the least and the largest damping of each mass at one delay."""
+def _extremes(allowed: AllowedLoops, delay: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(mass, damping, own stiffness), of each first and last the ends of damping, at one delay."""
     here = allowed.delay_samples == delay
-    mass, damping = allowed.mass[here], allowed.damping[here]
-    order = np.lexsort((damping, mass))
-    mass, damping = mass[order], damping[order]
-    new = np.diff(mass) > 0
+    parts = allowed.mass[here], allowed.damping[here], allowed.position_stiffness[here]
+    order = np.lexsort((parts[1], parts[2], parts[0]))
+    mass, damping, slope = (part[order] for part in parts)
+    new = (np.diff(mass) > 0) | (np.diff(slope) > 0)
     ends = np.concatenate([[True], new]) | np.concatenate([new, [True]])
-    return mass[ends], damping[ends]
+    return mass[ends], damping[ends], slope[ends]

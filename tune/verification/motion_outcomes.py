@@ -9,7 +9,7 @@ from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
 from tune.verification.free_motion import FreeMotion
 from tune.verification.outcome import Outcome, not_assessed
-from tune.verification.prediction import Prediction, slowest
+from tune.verification.prediction import Prediction, binding_stiffness, slowest
 from tune.verification.release import Release
 
 #: What the fit of one mode is off by, measured on simulated devices of known poles: frequency by
@@ -80,7 +80,7 @@ def _swing_back(
     Coulomb friction takes from every half-cycle, and holds whatever ends within its reach.
     """
     left = float(np.exp(-np.pi * prediction.decay[1] / (2 * np.pi * prediction.frequency[0])))
-    held = device.coulomb_friction.high / float(np.asarray(effects.stiffness))
+    held = device.coulomb_friction.high / binding_stiffness(device, effects)
     overshoot = (abs(release.deviation) - 2 * held) * left - held
     return (overshoot - held) * (1 + left)
 

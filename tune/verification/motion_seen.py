@@ -21,16 +21,13 @@ from tune.verification.motion_outcomes import (
     judged_decay,
 )
 from tune.verification.outcome import Outcome, not_assessed
-from tune.verification.prediction import Prediction, predict
+from tune.verification.prediction import Prediction, binding_stiffness, predict
 from tune.verification.release import Release, find_release
 
 FloatArray = NDArray[np.float64]
 
 #: Motion of which one mode leaves more than this part is no free motion of this loop.
 _MISFIT = 0.05
-#: Stiffness of the mechanism itself above this part of the virtual one moves the frequency by more
-#: than is allowed.
-_OWN_STIFFNESS = 0.01
 #: Speed below this part of the largest is rest, for motion without a spring.
 _SLOW = 0.03
 #: Rows that free motion without a spring must last.
@@ -98,7 +95,7 @@ def judge_motion(
     release = find_release(position, first)
     if release is not None and release.grows:
         return _growing(release, prediction)
-    hindered = obstacle(device, effects, prediction)
+    hindered = obstacle(prediction)
     if hindered is not None:
         return _unseen(hindered, "", prediction)
     if release is not None and not np.all(used[release.first : release.end]):
@@ -106,10 +103,10 @@ def judge_motion(
         release = find_release(position, first + last + 1)
     if release is None:
         return _unseen(_STILL, LOUDER, prediction)
-    if effects.position_free:
+    stiffness = binding_stiffness(device, effects)
+    if not stiffness:
         return _unsprung(position, sample_time, release, prediction)
-    nominal, stiffness = prediction.nominal, float(np.asarray(effects.stiffness))
-    known = device.coulomb_friction
+    nominal, known = prediction.nominal, device.coulomb_friction
     measured = measure_sprung(
         position,
         sample_time,
@@ -133,17 +130,8 @@ def judge_motion(
     )
 
 
-def obstacle(device: Device, effects: Effects, prediction: Prediction) -> str | None:
+def obstacle(prediction: Prediction) -> str | None:
     """Why the loop predicts no single mode to compare with."""
-    own = 0.0 if device.position_stiffness is None else abs(device.position_stiffness.value)
-    if device.gravity is not None:
-        own += abs(device.gravity.sine.value) + abs(device.gravity.cosine.value)
-    virtual = 0.0 if effects.stiffness is None else float(np.asarray(effects.stiffness))
-    if own > _OWN_STIFFNESS * virtual:
-        return (
-            f"the device has a force by position of its own, up to {own:.3g} per metre or radian "
-            "of deviation, which the loop of the profile leaves out"
-        )
     if prediction.decay[0] <= 0:
         return (
             f"at this gain the loop is predicted to decay by {prediction.decay[0]:.3g} to "

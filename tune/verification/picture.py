@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tune.documents.profile import Design
 from tune.verification.comparison import Verification
 from tune.verification.elements import spoken
+from tune.verification.prediction import binding_stiffness
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +71,8 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
     since = trajectory.time[free] - trajectory.time[motion.release.first]
     rest = trajectory.position[motion.release.first] - motion.release.deviation
     friction = profile.device.coulomb_friction
-    stiffness, start = float(np.asarray(played.stiffness)), abs(motion.release.deviation)
+    stiffness = binding_stiffness(profile.device, played)
+    start = abs(motion.release.deviation)
     wide, narrow = (
         _envelope(start, decay, each / stiffness, frequency, since)
         for decay, each, frequency in zip(

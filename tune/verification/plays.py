@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import Device, quantity
+from tune.certificate.refusal import refuse_unbalanced
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
@@ -21,7 +22,7 @@ from tune.verification.elements import effects_of, moments_of, scaled, spoken
 from tune.verification.margins_kept import margin_kept
 from tune.verification.motion_outcomes import DECAY_TOLERANCE, frequency_tolerance
 from tune.verification.motion_seen import obstacle
-from tune.verification.prediction import Prediction, predict
+from tune.verification.prediction import Prediction, binding_stiffness, predict
 
 #: Gains that are tried, the least first.
 GAINS = (0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
@@ -110,7 +111,11 @@ def advise(
         profile: that is to be verified.
         targets: moments; None is every one that plays anything.
         say: is told the moment that is looked at.
+
+    Raises:
+        CheckFailedError: a device that no effect can be certified on.
     """
+    refuse_unbalanced(profile.device)
     targets = moments_of(profile, None) if targets is None else targets
     singles = tuple(moment for moment in moments_of(profile, None) if len(moment) == 1)
     found: list[Advice] = []
@@ -161,14 +166,15 @@ def _planned(profile: Design, moment: tuple[str, ...], gain: float) -> tuple[Pla
     """(a play that shows frequency or decay, why there is none)."""
     effects = scaled(effects_of(profile, moment), gain)
     prediction = predict(profile.device, profile.loop, effects)
-    hindered = obstacle(profile.device, effects, prediction)
+    hindered = obstacle(prediction)
     if hindered is not None:
         return None, hindered
     motions = [profile.elements[name].motion for name in moment]
     settled = _SETTLED / prediction.decay[0]
     displacement: float | None = None
     speed: float | None = None
-    if effects.position_free:
+    stiffness = binding_stiffness(profile.device, effects)
+    if not stiffness:
         speed = max(motion.speed for motion in motions)
     else:
         deep = max(motion.penetration for motion in motions)
@@ -176,7 +182,7 @@ def _planned(profile: Design, moment: tuple[str, ...], gain: float) -> tuple[Pla
         if displacement is None:
             return None, "it comes to rest within a swing or two"
         if prediction.frequency[0] > 0:
-            held = profile.device.coulomb_friction.low / float(np.asarray(effects.stiffness))
+            held = profile.device.coulomb_friction.low / stiffness
             left = float(np.exp(-prediction.decay[0] / (2 * prediction.frequency[0])))
             swings = len(_swings(displacement, left, held, _MOST_SWINGS))
             settled = min(settled, 0.5 * (swings + 1) / prediction.frequency[0])
@@ -193,9 +199,11 @@ def _displacement(
     device: Device, effects: Effects, prediction: Prediction, deep: float
 ) -> float | None:
     """The least displacement with turning points enough, or with none to expect, m."""
-    stiffness = float(np.asarray(effects.stiffness))
-    most = np.inf if device.force_limit is None else device.force_limit.continuous / stiffness
-    held = device.coulomb_friction.high / stiffness
+    virtual = 0.0 if effects.stiffness is None else float(np.asarray(effects.stiffness))
+    most = np.inf
+    if device.force_limit is not None and virtual:
+        most = device.force_limit.continuous / virtual
+    held = device.coulomb_friction.high / binding_stiffness(device, effects)
     low, high = prediction.frequency
     for start in (part * deep for part in _DEEPER):
         if start > most:

@@ -79,13 +79,23 @@ def predict(device: Device, loop: LoopProfile, effects: Effects) -> Prediction:
                     "damping": quantity(damping),
                     "sample_time": quantity(step),
                     "delay": quantity(delay),
+                    "position_stiffness": quantity(slope),
                 }
             ),
             loop,
             effects,
         )
-        for mass, damping, step, delay in product(
-            *(sorted(set(side)) for side in (box.mass, box.damping, box.sample_time, box.delay))
+        for mass, damping, step, delay, slope in product(
+            *(
+                sorted(set(side))
+                for side in (
+                    box.mass,
+                    box.damping,
+                    box.sample_time,
+                    box.delay,
+                    box.position_stiffness,
+                )
+            )
         )
     ]
     every = [nominal, *corners]
@@ -97,13 +107,19 @@ def predict(device: Device, loop: LoopProfile, effects: Effects) -> Prediction:
     )
 
 
+def binding_stiffness(device: Device, effects: Effects) -> float:
+    """K and the slope of the device's own force together, N/m; 0 where the position is free."""
+    own = device.slope_at_zero
+    return own if effects.stiffness is None else own + float(np.asarray(effects.stiffness))
+
+
 def slowest(
     device: Device, loop: LoopProfile, effects: Effects, *, extra_delay_samples: int = 0
 ) -> Slowest:
     """The slowest mode of the loop at the best estimate of a device."""
     built = Loop.from_parts(device, filters_of(loop), extra_delay_samples=extra_delay_samples)
     closed, _ = built.polynomial(effects)
-    stiffness, _, _ = built.dimensionless_effects(effects)
+    free = built.has_free_pole(effects)
     w = np.asarray(np.roots(closed[built.lowest_power(effects) :][::-1]))
     w = w[np.abs(1 + w) > _GONE].astype(np.complex128)
     poles = 2 / device.sample_time.value * np.arctanh(w)
@@ -111,15 +127,15 @@ def slowest(
     w, poles = w[order], poles[order]
     first = poles[0]
     oscillates = abs(first.imag) > _REAL * abs(first)
-    if stiffness is None:
+    if free:
         # Without a spring one real pole is the decay of speed; anything else is no single mode.
         weights = np.ones(poles.size)
     else:
-        spring = np.polynomial.polynomial.polyval(w, built.terms.alpha * stiffness)
+        spring = np.polynomial.polynomial.polyval(w, built.terms.alpha)
         slope = np.polynomial.polynomial.polyval(w, np.polynomial.polynomial.polyder(closed))
-        # Residues of the response to a jump of the place where the spring is relaxed.
+        # Residues, but for one factor, of the response to letting go of what springs hold.
         weights = np.abs(spring / (slope * w * (1 - w)))
-    pair = len(poles) > 1 and not effects.position_free and poles[1].imag == 0
+    pair = len(poles) > 1 and not free and poles[1].imag == 0
     own = 2 if oscillates or pair else 1
     other_decays = -poles.real[own:]
     alike = other_decays < _MUCH_FASTER * -first.real

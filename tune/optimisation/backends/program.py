@@ -39,8 +39,9 @@ class Structure:
     Attributes:
         signs: of the unknowns.
         moments: members by effect of each moment.
-        shapes: (degree, scenarios, position held by the hand) of the loops.
+        shapes: (degree, scenarios, position bound by device or hand) of the loops.
         laws: degree of the control law, for the ripple; 0 without an encoder.
+        bound: the device's own force by position binds it, hand off.
         forces: (sustained limited, peak limited).
     """
 
@@ -48,6 +49,7 @@ class Structure:
     moments: tuple[tuple[tuple[int, ...], ...], ...]
     shapes: tuple[tuple[int, int, bool], ...]
     laws: int
+    bound: bool
     forces: tuple[bool, bool]
 
 
@@ -106,6 +108,7 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
         moments=tuple(moment.members for moment in problem.moments),
         shapes=tuple((loop.degree, len(chosen), loop.held) for loop, chosen in shown),
         laws=problem.loops.nominal.degree if ripple else 0,
+        bound=problem.loops.nominal.held,
         forces=(limits.continuous_force is not None, limits.peak_force is not None),
     )
     numbers: list[FloatArray] = [
@@ -202,7 +205,7 @@ def _compiled(structure: Structure) -> Functions:
         table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
         for total in totals:
             numerator = product(list(law[0]), _polynomial(law, total, free=False, drop=False))
-            free = total[0] is None
+            free = total[0] is None and not structure.bound
             energy = ripple_energy(
                 numerator, _polynomial(table, total, drop=False), position_free=free
             )

@@ -32,7 +32,7 @@ class Reach:
     Attributes:
         tables: of each loop with corners, (fixed, varied and their sizes), of shapes
             (degree+1, corners) and (3, degree+1, corners) in K, B and M.
-        held: whether a hand holds the position, by loop.
+        held: whether device or hand bind the position, by loop.
         shares: what each unknown adds to K, B and M of the moments with a spring and of those
             without, (moments, 3, unknowns).
         gain: that must be stable.

@@ -1,0 +1,144 @@
+"""A device that its own force pushes away: nothing on it is certified, whatever the effect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scipy.stats import chi2, norm
+
+from datasets_synthetic import log_text, rig_of
+from identification import Device, load_device, parse_document, to_mapping, to_yaml
+from tests.commands import haptune
+from tests.simulated.families import family_named
+from tune import CheckFailedError, NoFeasibleEffectError, SafeProfile, Scene, optimise
+from tune._audit import audit
+from tune.certificate.certify import certify
+from tune.certificate.check import check_content
+from tune.documents.effects import Effects
+from tune.verification import advise
+
+PUSHED: dict[str, Any] = {"position_stiffness": -500.0}
+#: What pushes a device away from where it is, at least somewhere in its box or on its travel.
+UNBALANCED: dict[str, dict[str, Any]] = {
+    "a spring that pushes away": PUSHED,
+    "a spring of either sign": {"position_stiffness": {"value": 1.0, "low": -2.0, "high": 4.0}},
+    "a spring that may be none": {"position_stiffness": {"value": 1.0, "low": 0.0, "high": 2.0}},
+    "a pendulum that hangs": {"gravity": {"sine": 1.5, "cosine": 0.0}},
+    "a pendulum that stands": {"gravity": {"sine": -1.5, "cosine": 0.0}},
+    "a level arm": {"gravity": {"sine": 0.0, "cosine": 0.4}},
+    "an arm on a spring": {"position_stiffness": 50.0, "gravity": {"sine": 1.0, "cosine": 0.0}},
+}
+WALL = Scene.model_validate({"elements": {"wall": {"stiffness": 300.0}}})
+
+
+def with_force(**force: Any) -> Device:
+    """HomeRehab with a force by position of its own."""
+    return parse_document(Device, to_mapping(load_device("homerehab")) | force, "device.yaml")
+
+
+@pytest.fixture(scope="module")
+def plain() -> SafeProfile:
+    """A wall on HomeRehab as it is."""
+    return optimise(load_device("homerehab"), WALL)
+
+
+@pytest.mark.parametrize("force", UNBALANCED.values(), ids=UNBALANCED)
+def test_nothing_is_tuned_audited_or_certified(force: dict[str, Any], plain: SafeProfile) -> None:
+    device = with_force(**force)
+    (name, *_) = reversed(force)
+    with pytest.raises(NoFeasibleEffectError, match=f"device: {name}"):
+        optimise(device, WALL)
+    found = audit(device, Effects(stiffness=300.0))
+    assert not found.safe
+    assert found.faults[0].limit == "device"
+    assert found.nearest is None
+    assert found.certificate is None
+    forged = plain.model_copy(update={"device": device})
+    for verdict in (certify, advise):
+        with pytest.raises(CheckFailedError, match=f"device: {name}"):
+            verdict(forged)
+
+
+def test_a_force_of_exactly_nothing_is_none(plain: SafeProfile) -> None:
+    device = with_force(position_stiffness=0.0, gravity={"sine": 0.0, "cosine": 0.0})
+    profile = optimise(device, WALL)
+    assert profile.elements == plain.elements
+
+
+def test_the_box_spans_the_slopes_of_the_force_by_position() -> None:
+    """k as wide as its interval over 95 % times the radius of the box; gravity by √(gs² + gc²)."""
+    known = {"mass": 3.0, "damping": 10.0, "sample_time": 0.001}
+    wide = {"position_stiffness": {"value": 100.0, "low": 90.0, "high": 120.0}}
+    low, high = parse_document(Device, known | wide, "x").simultaneous_box().position_stiffness
+    assert (high - 100) / (100 - low) == pytest.approx(2.0)
+    radius = chi2.ppf(0.999, 2) ** 0.5 / norm.ppf(0.975)
+    assert low == pytest.approx(100 - 10 * radius, rel=1e-6)
+    arm = {"gravity": {"sine": -3.0, "cosine": 4.0}, "position_stiffness": 2.0}
+    assert parse_document(Device, known | arm, "x").simultaneous_box().position_stiffness == (
+        pytest.approx((-3.0, 7.0))
+    )
+
+
+def test_the_simulated_device_has_the_force_too() -> None:
+    rig = rig_of(with_force(position_stiffness=-7.0, gravity={"sine": 1.5, "cosine": -0.5}))
+    assert (rig.stiffness[0], rig.gravity_sine[0], rig.gravity_cosine[0]) == (-7.0, 1.5, -0.5)
+
+
+def test_a_spring_of_its_own_is_certified_stated_and_checked() -> None:
+    spring = {"value": 500.0, "low": 480.0, "high": 530.0}
+    profile = optimise(with_force(position_stiffness=spring), WALL)
+    stated = profile.certificate
+    box = profile.device.simultaneous_box().position_stiffness
+    assert stated.position_stiffness == pytest.approx(box, rel=1e-9)
+    assert any("force by position is proportional" in each for each in stated.assumes)
+    assert stated.worst.position_stiffness is not None
+    assert box[0] <= stated.worst.position_stiffness <= box[1]
+    content = to_mapping(profile)
+    assert check_content(content, "profile.yaml").certificate.interior == {"wall": "proved"}
+    for key, value, said in (
+        ("position_stiffness", [400.0, 600.0], "certificate.position_stiffness is not what"),
+        ("worst", content["certificate"]["worst"] | {"position_stiffness": 300.0}, "not a point"),
+    ):
+        other = content | {"certificate": content["certificate"] | {key: value}}
+        with pytest.raises(CheckFailedError, match=said):
+            check_content(other, "profile.yaml")
+
+
+def test_identify_warns_of_what_tune_refuses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The log of an arm that hangs: gravity is found, the device written, the warning given."""
+    monkeypatch.chdir(tmp_path)
+    (log,) = family_named("offset-gravity").logs([0])
+    Path("log.csv").write_text(log_text(log), encoding="utf-8")
+    Path("hardware.yaml").write_text("motion: rotary\n", encoding="utf-8")
+    ended = haptune("identify", "log.csv", "--hardware", "hardware.yaml", "-o", "device.yaml")
+    assert ended.code == 0, ended.err
+    assert "warning: tune will refuse this device: gravity: the slope" in ended.err
+    assert load_device("device.yaml").gravity is not None
+
+
+def test_commands_end_in_5_and_6(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plain: SafeProfile
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    device = with_force(**PUSHED)
+    Path("device.yaml").write_text(to_yaml(to_mapping(device)), encoding="utf-8")
+    Path("scene.yaml").write_text("elements: {wall: {stiffness: 300.0}}\n", encoding="utf-8")
+    forged = plain.model_copy(update={"device": device}).signed()
+    Path("old.yaml").write_text(forged.to_yaml(), encoding="utf-8")
+    for code, command in (
+        (5, ("tune", "device.yaml", "scene.yaml")),
+        (6, ("audit", "device.yaml", "--stiffness", "300")),
+        (6, ("check", "old.yaml")),
+        (6, ("export", "old.yaml", "--to", "json")),
+        (6, ("verify", "old.yaml")),
+    ):
+        ended = haptune(*command)
+        assert ended.code == code, (command, ended.err)
+        assert "device: position_stiffness: -500 to -500 N/m" in ended.err
+        assert "needed: above 0 N/m throughout, or none" in ended.err
+        assert "Counterbalance the axis" in ended.err
+    assert not Path("profile.yaml").exists()

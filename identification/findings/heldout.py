@@ -93,17 +93,24 @@ class _Blocks:
         # How far both fits may be off: each without one of its blocks in turn (jackknife).
         chance = 0.0
         for whole, used in ((rest, ~inside), (own, inside)):
-            left = [self._fit(used & (blocks != block)) - whole for block in blocks[used]]
+            others = 1.0 - np.eye(int(np.count_nonzero(used)))
+            normal = np.tensordot(others, self.normal[used], axes=1)
+            left = _solved(normal, others @ self.right[used]) - whole
             chance += sum(self._square(change, inside) for change in left) * (1 - 1 / len(left))
         return float(np.sqrt(excess)) if excess > _SIGMAS**2 * chance else 0.0
 
     def _fit(self, used: NDArray[np.bool_]) -> FloatArray:
         """Least squares on some blocks, shape (p,)."""
-        normal, right = self.normal[used].sum(axis=0), self.right[used].sum(axis=0)
-        return np.asarray(np.linalg.pinv(normal, hermitian=True) @ right, dtype=np.float64)
+        return _solved(self.normal[used].sum(axis=0), self.right[used].sum(axis=0))
 
     def _square(self, change: FloatArray, shown: NDArray[np.bool_]) -> float:
         """Mean square of what a change of the parameters does to the force of some blocks, N²."""
         return float(change @ self.normal[shown].sum(axis=0) @ change) / float(
             self.counts[shown].sum()
         )
+
+
+def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:
+    """Solutions of normal equations, shape (..., p, p) and (..., p), of least norm."""
+    inverse = np.linalg.pinv(normal, hermitian=True)
+    return np.asarray((inverse @ right[..., None])[..., 0], dtype=np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +40,9 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
     gravity are fitted as well, and a term stays if the square of its value over its deviation
     exceeds the logarithm of the number of rows, its price in Schwarz's criterion (Annals of
     Statistics 6, 1978, p. 461), and if sparse regression on resampled halves of the log asks for
-    it too (structure.py). The deviation is robust, so colour does not buy a term.
+    it too (structure.py). The deviation is robust, so colour does not buy a term. It has to pay in
+    least squares, which cost little and see what the sparse regression sees, before it is put
+    into the model of a dearer method.
     """
     model, trajectory = workshop.model, workshop.trajectory
     plausible = workshop.fit("least-squares").value("mass") > 0
@@ -50,12 +53,16 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
         gravity = "pendulum"
     largest = replace(model, directional=model.coulomb and model.offset, gravity=gravity)
     wide = workshop.widened(largest)
-    estimate, _ = robust(wide, largest)
-    paying = {
-        names: _pays(estimate, names)
+    groups = [
+        names
         for names in (("damping_asymmetry",), largest.of_gravity)
-        if set(names) <= set(largest.parameters)
-    }
+        if set(names) <= set(largest.parameters) and _pays(wide.fit("least-squares"), names)
+    ]
+    if not groups:
+        return workshop, None
+    wide = wide.narrowed(_with(model, [name for names in groups for name in names], gravity))
+    estimate, _ = robust(wide, wide.model)
+    paying = {names: _pays(estimate, names) for names in groups}
     # A controller looks like a spring against the motion: only a weight may turn the sign of mass.
     weight = gravity == "pendulum" or estimate.value("position_stiffness") > 0
     if not any(paying.values()) or not (plausible or (estimate.value("mass") > 0 and weight)):
@@ -67,12 +74,18 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
         for name in names
         if pays and (sceptic is None or set(names) & set(sceptic.asked))
     ]
-    found = replace(
-        model,
-        directional="damping_asymmetry" in asked,
-        gravity=gravity if set(largest.of_gravity) <= set(asked) else "none",
-    )
+    found = _with(model, asked, gravity)
     return workshop if found == model else wide.narrowed(found), sceptic
+
+
+def _with(model: Model, names: Collection[str], gravity: Gravity) -> Model:
+    """The model with those further terms."""
+    of_gravity = replace(model, gravity=gravity).of_gravity
+    return replace(
+        model,
+        directional="damping_asymmetry" in names,
+        gravity=gravity if set(of_gravity) <= set(names) else "none",
+    )
 
 
 def _sceptic(workshop: Workshop) -> Structure | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-#: Blocks hold this many rows, or kernels; both far more than a kernel needs, and quick to transform.
+#: Blocks hold this many rows, or this many kernels, whichever is longer.
 _SHORTEST_BLOCK = 1 << 14
 _KERNELS = 8
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from identification.estimators.least_squares import CUT_OFF_RANGE
 from identification.estimators.model import Estimate, Model
 from identification.estimators.noise import encoder_count
 from identification.estimators.shaping import is_coloured
+from identification.findings.balance import balance_of
+from identification.findings.inertia import inertia_of
 from identification.fitting.hausman import contradiction, region
 from identification.fitting.workshop import Workshop
 
@@ -18,6 +23,9 @@ ENCODER_RESIDUAL = 0.295
 NEARLY_WHITE = 0.025
 #: ... or this over the root of half its rows, which white noise exceeds once in a hundred times.
 WHITE_BY_CHANCE = 1.63
+#: Methods whose answers are heard where another is believed; output error and the weak form are
+#: astray where they are not believed.
+CONSULTED = ("innovations", "instruments")
 #: Instruments whose joint region is this many times that of least squares have nothing to say
 #: against an estimate that least squares would.
 _POWERLESS = 2.0
@@ -114,7 +122,13 @@ def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
     judge, at_hand = leaning_least[0], min(leaning_least, key=region)
     predicted = workshop.refit("innovations", model)
     apart = contradiction(predicted, judge)
-    if predicted.value("mass") > 0 and not apart and region(predicted) <= region(at_hand):
+    sharper = predicted.value("mass") > 0 and region(predicted) <= region(at_hand)
+    verdict = _verdict(workshop, predicted, at_hand) if sharper else ""
+    if verdict:
+        return (predicted if verdict == "innovations" else at_hand), (
+            f"{verdict}, because the mass that rows at equal velocity tell contradicts the other"
+        )
+    if sharper and not apart:
         return predicted, (
             "innovations, because forces act that the log does not know: position noise does not "
             f"explain what output error leaves, and {_named(judge)} do not contradict"
@@ -128,6 +142,29 @@ def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
     if workshop.has_reference and len(leaning_least) == 1 and judge.method == "instruments":
         why += "; least squares, which noise in the force biases, contradict instruments"
     return at_hand, f"{_named(at_hand)}, because {why}"
+
+
+def _verdict(workshop: Workshop, predicted: Estimate, at_hand: Estimate) -> str:
+    """Name of the one of two estimates that force at equal velocity leaves; "" if both or none."""
+    judge = inertia_of(balance_of(workshop.trajectory, predicted))
+    if judge is None or judge.contradicts(predicted) == judge.contradicts(at_hand):
+        return ""
+    return _named(at_hand) if judge.contradicts(predicted) else _named(predicted)
+
+
+def over_cut_offs(workshop: Workshop, estimate: Estimate) -> Estimate:
+    """Instruments with what half and twice the cut-off move, as least squares have it already."""
+    if estimate.method != "instruments" or estimate.leaning is not None:
+        return estimate
+    table = workshop.table
+    frequency = table.cut_off.frequency
+    low, high = (
+        workshop.of_table(table.at_cut_off(factor * frequency), "instruments").values
+        for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
+    )
+    leaning = (high - low) / 2
+    covariance = estimate.covariance + np.outer(leaning, leaning)
+    return replace(estimate, covariance=covariance, leaning=leaning)
 
 
 def _robust_ones(workshop: Workshop, model: Model) -> tuple[Estimate, ...]:

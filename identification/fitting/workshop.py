@@ -113,12 +113,13 @@ class Workshop:
     def refit(self, method: str, model: Model) -> Estimate:
         """The same, with other terms."""
         if model != self.model:
-            return self._fit(self.table.with_model(model), method)
+            return self.of_table(self.table.with_model(model), method)
         if method not in self.made:
-            self.made[method] = self._fit(self.table, method)
+            self.made[method] = self.of_table(self.table, method)
         return self.made[method]
 
-    def _fit(self, table: Regression, method: str) -> Estimate:
+    def of_table(self, table: Regression, method: str) -> Estimate:
+        """The estimate of one method from this log with other terms or another filter."""
         # Only the estimators that a log needs are loaded.
         module = import_module(f"identification.estimators.{method.replace('-', '_')}")
         fit = cast("_Fit", module.fit)

@@ -29,6 +29,8 @@ CONSULTED = ("innovations", "instruments")
 #: Instruments whose joint region is this many times that of least squares have nothing to say
 #: against an estimate that least squares would.
 _POWERLESS = 2.0
+#: Areas of two regions, each of jackknifed variances, are told apart below this ratio.
+_SHARPER = 0.75
 
 
 def noise_explains(workshop: Workshop) -> str | None:
@@ -119,7 +121,7 @@ def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
     and damping is no larger and Hausman's test finds no contradiction.
     """
     leaning_least = _robust_ones(workshop, model)
-    judge, at_hand = leaning_least[0], min(leaning_least, key=region)
+    judge, at_hand = leaning_least[0], _at_hand(leaning_least)
     predicted = workshop.refit("innovations", model)
     apart = contradiction(predicted, judge)
     sharper = predicted.value("mass") > 0 and region(predicted) <= region(at_hand)
@@ -142,6 +144,13 @@ def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
     if workshop.has_reference and len(leaning_least) == 1 and judge.method == "instruments":
         why += "; least squares, which noise in the force biases, contradict instruments"
     return at_hand, f"{_named(at_hand)}, because {why}"
+
+
+def _at_hand(leaning_least: tuple[Estimate, ...]) -> Estimate:
+    """Least squares where they are not contradicted, or instruments where those are sharper."""
+    usual = max(leaning_least, key=lambda each: each.method == "least-squares")
+    sharpest = min(leaning_least, key=region)
+    return sharpest if region(sharpest) < _SHARPER * region(usual) else usual
 
 
 def _verdict(workshop: Workshop, predicted: Estimate, at_hand: Estimate) -> str:

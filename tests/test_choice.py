@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from identification import Hardware, Trajectory, quantity
 from identification.estimators.model import Estimate
 from identification.findings.balance import balance_of
+from identification.findings.heldout import stability
 from identification.findings.inertia import inertia, inertia_of
 from identification.findings.lateness import contradicting_delays
-from identification.findings.stability import stability
 from identification.fitting.choice import choose
 from identification.fitting.hausman import CONTRADICTED, contradiction, region, statistic
 from identification.fitting.one_log import fit_log

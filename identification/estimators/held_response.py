@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.held import Held
-from identification.estimators.recursion import recursive
+from identification.estimators.linear_filters import recursive
 
 FloatArray = NDArray[np.float64]
 

@@ -16,14 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.answer import answer
-from identification.estimators.convolution import causal
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS, Regression
 from identification.estimators.linear import solve as solved
+from identification.estimators.linear_filters import causal, recursive
 from identification.estimators.model import Estimate
-from identification.estimators.recursion import recursive
 from identification.estimators.separable import Solution, physical, solve
 from identification.estimators.shaping import is_coloured, whitener
 

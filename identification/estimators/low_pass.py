@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.convolution import overlap_save
+from identification.estimators.linear_filters import overlap_save
 
 FloatArray = NDArray[np.float64]
 

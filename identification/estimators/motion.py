@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.convolution import overlap_save
 from identification.estimators.held import Held
+from identification.estimators.linear_filters import overlap_save
 from identification.estimators.low_pass import REACH, gaussian
 from identification.estimators.running import running_maximum, running_range
 

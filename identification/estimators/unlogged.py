@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.held_response import Push
 from identification.estimators.linear import unit_columns
-from identification.estimators.recursion import recursive
+from identification.estimators.linear_filters import recursive
 
 FloatArray = NDArray[np.float64]
 

@@ -12,14 +12,13 @@ from identification.findings.balance import balance_of
 from identification.findings.causality import causality
 from identification.findings.excitation import excitation
 from identification.findings.hand import hand
-from identification.findings.heldout import heldout
+from identification.findings.heldout import heldout, stability
 from identification.findings.inertia import inertia
 from identification.findings.lateness import contradicting_delays, lateness
 from identification.findings.place import place
 from identification.findings.resolution import resolution
 from identification.findings.sampling import sampling
 from identification.findings.saturation import saturation
-from identification.findings.stability import stability
 from identification.findings.standing import standing
 from identification.findings.units import mass_unit, units
 from identification.findings.wrapping import wrapping

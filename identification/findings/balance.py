@@ -134,6 +134,9 @@ def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> Balanc
         rows = _rows(trajectory, float(width), delay, noise, _FEW_ROWS, bend_only=True)
         shares[index] = rows.noise_share
         powers[index] = float(np.mean(rows.acceleration**2)) * (1 - rows.noise_share)
+        begun = int(np.argmax(shares <= _NOISE_SHARE))
+        if shares[index] <= _NOISE_SHARE and powers[index] < (1 - _LOST) * powers[begun]:
+            break  # wider windows lose more
     quiet = np.flatnonzero(shares <= _NOISE_SHARE)
     first = int(quiet[0]) if quiet.size else int(np.argmin(shares))
     kept = np.flatnonzero(powers[first:] >= (1 - _LOST) * powers[first])

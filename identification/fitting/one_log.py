@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +16,10 @@ from identification.fitting.choice import CONSULTED, choose, over_cut_offs
 from identification.fitting.excited_part import most_excited
 from identification.fitting.selection import distinguishable, widened, without_noise
 from identification.fitting.workshop import Workshop
-from identification.structure.stability_selection import Structure
 from identification.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from identification.structure.stability_selection import Structure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

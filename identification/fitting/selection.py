@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from identification.estimators.intervals import half_width
 from identification.estimators.model import Estimate, Gravity, Model
 from identification.fitting.choice import noise_explains, robust
 from identification.fitting.workshop import Workshop
-from identification.structure.stability_selection import Structure
 from identification.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from identification.structure.stability_selection import Structure
 
 #: Coulomb friction can be told from an offset if at least this part of the motion goes either way.
 LEAST_RETURN = 0.01

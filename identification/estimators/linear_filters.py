@@ -1,6 +1,6 @@
-"""Weighted means of neighbouring rows: convolution by blocks of Fourier transforms.
+"""Linear filters: convolution by blocks of Fourier transforms, and difference equations.
 
-The same as ``scipy.signal.oaconvolve``, whose package takes longer to load than a log to identify.
+What ``scipy.signal`` offers as well, whose package takes longer to load than a log to identify.
 """
 
 from __future__ import annotations
@@ -42,6 +42,26 @@ def causal(columns: FloatArray, kernel: FloatArray) -> FloatArray:
     """Rows weighted with those before them, zero before the first, shape (..., n) to (..., n)."""
     before = np.zeros((*columns.shape[:-1], kernel.size - 1))
     return overlap_save(np.concatenate((before, columns), axis=-1), kernel)
+
+
+def recursive(rows: FloatArray, *past: FloatArray | float) -> FloatArray:
+    """y with y[k] + past[0]·y[k - 1] + past[1]·y[k - 2] + … = rows[k], nothing before the first.
+
+    A triangular system with a few diagonals, solved as such: it knows no growth that would have to
+    be divided out.
+
+    Args:
+        rows: shape (n,) or (columns, n).
+        past: one weight for each row back: a number, or its value at each row, shape (n,).
+    """
+    from scipy.linalg.lapack import dtbtrs
+
+    count = rows.shape[-1]
+    band = np.ones((len(past) + 1, count), order="F")
+    for back, weight in enumerate(past, start=1):
+        # The diagonal below the main one begins with the row that is the first to look back so far.
+        band[back, : count - back] = weight[back:] if isinstance(weight, np.ndarray) else weight
+    return dtbtrs(band, np.atleast_2d(rows).T, uplo="L", diag="U")[0].T.reshape(rows.shape)
 
 
 def _quick(least: int) -> int:

@@ -23,6 +23,8 @@ CONTRADICTED = 11.83
 #: Each variance is known to some 18 % (sixty blocks left out in turn), so their difference is not
 #: told from zero below this part of the larger one.
 _RESOLVED = 0.25
+#: Deviations beyond which it does not matter how many they are.
+_FAR = 1e6
 
 
 def region(estimate: Estimate) -> float:
@@ -46,10 +48,10 @@ def statistic(efficient: Estimate, robust: Estimate) -> float:
     shares, turned = np.linalg.eigh(axes.T @ (efficient.covariance[:2, :2] / scale) @ axes)
     shares = np.maximum(shares, 0.0)
     moved = (axes @ turned).T @ apart
-    variance = np.where(
-        shares < 1, np.maximum(1 - shares, _RESOLVED), np.square(1 + np.sqrt(shares))
+    deviation = np.where(
+        shares < 1, np.sqrt(np.maximum(1 - shares, _RESOLVED)), 1 + np.sqrt(shares)
     )
-    return float(np.sum(moved**2 / variance))
+    return float(np.sum(np.minimum(np.abs(moved) / deviation, _FAR) ** 2))
 
 
 def contradiction(efficient: Estimate, robust: Estimate) -> str:

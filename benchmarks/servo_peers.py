@@ -46,7 +46,8 @@ def one_filter(trajectory: Trajectory, delay: float, cut_off: float) -> FloatArr
     filtered = sosfiltfilt(butter(2, cut_off, fs=1 / step, output="sos"), np.stack(columns))
     edge = max(2, round(_UNSETTLED / cut_off / step))
     inner = np.asarray(filtered, dtype=np.float64)[:, edge:-edge]
-    return np.linalg.lstsq(inner[:3].T, inner[3], rcond=None)[0][:2]
+    found = np.linalg.lstsq(inner[:3].T, inner[3], rcond=None)[0]
+    return np.asarray(found[:2], dtype=np.float64)
 
 
 def _held(force: FloatArray, rate: float, step: float) -> FloatArray:
@@ -54,7 +55,8 @@ def _held(force: FloatArray, rate: float, step: float) -> FloatArray:
     decay = float(np.exp(-rate * step))
     gained = -np.expm1(-rate * step) / rate
     moved = (step - gained) / rate
-    return lfilter([0.0, moved, gained * gained - moved * decay], [1.0, -1 - decay, decay], force)
+    above = [0.0, moved, gained * gained - moved * decay]
+    return np.asarray(lfilter(above, [1.0, -1 - decay, decay], force), dtype=np.float64)
 
 
 def _coasting(rate: float, step: float, samples: int) -> FloatArray:
@@ -103,7 +105,8 @@ def srivc(trajectory: Trajectory, delay: float) -> FloatArray:
         found = np.linalg.solve(tests @ columns.T, tests @ bent)
         mass, rate, offset = 1 / found[0], max(float(found[1]), 1e-6), -float(found[4] / found[0])
         left = place - _held(force - offset, rate, step) / mass
-        start = np.linalg.lstsq(_coasting(rate, step, place.size).T, left, rcond=None)[0]
+        coasting = _coasting(rate, step, place.size)
+        start = np.asarray(np.linalg.lstsq(coasting.T, left, rcond=None)[0], dtype=np.float64)
     return np.array([mass, mass * rate])
 
 
@@ -112,7 +115,8 @@ def _derivatives(place: FloatArray, rate: float, step: float) -> tuple[FloatArra
     decay = float(np.exp(-rate * step))
     gained = -np.expm1(-rate * step) / rate
     late = (step - gained) / (rate * step)
-    slow = lfilter([late, gained - late], [1.0, -decay], place - place[0])
+    above = [late, gained - late]
+    slow = np.asarray(lfilter(above, [1.0, -decay], place - place[0]), dtype=np.float64)
     return place - place[0] - rate * slow, slow
 
 

@@ -25,7 +25,7 @@ def path(highest: float, size: float, seed: int) -> Array:
     time = np.arange(SAMPLES) * STEP
     whole = np.round(np.geomspace(0.2, highest, 30) * SAMPLES * STEP) / (SAMPLES * STEP)
     wave = sum(np.sin(2 * np.pi * each * time + generator.uniform(0, 2 * np.pi)) for each in whole)
-    return np.asarray(size * wave / np.std(wave))
+    return np.asarray(size * wave / np.std(wave), dtype=np.float64)
 
 
 def servo_log(
@@ -84,7 +84,7 @@ def servo_log(
             speed = 0.0 if speed * later < 0 and abs(torque) <= holding else later
             place += step * speed
     return Trajectory(
-        time=np.arange(SAMPLES) * STEP,
+        time=np.arange(SAMPLES, dtype=np.float64) * STEP,
         force=force,
         position=position,
         reference=reference if told else None,

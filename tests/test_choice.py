@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -120,9 +121,10 @@ def test_a_wide_answer_does_not_confirm_a_narrow_wrong_one() -> None:
 
 
 @pytest.mark.parametrize("log", [quick_motor, noisy_motor])
-def test_rows_at_equal_velocity_hold_the_inertia_whatever_the_friction(log: object) -> None:
-    assert callable(log)
-    trajectory: Trajectory = log()
+def test_rows_at_equal_velocity_hold_the_inertia_whatever_the_friction(
+    log: Callable[[], Trajectory],
+) -> None:
+    trajectory = log()
     balance = balance_of(trajectory, replace(estimate(INERTIA, 1e-4, 0.1, 0.1), delay=1e-3))
     judge = inertia_of(balance)
     if judge is None:  # too noisy to judge, and it says so

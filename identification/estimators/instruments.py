@@ -224,7 +224,9 @@ def _past(reference: FloatArray, time: FloatArray, at: FloatArray, lags: FloatAr
 
     Of unit norm, shape (lags, times).
     """
-    past = np.stack([np.interp(at - lag, time, reference) for lag in lags])
+    past = np.empty((lags.size, at.size))
+    for row, lag in zip(past, lags, strict=True):
+        row[:] = np.interp(at - lag, time, reference)
     past -= past.mean(axis=1, keepdims=True)
     norms = np.linalg.norm(past, axis=1, keepdims=True)
     past /= np.where(norms > 0, norms, 1.0)

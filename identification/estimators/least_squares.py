@@ -169,7 +169,7 @@ class Regression:
             acting = [self.held_force(delay).times(self.motion.moving) for delay in missing]
             unfiltered = np.stack([of_rows(each.triangle()) for each in acting])
             made = dict(zip(missing, self.low_pass(unfiltered)[:, self.known :], strict=True))
-            found = np.stack([known.get(delay, made.get(delay)) for delay in delays])
+            found = np.stack([(known | made)[delay] for delay in delays])
             if (len(known) + len(made)) * found.shape[1] > _MOST_KEPT:
                 known.clear()
             known.update(made)

@@ -45,8 +45,9 @@ def one_filter(trajectory: Trajectory, delay: float, cut_off: float) -> FloatArr
     columns = (np.gradient(velocity, step), velocity, np.ones_like(velocity), centred)
     filtered = sosfiltfilt(butter(2, cut_off, fs=1 / step, output="sos"), np.stack(columns))
     edge = max(2, round(_UNSETTLED / cut_off / step))
-    inner = np.asarray(filtered, dtype=np.float64)[:, edge:-edge]
-    found = np.linalg.lstsq(inner[:3].T, inner[3], rcond=None)[0]
+    inner: FloatArray = np.array(filtered, dtype=np.float64)[:, edge:-edge]
+    table, right = np.stack(list(inner[:3]), axis=1), inner[3]
+    found = np.linalg.lstsq(table, right, rcond=None)[0]
     return np.asarray(found[:2], dtype=np.float64)
 
 

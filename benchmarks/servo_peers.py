@@ -46,9 +46,10 @@ def one_filter(trajectory: Trajectory, delay: float, cut_off: float) -> FloatArr
     filtered = sosfiltfilt(butter(2, cut_off, fs=1 / step, output="sos"), np.stack(columns))
     edge = max(2, round(_UNSETTLED / cut_off / step))
     inner: FloatArray = np.array(filtered, dtype=np.float64)[:, edge:-edge]
-    table, right = np.stack(list(inner[:3]), axis=1), inner[3]
-    found = np.linalg.lstsq(table, right, rcond=None)[0]
-    return np.asarray(found[:2], dtype=np.float64)
+    table: FloatArray = np.stack(list(inner[:3]), axis=1)
+    right: FloatArray = np.array(inner[3], dtype=np.float64)
+    found: FloatArray = np.asarray(np.linalg.lstsq(table, right, rcond=None)[0], dtype=np.float64)
+    return found[:2]
 
 
 def _held(force: FloatArray, rate: float, step: float) -> FloatArray:

@@ -122,6 +122,13 @@ class Regression:
             known=self.known,
         )
 
+    def knowing(self, delay: float) -> Regression:
+        """The same with the rows that feel only logged forces at a delay, s, or a shorter one."""
+        known = unknown_intervals(self.signals.steps, delay)
+        return Regression.of(
+            self.signals, self.model, self.motion, cut_off=self.cut_off, known=known
+        )
+
     def held_terms(self, motion: Motion) -> tuple[Held, ...]:
         """The terms beside mass and damping, unfiltered, for a direction of motion."""
         return terms(self.model, motion, self.signals.position, self.signals.steps).columns

@@ -63,7 +63,12 @@ class Workshop:
         found = find_delay(trajectory, rough) if stated is None else None
         delay = stated.value if stated is not None else found.value if found is not None else 0.0
         # From the first look on, where turns seen at other delays leave nothing behind.
-        table = rough.refined(delay)
+        table = rough
+        if found is not None:
+            # A fitted delay may move by a sample; rows that know all forces until then are back.
+            step = trajectory.sample_time
+            table = rough.knowing(min(delay + step, MOST_SAMPLES * step))
+        table = table.refined(delay)
         return cls(trajectory=trajectory, table=table, rough=rough, stated=stated, found=found)
 
     def widened(self, model: Model) -> Workshop:

@@ -19,7 +19,16 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[name] = "1"
 
 #: In the order of the table; each has ``rows`` in a module of the name with ``_rows``.
-PARTS = ("stability", "identification", "speed", "reading", "tuning", "solver", "scene")
+PARTS = (
+    "stability",
+    "identification",
+    "servo",
+    "speed",
+    "reading",
+    "tuning",
+    "solver",
+    "scene",
+)
 
 
 def main() -> None:

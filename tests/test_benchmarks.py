@@ -7,6 +7,8 @@ import pytest
 
 from benchmarks.long_log import DAMPING, DELAY, MASS, long_log
 from benchmarks.other_methods import OTHERS, arriving
+from benchmarks.servo_peers import multiple_shooting, one_filter, output_error, srivc
+from benchmarks.servo_rows import Method, servo_family
 from datasets_synthetic import Rig, multisine, simulate
 from identification import Trajectory
 from identification.estimators.model import Model
@@ -65,3 +67,19 @@ def test_a_delayed_force_does_not_come_round() -> None:
     log = Trajectory(time=rows * 1e-3, force=rows + 5, position=np.sin(rows / 9))
     np.testing.assert_array_equal(arriving(log, 2e-3)[:4], [5, 5, 5, 6])
     assert arriving(log, 2e-3)[-1] == 302
+
+
+@pytest.mark.parametrize("peer", [output_error, srivc, multiple_shooting])
+def test_peers_on_a_servo_agree_with_each_other_and_with_the_truth(peer: Method) -> None:
+    """Three fits of the simulated position, of nothing in common, to a hundredth of the error."""
+    family = servo_family(1_000)
+    log = family.logs([0])[0]
+    found = peer(log, family.truth["delay"])
+    np.testing.assert_allclose(found, [family.truth["mass"], family.truth["damping"]], rtol=5e-3)
+    np.testing.assert_allclose(found, output_error(log, family.truth["delay"]), rtol=2e-5)
+
+
+def test_one_filter_on_both_sides_finds_the_truth_roughly() -> None:
+    family = servo_family(4_000)
+    found = one_filter(family.logs([0])[0], family.truth["delay"], 10.0)
+    np.testing.assert_allclose(found, [family.truth["mass"], family.truth["damping"]], rtol=1e-2)

@@ -67,5 +67,6 @@ def answer(
         condition=around.condition,
         inflation=around.inflation[:size],
         mean_speed=mean_speed,
+        leaning=leaning,
         notes=notes,
     )

@@ -11,13 +11,12 @@ from identification.estimators.drive import MOST_SAMPLES
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.linear import unit_columns
-from identification.estimators.model import Model
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
 #: Steps of the scan per sample time, ...
-_STEPS_PER_SAMPLE = 4
+_STEPS_PER_SAMPLE = 2
 #: ... and the finer steps about the best, samples, each with a parabola through the best three.
 _FINER = (0.25, 0.05, 0.01)
 #: Standard deviation of a delay nothing is known about but that it lies within the scan.
@@ -43,7 +42,7 @@ class Delay:
     residuals: tuple[float, ...]
 
 
-def find_delay(trajectory: Trajectory, model: Model) -> Delay:
+def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
     """The delay, 0 to MOST_SAMPLES samples, at which least squares leaves the smallest residual.
 
     Delaying a force and adding damping look alike in a log of a single frequency; then the
@@ -51,21 +50,24 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
 
     Args:
         trajectory: the log.
-        model: friction terms.
+        table: its regression, with as many known intervals as the longest delay needs.
     """
-    table = _table(trajectory, model)
     step = table.signals.step
     grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE
     # The rough scan needs no more than a part of a long log.
     first = max(0, (len(trajectory) - _ROUGH) // 2)
     part = table
     if len(trajectory) > _ROUGH:
-        part = _table(trajectory.part(slice(first, first + _ROUGH)), model)
+        middle = trajectory.part(slice(first, first + _ROUGH))
+        most = MOST_SAMPLES * middle.sample_time
+        part = prepare(middle, table.model, most, refine=False)
     costs, best = np.empty(0), 0.0
     for _ in range(_ROUNDS):
         costs = _costs(part, grid)
         best = _lowest(grid, costs)
         part = part.refined(best * step)
+    if len(trajectory) <= _ROUGH:
+        table = part
     for finer in _FINER:
         table = table.refined(best * step)
         near = np.clip(best + finer * np.array([-1.0, 0.0, 1.0]), 0.0, MOST_SAMPLES)
@@ -85,11 +87,6 @@ def find_delay(trajectory: Trajectory, model: Model) -> Delay:
         deviation=deviation,
         residuals=tuple(float(np.sqrt(max(cost, 0.0) / force.size)) for cost in whole),
     )
-
-
-def _table(trajectory: Trajectory, model: Model) -> Regression:
-    most = MOST_SAMPLES * trajectory.sample_time
-    return prepare(trajectory, model, most, refine=False)
 
 
 def _costs(table: Regression, samples: FloatArray) -> FloatArray:

@@ -17,6 +17,8 @@ IndexArray = NDArray[np.intp]
 
 #: A step longer than this many median steps has lost a sample.
 LOST = 1.5
+#: A delay this part of a sample beyond whole ones is whole: the rest is rounding of the stamps.
+_HARDLY = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,5 +184,5 @@ class Commands:
 def unknown_intervals(steps: float | FloatArray, delay: float) -> int:
     """How many intervals at the start of a log feel forces from before it."""
     if not isinstance(steps, np.ndarray):
-        return int(np.ceil(delay / steps))
+        return int(np.ceil(delay / steps - _HARDLY))
     return int(np.searchsorted(np.cumsum(steps), delay)) + 1 if delay > 0 else 0

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.held import Held
+from identification.estimators.linear_filters import recursive
 
 FloatArray = NDArray[np.float64]
 
@@ -155,9 +156,7 @@ class Coasting:
     def speed(self, added: FloatArray, start: float = 0.0) -> FloatArray:
         """Velocity at n samples from what n - 1 intervals add to it."""
         if self.whole.decay.ndim == 0:
-            from scipy.signal import lfilter
-
-            return lfilter([1.0], [1.0, -float(self.whole.decay)], np.concatenate(([start], added)))
+            return recursive(np.concatenate(([start], added)), -float(self.whole.decay))
         return carried(self.whole.decay, [added], [start])[0]
 
     def position(self, gain: Gain, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
@@ -176,8 +175,6 @@ class Coasting:
 def carried(decay: FloatArray, added: Sequence[FloatArray], start: Sequence[float]) -> FloatArray:
     """Velocities at n samples where every interval leaves its own part of the one before.
 
-    A bidiagonal system, solved as such: it knows no growth that would have to be divided out.
-
     Args:
         decay: shape (n - 1,).
         added: what the intervals add, shape (n - 1,) for each column.
@@ -186,12 +183,8 @@ def carried(decay: FloatArray, added: Sequence[FloatArray], start: Sequence[floa
     Returns:
         Shape (columns, n).
     """
-    from scipy.linalg.lapack import dtbtrs
-
-    band = np.ones((2, decay.size + 1), order="F")
-    band[1, :-1] = -decay
-    right = np.empty((decay.size + 1, len(start)), order="F")
-    right[0] = start
+    rows = np.empty((len(start), decay.size + 1))
+    rows[:, 0] = start
     for index, column in enumerate(added):
-        right[1:, index] = column
-    return dtbtrs(band, right, uplo="L", diag="U")[0].T
+        rows[index, 1:] = column
+    return recursive(rows, -np.concatenate(([0.0], decay)))

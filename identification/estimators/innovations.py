@@ -21,6 +21,7 @@ from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS, Regression
 from identification.estimators.linear import solve as solved
+from identification.estimators.linear_filters import causal, recursive
 from identification.estimators.model import Estimate
 from identification.estimators.separable import Solution, physical, solve
 from identification.estimators.shaping import is_coloured, whitener
@@ -115,19 +116,12 @@ class _Problem:
 
     def _averaged(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
         """Rows through 1/C."""
-        from scipy.signal import lfilter
-
-        return lfilter([1.0], [1.0, theta[1], theta[2]], rows, axis=-1)
+        return recursive(rows, float(theta[1]), float(theta[2]))
 
     def whitened(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
         """Rows through 1/C and the shape."""
-        from scipy.signal import oaconvolve
-
         averaged = self._averaged(rows, theta)
-        if self.shape.size == 1:
-            return averaged
-        shape = self.shape if rows.ndim == 1 else self.shape[None]
-        return oaconvolve(averaged, shape, axes=-1)[..., : rows.shape[-1]]
+        return averaged if self.shape.size == 1 else causal(averaged, self.shape)
 
 
 def _earlier(of_intervals: FloatArray) -> FloatArray:

@@ -194,9 +194,11 @@ class _Referenced:
         time, sent = _stamps(signals.steps, signals.position.size), signals.commands.sent
         apart = max(_LAG / table.cut_off.frequency, signals.step)
         lags = np.arange(_LAGS) * np.float64(apart)
-        path = _explained(signals.position, time, signals.reference, time, lags)
-        at = time if sent is None else sent
-        force = _explained(signals.commands.value, at, signals.reference, time, lags)
+        past = _past(signals.reference, time, time, lags)
+        path = _explained(signals.position, past)
+        if sent is not None:
+            past = _past(signals.reference, time, sent, lags)
+        force = _explained(signals.commands.value, past)
         return cls(path, replace(signals.commands, value=force))
 
     @property
@@ -217,18 +219,25 @@ def _stamps(steps: float | FloatArray, samples: int) -> FloatArray:
     return np.arange(samples) * np.float64(steps)
 
 
-def _explained(
-    column: FloatArray, at: FloatArray, reference: FloatArray, time: FloatArray, lags: FloatArray
-) -> FloatArray:
-    """What past values of a reference explain of a column, on the times ``at``."""
-    past = np.empty((at.size, lags.size))
-    for index, lag in enumerate(lags):
-        past[:, index] = np.interp(at - lag, time, reference)
-    past -= past.mean(axis=0)
-    unit, norms = unit_columns(past)
-    normal = np.linalg.pinv(unit.T @ unit, rcond=_UNEXCITED**2, hermitian=True)
+def _past(reference: FloatArray, time: FloatArray, at: FloatArray, lags: FloatArray) -> FloatArray:
+    """Values of a reference some lags before the times ``at``, each about its mean.
+
+    Of unit norm, shape (lags, times).
+    """
+    past = np.empty((lags.size, at.size))
+    for row, lag in zip(past, lags, strict=True):
+        row[:] = np.interp(at - lag, time, reference)
+    past -= past.mean(axis=1, keepdims=True)
+    norms = np.linalg.norm(past, axis=1, keepdims=True)
+    past /= np.where(norms > 0, norms, 1.0)
+    return past
+
+
+def _explained(column: FloatArray, past: FloatArray) -> FloatArray:
+    """What past values of a reference explain of a column."""
+    normal = np.linalg.pinv(past @ past.T, rcond=_UNEXCITED**2, hermitian=True)
     mean = np.mean(column)
-    return past @ (normal @ (unit.T @ (column - mean)) / norms) + mean
+    return (normal @ (past @ (column - mean))) @ past + mean
 
 
 def _slope(table: Regression, commands: Commands, delay: float) -> FloatArray:

@@ -7,7 +7,7 @@ the force alike, so what it does to them cancels.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from identification.estimators.answer import answer
 from identification.estimators.cut_off import CutOff, choose_cut_off
 from identification.estimators.held import Held, unknown_intervals
 from identification.estimators.intervals import spread
-from identification.estimators.linear import unit_columns
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
 from identification.estimators.motion import Motion, first_look, refined
@@ -31,6 +30,8 @@ REFINEMENTS = 20
 #: ... it has settled when friction comes within this part of what it was before: at the last step,
 #: or some steps ago, if turns flip between neighbouring intervals for ever.
 SETTLED = 1e-4
+#: Numbers of filtered forces that are kept.
+_MOST_KEPT = 1 << 21
 #: The cut-off is divided and multiplied by this to see whether the estimate leans on it; half of
 #: the difference is one more standard deviation.
 CUT_OFF_RANGE = 2.0
@@ -51,6 +52,7 @@ class Regression:
         friction: filtered columns of the other terms, shape (rows, p - 2).
         attenuation: mean square of noise in each column, shape (p,).
         mean_speed: s of the model, m/s.
+        filtered_forces: by delay, s: the last ones made where the device stands as it does here.
     """
 
     signals: Signals
@@ -63,6 +65,7 @@ class Regression:
     friction: FloatArray
     attenuation: FloatArray
     mean_speed: float
+    filtered_forces: dict[float, FloatArray] = field(default_factory=dict[float, FloatArray])
 
     @classmethod
     def of(
@@ -101,11 +104,13 @@ class Regression:
         """The same log and filter with other terms."""
         intervals = self.signals.speed.size
         motion = self.motion if model.coulomb else Motion.always(intervals, self.signals.steps)
-        return replace(self, model=model, motion=motion)._with_terms()
+        return replace(self, model=model).with_motion(motion)
 
     def with_motion(self, motion: Motion) -> Regression:
         """The same log with another direction of motion."""
-        return replace(self, motion=motion)._with_terms()
+        same = np.array_equal(motion.moving, self.motion.moving)
+        forces = self.filtered_forces if same else {}
+        return replace(self, motion=motion, filtered_forces=forces)._with_terms()
 
     def at_cut_off(self, frequency: float) -> Regression:
         """The same log and direction of motion with another cut-off, Hz."""
@@ -115,6 +120,13 @@ class Regression:
             self.motion,
             cut_off=CutOff(frequency=frequency),
             known=self.known,
+        )
+
+    def knowing(self, delay: float) -> Regression:
+        """The same with the rows that feel only logged forces at a delay, s, or a shorter one."""
+        known = unknown_intervals(self.signals.steps, delay)
+        return Regression.of(
+            self.signals, self.model, self.motion, cut_off=self.cut_off, known=known
         )
 
     def held_terms(self, motion: Motion) -> tuple[Held, ...]:
@@ -153,13 +165,23 @@ class Regression:
 
     def force(self, delay: float) -> FloatArray:
         """The filtered force with a delay in s, shape (rows,)."""
-        return self.forces([delay])[0]
+        kept = self.filtered_forces.get(delay)
+        return self.forces([delay])[0] if kept is None else kept
 
     def forces(self, delays: Sequence[float]) -> FloatArray:
         """The same for several delays, shape (delays, rows)."""
-        acting = [self.held_force(delay).times(self.motion.moving) for delay in delays]
-        unfiltered = np.stack([of_rows(each.triangle()) for each in acting])
-        return self.low_pass(unfiltered)[:, self.known :]
+        known = self.filtered_forces
+        missing = [delay for delay in dict.fromkeys(delays) if delay not in known]
+        if missing:
+            acting = [self.held_force(delay).times(self.motion.moving) for delay in missing]
+            unfiltered = np.stack([of_rows(each.triangle()) for each in acting])
+            made = dict(zip(missing, self.low_pass(unfiltered)[:, self.known :], strict=True))
+            found = np.stack([(known | made)[delay] for delay in delays])
+            if (len(known) + len(made)) * found.shape[1] > _MOST_KEPT:
+                known.clear()
+            known.update(made)
+            return found
+        return np.stack([known[delay] for delay in delays])
 
     def solve(self, delay: float) -> FloatArray:
         """Parameters, shape (p,): least squares, less what noise adds to the squares of columns.
@@ -167,10 +189,13 @@ class Regression:
         Noise in a column would shrink its parameter (Fuller, Measurement Error Models, 1987,
         section 1.2); its mean square is known from the noise of a reading and the filter.
         """
-        unit, norms = unit_columns(self.columns)
-        normal = unit.T @ unit - np.diag(len(unit) * self.attenuation / norms**2)
-        right = unit.T @ self.force(delay)
-        return np.linalg.lstsq(normal, right, rcond=None)[0] / norms
+        columns = self.columns
+        squares = columns.T @ columns
+        norms = np.sqrt(np.diag(squares))
+        norms = np.where(norms > 0, norms, 1.0)
+        squares -= np.diag(len(columns) * self.attenuation)
+        right = columns.T @ self.force(delay)
+        return np.linalg.lstsq(squares / np.outer(norms, norms), right / norms)[0] / norms
 
     def refined(self, delay: float) -> Regression:
         """The same with the direction of motion from the fitted model."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.linear_filters import overlap_save
+
 FloatArray = NDArray[np.float64]
 
 #: The kernel ends after this many standard deviations, where it has fallen to 4e-6 of its peak:
@@ -61,7 +63,4 @@ class LowPass:
 
     def __call__(self, column: FloatArray) -> FloatArray:
         """The filtered column, shape (..., n) to (..., n - 2·half)."""
-        from scipy.signal import oaconvolve
-
-        kernel = self.kernel if column.ndim == 1 else self.kernel[None]
-        return oaconvolve(column, kernel, mode="valid", axes=-1)
+        return overlap_save(column, self.kernel)

@@ -76,6 +76,9 @@ class Estimate:
         condition: condition number of the unit-norm columns.
         inflation: shape (p,): variance inflation of each parameter by the other columns.
         mean_speed: s of the model, m/s; 0 where friction does not differ by direction.
+        leaning: shape (p,): what choices of the method move the estimate by, such as half of the
+            difference between half and twice the cut-off; one more standard deviation, in the
+            covariance. None where there is no such choice.
         open_loop_only: whether forces that were not logged would bias the fitted delay if they
             came back through a controller.
         notes: sentences on choices made on the way, such as the cut-off.
@@ -95,6 +98,7 @@ class Estimate:
     inflation: FloatArray
     delay_deviation: float | None = None
     mean_speed: float = 0.0
+    leaning: FloatArray | None = None
     open_loop_only: bool = False
     notes: tuple[str, ...] = ()
 

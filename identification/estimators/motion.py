@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.held import Held
+from identification.estimators.linear_filters import overlap_save
 from identification.estimators.low_pass import REACH, gaussian
+from identification.estimators.running import running_maximum, running_range
 
 FloatArray = NDArray[np.float64]
 
@@ -227,19 +229,15 @@ def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: Floa
 
 def _smooth(column: FloatArray, kernel: FloatArray) -> FloatArray:
     """Convolution of the same length; the ends continue by odd reflection, which keeps slopes."""
-    from scipy.signal import oaconvolve
-
     half = kernel.size // 2
     if half == 0:
         return column
     padded = np.pad(column, half, mode="reflect", reflect_type="odd")
-    return oaconvolve(padded, kernel, mode="valid")
+    return overlap_save(padded, kernel)
 
 
 def _dwelling(position: FloatArray, noise: float, bend: float) -> FloatArray:
     """1 for intervals in which the position stays within its noise for long, 0 for the others."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
     band = 2 * NOISE_BAND * noise
     if bend == 0 or band == 0:
         return np.where(np.diff(position) == 0, 1.0, 0.0)
@@ -247,6 +245,6 @@ def _dwelling(position: FloatArray, noise: float, bend: float) -> FloatArray:
     window = 2 * LONG_DWELL * int(np.ceil(np.sqrt(2 * band / bend))) + 1
     if window >= position.size:
         return np.zeros(position.size - 1)
-    reach = maximum_filter1d(position, window) - minimum_filter1d(position, window)
-    still = maximum_filter1d((reach <= band).astype(np.float64), window)
+    reach = running_range(position, window)
+    still = running_maximum((reach <= band).astype(np.float64), window)
     return still[:-1] * still[1:]

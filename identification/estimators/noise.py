@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import finalize
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,12 +21,31 @@ _BLOCK = 1 << 20
 _BAND = 0.3
 #: ... of second differences, cut to this many samples at most: more add time, not truth.
 _LONGEST = 1 << 17
+#: Answers by log, for as long as its columns live: everything that looks at a log asks for them.
+_counts: dict[int, float | None] = {}
+_noises: dict[tuple[int, int], float] = {}
 #: Noise this many times the rounding of a count hides the count.
 _HIDDEN = 2.0
 
 
 def encoder_count(position: FloatArray) -> float | None:
     """The step all changes of position are multiples of, m; None if there is no such step."""
+    key = id(position)
+    if key in _counts:
+        return _counts[key]
+    count = _count_of(position)
+    if _unchanging(position):
+        _counts[key] = count
+        finalize(position, _counts.pop, key, None)
+    return count
+
+
+def _unchanging(column: FloatArray) -> bool:
+    """Whether nobody can write to a column, as to none of a Trajectory."""
+    return column.base is None and not column.flags.writeable
+
+
+def _count_of(position: FloatArray) -> float | None:
     # Below rounding of the values themselves a difference says nothing.
     floor = 16 * float(np.spacing(max(abs(position.max()), abs(position.min()))))
     blocks = [slice(i, i + _BLOCK + 1) for i in range(0, position.size - 1, _BLOCK)]
@@ -67,6 +88,17 @@ def position_noise(
     least; what follows the force even there is taken out first. Never below Δ/√12 of the
     encoder's count Δ (Widrow: rounding noise of a signal that crosses counts).
     """
+    if isinstance(steps, np.ndarray) or not (_unchanging(position) and _unchanging(force)):
+        return _noise_of(position, force, steps)
+    key = id(position), id(force)
+    if key not in _noises:
+        _noises[key] = _noise_of(position, force, steps)
+        for column in (position, force):
+            finalize(column, _noises.pop, key, None)
+    return _noises[key]
+
+
+def _noise_of(position: FloatArray, force: FloatArray, steps: float | FloatArray) -> float:
     count = encoder_count(position)
     least = 0.0 if count is None else count / np.sqrt(12.0)
     middle = max(0, (position.size - _LONGEST) // 2)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.held_response import Push
 from identification.estimators.linear import unit_columns
+from identification.estimators.linear_filters import recursive
 
 FloatArray = NDArray[np.float64]
 
@@ -63,15 +64,16 @@ class _Pushed:
     def __init__(self, mass: float, rate: float, span: float) -> None:
         push = Push.during(span, rate)
         speed, place, decay = float(push.speed), float(push.place), float(push.decay)
-        self._above = np.array([0.0, place, speed * speed - place * decay]) / mass
-        self._below = np.array([1.0, -1.0 - decay, decay])
+        self._above = np.array([place, speed * speed - place * decay]) / mass
+        self._below = -1.0 - decay, decay
 
     def back(self, weights: FloatArray) -> FloatArray:
         """Weights of the forces in sums of positions with these weights, shape (..., parts)."""
-        from scipy.signal import lfilter
-
-        turned = lfilter(self._above, self._below, weights[..., ::-1], axis=-1)
-        return np.asarray(turned[..., ::-1], dtype=np.float64)
+        turned = recursive(weights[..., ::-1], *self._below)
+        forces = np.zeros_like(turned)
+        forces[..., 1:] = self._above[0] * turned[..., :-1]
+        forces[..., 2:] += self._above[1] * turned[..., :-2]
+        return forces[..., ::-1]
 
 
 def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> float:

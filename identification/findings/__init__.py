@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from identification.device.device import Hardware
 from identification.errors import Finding
 from identification.estimators.delay import Delay
@@ -10,8 +12,9 @@ from identification.findings.balance import balance_of
 from identification.findings.causality import causality
 from identification.findings.excitation import excitation
 from identification.findings.hand import hand, unlogged
-from identification.findings.heldout import heldout
-from identification.findings.lateness import lateness
+from identification.findings.heldout import heldout, stability
+from identification.findings.inertia import inertia
+from identification.findings.lateness import contradicting_delays, lateness
 from identification.findings.place import place
 from identification.findings.resolution import resolution
 from identification.findings.sampling import sampling
@@ -69,7 +72,12 @@ def inspect(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding,
 
 
 def judge(
-    trajectory: Trajectory, regression: Estimate, chosen: Estimate, *, delay: Delay | None = None
+    trajectory: Trajectory,
+    regression: Estimate,
+    chosen: Estimate,
+    *,
+    delay: Delay | None = None,
+    consulted: Sequence[Estimate] = (),
 ) -> tuple[Finding, ...]:
     """What the estimates say about the log.
 
@@ -78,6 +86,7 @@ def judge(
         regression: the least-squares estimate, whose columns show what was excited.
         chosen: the estimate that is to be used.
         delay: as read from the log; None if it was stated.
+        consulted: estimates by other methods that the choice rests on.
     """
     balance = balance_of(trajectory, chosen)
     left = unlogged(trajectory, balance, chosen)
@@ -87,6 +96,9 @@ def judge(
         *place(trajectory, balance, chosen),
         *hand(trajectory, balance, left),
         *heldout(trajectory, balance, chosen),
+        *inertia(trajectory, balance, chosen),
+        *stability(trajectory, chosen),
         *lateness(trajectory, delay),
+        *contradicting_delays(trajectory, chosen, consulted),
         *mass_unit(trajectory, chosen.value("mass")),
     )

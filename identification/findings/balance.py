@@ -140,9 +140,12 @@ def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> Balanc
     widths = np.geomspace(_NARROWEST * step, widest, _WIDTHS)
     shares, powers = np.ones(_WIDTHS), np.zeros(_WIDTHS)
     for index, width in enumerate(widths):
-        rows = _rows(trajectory, float(width), delay, noise, _FEW_ROWS)
+        rows = _rows(trajectory, float(width), delay, noise, _FEW_ROWS, bend_only=True)
         shares[index] = rows.noise_share
         powers[index] = float(np.mean(rows.acceleration**2)) * (1 - rows.noise_share)
+        begun = int(np.argmax(shares <= _NOISE_SHARE))
+        if shares[index] <= _NOISE_SHARE and powers[index] < (1 - _LOST) * powers[begun]:
+            break  # wider windows lose more
     quiet = np.flatnonzero(shares <= _NOISE_SHARE)
     first = int(quiet[0]) if quiet.size else int(np.argmin(shares))
     kept = np.flatnonzero(powers[first:] >= (1 - _LOST) * powers[first])
@@ -171,7 +174,9 @@ def _rows(
     most: int,
     *,
     span: float = np.inf,
+    bend_only: bool = False,
 ) -> Balance:
+    """Rows of a log; with ``bend_only`` of the acceleration alone, the rest being zero."""
     time = trajectory.time
     first, last = time[0] + max(half_width, delay) + half_width, time[-1] - half_width
     excess = max(0.0, last - first - span)
@@ -186,7 +191,9 @@ def _rows(
     gain = 0.0
     for chunk in np.array_split(np.arange(count), 1 + count * longest // _CHUNK):
         index = np.minimum(start[chunk, None] + np.arange(longest + 1), time.size - 1)
-        made, chunk_gain = _weighed(trajectory, index, middle[chunk, None], half_width, delay)
+        made, chunk_gain = _weighed(
+            trajectory, index, middle[chunk, None], half_width, delay, bend_only=bend_only
+        )
         parts.append(made)
         gain = max(gain, chunk_gain)
     table = np.concatenate(parts)
@@ -211,7 +218,13 @@ def _rows(
 
 
 def _weighed(
-    trajectory: Trajectory, index: IntArray, middle: FloatArray, half_width: float, delay: float
+    trajectory: Trajectory,
+    index: IntArray,
+    middle: FloatArray,
+    half_width: float,
+    delay: float,
+    *,
+    bend_only: bool,
 ) -> tuple[FloatArray, float]:
     """Rows (force, acceleration, velocity, direction, position, longest interval), noise gain.
 
@@ -223,20 +236,25 @@ def _weighed(
     slope = np.diff(place, axis=1) / safe
     shifted = (stamps - middle) / half_width
     bump = _window(shifted) / half_width
-    area = np.diff(_area(shifted), axis=1)
-    delayed = np.diff(_area(shifted + delay / half_width), axis=1)
     bend = -np.diff(bump, axis=1)
     kernel = np.diff(bend / safe, axis=1, prepend=0.0, append=0.0)
-    inside = np.where((area > 0) & (steps > 0), steps, 0.0)
+    gain = float(np.median(np.sum(kernel**2, axis=1)))
+    touched = (shifted[:, 1:] > -1) & (shifted[:, :-1] < 1) & (steps > 0)
+    longest = np.max(np.where(touched, steps, 0.0), axis=1)
+    if bend_only:
+        nothing = np.zeros(len(index))
+        acceleration = np.sum(bend * slope, axis=1)
+        return np.stack((nothing, acceleration, *[nothing] * 3, longest), axis=1), gain
+    area = np.diff(_area(shifted), axis=1)
+    delayed = np.diff(_area(shifted + delay / half_width), axis=1)
     rows = (
         np.sum(delayed * trajectory.force[index[:, :-1]], axis=1),
         np.sum(bend * slope, axis=1),
         np.sum(area * slope, axis=1),
         np.sum(area * np.sign(slope), axis=1),
         np.sum(area * (place[:, :-1] + place[:, 1:]) / 2, axis=1),
-        np.max(inside, axis=1),
+        longest,
     )
-    gain = float(np.median(np.sum(kernel**2, axis=1)))
     return np.stack(rows, axis=1), gain
 
 

@@ -122,8 +122,6 @@ def _tremor(trajectory: Trajectory, chosen: Estimate) -> tuple[float, float]:
     The latter is 0 where the force itself is so strong in the band that its rest may be an error
     of the model.
     """
-    from scipy.signal import welch
-
     shortest = _PIECE / 2
     if trajectory.sample_time > _SLOWEST or np.ptp(trajectory.time) < shortest:
         return 0.0, 0.0
@@ -132,8 +130,8 @@ def _tremor(trajectory: Trajectory, chosen: Estimate) -> tuple[float, float]:
     piece = min(len(rows), round(_PIECE / step))
     if piece * step < shortest:
         return 0.0, 0.0
-    frequency, left = welch(rows.unexplained(), 1 / step, nperseg=piece)
-    _, driven = welch(rows.force, 1 / step, nperseg=piece)
+    frequency = np.fft.rfftfreq(piece, step)
+    left, driven = (_density(each, step, piece) for each in (rows.unexplained(), rows.force))
 
     def power(density: FloatArray, band: tuple[float, float]) -> float:
         return float(np.mean(density[(frequency >= band[0]) & (frequency <= band[1])]))
@@ -144,6 +142,23 @@ def _tremor(trajectory: Trajectory, chosen: Estimate) -> tuple[float, float]:
     if beside == 0 or inside < _UNDRIVEN * power(driven, TREMOR):
         return rms, 0.0
     return rms, inside / beside
+
+
+def _density(column: FloatArray, step: float, piece: int) -> FloatArray:
+    """One-sided power spectral density of pieces that overlap by half, N²/Hz.
+
+    Each less its mean and tapered (Welch, IEEE Transactions on Audio and Electroacoustics 15, 1967,
+    p. 70).
+
+    Args:
+        column: shape (rows,).
+        step: time between rows, s.
+        piece: rows of a piece.
+    """
+    window = np.hanning(piece + 1)[:-1]
+    pieces = np.lib.stride_tricks.sliding_window_view(column, piece)[:: piece - piece // 2]
+    lines = np.fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * window)
+    return 2 * step / float(window @ window) * np.mean(np.abs(lines) ** 2, axis=0)
 
 
 def _slow(balance: Balance) -> float:

@@ -1,13 +1,14 @@
-"""Do parameters fitted on one part of a log predict the other?"""
+"""Do parameters fitted on one part of a log, or at one cut-off, predict the other?"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
+from identification.estimators.intervals import half_width
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 from identification.findings.balance import Balance
@@ -25,6 +26,10 @@ REFUSED = 0.25
 _SIGMAS = 4.0
 #: Blocks of each part, left out in turn for that standard deviation.
 _BLOCKS = 8
+#: Parameters that must not move.
+_JUDGED = ("mass", "damping")
+#: A move that is this part of the value, or less, matters to no margin.
+_HARMLESS = 0.02
 
 
 def heldout(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
@@ -46,6 +51,38 @@ def heldout(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple
             needed=f"at most {REFUSED if refused else DOUBTED:.0%}",
             remedy="Log again with nothing loose, warmed up and untouched; cut the log where the "
             "device changed.",
+        ),
+    )
+
+
+def stability(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
+    """``heldout-misfit``: what the cut-off moves is more than the interval without it holds.
+
+    A model that is right is right at every frequency. The move is in the interval all the same.
+    """
+    if chosen.leaning is None:
+        return ()
+    alone = replace(chosen, covariance=chosen.covariance - np.outer(chosen.leaning, chosen.leaning))
+    moved = {name: abs(float(chosen.leaning[chosen.parameters.index(name)])) for name in _JUDGED}
+    unstable = [
+        name
+        for name, move in moved.items()
+        if move > half_width(alone, name) and move > _HARMLESS * abs(chosen.value(name))
+    ]
+    if not unstable:
+        return ()
+    seen = " and ".join(
+        f"{name} {chosen.value(name):.4g} ± {half_width(alone, name):.2g} by ± {moved[name]:.2g}"
+        for name in unstable
+    )
+    return (
+        Finding(
+            code="heldout-misfit",
+            severity="warning",
+            seen=f"another cut-off moves the {seen} in {trajectory.source}",
+            needed="a move within the interval",
+            remedy="A force that the model does not have acts at some frequencies: excite harder, "
+            "and look for play, vibration or friction that depends on place.",
         ),
     )
 
@@ -93,17 +130,24 @@ class _Blocks:
         # How far both fits may be off: each without one of its blocks in turn (jackknife).
         chance = 0.0
         for whole, used in ((rest, ~inside), (own, inside)):
-            left = [self._fit(used & (blocks != block)) - whole for block in blocks[used]]
+            others = 1.0 - np.eye(int(np.count_nonzero(used)))
+            normal = np.tensordot(others, self.normal[used], axes=1)
+            left = _solved(normal, others @ self.right[used]) - whole
             chance += sum(self._square(change, inside) for change in left) * (1 - 1 / len(left))
         return float(np.sqrt(excess)) if excess > _SIGMAS**2 * chance else 0.0
 
     def _fit(self, used: NDArray[np.bool_]) -> FloatArray:
         """Least squares on some blocks, shape (p,)."""
-        normal, right = self.normal[used].sum(axis=0), self.right[used].sum(axis=0)
-        return np.asarray(np.linalg.pinv(normal, hermitian=True) @ right, dtype=np.float64)
+        return _solved(self.normal[used].sum(axis=0), self.right[used].sum(axis=0))
 
     def _square(self, change: FloatArray, shown: NDArray[np.bool_]) -> float:
         """Mean square of what a change of the parameters does to the force of some blocks, N²."""
         return float(change @ self.normal[shown].sum(axis=0) @ change) / float(
             self.counts[shown].sum()
         )
+
+
+def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:
+    """Solutions of normal equations, shape (..., p, p) and (..., p), of least norm."""
+    inverse = np.linalg.pinv(normal, hermitian=True)
+    return np.asarray((inverse @ right[..., None])[..., 0], dtype=np.float64)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+import numpy as np
+
 from identification.errors import Finding
 from identification.estimators.delay import MOST_SAMPLES, Delay
 from identification.estimators.intervals import NORMAL_95
+from identification.estimators.model import Estimate
 from identification.trajectory import Trajectory
 
 #: Samples from the end of the scan within which the true delay may lie beyond it, ...
@@ -15,6 +20,10 @@ STILL_FALLING = 0.01
 #: Half-width of the 95 % interval of a delay, in samples, above which it is doubted: a stability
 #: margin is of one sample.
 WIDEST = 1.0
+#: Two delays contradict each other if they are further apart than this many deviations of both ...
+_SIGMAS = 4.0
+#: ... and than this part of a sample, below which the difference matters to nothing.
+_APART = 0.25
 
 
 def lateness(trajectory: Trajectory, delay: Delay | None) -> tuple[Finding, ...]:
@@ -49,3 +58,41 @@ def lateness(trajectory: Trajectory, delay: Delay | None) -> tuple[Finding, ...]
             remedy="State delay in the hardware file, or excite fast enough to show it.",
         ),
     )
+
+
+def contradicting_delays(
+    trajectory: Trajectory, chosen: Estimate, others: Iterable[Estimate]
+) -> tuple[Finding, ...]:
+    """``delay-unknown``: two methods read delays that exclude each other.
+
+    Args:
+        trajectory: the log.
+        chosen: the estimate believed.
+        others: estimates by other methods; only those that fitted a delay as well are heard.
+    """
+    if chosen.delay_deviation is None:
+        return ()
+    step = trajectory.sample_time
+    for other in others:
+        if other.delay_deviation is None:
+            continue
+        apart = abs(other.delay - chosen.delay)
+        chance = float(np.hypot(other.delay_deviation, chosen.delay_deviation))
+        if apart > max(_SIGMAS * chance, _APART * step):
+            return (
+                Finding(
+                    code="delay-unknown",
+                    severity="warning",
+                    seen=f"{_told(chosen, step)} in {trajectory.source}, {_told(other, step)}",
+                    needed=f"delays within {_SIGMAS:g} deviations or {_APART:g} samples",
+                    remedy="State delay in the hardware file; where it varies from sample to "
+                    "sample, state its largest value.",
+                ),
+            )
+    return ()
+
+
+def _told(estimate: Estimate, step: float) -> str:
+    width = NORMAL_95 * (estimate.delay_deviation or 0.0)
+    name = estimate.method.replace("-", " ")
+    return f"{name} say {estimate.delay / step:.2f} ± {width / step:.2g} samples of delay"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from identification.device.device import Hardware
 from identification.errors import Finding
 from identification.estimators.noise import finest_reading
+from identification.estimators.running import running_maximum, running_range
 from identification.trajectory import Trajectory
 
 #: The device stands where its position stays within this many readings of the finest resolution, a
@@ -51,8 +52,6 @@ def standing(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding
 
 def _held(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool_]:
     """Which of the n - 1 intervals lie in a standstill under a changing force."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
     place, force = trajectory.position, trajectory.force
     stated = None if hardware is None else hardware.encoder_resolution
     known = 0.0 if stated is None else stated.value
@@ -65,11 +64,7 @@ def _held(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool_
     width = 2 * (int(max(_FEWEST, _FURTHER * STILL * fine / speed)) // 2) + 1
     if width >= _LONGEST * place.size:
         return np.zeros(place.size - 1, dtype=np.bool_)
-
-    def spread(column: NDArray[np.float64]) -> NDArray[np.float64]:
-        high: NDArray[np.float64] = maximum_filter1d(column, width)
-        return high - minimum_filter1d(column, width)
-
-    still = (spread(place) <= STILL * fine) & (spread(force) >= CHANGES * float(np.ptp(force)))
-    covered: NDArray[np.int8] = maximum_filter1d(still.astype(np.int8), width)
-    return (covered[:-1] * covered[1:]).astype(np.bool_)
+    changes = running_range(force, width) >= CHANGES * float(np.ptp(force))
+    still = changes & (running_range(place, width) <= STILL * fine)
+    covered = running_maximum(still.astype(np.float64), width) > 0
+    return covered[:-1] & covered[1:]

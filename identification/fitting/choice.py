@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from identification.estimators.least_squares import CUT_OFF_RANGE
 from identification.estimators.model import Estimate, Model
 from identification.estimators.noise import encoder_count
 from identification.estimators.shaping import is_coloured
+from identification.findings.balance import balance_of
+from identification.findings.inertia import inertia_of
+from identification.fitting.hausman import contradiction, region
 from identification.fitting.workshop import Workshop
 
 #: A residual of at most this many counts rms is the encoder's own, whatever its colour: rounding
@@ -17,9 +23,14 @@ ENCODER_RESIDUAL = 0.295
 NEARLY_WHITE = 0.025
 #: ... or this over the root of half its rows, which white noise exceeds once in a hundred times.
 WHITE_BY_CHANCE = 1.63
-#: Two methods disagree if they differ by more than this many standard deviations of the difference
-#: (Hausman, Econometrica 46, 1978, p. 1251); the wider of the two intervals is taken for it.
-DISAGREEMENT = 3.0
+#: Methods whose answers are heard where another is believed; output error and the weak form are
+#: astray where they are not believed.
+CONSULTED = ("innovations", "instruments")
+#: Instruments whose joint region is this many times that of least squares have nothing to say
+#: against an estimate that least squares would.
+_POWERLESS = 2.0
+#: Areas of two regions, each of jackknifed variances, are told apart below this ratio.
+_SHARPER = 0.75
 
 
 def noise_explains(workshop: Workshop) -> str | None:
@@ -62,13 +73,13 @@ def choose(workshop: Workshop, method: str) -> tuple[Estimate, str]:
 def _evident(workshop: Workshop) -> tuple[Estimate, str]:
     """Output error where position noise explains what it leaves, or nearly so."""
     sentence = noise_explains(workshop)
-    if sentence is not None:
+    if sentence is not None and not _contradicted_by_instruments(workshop):
         return workshop.fit("output-error"), f"output error, because {sentence}"
     chosen, reason = robust(workshop, workshop.model)
     simulated = workshop.fit("output-error")
     chance = WHITE_BY_CHANCE / np.sqrt(simulated.residual.size / 2)
     mild = simulated.whiteness <= max(NEARLY_WHITE, chance)
-    if mild and _doubt(simulated) < _doubt(chosen) and not disagreement(simulated, chosen):
+    if mild and region(simulated) < region(chosen) and not contradiction(simulated, chosen):
         return simulated, (
             f"output error, because its residual is only {simulated.whiteness:.2f} from white and "
             f"its intervals, which carry that, are narrower than those of {chosen.method}"
@@ -76,12 +87,22 @@ def _evident(workshop: Workshop) -> tuple[Estimate, str]:
     return chosen, reason
 
 
+def _contradicted_by_instruments(workshop: Workshop) -> bool:
+    """Whether a logged reference tells another mass or damping than output error."""
+    if not workshop.has_reference:
+        return False
+    instrumental = workshop.fit("instruments")
+    simulated = workshop.fit("output-error")
+    return instrumental.value("mass") > 0 and bool(contradiction(simulated, instrumental))
+
+
 def _under_gravity(workshop: Workshop) -> tuple[Estimate, str]:
     """Weak form where position noise explains all, as it knows what gravity makes of that noise."""
     tested = workshop.fit("weak")
     explained = not tested.open_loop_only and not is_coloured(tested.residual)
     regression = workshop.fit("least-squares")
-    if explained and tested.value("mass") > 0 and not disagreement(tested, regression):
+    sharper = tested.value("mass") > 0 and region(tested) <= region(regression)
+    if explained and sharper and not contradiction(tested, regression):
         return tested, (
             "weak form, because noise of the position at which gravity is taken explains its "
             "residual"
@@ -89,49 +110,91 @@ def _under_gravity(workshop: Workshop) -> tuple[Estimate, str]:
     return robust(workshop, workshop.model)
 
 
-def _doubt(estimate: Estimate) -> float:
-    """Area of the joint region of mass and damping, up to a factor."""
-    return float(np.linalg.det(estimate.covariance[:2, :2]))
-
-
 def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
     """The estimate to believe where forces act that the log does not know.
 
     Innovations weigh every frequency by what it tells, so they are best where the model is right.
     Where it is not (friction that no sign of the velocity describes), they follow its errors at
-    high frequencies; least squares stays where the motion is. The two then disagree, which is
-    Hausman's test, and the estimate that leans on less is taken.
+    high frequencies; least squares stays where the motion is, and instruments from a logged
+    reference are free, besides, of the noise that a feedback puts into the force. So the estimate
+    that leans on least comes first, and another takes its place only if its joint region of mass
+    and damping is no larger and Hausman's test finds no contradiction.
     """
-    regression = workshop.refit("least-squares", model)
+    leaning_least = _robust_ones(workshop, model)
+    judge, at_hand = leaning_least[0], _at_hand(leaning_least)
     predicted = workshop.refit("innovations", model)
-    apart = disagreement(predicted, regression)
-    if predicted.value("mass") > 0 and not apart:
+    apart = contradiction(predicted, judge)
+    sharper = predicted.value("mass") > 0 and region(predicted) <= region(at_hand)
+    verdict = _verdict(workshop, predicted, at_hand) if sharper else ""
+    if verdict:
+        return (predicted if verdict == "innovations" else at_hand), (
+            f"{verdict}, because the mass that rows at equal velocity tell contradicts the other"
+        )
+    if sharper and not apart:
         return predicted, (
             "innovations, because forces act that the log does not know: position noise does not "
-            "explain what output error leaves"
+            f"explain what output error leaves, and {_named(judge)} do not contradict"
         )
-    reason = (
-        f"because innovations say {apart}: the friction or another force is not what the model has"
-    )
-    if workshop.has_reference:
-        # What follows a set-point is free of the noise that a feedback puts into the force.
-        instrumental = workshop.refit("instruments", model)
-        if predicted.value("mass") > 0 and not disagreement(predicted, instrumental):
-            return predicted, (
-                f"innovations, which instruments confirm: {apart} of least squares, which noise "
-                "in the force biases"
-            )
-        apart = disagreement(instrumental, regression)
-        if apart and instrumental.value("mass") > 0:
-            return instrumental, f"instruments, {reason}, and instruments {apart}"
-    return regression, f"least squares, {reason}"
+    why = "innovations know mass and damping less well"
+    if apart:
+        why = (
+            f"innovations say {apart} of {_named(judge)}: the friction or another force is not "
+            "what the model has"
+        )
+    if workshop.has_reference and len(leaning_least) == 1 and judge.method == "instruments":
+        why += "; least squares, which noise in the force biases, contradict instruments"
+    return at_hand, f"{_named(at_hand)}, because {why}"
 
 
-def disagreement(one: Estimate, other: Estimate) -> str:
-    """Mass and damping of two methods that differ by more than chance; "" if they agree."""
-    return ", ".join(
-        f"{name} {one.value(name):.4g} instead of {other.value(name):.4g}"
-        for name in ("mass", "damping")
-        if abs(one.value(name) - other.value(name))
-        > DISAGREEMENT * max(one.deviation(name), other.deviation(name))
+def _at_hand(leaning_least: tuple[Estimate, ...]) -> Estimate:
+    """Least squares where they are not contradicted, or instruments where those are sharper."""
+    usual = max(leaning_least, key=lambda each: each.method == "least-squares")
+    sharpest = min(leaning_least, key=region)
+    return sharpest if region(sharpest) < _SHARPER * region(usual) else usual
+
+
+def _verdict(workshop: Workshop, predicted: Estimate, at_hand: Estimate) -> str:
+    """Name of the one of two estimates that force at equal velocity leaves; "" if both or none."""
+    judge = inertia_of(balance_of(workshop.trajectory, predicted))
+    if judge is None or judge.contradicts(predicted) == judge.contradicts(at_hand):
+        return ""
+    return _named(at_hand) if judge.contradicts(predicted) else _named(predicted)
+
+
+def over_cut_offs(workshop: Workshop, estimate: Estimate) -> Estimate:
+    """Instruments with what half and twice the cut-off move, as least squares have it already."""
+    if estimate.method != "instruments" or estimate.leaning is not None:
+        return estimate
+    table = workshop.table
+    frequency = table.cut_off.frequency
+    low, high = (
+        workshop.of_table(table.at_cut_off(factor * frequency), "instruments").values
+        for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
     )
+    leaning = (high - low) / 2
+    covariance = estimate.covariance + np.outer(leaning, leaning)
+    return replace(estimate, covariance=covariance, leaning=leaning)
+
+
+def _robust_ones(workshop: Workshop, model: Model) -> tuple[Estimate, ...]:
+    """Estimates that do not lean on what colours the rest; the first judges the others.
+
+    Instruments where a reference is logged, unless they know so little that they could not
+    contradict, and least squares unless instruments contradict them.
+    """
+    regression = workshop.refit("least-squares", model)
+    if not workshop.has_reference:
+        return (regression,)
+    # What follows a set-point is free of the noise that a feedback puts into the force.
+    instrumental = workshop.refit("instruments", model)
+    if instrumental.value("mass") <= 0:
+        return (regression,)
+    if contradiction(regression, instrumental):
+        return (instrumental,)
+    if region(instrumental) <= _POWERLESS * region(regression):
+        return instrumental, regression
+    return regression, instrumental
+
+
+def _named(estimate: Estimate) -> str:
+    return estimate.method.replace("-", " ")

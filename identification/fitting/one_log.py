@@ -12,15 +12,15 @@ from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate
 from identification.findings import judge
-from identification.fitting.choice import choose, noise_explains
+from identification.fitting.choice import CONSULTED, choose, noise_explains, over_cut_offs
 from identification.fitting.excited_part import most_excited
 from identification.fitting.selection import distinguishable, widened, without_noise
 from identification.fitting.workshop import Workshop
-from identification.structure.stability_selection import Structure
 from identification.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from identification.structure.friction_curve import FrictionCurve
+    from identification.structure.stability_selection import Structure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     workshop, structure = widened(Workshop.of(part, distinguishable(part), stated))
     regression = workshop.fit("least-squares")
     chosen, reason = choose(workshop, method)
-    chosen = without_noise(workshop, chosen)
+    chosen = without_noise(workshop, over_cut_offs(workshop, chosen))
     curve = _friction_curve(workshop)
     beyond: tuple[Finding, ...] = ()
     if curve is not None:
@@ -84,13 +84,15 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     if len(part) < len(trajectory):
         reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
     delay = _delay(workshop, chosen)
+    others = tuple(each for each in workshop.fitted if each.method != chosen.method)
+    consulted = [each for each in others if each.method in CONSULTED]
     return LogFit(
         trajectory=trajectory,
         fitted=len(part),
         estimate=chosen,
-        others=tuple(each for each in workshop.fitted if each.method != chosen.method),
+        others=others,
         delay=delay,
-        findings=judge(trajectory, regression, chosen, delay=delay) + beyond,
+        findings=judge(trajectory, regression, chosen, delay=delay, consulted=consulted) + beyond,
         reason=reason,
         structure=structure,
         curve=curve,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +13,10 @@ from identification.estimators.model import Estimate, Gravity, Model
 from identification.estimators.noise import position_noise
 from identification.fitting.choice import noise_explains, robust
 from identification.fitting.workshop import Workshop
-from identification.structure.stability_selection import Structure
 from identification.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from identification.structure.stability_selection import Structure
 
 #: Coulomb friction can be told from an offset if at least this part of the motion goes either way.
 LEAST_RETURN = 0.01
@@ -53,7 +57,9 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
     gravity are fitted as well, and a term stays if the square of its value over its deviation
     exceeds the logarithm of the number of rows, its price in Schwarz's criterion (Annals of
     Statistics 6, 1978, p. 461), and if sparse regression on resampled halves of the log asks for
-    it too (structure.py). The deviation is robust, so colour does not buy a term.
+    it too (structure.py). The deviation is robust, so colour does not buy a term. It has to pay in
+    least squares, which cost little and see what the sparse regression sees, before it is put
+    into the model of a dearer method.
     """
     model, trajectory = workshop.model, workshop.trajectory
     plausible = workshop.fit("least-squares").value("mass") > 0
@@ -64,12 +70,16 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
         gravity = "pendulum"
     largest = replace(model, directional=model.coulomb and model.offset, gravity=gravity)
     wide = workshop.widened(largest)
-    estimate, _ = robust(wide, largest)
-    paying = {
-        names: _pays(estimate, names)
+    groups = [
+        names
         for names in (("damping_asymmetry",), largest.of_gravity)
-        if set(names) <= set(largest.parameters)
-    }
+        if set(names) <= set(largest.parameters) and _pays(wide.fit("least-squares"), names)
+    ]
+    if not groups:
+        return workshop, None
+    wide = wide.narrowed(_with(model, [name for names in groups for name in names], gravity))
+    estimate, _ = robust(wide, wide.model)
+    paying = {names: _pays(estimate, names) for names in groups}
     # A controller looks like a spring against the motion: only a weight may turn the sign of mass.
     weight = gravity == "pendulum" or estimate.value("position_stiffness") > 0
     if not any(paying.values()) or not (plausible or (estimate.value("mass") > 0 and weight)):
@@ -81,12 +91,18 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
         for name in names
         if pays and (sceptic is None or set(names) & set(sceptic.asked))
     ]
-    found = replace(
-        model,
-        directional="damping_asymmetry" in asked,
-        gravity=gravity if set(largest.of_gravity) <= set(asked) else "none",
-    )
+    found = _with(model, asked, gravity)
     return workshop if found == model else wide.narrowed(found), sceptic
+
+
+def _with(model: Model, names: Collection[str], gravity: Gravity) -> Model:
+    """The model with those further terms."""
+    of_gravity = replace(model, gravity=gravity).of_gravity
+    return replace(
+        model,
+        directional="damping_asymmetry" in names,
+        gravity=gravity if set(of_gravity) <= set(names) else "none",
+    )
 
 
 def _sceptic(workshop: Workshop) -> Structure | None:

@@ -37,6 +37,7 @@ class Workshop:
     Attributes:
         trajectory: the log.
         table: prepared regression; its model is that of every estimate.
+        rough: the same before the delay was found and the direction of motion refined.
         stated: delay of the hardware, or None.
         found: delay read from the log, or None if it was stated.
         made: estimates by method.
@@ -44,6 +45,7 @@ class Workshop:
 
     trajectory: Trajectory
     table: Regression
+    rough: Regression
     stated: Quantity | None
     found: Delay | None
     made: dict[str, Estimate] = field(default_factory=dict[str, Estimate])
@@ -51,19 +53,27 @@ class Workshop:
     @classmethod
     def of(cls, trajectory: Trajectory, model: Model, stated: Quantity | None) -> Workshop:
         """Find the delay, unless it is stated, and the direction of motion."""
-        found = find_delay(trajectory, model) if stated is None else None
-        delay = stated.value if stated is not None else found.value if found is not None else 0.0
-        # A fitted delay may move by a sample; forces from before the log are left out up to there.
         step = trajectory.sample_time
-        room = (
-            delay + _DELAY_STEP * step if found is None else min(delay + step, MOST_SAMPLES * step)
-        )
-        table = prepare(trajectory, model, room, refine=False).refined(delay)
-        return cls(trajectory=trajectory, table=table, stated=stated, found=found)
+        # Forces from before the log are left out up to the longest delay that is looked at.
+        room = MOST_SAMPLES * step if stated is None else stated.value + _DELAY_STEP * step
+        return cls._begun(trajectory, prepare(trajectory, model, room, refine=False), stated)
+
+    @classmethod
+    def _begun(cls, trajectory: Trajectory, rough: Regression, stated: Quantity | None) -> Workshop:
+        found = find_delay(trajectory, rough) if stated is None else None
+        delay = stated.value if stated is not None else found.value if found is not None else 0.0
+        # From the first look on, where turns seen at other delays leave nothing behind.
+        table = rough
+        if found is not None:
+            # A fitted delay may move by a sample; rows that know all forces until then are back.
+            step = trajectory.sample_time
+            table = rough.knowing(min(delay + step, MOST_SAMPLES * step))
+        table = table.refined(delay)
+        return cls(trajectory=trajectory, table=table, rough=rough, stated=stated, found=found)
 
     def widened(self, model: Model) -> Workshop:
         """The same log with more terms: without them delay and direction may have gone astray."""
-        return Workshop.of(self.trajectory, model, self.stated)
+        return Workshop._begun(self.trajectory, self.rough.with_model(model), self.stated)
 
     def narrowed(self, model: Model) -> Workshop:
         """The same log with fewer terms, which the delay does not miss."""
@@ -108,12 +118,13 @@ class Workshop:
     def refit(self, method: str, model: Model) -> Estimate:
         """The same, with other terms."""
         if model != self.model:
-            return self._fit(self.table.with_model(model), method)
+            return self.of_table(self.table.with_model(model), method)
         if method not in self.made:
-            self.made[method] = self._fit(self.table, method)
+            self.made[method] = self.of_table(self.table, method)
         return self.made[method]
 
-    def _fit(self, table: Regression, method: str) -> Estimate:
+    def of_table(self, table: Regression, method: str) -> Estimate:
+        """The estimate of one method from this log with other terms or another filter."""
         # Only the estimators that a log needs are loaded.
         module = import_module(f"identification.estimators.{method.replace('-', '_')}")
         fit = cast("_Fit", module.fit)

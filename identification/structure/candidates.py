@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.held import Held
 from identification.estimators.least_squares import Regression
-from identification.estimators.low_pass import width_of
+from identification.structure.forces import smooth_speed
 from identification.structure.stability_selection import Structure, suggest
 
 FloatArray = NDArray[np.float64]
@@ -58,13 +58,3 @@ def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArra
         columns["gravity_cosine"] = between(np.cos(position))
     columns["quadratic_drag"] = held(np.abs(smooth_speed(table)) * signals.speed)
     return columns
-
-
-def smooth_speed(table: Regression) -> FloatArray:
-    """Velocity of each interval, smooth enough that its square is not mostly noise."""
-    from scipy.ndimage import gaussian_filter1d
-
-    width = width_of(table.cut_off.frequency) / table.signals.step
-    return np.asarray(
-        gaussian_filter1d(table.signals.speed, width, mode="nearest"), dtype=np.float64
-    )

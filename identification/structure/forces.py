@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from identification.device.friction import Kind
 from identification.estimators.held import Held
 from identification.estimators.least_squares import Regression
-from identification.structure.candidates import smooth_speed
+from identification.estimators.low_pass import width_of
 from identification.structure.hysteresis import stop_operators
 
 FloatArray = NDArray[np.float64]
@@ -102,3 +102,13 @@ def _waves(place: FloatArray, count: int) -> Iterator[FloatArray]:
     for number in range(1, count + 1):
         yield np.cos(number * np.pi * place)
         yield np.sin(number * np.pi * place)
+
+
+def smooth_speed(table: Regression) -> FloatArray:
+    """Velocity of each interval, smooth enough that its square is not mostly noise."""
+    from scipy.ndimage import gaussian_filter1d
+
+    width = width_of(table.cut_off.frequency) / table.signals.step
+    return np.asarray(
+        gaussian_filter1d(table.signals.speed, width, mode="nearest"), dtype=np.float64
+    )

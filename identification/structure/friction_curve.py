@@ -25,8 +25,6 @@ from identification.estimators.least_squares import Regression
 from identification.structure.distinct import scaled
 from identification.structure.forces import Forces
 from identification.structure.resampling import BLOCKS, BlockSums, cut, least_norm, sums_of
-from identification.structure.sparse import paying_terms
-from identification.structure.stability_selection import HALF_HURDLE, HALVES, STABLE
 
 FloatArray = NDArray[np.float64]
 
@@ -128,10 +126,8 @@ def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> Frictio
         return None
     own = _in_blocks(every, answer, count, columns)
     kinds = _kinds(own)
-    if not kinds:
-        return None
-    frequency = _frequencies(every, answer, own, kinds, seed)
-    kinds = [kind for kind in kinds if frequency[kind] >= STABLE]
+    if kinds:
+        kinds = _stable(every, answer, own, kinds, seed)
     if not kinds:
         return None
     return _curve(own, kinds, forces)
@@ -179,13 +175,16 @@ def _noticed(own: _Table, kind: Kind, beside: Sequence[Kind], gone: float, left:
     return gone >= max(LEAST[kind] ** 2, part * left) and own.worth(kind, beside) >= 1
 
 
-def _frequencies(
+def _stable(
     every: FloatArray, answer: FloatArray, own: _Table, kinds: Sequence[Kind], seed: int
-) -> dict[Kind, float]:
-    """Part of random halves of the log in which sparse regression asks for each kind.
+) -> list[Kind]:
+    """The kinds for which sparse regression asks in most random halves of the log.
 
     The shape of a kind is that of the other half, so that no half is asked for what it suggested.
     """
+    from identification.structure.sparse import paying_terms
+    from identification.structure.stability_selection import HALF_HURDLE, HALVES, STABLE
+
     chosen = own.chosen(kinds)
     unit = np.stack([scaled(column) for column in every[:, chosen].T], axis=1)
     fits = cut(unit, scaled(answer), nuisance=len(own.base))
@@ -198,7 +197,9 @@ def _frequencies(
         other = halves[index ^ 1]
         shapes = np.where(places[:, None] == np.arange(len(kinds)), other[:, None], 0.0)
         picked.append(paying_terms(root @ shapes, (root @ half)[:, None], HALF_HURDLE**2)[0])
-    return dict(zip(kinds, np.mean(picked, axis=0).tolist(), strict=True))
+    return [
+        kind for kind, often in zip(kinds, np.mean(picked, axis=0), strict=True) if often >= STABLE
+    ]
 
 
 def _curve(own: _Table, kinds: Sequence[Kind], forces: Forces) -> FrictionCurve:

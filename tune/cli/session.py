@@ -246,8 +246,13 @@ def _interrupted(session: Session) -> int:
 def _ended(session: Session, error: BaseException) -> int:
     """Print why a command failed and return its exit code."""
     ignore_signals()
-    from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
-    from identification.device.stated import UnstatedError
+    from identification import (
+        InvalidInputError,
+        LogRefusedError,
+        NotWrittenError,
+        UnstatedError,
+        UsageError,
+    )
     from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
     if isinstance(error, LogRefusedError):

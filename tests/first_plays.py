@@ -75,7 +75,12 @@ class Unknown:
     def identified(self, plan: Excitation, position: Array) -> Device:
         """The device as its log shows it."""
         count, force = self.guesses["encoder_resolution"], self.guesses["force"]
-        log = Trajectory(time=plan.time, force=plan.best.force, position=counted(position, count))
+        log = Trajectory(
+            time=plan.time,
+            force=plan.best.force,
+            position=counted(position, count),
+            stated_units=frozenset({"force"}),  # --force-gain 1: a gentle force looks like amperes
+        )
         hardware = Hardware(
             sample_time=quantity(STEP),
             delay=quantity(0.0),

@@ -120,6 +120,7 @@ def draw_case(seed: int) -> OwnForceCase:
         return {"value": value, "low": value - reach, "high": value + reach}
 
     content: dict[str, Any] = {
+        "motion": "linear",
         "sample_time": step,
         "mass": known(mass),
         "damping": known(damping),

@@ -56,14 +56,14 @@ def test_no_proved_box_holds_an_unstable_device(block: int) -> None:
     for seed in range(block * 15, block * 15 + 15):
         region, setting, claim, rng = _draw(seed)
         if not (
-            _stable(region, setting, claim, np.zeros(6))
+            _stable(region, setting, claim, np.zeros(len(region.sides()) + 1))
             and prove(region, setting, [claim], CELLS).proved
         ):
             unproved += 1
             continue
         proved += 1
         for _ in range(20):
-            assert _stable(region, setting, claim, rng.random(6))
+            assert _stable(region, setting, claim, rng.random(len(region.sides()) + 1))
     assert proved >= 3
     assert unproved >= 1
 
@@ -73,7 +73,10 @@ def test_a_box_with_both_kinds_of_device_is_not_proved() -> None:
     mixed = 0
     for seed in range(1000, 1060):
         region, setting, claim, rng = _draw(seed)
-        answers = {_stable(region, setting, claim, rng.integers(0, 2, 6)) for _ in range(6)}
+        answers = {
+            _stable(region, setting, claim, rng.integers(0, 2, len(region.sides()) + 1))
+            for _ in range(6)
+        }
         if len(answers) == 2:
             mixed += 1
             assert not prove(region, setting, [claim], CELLS).proved
@@ -141,7 +144,7 @@ def test_a_loss_between_two_samples_of_delay_is_not_overlooked() -> None:
         claim = Claim(gain=float(rng.uniform(1, 6)), extra=1.0)
         region = _device(1.0, 5.0, 1e-3, 0.0)
         inside = [
-            _stable(region, setting, claim, np.array([0, 0, 0, 0, 0, part]))
+            _stable(region, setting, claim, np.append(np.zeros(len(region.sides())), part))
             for part in np.linspace(0, 1, 9)
         ]
         if not all(inside):

@@ -114,7 +114,7 @@ def test_forms_hold_the_loop_of_the_matrix_exponential(spread: float) -> None:
             *region.sides(),
         )
         low, high = np.array(sides).T
-        theta, mass, damping, step, delay, lag, *rest = _forms(low, high)
+        theta, mass, damping, step, delay, lag, spring, *rest = _forms(low, high)
         assert isinstance(theta, Form)
         assert isinstance(step, Form)
         hand = None
@@ -127,6 +127,7 @@ def test_forms_hold_the_loop_of_the_matrix_exponential(spread: float) -> None:
             sample_time=step,
             delay=late,
             lag=lag,
+            position_stiffness=spring,
             hand=hand,
             modes=tuple((rest[2 * i], rest[2 * i + 1]) for i in range(len(region.modes))),
             participations=tuple((mode.at_encoder, mode.at_handle) for mode in region.modes),

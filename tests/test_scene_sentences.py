@@ -15,7 +15,7 @@ FILES: tuple[tuple[tuple[str, ...], str], ...] = (
     (("elements",), "name: nothing\n"),
     (("elements", "valid dictionary"), "elements: []"),
     (("elements.wall", "give a mapping of keys"), "elements: {wall: max}"),
-    (("elements.wall", "give a mapping of keys", "None"), "elements:\n  wall:\n"),
+    (("elements.wall", "is blank", "give a mapping of keys"), "elements:\n  wall:\n"),
     (("elements.wall.stiffnes", "did you mean stiffness"), "elements: {wall: {stiffnes: max}}"),
     (
         ("wall.stiffness", "give a number, max, min", "10 N/m"),

@@ -113,12 +113,12 @@ def _sentence(item: dict[str, Any], names: tuple[str, ...]) -> str:
     kind = item["type"]
     if kind == "missing":
         return f"{where}: is missing"
-    if item["input"] is None:
-        return f"{where}: is blank; fill it in"
     if kind == "extra_forbidden":
         near = difflib.get_close_matches(location[-1], names, n=1)
         return f"{where}: is no key known here" + (f"; did you mean {near[0]}?" if near else "")
     message = "give a mapping of keys" if kind == "model_type" else str(item["msg"])
+    if item["input"] is None:
+        return f"{where}: is blank; fill it in ({message.removeprefix('Value error, ')})"
     return f"{where or 'file'}: {message.removeprefix('Value error, ')} (seen: {seen[:80]})"
 
 

@@ -156,9 +156,9 @@ def next_step(plan: Excitation) -> str:
 
     return (
         f"gentle first play, at most {spec.force:.3g} {UNITS[spec.motion]['force']} for "
-        f"{spec.duration:g} s: identify its log (haptune identify LOG -o first.yaml), then put "
-        "device: first.yaml in the place of gentle: true and plan the full force for the device "
-        "identified"
+        f"{spec.duration:g} s: identify its log (haptune identify LOG --force-gain 1 -o "
+        "first.yaml; so small a force looks like amperes), then put device: first.yaml in the "
+        "place of gentle: true and plan the full force for the device identified"
     )
 
 

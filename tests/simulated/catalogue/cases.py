@@ -39,7 +39,7 @@ class Case:
 
 
 def cases(seed: int) -> tuple[Case, ...]:
-    """Three logs for each finding code, 57 in all."""
+    """Three logs for each finding code, 60 in all."""
     first, second, third = machines.good(seed)
     three = (first, second, third)
     broken: dict[str, tuple[RawLog, ...]] = {
@@ -79,6 +79,7 @@ def cases(seed: int) -> tuple[Case, ...]:
             log.rows(slice(0, samples)) for log, samples in zip(three, (190, 60, 5), strict=True)
         ),
         "heldout-misfit": tuple(map(arrays.weakened, three, (0.02, 0.35, 1.5))),
+        "unmodelled-force": machines.dragged(seed),
     }
     # In volts of 30 N each nothing shows. A log in mN exceeds the hardware; counts show themselves.
     units = (

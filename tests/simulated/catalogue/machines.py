@@ -13,6 +13,7 @@ from datasets_synthetic.faults import Faults
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import simulate
+from tests.friction_rigs import friction_of, record
 from tests.simulated.catalogue.motions import Course, multisine
 from tests.simulated.catalogue.raw import RawLog
 
@@ -134,6 +135,18 @@ def sticking(seed: int) -> Three:
     parts = np.array([0.1, 0.6, 0.85])
     rigs = replace(_RIG, coulomb_friction=parts * np.max(np.abs(force)))
     return _three(rigs, np.stack([force] * 3), seed)
+
+
+def dragged(seed: int) -> Three:
+    """Drag with the square of speed, of about 1, 8 and 25 % of the force."""
+
+    def log(share: float) -> RawLog:
+        recorded = record(
+            friction_of("quadratic", share), range(seed, seed + 1), servo=False, seconds=6.0
+        )[0].trajectory
+        return RawLog(time=recorded.time, force=recorded.force, position=recorded.position)
+
+    return log(0.01), log(0.08), log(0.25)
 
 
 def held(seed: int) -> Three:

@@ -24,7 +24,7 @@ from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.output_error_turns import Fitted, Turns
 from identification.estimators.separable import physical, solve
-from identification.estimators.shaping import whiteness
+from identification.estimators.shaping import is_coloured, whiteness
 
 FloatArray = NDArray[np.float64]
 
@@ -112,11 +112,14 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         Estimate with the residual in position.
     """
     first = start if delay is None else delay
+    projected = _projected(table, delay, first)
+    if not _rubs(table, projected) and not is_coloured(projected.residual):
+        # Nothing is left over, and there is no friction whose turns could be told better.
+        return _estimate(table, projected, delay)
     found = _turning(table, delay, first) if table.model.coulomb else None
-    if found is None or not _rubs(table, found) or whiteness(found.residual) > _DOUBTED:
-        projected = _projected(table, delay, first)
-        if found is None or not _rubs(table, projected) or projected.cost < found.cost:
-            found = projected
+    doubted = found is None or not _rubs(table, found) or whiteness(found.residual) > _DOUBTED
+    if found is None or (doubted and (not _rubs(table, projected) or projected.cost < found.cost)):
+        found = projected
     return _estimate(table, found, delay)
 
 

@@ -26,7 +26,7 @@ from tune.cli.options import (
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
-    from identification import Hardware, Identification, LogColumns, Method, Trajectory
+    from identification import Device, Hardware, Identification, LogColumns, Method, Trajectory
 
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
@@ -54,7 +54,6 @@ def identify(
 
     def action(session: Session) -> None:
         from identification import LogColumns, to_mapping, to_yaml
-        from tune.certificate.refusal import refusal_of
 
         session.target(output, *logs, hardware)
         columns = LogColumns(
@@ -68,12 +67,19 @@ def identify(
             axis=axis,
         )
         result = identified(session, logs, columns, hardware, method, allow or [])
-        refusal = refusal_of(result.device)
-        if refusal is not None:
-            session.warn(f"tune will refuse this device: {refusal}")
+        if result.device.position_stiffness is not None or result.device.gravity is not None:
+            _warn_of_refusal(session, result.device)
         session.write(output, to_yaml(to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run)
 
     run_command("identify", action, as_json=json, quiet=quiet)
+
+
+def _warn_of_refusal(session: Session, device: Device) -> None:
+    from tune.certificate.refusal import refusal_of
+
+    refusal = refusal_of(device)
+    if refusal is not None:
+        session.warn(f"tune will refuse this device: {refusal}")
 
 
 def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Trajectory:

@@ -1,4 +1,4 @@
-"""Walls played on axes under friction that the model lacks, integrated as in `friction_rigs`."""
+"""Walls on axes under friction that the model lacks, integrated as in `friction_rigs`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.friction_rigs import COUNT, SUBSTEPS, Friction, Recorded, State, T, advance
+from tests.simulated.friction_rigs import COUNT, SUBSTEPS, Friction, Recorded, State, T, advance
 from tune import SafeProfile
 
 FloatArray = NDArray[np.float64]

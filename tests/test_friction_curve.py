@@ -1,6 +1,6 @@
 """Friction that the model lacks is found, named, and its slope is what the certificate holds.
 
-The truth is an integrator of its own (`tests.friction_rigs`), with the friction known.
+The truth is an integrator of its own (`tests.simulated.friction_rigs`), with the friction known.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from identification import (
     identify,
     load_device,
     quantity,
+    to_mapping,
 )
 from identification.fitting.selection import distinguishable
 from identification.fitting.workshop import Workshop
 from identification.structure.friction_curve import FrictionCurve, friction_curve
 from identification.structure.hysteresis import stop_operators
 from tests.friction_play import settled
-from tests.friction_rigs import (
+from tests.simulated.families import FAMILIES
+from tests.simulated.friction_rigs import (
     KINDS,
     SHARES,
     Friction,
@@ -37,9 +39,11 @@ from tests.friction_rigs import (
     hardware,
     record,
 )
-from tests.simulated.families import FAMILIES
 from tests.true_loops import judged
+from tests.unlimited import BOUNDLESS
 from tune import SafeProfile, Scene, optimise
+from tune.certificate.certify import regions_of
+from tune.certificate.check import check_content
 from tune.documents.errors import NoFeasibleEffectError
 
 WALL = Scene.model_validate(
@@ -48,6 +52,14 @@ WALL = Scene.model_validate(
             "wall": {"stiffness": "max", "damping": "max"},
             "rubber": {"stiffness": "max"},
         },
+        "ripple_limit": 1e6,
+        "loop": {"velocity_filter_hz": 60.0},
+    }
+)
+#: One damper that nothing but stability limits on an actuator without limits.
+WATER = Scene.model_validate(
+    {
+        "elements": {"water": {"damping": "max"}},
         "ripple_limit": 1e6,
         "loop": {"velocity_filter_hz": 60.0},
     }
@@ -97,6 +109,12 @@ def test_each_kind_is_named_and_mass_and_slope_are_right_beside_it(kind: Kind, s
     assert 0.8 * log.least_slope < curve.slope.low <= log.least_slope
     assert log.greatest_slope <= curve.slope.high
     assert abs(curve.mass / log.mass - 1) < 0.01
+    held = curve.presliding
+    assert (held is None) == (kind != "presliding")
+    if held is not None:
+        # Where it turns, a bristle is up to twice as stiff as at rest.
+        assert log.friction.presliding <= held.high <= 3 * log.friction.presliding
+        assert 0 < held.low < held.high
 
 
 def test_plain_friction_shows_no_curve() -> None:
@@ -125,6 +143,24 @@ def test_the_box_takes_the_wider_of_interval_and_slopes() -> None:
     assert inside.simultaneous_box() == plain
     wider = device.model_copy(update={"damping_slope": SlopeRange(low=4.0, high=10.01)})
     assert wider.simultaneous_box() == replace(plain, damping=(4.0, plain.damping[1]))
+
+
+def test_what_holds_before_it_slides_is_proved_beside_what_slides() -> None:
+    device = load_device("homerehab").model_copy(
+        update={"presliding_stiffness": SlopeRange(low=10.0, high=800.0)}
+    )
+    profile = optimise(device, WALL)
+    assert profile.certificate.presliding_stiffness == (10.0, 800.0)
+    assert any("slides, or holds the device" in each for each in profile.certificate.assumes)
+    bare, held = regions_of(profile)
+    assert (bare.position_stiffness, held.position_stiffness) == ((0.0, 0.0), (10.0, 800.0))
+    # Late and filtered, a damper pushes where a stiff spring swings fast.
+    strong = load_device("homerehab").model_copy(update={"force_limit": BOUNDLESS})
+    stiff = SlopeRange(low=1e5, high=2e5)
+    sprung = strong.model_copy(update={"presliding_stiffness": stiff})
+    most, less = (optimise(each, WATER).elements["water"].damping for each in (strong, sprung))
+    assert 0 < less < 0.5 * most
+    assert check_content(to_mapping(profile), "profile.yaml") is not None
 
 
 def _identified(log: Recorded) -> Identification | None:

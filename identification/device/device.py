@@ -127,6 +127,7 @@ class Device(Document):
         damping_slope: least and largest slope of friction over speed, from rest to the fastest
             speed logged, where friction is not constant damping and Coulomb friction; falling
             friction and the step at rest are left out.
+        presliding_stiffness: of friction with a memory while it does not slide, N/m, above zero.
         damping_by_direction: b for q̇ > 0 and for q̇ < 0, where a log told them apart.
         friction_by_direction: Fc, not negative, for q̇ > 0 and for q̇ < 0.
         position_stiffness: k, N/m, of a force k·q towards zero; negative pushes away from it.
@@ -153,6 +154,7 @@ class Device(Document):
     modes: tuple[Mode, ...] = Field(default=(), max_length=MOST_MODES)
     current_lag: PositiveQuantity | None = None
     damping_slope: SlopeRange | None = None
+    presliding_stiffness: SlopeRange | None = None
     damping_by_direction: ByDirection | None = None
     friction_by_direction: ByDirection | None = None
     position_stiffness: AnyQuantity | None = None

@@ -34,7 +34,7 @@ class ByDirection(Document):
 
 
 class SlopeRange(Document):
-    """Least and largest slope of friction over speed, N·s/m (N·m·s/rad)."""
+    """Least and largest slope of a force: of friction over speed, or of a spring over position."""
 
     low: float = Field(ge=-LARGEST, le=LARGEST)
     high: float = Field(ge=-LARGEST, le=LARGEST)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,8 @@ def device_from(
         modes=hardware.modes,
         current_lag=hardware.current_lag,
         covariance=_covariance(fits),
-        damping_slope=_damping_slope(fits),
+        damping_slope=_hull_of(fits, "slope"),
+        presliding_stiffness=_hull_of(fits, "presliding"),
         logs=tuple(records),
         damping_by_direction=_by_direction(fits, "damping"),
         friction_by_direction=_by_direction(fits, "friction"),
@@ -212,12 +214,13 @@ def _by_direction(fits: Sequence[LogFit], what: str) -> ByDirection | None:
     return ByDirection(forward=forward, backward=backward)
 
 
-def _damping_slope(fits: Sequence[LogFit]) -> SlopeRange | None:
+def _hull_of(fits: Sequence[LogFit], name: Literal["slope", "presliding"]) -> SlopeRange | None:
     """Of the logs whose friction is no straight line over speed."""
-    slopes = [fit.curve.slope for fit in fits if fit.curve is not None]
-    if not slopes:
+    found: list[SlopeRange | None] = [getattr(each.curve, name, None) for each in fits]
+    known = [each for each in found if each is not None]
+    if not known:
         return None
-    return SlopeRange(low=min(each.low for each in slopes), high=max(each.high for each in slopes))
+    return SlopeRange(low=min(each.low for each in known), high=max(each.high for each in known))
 
 
 def _position_stiffness(fits: Sequence[LogFit]) -> Quantity | None:

@@ -28,7 +28,7 @@ _DAMPING_WAVES = 8
 #: ... and of force.
 _WAVES = 16
 #: Widths of the springs that yield, parts of the travel.
-_WIDTHS = (0.15, 0.05, 0.015, 0.005)
+_WIDTHS = (0.15, 0.05, 0.015, 0.005, 0.0015)
 #: Speeds and places at which slopes are taken.
 _SPEEDS, _PLACES = 21, 65
 
@@ -72,6 +72,17 @@ class Forces:
             return np.stack(list(_waves(place, _DAMPING_WAVES)), axis=1) / self.fastest
         count = {"falling": len(_BELLS), "position": 1 + 2 * _WAVES, "memory": 1 + len(_WIDTHS)}
         return np.zeros((1, count[kind]))
+
+    def stiffnesses(self) -> FloatArray:
+        """What each column of memory adds to the stiffness before sliding, N/m a unit.
+
+        Returns:
+            Shape (states, columns): all springs yield, then the widest holds, then one more each.
+        """
+        travel = float(np.ptp(self.table.signals.position))
+        springs = 1 / (np.array(_WIDTHS) * travel)
+        held = np.tril(np.ones((len(_WIDTHS) + 1, len(_WIDTHS))), -1)
+        return np.column_stack((np.full(len(held), 2 / travel), held * springs))
 
     @cached_property
     def _speed(self) -> FloatArray:

@@ -48,6 +48,8 @@ FIRST, FURTHER = 0.25, 0.5
 MOST = 3
 #: Standard deviations by which a slope may be off.
 _SURE = 2 * NORMAL_95
+#: Least stiffness before sliding, part of the largest: below it the device as good as slides.
+_SOFTEST = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +60,8 @@ class FrictionCurve:
         found: kinds of force, the largest first.
         slope: of friction over speed, from rest to ``fastest``.
         fastest: speed seen, m/s.
+        presliding: stiffness of friction with a memory while it holds, N/m, above zero; None
+            where there is none.
         mass: kg, with the kinds in the regression.
         mass_deviation: standard deviation of it.
         left: what the kinds leave of the residual, rms over rms.
@@ -66,6 +70,7 @@ class FrictionCurve:
     found: tuple[UnmodelledForce, ...]
     slope: SlopeRange
     fastest: float
+    presliding: SlopeRange | None
     mass: float
     mass_deviation: float
     left: float
@@ -218,6 +223,7 @@ def _curve(own: _Table, kinds: Sequence[Kind], forces: Forces) -> FrictionCurve:
         found=found,
         slope=SlopeRange(low=low - float(moved[1]), high=high + float(moved[1])),
         fastest=forces.fastest,
+        presliding=_presliding(own, kinds, forces),
         mass=float(fitted[0] * scales[0]),
         mass_deviation=float(np.hypot(np.sqrt(covariance[0, 0]) * scales[0], moved[0])),
         left=left,
@@ -244,12 +250,34 @@ def _share(own: _Table, kind: Kind, kinds: Sequence[Kind]) -> float:
     return float(np.sqrt(max(square, 0.0)))
 
 
+def _presliding(own: _Table, kinds: Sequence[Kind], forces: Forces) -> SlopeRange | None:
+    """Least and largest stiffness of friction that remembers, before all of it slides."""
+    if "memory" not in kinds:
+        return None
+    chosen = own.chosen(kinds)
+    added = forces.stiffnesses()
+    weights = np.zeros((len(added), len(chosen)))
+    first = chosen.index(own.members["memory"][0])
+    weights[:, first : first + added.shape[1]] = added
+    value, half = _weighted(own, chosen, weights)
+    high = float(np.max(value + half))
+    if high <= 0:
+        return None
+    return SlopeRange(low=max(float(np.min(value)), _SOFTEST * high), high=high)
+
+
+def _weighted(own: _Table, chosen: list[int], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Weighted sums of the coefficients of some columns, and how far each may be off."""
+    fitted, covariance = own.sums.fit(chosen)
+    scales = own.scales[chosen]
+    spread = covariance * np.outer(scales, scales)
+    variance = np.einsum("ij,jk,ik->i", weights, spread, weights)
+    return weights @ (fitted * scales), _SURE * np.sqrt(np.maximum(variance, 0.0))
+
+
 def _slope_range(own: _Table, kinds: Sequence[Kind], forces: Forces) -> tuple[float, float]:
     """Least and largest slope of friction over speed with some kinds in the regression, N·s/m."""
     chosen = own.chosen(kinds)
-    fitted, covariance = own.sums.fit(chosen)
-    scales = own.scales[chosen]
-    values, spread = fitted * scales, covariance * np.outer(scales, scales)
     weights = np.zeros((1, len(chosen)))
     weights[0, 1] = 1.0
     first = len(own.base)
@@ -259,8 +287,7 @@ def _slope_range(own: _Table, kinds: Sequence[Kind], forces: Forces) -> tuple[fl
         weights = np.repeat(weights, len(added), axis=0)
         weights[:, first:last] = np.tile(added, (len(weights) // len(added), 1))
         first = last
-    slope = weights @ values
-    half = _SURE * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", weights, spread, weights), 0.0))
+    slope, half = _weighted(own, chosen, weights)
     return float(np.min(slope - half)), float(np.max(slope + half))
 
 

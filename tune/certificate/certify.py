@@ -95,7 +95,7 @@ def certify(design: Design, most_cells: int | None = None) -> Certificate:
 
 
 def regions_of(design: Design) -> tuple[Region, ...]:
-    """The device alone, and with the box of hands where there is one."""
+    """The device alone, held by its friction before it slides, and both in the box of hands."""
     device = design.device
     box = device.simultaneous_box()
     lag = device.current_lag
@@ -116,14 +116,19 @@ def regions_of(design: Design) -> tuple[Region, ...]:
         current_lag=(0.0, 0.0) if lag is None else (lag.low, lag.high),
         position_stiffness=box.position_stiffness,
     )
+    alone = (bare,)
+    held = device.presliding_stiffness
+    if held is not None:
+        low, high = box.position_stiffness
+        alone += (replace(bare, position_stiffness=(low + held.low, high + held.high)),)
     if design.hand is None:
-        return (bare,)
+        return alone
     hand = HandRegion(
         mass=(design.hand.mass.low, design.hand.mass.high),
         damping=(design.hand.damping.low, design.hand.damping.high),
         stiffness=(design.hand.stiffness.low, design.hand.stiffness.high),
     )
-    return bare, replace(bare, hand=hand)
+    return (*alone, *(replace(each, hand=hand) for each in alone))
 
 
 def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:
@@ -228,8 +233,9 @@ def _certificate(
 ) -> Certificate:
     assert found.worst is not None
     moment, gain, worst = found.worst
-    region = regions_of(design)[-1]
-    hand = region.hand
+    regions = regions_of(design)
+    region, hand = regions[0], regions[-1].hand
+    held = None if design.device.presliding_stiffness is None else regions[1].position_stiffness
     return Certificate(
         method=METHOD,
         confidence=0.999,
@@ -247,6 +253,7 @@ def _certificate(
         ),
         current_lag=None if design.device.current_lag is None else region.current_lag,
         position_stiffness=region.position_stiffness if any(region.position_stiffness) else None,
+        presliding_stiffness=held,
         hand=hand and HandBox(mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness),
         gain=design.margin.gain,
         extra_delay_samples=float(design.margin.extra_delay_samples),

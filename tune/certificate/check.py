@@ -102,7 +102,7 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
         seen, said = getattr(fresh, name), getattr(stated, name)
         if not np.allclose(seen, said, rtol=_AGREE, atol=0):
             yield f"certificate.{name} says {_number(said)}, computed anew it is {_number(seen)}"
-    for name in ("modes", "current_lag", "position_stiffness", "hand"):
+    for name in ("modes", "current_lag", "position_stiffness", "presliding_stiffness", "hand"):
         seen, said = _flat(getattr(fresh, name)), _flat(getattr(stated, name))
         if len(seen) != len(said) or not np.allclose(seen, said, rtol=_AGREE, atol=0):
             yield f"certificate.{name} is not what device and hand of the file give"
@@ -166,9 +166,14 @@ def _inside(stated: WorstPoint, box: Certificate) -> bool:
     for place, around in zip(stated.modes, box.modes, strict=True):
         pairs.append((place.frequency_hz, around.frequency_hz))
         pairs.append((place.damping_ratio, around.damping_ratio))
+    # Before it slides a device has a spring that it has not after.
+    held = stated.position_stiffness is not None and box.presliding_stiffness is not None
+    slope = box.position_stiffness
+    if held and (slope is None or (stated.position_stiffness or 0.0) > slope[1]):
+        slope = box.presliding_stiffness
     for value, around in (
         (stated.current_lag, box.current_lag),
-        (stated.position_stiffness, box.position_stiffness),
+        (stated.position_stiffness, slope),
     ):
         if (value is None) != (around is None):
             return False

@@ -24,6 +24,11 @@ WITH_HAND = (
     "the device alone, and with any hand within the intervals: a mass, a damper and a spring to a "
     "place that rests"
 )
+HELD = (
+    "friction with a memory slides, or holds the device by a spring without loss of {:.6g} to "
+    "{:.6g} {} beside it"
+)
+STIFFNESS_UNITS = {"linear": "N/m", "rotary": "N·m/rad"}
 RIGID = "a rigid mechanism: no vibration mode is stated"
 SPRUNG = (
     "the device's own force by position is proportional to it over all the travel, and acts on the "
@@ -74,7 +79,15 @@ def assumptions(design: Design) -> tuple[str, ...]:
         WITH_MODES if device.modes else RIGID,
         *(() if device.current_lag is not None else (NO_LAG,)),
         *(() if device.damping_slope is None else (SLOPES,)),
+        *_held(device),
     )
+
+
+def _held(device: Device) -> tuple[str, ...]:
+    spring = device.presliding_stiffness
+    if spring is None:
+        return ()
+    return (HELD.format(spring.low, spring.high, STIFFNESS_UNITS[device.motion]),)
 
 
 def not_assessed(design: Design) -> tuple[str, ...]:
@@ -90,6 +103,7 @@ def _uncovered(design: Design) -> tuple[str, ...]:
         for log in design.device.logs
         for force in log.unmodelled_forces
         if not force.rises
+        and not (force.kind == "memory" and design.device.presliding_stiffness is not None)
     )
 
 

@@ -7,7 +7,7 @@ the simulator, which shares no algebra with anything that tunes or certifies.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -55,21 +55,26 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     from datasets_synthetic import rehearse, rig_of
     from tune.documents.errors import CheckFailedError
 
-    rig, hand = rig_of(design.device), _grip(design)
+    hand, held = _grip(design), design.device.presliding_stiffness
+    rigs = [rig_of(design.device)]
+    if held is not None:
+        # Friction with a memory, before it slides.
+        rigs.append(replace(rigs[0], stiffness=rigs[0].stiffness + held.high))
     moments = [_moment(design, names) for names in design.moments()]
     felt = [each for each in moments if each.stiffness or each.damping or each.mass]
     vetoes: list[str] = []
     for first in range(0, len(felt), _AT_ONCE):
         part = felt[first : first + _AT_ONCE]
         say(f"rehearsing {part[0].name}{' and others' if part[1:] else ''} in simulation")
-        found = rehearse(
-            rig,
-            _law(design, part),
-            hand=hand,
-            force_allowed=_LASTING * design.ripple_limit,
-        )
-        for moment, each in zip(part, found, strict=True):
-            vetoes += [f"{moment.name}: rehearsal: {trial.reason}" for trial in each.vetoes[:1]]
+        for rig in rigs:
+            found = rehearse(
+                rig,
+                _law(design, part),
+                hand=hand,
+                force_allowed=_LASTING * design.ripple_limit,
+            )
+            for moment, each in zip(part, found, strict=True):
+                vetoes += [f"{moment.name}: rehearsal: {trial.reason}" for trial in each.vetoes[:1]]
     if vetoes:
         raise CheckFailedError(tuple(vetoes))
 

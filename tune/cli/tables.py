@@ -235,6 +235,10 @@ def device_table(device: Device) -> Table:
     if slope is not None:
         between = f"{slope.low:.4g} .. {slope.high:.4g}"
         table.add_row("slope of friction", "-", between, units["damping"], "-")
+    held = device.presliding_stiffness
+    if held is not None:
+        between = f"{held.low:.4g} .. {held.high:.4g}"
+        table.add_row("stiffness before sliding", "-", between, units["stiffness"], "-")
     return table
 
 
@@ -270,6 +274,8 @@ def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
     beside += ["without a hand and in every hand"] if certificate.hand else []
     own = certificate.position_stiffness
     spring = f", own stiffness {own[0]:.6g} to {own[1]:.6g}" if own else ""
+    held = certificate.presliding_stiffness
+    spring += f", before sliding {held[0]:.6g} to {held[1]:.6g}" if held else ""
     return (
         f"proved for every device: mass {certificate.mass[0]:.6g} to {certificate.mass[1]:.6g}, "
         f"damping {certificate.damping[0]:.6g} to {certificate.damping[1]:.6g}{spring} (together "

@@ -79,6 +79,8 @@ class Certificate(Document):
         modes: in the order of the device's.
         current_lag: None for none.
         position_stiffness: slope of the device's own force by position, N/m; None for none.
+        presliding_stiffness: the same where friction holds the device, before it slides; proved
+            beside the device that slides. None for none.
         hand: None for the device alone; with a hand the device alone is proved beside it.
         gain: every gain in (0, gain].
         extra_delay_samples: on top of the device's delay, any part of it.
@@ -101,6 +103,7 @@ class Certificate(Document):
     modes: tuple[ModeBox, ...] = ()
     current_lag: tuple[float, float] | None = None
     position_stiffness: tuple[float, float] | None = None
+    presliding_stiffness: tuple[float, float] | None = None
     hand: HandBox | None = None
     gain: float
     extra_delay_samples: float

@@ -57,6 +57,7 @@ class Region:
         box: of the device, simultaneous.
         modes: of the mechanism, each with its intervals.
         current_lag: s, or None.
+        presliding: stiffness of friction that holds before it slides, N/m above zero, or None.
         hand: grips; the device alone is in the region in any case.
         found: points between the corners that were worse than they.
 
@@ -66,6 +67,7 @@ class Region:
     box: Box
     modes: tuple[Mode, ...] = ()
     current_lag: Quantity | None = None
+    presliding: tuple[float, float] | None = None
     hand: Hand | None = None
     found: tuple[Spot, ...] = ()
     _plants: dict[tuple[float, float], tuple[SampledPlant, ...]] = field(
@@ -91,7 +93,14 @@ class Region:
                 "the sample time of the haptic loop and the true delay, or tune for a longer "
                 "sample time"
             )
-        return cls(box=box, modes=device.modes, current_lag=device.current_lag, hand=hand)
+        held = device.presliding_stiffness
+        return cls(
+            box=box,
+            modes=device.modes,
+            current_lag=device.current_lag,
+            presliding=None if held is None else (held.low, held.high),
+            hand=hand,
+        )
 
     def loops(self, filters: Filters, extra: float) -> tuple[Late, ...]:
         """Loops of all corners at the ends of the delay, at every whole sample between and beyond.
@@ -126,17 +135,20 @@ class Region:
         )
 
     def _at(self, step: float, samples: float) -> tuple[SampledPlant, ...]:
-        """All corners at one sample time and delay: the device alone, then in the hand."""
+        """All corners at one sample time and delay: the device alone, held by friction, in hand."""
         if (step, samples) not in self._plants:
             spots = list(self._corners(step, samples * step))
+            alike: dict[tuple[bool, bool], list[Spot]] = {}
+            for spot in spots:
+                key = (spot.hand is None, spot.position_stiffness == 0)
+                alike.setdefault(key, []).append(spot)
             self._plants[step, samples] = tuple(
-                self._plant([spot for spot in spots if (spot.hand is None) == bare], samples)
-                for bare in dict.fromkeys(spot.hand is None for spot in spots)
+                self._plant(each, samples) for each in alike.values()
             )
         return self._plants[step, samples]
 
     def _plant(self, spots: Sequence[Spot], samples: float) -> SampledPlant:
-        """Spots of one sample time and delay, all in a hand or all without."""
+        """Spots of one sample time and delay, all in a hand or all without, all sprung or none."""
         grips = [spot.hand for spot in spots if spot.hand is not None]
         return SampledPlant.from_numbers(
             mass=np.array([spot.mass for spot in spots]),
@@ -183,6 +195,9 @@ class Region:
         lags = (0.0,) if self.current_lag is None else _ends(self.current_lag)
         masses, dampings = dict.fromkeys(self.box.mass), dict.fromkeys(self.box.damping)
         slopes = dict.fromkeys(self.box.position_stiffness)
+        if self.presliding is not None:
+            pairs = zip(self.box.position_stiffness, self.presliding, strict=True)
+            slopes |= dict.fromkeys(own + held for own, held in pairs)
         for mass, damping, slope, way, lag, grip in product(
             masses, dampings, slopes, dict.fromkeys(ways), lags, grips
         ):

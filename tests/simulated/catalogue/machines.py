@@ -13,9 +13,9 @@ from datasets_synthetic.faults import Faults
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import simulate
-from tests.friction_rigs import friction_of, record
 from tests.simulated.catalogue.motions import Course, multisine
 from tests.simulated.catalogue.raw import RawLog
+from tests.simulated.friction_rigs import friction_of, record
 
 FloatArray = NDArray[np.float64]
 Three = tuple[RawLog, RawLog, RawLog]

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import ForceLimit, Hardware, Trajectory, quantity
+from identification import Hardware, Trajectory
 
 FloatArray = NDArray[np.float64]
 Kind = Literal["plain", "quadratic", "cubic", "stribeck", "place", "cogging", "cable", "presliding"]
@@ -102,12 +102,14 @@ class Recorded:
 
 def hardware() -> Hardware:
     """What a person knows of these devices."""
-    return Hardware(
-        motion="linear",
-        sample_time=quantity(T),
-        delay=quantity(T),
-        encoder_resolution=quantity(COUNT),
-        force_limit=ForceLimit(continuous=14.0, peak=PEAK),
+    return Hardware.model_validate(
+        {
+            "motion": "linear",
+            "sample_time": T,
+            "delay": T,
+            "encoder_resolution": COUNT,
+            "force_limit": {"continuous": 14.0, "peak": PEAK},
+        }
     )
 
 

@@ -50,8 +50,8 @@ def unmodelled(
         )
         remedy = (
             "Oil, align or exchange what rubs, free the cables, and log again; what is left must "
-            "be allowed for in the margin: no proof covers friction that falls, remembers or "
-            "depends on position."
+            "be allowed for in the margin: no proof covers friction that falls or depends on "
+            "position."
         )
     else:
         needed = "Coulomb friction and constant damping, or slopes that the certificate covers"

@@ -24,7 +24,7 @@ from identification.estimators.intervals import NORMAL_95
 from identification.estimators.least_squares import Regression
 from identification.structure.distinct import scaled
 from identification.structure.forces import Forces
-from identification.structure.resampling import BLOCKS, BlockSums, cut, least_norm, sums_of
+from identification.structure.resampling import BLOCKS, BlockSums, least_norm, sums_of
 
 FloatArray = NDArray[np.float64]
 
@@ -64,7 +64,6 @@ class FrictionCurve:
             where there is none.
         mass: kg, with the kinds in the regression.
         mass_deviation: standard deviation of it.
-        left: what the kinds leave of the residual, rms over rms.
     """
 
     found: tuple[UnmodelledForce, ...]
@@ -73,7 +72,26 @@ class FrictionCurve:
     presliding: SlopeRange | None
     mass: float
     mass_deviation: float
-    left: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Least squares with some kinds beside the model.
+
+    Attributes:
+        values: coefficients of the model and the kinds, SI units.
+        covariance: of them.
+        places: where those of each kind stand.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    places: Mapping[Kind, slice]
+
+    def weighted(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Weighted sums of the coefficients, and how far each may be off."""
+        variance = np.einsum("ij,jk,ik->i", weights, self.covariance, weights)
+        return weights @ self.values, _SURE * np.sqrt(np.maximum(variance, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +112,17 @@ class _Table:
 
     def chosen(self, kinds: Sequence[Kind]) -> list[int]:
         return self.base + [each for kind in kinds for each in self.members[kind]]
+
+    def fit(self, kinds: Sequence[Kind]) -> _Fit:
+        chosen = self.chosen(kinds)
+        fitted, covariance = self.sums.fit(chosen)
+        scales = self.scales[chosen]
+        places: dict[Kind, slice] = {}
+        first = len(self.base)
+        for kind in kinds:
+            places[kind] = slice(first, first + len(self.members[kind]))
+            first = places[kind].stop
+        return _Fit(fitted * scales, covariance * np.outer(scales, scales), places)
 
     def left(self, kinds: Sequence[Kind]) -> float:
         """Mean square that is left over, of 1."""
@@ -130,12 +159,9 @@ def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> Frictio
     if answer.size < BLOCKS * (every.shape[1] + 1) / 4 or not np.any(answer):
         return None
     own = _in_blocks(every, answer, count, columns)
-    kinds = _kinds(own)
-    if kinds:
-        kinds = _stable(every, answer, own, kinds, seed)
-    if not kinds:
-        return None
-    return _curve(own, kinds, forces)
+    noticed = _kinds(own)
+    kinds = _stable(own, noticed, seed) if noticed else []
+    return _curve(own, kinds, forces) if kinds else None
 
 
 def _in_blocks(
@@ -169,8 +195,7 @@ def _kinds(own: _Table) -> list[Kind]:
         }
         if not noticed:
             break
-        best: Kind = max(noticed, key=noticed.__getitem__)
-        kinds.append(best)
+        kinds.append(max(noticed, key=noticed.__getitem__))
     return kinds
 
 
@@ -180,9 +205,7 @@ def _noticed(own: _Table, kind: Kind, beside: Sequence[Kind], gone: float, left:
     return gone >= max(LEAST[kind] ** 2, part * left) and own.worth(kind, beside) >= 1
 
 
-def _stable(
-    every: FloatArray, answer: FloatArray, own: _Table, kinds: Sequence[Kind], seed: int
-) -> list[Kind]:
+def _stable(own: _Table, kinds: Sequence[Kind], seed: int) -> list[Kind]:
     """The kinds for which sparse regression asks in most random halves of the log.
 
     The shape of a kind is that of the other half, so that no half is asked for what it suggested.
@@ -190,9 +213,7 @@ def _stable(
     from identification.structure.sparse import paying_terms
     from identification.structure.stability_selection import HALF_HURDLE, HALVES, STABLE
 
-    chosen = own.chosen(kinds)
-    unit = np.stack([scaled(column) for column in every[:, chosen].T], axis=1)
-    fits = cut(unit, scaled(answer), nuisance=len(own.base))
+    fits = own.sums.resampled(own.chosen(kinds), nuisance=len(own.base))
     # A half knows each term with twice the variance of the whole.
     root = fits.root / np.sqrt(2)
     places = np.repeat(np.arange(len(kinds)), [len(own.members[kind]) for kind in kinds])
@@ -208,40 +229,32 @@ def _stable(
 
 
 def _curve(own: _Table, kinds: Sequence[Kind], forces: Forces) -> FrictionCurve:
-    linear, _ = own.sums.fit(own.base)
-    chosen = own.chosen(kinds)
-    fitted, covariance = own.sums.fit(chosen)
+    linear, fit = own.fit(()), own.fit(kinds)
     left = float(np.sqrt(own.left(kinds) / own.left(())))
-    scales = own.scales[chosen]
-    moved = np.abs(fitted[:2] - linear[:2]) * scales[:2] * left
-    low, high = _slope_range(own, kinds, forces)
+    moved = np.abs(fit.values[:2] - linear.values[:2]) * left
+    low, high = _slope_range(fit, forces)
     for other in _as_good(own, kinds):
-        below, above = _slope_range(own, (other,), forces)
+        below, above = _slope_range(own.fit((other,)), forces)
         low, high = min(low, below), max(high, above)
-    found = tuple(UnmodelledForce(kind=kind, share=_share(own, kind, kinds)) for kind in kinds)
     return FrictionCurve(
-        found=found,
+        found=tuple(UnmodelledForce(kind=kind, share=_share(own, fit, kind)) for kind in kinds),
         slope=SlopeRange(low=low - float(moved[1]), high=high + float(moved[1])),
         fastest=forces.fastest,
-        presliding=_presliding(own, kinds, forces),
-        mass=float(fitted[0] * scales[0]),
-        mass_deviation=float(np.hypot(np.sqrt(covariance[0, 0]) * scales[0], moved[0])),
-        left=left,
+        presliding=_presliding(fit, forces),
+        mass=float(fit.values[0]),
+        mass_deviation=float(np.hypot(np.sqrt(fit.covariance[0, 0]), moved[0])),
     )
 
 
-def _share(own: _Table, kind: Kind, kinds: Sequence[Kind]) -> float:
+def _share(own: _Table, fit: _Fit, kind: Kind) -> float:
     """Rms of a kind over the rms of the force.
 
     Of all but drag only what Coulomb friction and the other terms of the model cannot follow: they
     overlap, and their sum alone is known.
     """
-    chosen = own.chosen(kinds)
-    fitted, _ = own.sums.fit(chosen)
     gram = own.sums.normals.sum(axis=0) / own.sums.rows
     members = own.members[kind]
-    first = chosen.index(members[0])
-    part = fitted[first : first + len(members)]
+    part = fit.values[fit.places[kind]] / own.scales[members]
     square = float(part @ gram[np.ix_(members, members)] @ part)
     terms = own.base[2:] if kind != "drag" else []
     if terms:
@@ -250,44 +263,29 @@ def _share(own: _Table, kind: Kind, kinds: Sequence[Kind]) -> float:
     return float(np.sqrt(max(square, 0.0)))
 
 
-def _presliding(own: _Table, kinds: Sequence[Kind], forces: Forces) -> SlopeRange | None:
+def _presliding(fit: _Fit, forces: Forces) -> SlopeRange | None:
     """Least and largest stiffness of friction that remembers, before all of it slides."""
-    if "memory" not in kinds:
+    if "memory" not in fit.places:
         return None
-    chosen = own.chosen(kinds)
     added = forces.stiffnesses()
-    weights = np.zeros((len(added), len(chosen)))
-    first = chosen.index(own.members["memory"][0])
-    weights[:, first : first + added.shape[1]] = added
-    value, half = _weighted(own, chosen, weights)
+    weights = np.zeros((len(added), fit.values.size))
+    weights[:, fit.places["memory"]] = added
+    value, half = fit.weighted(weights)
     high = float(np.max(value + half))
     if high <= 0:
         return None
     return SlopeRange(low=max(float(np.min(value)), _SOFTEST * high), high=high)
 
 
-def _weighted(own: _Table, chosen: list[int], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weighted sums of the coefficients of some columns, and how far each may be off."""
-    fitted, covariance = own.sums.fit(chosen)
-    scales = own.scales[chosen]
-    spread = covariance * np.outer(scales, scales)
-    variance = np.einsum("ij,jk,ik->i", weights, spread, weights)
-    return weights @ (fitted * scales), _SURE * np.sqrt(np.maximum(variance, 0.0))
-
-
-def _slope_range(own: _Table, kinds: Sequence[Kind], forces: Forces) -> tuple[float, float]:
+def _slope_range(fit: _Fit, forces: Forces) -> tuple[float, float]:
     """Least and largest slope of friction over speed with some kinds in the regression, N·s/m."""
-    chosen = own.chosen(kinds)
-    weights = np.zeros((1, len(chosen)))
+    weights = np.zeros((1, fit.values.size))
     weights[0, 1] = 1.0
-    first = len(own.base)
-    for kind in kinds:
+    for kind, place in fit.places.items():
         added = forces.slopes(kind)
-        last = first + added.shape[1]
         weights = np.repeat(weights, len(added), axis=0)
-        weights[:, first:last] = np.tile(added, (len(weights) // len(added), 1))
-        first = last
-    slope, half = _weighted(own, chosen, weights)
+        weights[:, place] = np.tile(added, (len(weights) // len(added), 1))
+    slope, half = fit.weighted(weights)
     return float(np.min(slope - half)), float(np.max(slope + half))
 
 

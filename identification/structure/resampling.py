@@ -82,16 +82,7 @@ def cut(columns: FloatArray, answer: FloatArray, *, nuisance: int) -> Resampled:
         answer: shape (rows,), of mean square 1.
         nuisance: how many leading columns are not candidates.
     """
-    sums = sums_of(columns, answer)
-    fitted, covariance = sums.fit(list(range(columns.shape[1])))
-    return Resampled(
-        coefficients=fitted[nuisance:],
-        covariance=covariance[nuisance:, nuisance:],
-        root=_root_of_inverse(covariance[nuisance:, nuisance:]),
-        gram=sums.normals.sum(axis=0)[nuisance:, nuisance:] / answer.size,
-        normals=sums.normals,
-        rights=sums.rights,
-    )
+    return sums_of(columns, answer).resampled(list(range(columns.shape[1])), nuisance=nuisance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +116,19 @@ class BlockSums:
         shifts = (_inverse(whole - normals) @ scores[:, :, None])[:, :, 0]
         floor = UNKNOWN_FORCE**2 * self.rows * _inverse(whole)
         return fitted, _long_run(shifts) + floor
+
+    def resampled(self, members: list[int], *, nuisance: int) -> Resampled:
+        """The fit of some columns and of its parts; the first few are no candidates."""
+        fitted, covariance = self.fit(members)
+        normals, rights = self.normals[:, members][:, :, members], self.rights[:, members]
+        return Resampled(
+            coefficients=fitted[nuisance:],
+            covariance=covariance[nuisance:, nuisance:],
+            root=_root_of_inverse(covariance[nuisance:, nuisance:]),
+            gram=normals.sum(axis=0)[nuisance:, nuisance:] / self.rows,
+            normals=normals,
+            rights=rights,
+        )
 
     def left(self, members: list[int]) -> float:
         """Mean square of the answer that least squares on some columns leaves over."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identification import Device
+from tune.certificate.words import STIFFNESS_UNITS
 from tune.documents.errors import CheckFailedError
 
 #: What to do about either.
@@ -33,7 +34,7 @@ def refusal_of(device: Device) -> Refusal | None:
     pushes away from where it is, anywhere in its box or on its travel, runs away by itself.
     """
     low, high = device.simultaneous_box().position_stiffness
-    unit = {"linear": "N/m", "rotary": "N·m/rad"}[device.motion]
+    unit = STIFFNESS_UNITS[device.motion]
     if device.gravity is not None and any(
         side
         for part in (device.gravity.sine, device.gravity.cosine)

@@ -14,15 +14,16 @@ from benchmarks.solvers import SOLVERS, Task
 from tests.optimum_reference import Reference
 from tests.optimum_search import highest
 from tune.optimisation.backends.program import program_of
-from tune.optimisation.climb import climb, closed_form
+from tune.optimisation.backends import Rank
 from tune.optimisation.limits import weakest
+from tune.optimisation.nash import closed_form, largest_product
 from tune.optimisation.problem import Problem
 from tune.optimisation.solve import backends
-from tune.optimisation.starts import interior
+from tune.optimisation.starts import starts_of
 
 FloatArray = NDArray[np.float64]
 
-#: Searches for the height that gaps refer to.
+#: Searches for the product that gaps refer to.
 _STARTS = 30
 #: Beyond a limit by less is on it, in log-sizes.
 _NOISE = 1e-12
@@ -45,7 +46,7 @@ class Posed:
     """A case with its problem, and the best that independent searches know.
 
     Attributes:
-        best: least height.
+        best: logarithm of the product of steps.
         sizes: there, of log-sizes.
     """
 
@@ -55,9 +56,9 @@ class Posed:
     sizes: FloatArray
 
     def gap(self, place: FloatArray) -> float:
-        """How far a proposal stays behind, relative, once it is moved back to what is allowed."""
+        """By how much the logarithm of the product stays behind, once moved back to what is allowed."""
         place = self.reference.onto(np.clip(place, self.reference.low, self.reference.high))
-        return 1 - float(np.min(self.reference.heights(np.exp(place)))) / self.best
+        return self.best - self.reference.product(place, range(self.reference.count))
 
     def words(self, place: FloatArray | None) -> str:
         """The gap, and how far beyond what is allowed the proposal was, in log-sizes."""
@@ -70,7 +71,7 @@ class Posed:
 
 
 def rows() -> Iterator[Row]:
-    """Every case by every solver, and by the climb that haptune makes of them."""
+    """Every case by every solver, and by what haptune makes of them."""
     for name, chosen in CASES.items():
         posed = posed_of(chosen)
         problem = posed.problem
@@ -88,14 +89,14 @@ def rows() -> Iterator[Row]:
                 f"{name}: {solver}",
                 timing,
                 posed.words(answers[-1]),
-                "one stage, corners given",
+                "start and corners given",
             )
         if len(problem.unknowns) > 1:
             yield Row.of(
-                f"{name}: climb",
-                timed(lambda p=problem: climb(p, backends()), _REPEATS),
-                posed.words(_log(climb(problem, backends()).sizes)),
-                "all stages, corners looked for",
+                f"{name}: largest product",
+                timed(lambda p=problem: largest_product(p, backends()), _REPEATS),
+                posed.words(_log(largest_product(problem, backends()).sizes)),
+                "starts and corners looked for",
             )
 
 
@@ -113,7 +114,8 @@ def posed_of(chosen: Case, starts: int = _STARTS) -> Posed:
     best, place = highest(
         reference,
         list(range(reference.count)),
-        {},
+        reference.low,
+        reference.high,
         known=np.log(solved.sizes),
         starts=starts,
         rng=np.random.default_rng(0),
@@ -122,12 +124,13 @@ def posed_of(chosen: Case, starts: int = _STARTS) -> Posed:
 
 
 def task_of(posed: Posed) -> Task:
-    """What every solver is given: the first stage, its corners and a start well inside."""
-    start = interior(posed.problem)
-    assert start is not None
-    shown = {*weakest(posed.problem, start), *weakest(posed.problem, posed.sizes)}
+    """What every solver is given: the corners that bind and a start well inside."""
+    problem = posed.problem
+    start = starts_of(problem, 1)[0]
+    shown = {*weakest(problem, start), *weakest(problem, posed.sizes)}
+    low, high = np.log(problem.low), np.log(problem.high)
     return Task(
-        program=program_of(posed.problem, sorted(shown)),
+        program=program_of(problem, sorted(shown)),
+        rank=Rank(weights=np.ones(low.size), lower=low, upper=high),
         start=np.log(start),
-        heights=lambda y: posed.reference.heights(np.exp(y)),
     )

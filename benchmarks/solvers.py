@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.optimisation.backends import HEIGHTS, Backend, Stage
+from tune.optimisation.backends import Backend, Rank
 from tune.optimisation.backends.casadi_ import Ipopt
 from tune.optimisation.backends.evaluation import Evaluation
 from tune.optimisation.backends.nlopt_ import Slsqp
@@ -29,133 +29,118 @@ _UNREACHABLE = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """Raise the least height: the same rows, slopes and start for every solver.
+    """Raise the product of steps: the same rows, slopes and start for every solver.
 
     Attributes:
         program: with the corners that bind.
+        rank: all effects, between their ends.
         start: log-sizes, shape (unknowns,).
-        heights: of log-sizes.
     """
 
     program: Program
+    rank: Rank
     start: FloatArray
-    heights: Callable[[FloatArray], FloatArray]
 
-    @property
-    def stage(self) -> Stage:
-        """All heights raised together."""
-        count = self.start.size
-        lowest = float(np.min(self.heights(self.start)))
-        return Stage(
-            active=np.ones(count),
-            floors=np.zeros(count),
-            weights=np.append(np.zeros(count), 1.0),
-            start=min(0.0, lowest),
-        )
+    def product(self, y: FloatArray) -> tuple[float, FloatArray]:
+        """Of log-sizes: the logarithm of the product of steps, and its gradient."""
+        return self.program.product(np.exp(y), self.rank.weights)
 
     def rows(self) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-        """Of (log-sizes, t): constraints, at most 0 where kept, and their slopes."""
-        evaluation = Evaluation(self.program, self.stage)
+        """Of log-sizes: constraints, at most 0 where kept, and their slopes."""
+        evaluation = Evaluation(self.program, self.rank)
 
-        def at(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-            here = evaluation.at(z)
+        def at(y: FloatArray) -> tuple[FloatArray, FloatArray]:
+            here = evaluation.at(y)
             values = np.nan_to_num(here.constraints, nan=_UNREACHABLE, posinf=_UNREACHABLE)
             return values, np.nan_to_num(here.jacobian)
 
         return at
 
-    def broken(self) -> Callable[[FloatArray], FloatArray]:
-        """Constraints of log-sizes alone, t being their least height."""
-        rows = self.rows()
-        return lambda y: rows(np.append(y, np.min(self.heights(y))))[0]
-
     def box(self) -> tuple[FloatArray, FloatArray]:
         """What a global search looks at."""
         low, high = (self.start + side for side in _AROUND)
-        return np.maximum(low, self.program.lower), np.minimum(high, self.program.upper)
+        return np.maximum(low, self.rank.lower), np.minimum(high, self.rank.upper)
 
 
 Solver = Callable[[Task], FloatArray | None]
 
 
 def _ours(backend: Backend) -> Solver:
-    return lambda task: backend.propose(task.program, task.stage, task.start)
+    return lambda task: backend.propose(task.program, task.rank, task.start)
 
 
 def scipy_slsqp(task: Task) -> FloatArray | None:
     """scipy's SLSQP with the same slopes."""
     from scipy.optimize import minimize
 
-    rows, count = task.rows(), task.start.size
+    rows = task.rows()
 
-    def kept(z: FloatArray) -> FloatArray:
-        return -rows(z)[0]
+    def kept(y: FloatArray) -> FloatArray:
+        return -rows(y)[0]
 
-    def slopes(z: FloatArray) -> FloatArray:
-        return -rows(z)[1]
+    def slopes(y: FloatArray) -> FloatArray:
+        return -rows(y)[1]
+
+    def falling(y: FloatArray) -> tuple[float, FloatArray]:
+        value, slope = task.product(y)
+        return -value, -slope
 
     constraints: dict[str, Any] = {"type": "ineq", "fun": kept, "jac": slopes}
     search: Any = minimize
-    upwards = np.append(np.zeros(count), -1.0)
-
-    def depth(z: FloatArray) -> tuple[float, FloatArray]:
-        return -float(z[-1]), upwards
-
     answer = search(
-        depth,
-        np.append(task.start, task.stage.start),
+        falling,
+        task.start,
         jac=True,
         method="SLSQP",
-        bounds=[*zip(task.program.lower, task.program.upper, strict=True), HEIGHTS],
+        bounds=[*zip(task.rank.lower, task.rank.upper, strict=True)],
         constraints=constraints,
         options={"ftol": 1e-12, "maxiter": 300},
     )
-    return np.asarray(answer.x, dtype=np.float64)[:count]
+    return np.asarray(answer.x, dtype=np.float64)
 
 
 def cobyla(task: Task) -> FloatArray | None:
     """nlopt's COBYLA: linear models, no slopes."""
     nlopt: Any = import_module("nlopt")
-    rows, count = task.rows(), task.start.size
+    rows = task.rows()
 
-    def constraints(result: FloatArray, z: FloatArray, _: FloatArray) -> None:
-        result[:] = rows(z)[0]
+    def constraints(result: FloatArray, y: FloatArray, _: FloatArray) -> None:
+        result[:] = rows(y)[0]
 
-    def height(z: FloatArray, _: FloatArray) -> float:
-        return float(z[-1])
+    def product(y: FloatArray, _: FloatArray) -> float:
+        return task.product(y)[0]
 
-    z = np.append(task.start, task.stage.start)
-    solver = nlopt.opt(nlopt.LN_COBYLA, count + 1)
-    solver.set_lower_bounds(np.append(task.program.lower, HEIGHTS[0]))
-    solver.set_upper_bounds(np.append(task.program.upper, HEIGHTS[1]))
-    solver.set_max_objective(height)
-    solver.add_inequality_mconstraint(constraints, np.full(rows(z)[0].size, 1e-9))
+    solver = nlopt.opt(nlopt.LN_COBYLA, task.start.size)
+    solver.set_lower_bounds(task.rank.lower)
+    solver.set_upper_bounds(task.rank.upper)
+    solver.set_max_objective(product)
+    solver.add_inequality_mconstraint(constraints, np.full(rows(task.start)[0].size, 1e-9))
     solver.set_maxtime(_SECONDS)
     solver.set_xtol_rel(1e-10)
-    return np.asarray(solver.optimize(z), dtype=np.float64)[:count]
+    return np.asarray(solver.optimize(task.start), dtype=np.float64)
 
 
 def isres(task: Task) -> FloatArray | None:
     """nlopt's evolution strategy with ranked constraints, its best point that keeps them."""
     nlopt: Any = import_module("nlopt")
-    broken, (low, high) = task.broken(), task.box()
+    rows, (low, high) = task.rows(), task.box()
     best: list[tuple[float, FloatArray]] = []
 
-    def lowest(y: FloatArray, _: FloatArray) -> float:
-        return float(np.min(task.heights(y)))
+    def product(y: FloatArray, _: FloatArray) -> float:
+        return task.product(y)[0]
 
     def worst(y: FloatArray, _: FloatArray) -> float:
-        value = float(np.max(broken(y)))
-        height = lowest(y, _)
-        if value <= 0 and (not best or height > best[0][0]):
-            best[:] = [(height, np.array(y))]
+        value = float(np.max(rows(y)[0]))
+        reached = product(y, _)
+        if value <= 0 and (not best or reached > best[0][0]):
+            best[:] = [(reached, np.array(y))]
         return value
 
     solver = nlopt.opt(nlopt.GN_ISRES, task.start.size)
     nlopt.srand(1)
     solver.set_lower_bounds(low)
     solver.set_upper_bounds(high)
-    solver.set_max_objective(lowest)
+    solver.set_max_objective(product)
     solver.add_inequality_constraint(worst, 0.0)
     solver.set_maxtime(_SECONDS)
     solver.optimize(task.start)
@@ -167,10 +152,13 @@ def differential_evolution(task: Task) -> FloatArray | None:
     from scipy.optimize import NonlinearConstraint
     from scipy.optimize import differential_evolution as evolve
 
-    low, high = task.box()
+    rows, (low, high) = task.rows(), task.box()
 
-    def depth(y: FloatArray) -> float:
-        return -float(np.min(task.heights(y)))
+    def falling(y: FloatArray) -> float:
+        return -task.product(y)[0]
+
+    def broken(y: FloatArray) -> FloatArray:
+        return rows(y)[0]
 
     end = time.perf_counter() + _SECONDS
 
@@ -180,9 +168,9 @@ def differential_evolution(task: Task) -> FloatArray | None:
 
     search: Any = evolve
     answer = search(
-        depth,
+        falling,
         list(zip(low, high, strict=True)),
-        constraints=NonlinearConstraint(task.broken(), -np.inf, 0.0),
+        constraints=NonlinearConstraint(broken, -np.inf, 0.0),
         callback=late,
         tol=1e-10,
         rng=1,

@@ -10,9 +10,8 @@ from tests.optimum_pairs import Pair
 from tests.optimum_reference import Reference
 from tests.sampled_loops import Case
 from tune.documents.perception import default_table
-from tune.optimisation.climb import climb, closed_form
 from tune.optimisation.problem import Job
-from tune.optimisation.solve import Solved, backends, solve
+from tune.optimisation.solve import Solved, solve
 
 FloatArray = NDArray[np.float64]
 
@@ -23,15 +22,6 @@ UNDECIDED = 2e-9
 def solved_of(pair: Pair) -> Solved:
     job = Job.of(pair.device, pair.scene, default_table())
     return solve(job, pair.elements, pair.filters)
-
-
-def unrounded_sizes(solved: Solved) -> FloatArray:
-    if len(solved.problem.unknowns) == 1:
-        sizes = closed_form(solved.problem).sizes
-    else:
-        sizes = climb(solved.problem, backends()).sizes
-    assert sizes is not None
-    return sizes
 
 
 def reference_of(pair: Pair, solved: Solved) -> Reference:

@@ -1,4 +1,4 @@
-"""What bounds the effects of elements that share moments, and how high they stand.
+"""What bounds the effects of elements that share moments, and how many steps they are.
 
 Written down anew from the documented meaning of device and scene; boundaries are those of
 `tests.optimum_loops`, ripple that of `tests.optimum_ripple`, sizes and steps those of
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification import Device, Quantity
 from tests.optimum_loops import Corner, Loops
 from tests.optimum_ripple import force_ripple
-from tests.optimum_wishes import MARGINS, MOTION, NOTICED, wanted_of
+from tests.optimum_wishes import MARGINS, MOTION, NOTICED, felt_rows, wanted_of
 from tune.documents.hand import Hand
 from tune.documents.scene import Scene
 
@@ -68,6 +68,7 @@ class Reference:
         self.resolution = device.encoder_resolution and device.encoder_resolution.value
         self.ripple = scene.ripple_limit or NOTICED
         self.force = device.force_limit
+        self.felt = felt_rows(device, self.wanted, filters_hz)
         self._ends: dict[int, float] = {}
 
     def _moments(
@@ -95,14 +96,18 @@ class Reference:
         both = np.array(costs)
         return np.array(sums), both[:, 0], both[:, 1]
 
-    def heights(self, sizes: FloatArray) -> FloatArray:
-        return np.array([w.height(float(s)) for w, s in zip(self.wanted, sizes, strict=True)])
+    def steps(self, sizes: FloatArray) -> FloatArray:
+        return np.array([w.steps(float(s)) for w, s in zip(self.wanted, sizes, strict=True)])
+
+    def product(self, place: FloatArray, raised: Sequence[int]) -> float:
+        """The logarithm of the product of the steps of some."""
+        return float(np.sum(np.log(self.steps(np.exp(place))[list(raised)])))
 
     def rows(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Limits in log-sizes, kept where not negative, with slopes (rows, unknowns).
 
-        All are logarithms of what is allowed over what is, so that a boundary of stability or force
-        is met by moving along the ray by exactly that much.
+        All are logarithms of what is allowed over what is, so that a boundary of stability, force or
+        what is felt is met by moving along the ray by exactly that much.
         """
         sizes = np.exp(place)
         values: list[FloatArray] = []
@@ -123,6 +128,10 @@ class Reference:
                 total = used.sum(axis=1)
                 values.append(np.log(limit / total))
                 slopes.append(-used / total[:, None])
+        used = self.felt @ sizes
+        near = used > 1 / _FAR
+        values.append(np.where(near, -np.log(np.where(near, used, 1.0)), np.log(_FAR)))
+        slopes.append(np.where(near, -1 / np.where(near, used, 1.0), 0.0)[:, None] * self.felt * sizes)
         if self.resolution:
             value, slope = self._ripple_rows(place, self.resolution)
             values.append(value)

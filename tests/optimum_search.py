@@ -1,4 +1,4 @@
-"""The lexicographic optimum of elements that share moments, by search from many places."""
+"""The largest product of steps of elements that share moments, by search from many places."""
 
 from __future__ import annotations
 
@@ -17,23 +17,19 @@ FloatArray = NDArray[np.float64]
 
 #: A search that ends further than this beyond a limit, in log-sizes, has not ended.
 _BEYOND = 1e-5
-#: Floors may be missed by this much in steps where a point is moved back onto the boundary.
-_FLOOR = 1e-9
-#: ... and by this much in the first round, steps.
-_LOOSE = 1e-5
 #: The best of the first round that are gone over again.
 _AGAIN = 4
-#: Heights closer than this, in steps, are one.
-_TIE = 1e-6
 #: Unknowns up to which the grid around the best has five points a side; two beyond.
 _FEW = 3
 #: Log-offsets of that grid.
 _OFFSETS = (1e-4, 1e-2, 0.2)
+#: How far inside all limits is far enough, in log-sizes.
+_INSIDE = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
-    """How much higher the search stood than an answer, relative or in steps if that is less."""
+    """By how much the logarithm of a product that the search found exceeds that of an answer."""
 
     what: str
     reached: float
@@ -41,8 +37,8 @@ class Gap:
     sizes: FloatArray
 
     @property
-    def relative(self) -> float:
-        return (self.best - self.reached) / max(1.0, abs(self.best))
+    def more(self) -> float:
+        return self.best - self.reached
 
 
 def gaps(
@@ -53,90 +49,65 @@ def gaps(
     rng: np.random.Generator,
     fine: bool = True,
 ) -> Iterator[Gap]:
-    """Everything by which an answer falls short of the lexicographic optimum.
+    """Everything by which an answer falls short of the largest product, rank after rank.
 
-    Of each priority, with what the search reached before as floors: the least height; of those that
-    share it, each that could grow together with all that stand higher; then the least of the rest.
+    Of each rank with those before it as they are, every effect of later ranks at one step or more.
 
     Args:
         reference: what bounds the answer.
         sizes: the answer.
-        starts: searches for each least height, a fifth of them for the heights after it.
+        starts: searches.
         rng: of the starts.
         fine: with a grid around the best.
     """
-    heights = reference.heights(sizes)
     place = np.log(sizes)
-    floors: dict[int, float] = {}
+    lower, upper = reference.low.copy(), reference.high.copy()
     for level in sorted({one.level for one in reference.wanted}):
-        active = [i for i, one in enumerate(reference.wanted) if one.level == level]
-        count = starts
-        while active:
-            lowest = float(np.min(heights[active]))
-            equals = [i for i in active if heights[i] <= lowest + _TIE]
-            higher = [i for i in active if i not in equals]
-            least, place = highest(reference, active, floors, known=place, starts=count, rng=rng)
-            if fine and not floors:
-                least, place = _on_grid(reference, active, place)
-            yield _gap(reference, active, heights, least, place)
-            count = max(starts // 5, 4)
-            reached = dict.fromkeys(equals, least)
-            for i in equals if len(equals) > 1 else ():
-                raised, kept = [i, *higher], {j: reached[j] for j in equals if j != i}
-                reached[i], place = highest(
-                    reference, raised, floors | kept, known=place, starts=count, rng=rng
-                )
-                yield _gap(reference, raised, heights, reached[i], place)
-            floors |= reached
-            active = higher
-
-
-def _gap(
-    reference: Reference, raised: list[int], heights: FloatArray, best: float, place: FloatArray
-) -> Gap:
-    return Gap(
-        what=" and ".join(reference.wanted[i].label for i in raised),
-        reached=float(np.min(heights[raised])),
-        best=best,
-        sizes=np.exp(place),
-    )
+        raised = [i for i, one in enumerate(reference.wanted) if one.level == level]
+        best, found = highest(
+            reference, raised, lower, upper, known=place, starts=starts, rng=rng
+        )
+        if fine and len(raised) == reference.count:
+            best, found = _on_grid(reference, raised, found)
+        yield Gap(
+            what=" and ".join(reference.wanted[i].label for i in raised),
+            reached=reference.product(place, raised),
+            best=best,
+            sizes=np.exp(found),
+        )
+        lower[raised] = upper[raised] = place[raised]
 
 
 def local(
     reference: Reference,
     raised: Sequence[int],
-    floors: dict[int, float],
+    lower: FloatArray,
+    upper: FloatArray,
     start: FloatArray,
     *,
     tolerance: float = 1e-13,
     rounds: int = 100,
 ) -> tuple[float, FloatArray] | None:
-    """Height and log-sizes where the least of the raised heights ends that starts there."""
+    """The logarithm of the product and log-sizes where it ends that starts there."""
     signs = np.array([w.sign for w in reference.wanted])
     references = np.array([w.reference for w in reference.wanted])
-    units = np.array([w.unit for w in reference.wanted])
-    wanted = [*raised, *floors]
+    mine = np.zeros(reference.count)
+    mine[list(raised)] = 1.0
     known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
-    def limits(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        key = x.tobytes()
+    def limits(place: FloatArray) -> tuple[FloatArray, FloatArray]:
+        key = place.tobytes()
         if key not in known:
             known.clear()
-            place = np.clip(x[:-1], reference.low, reference.high)
-            value, slope = reference.rows(place)
-            sizes = np.exp(place)
-            rates = units * sizes / (references + signs * sizes)
-            aims = [x[-1]] * len(raised) + list(floors.values())
-            above = reference.heights(sizes)[wanted] - aims
-            rows = np.zeros((len(value) + len(wanted), reference.count + 1))
-            rows[: len(value), :-1] = slope
-            for row, index in enumerate(wanted, start=len(value)):
-                rows[row, index] = rates[index]
-            rows[len(value) : len(value) + len(raised), -1] = -1.0
-            known[key] = np.concatenate([value, above]), rows
+            known[key] = reference.rows(np.clip(place, lower, upper))
         return known[key]
 
-    first = min(reference.heights(np.exp(start))[list(raised)])
+    def falling(place: FloatArray) -> tuple[float, FloatArray]:
+        sizes = np.exp(np.clip(place, lower, upper))
+        relative = signs * sizes / references
+        slope = relative / (1 + relative) / np.log1p(relative)
+        return -reference.product(np.log(sizes), raised), -mine * slope
+
     constraints: dict[str, Any] = {
         "type": "ineq",
         "fun": lambda x: limits(x)[0],
@@ -144,65 +115,107 @@ def local(
     }
     search: Any = minimize  # its stubs know no dictionary of constraints
     answer = search(
-        lambda x: -x[-1],
-        np.append(start, first),
-        jac=lambda x: np.append(np.zeros(reference.count), -1.0),
+        falling,
+        np.clip(start, lower, upper),
+        jac=True,
         method="SLSQP",
-        bounds=[*zip(reference.low, reference.high, strict=True), (None, None)],
+        bounds=[*zip(lower, upper, strict=True)],
         constraints=constraints,
         options={"ftol": tolerance, "maxiter": rounds},
     )
-    if not np.all(np.isfinite(answer.x)):
+    return _kept(reference, raised, lower, upper, answer.x)
+
+
+def _kept(
+    reference: Reference,
+    raised: Sequence[int],
+    lower: FloatArray,
+    upper: FloatArray,
+    found: FloatArray,
+) -> tuple[float, FloatArray] | None:
+    """A place that a search ended at, with its product, if every limit is kept there."""
+    if not np.all(np.isfinite(found)):
         return None
-    place = np.clip(answer.x[:-1], reference.low, reference.high)
+    place = np.clip(found, lower, upper)
     if np.min(reference.rows(place)[0]) < -_BEYOND:
         return None
     place = reference.onto(place)
-    heights = reference.heights(np.exp(place))
-    if any(heights[i] < floor - _FLOOR for i, floor in floors.items()):
+    if np.any(place < lower - _BEYOND):
         return None
-    return float(np.min(heights[list(raised)])), place
+    return reference.product(place, raised), place
 
 
 def highest(
     reference: Reference,
     raised: Sequence[int],
-    floors: dict[int, float],
+    lower: FloatArray,
+    upper: FloatArray,
     *,
     known: FloatArray,
     starts: int,
     rng: np.random.Generator,
 ) -> tuple[float, FloatArray]:
-    """The highest place found by searches from many starts, the best of them gone over again.
+    """The largest product found by searches from many starts, the best of them gone over again.
 
     Args:
-        raised: whose least height counts.
-        floors: height by index that has to be kept.
-        known: a place (log-sizes) that keeps the floors.
+        raised: whose steps are multiplied.
+        lower: least log-sizes.
+        upper: largest log-sizes; those that stay have both alike.
+        known: a place (log-sizes) that is allowed.
         starts: searches.
         rng: of the starts.
     """
-    best = (float(np.min(reference.heights(np.exp(known))[list(raised)])), known)
+    best = (reference.product(known, raised), known)
     found = [best]
-    # Floors that were reached exactly leave no room to move in: they are met in the second round.
-    loose = {i: floor - _LOOSE for i, floor in floors.items()}
     for number in range(starts):
-        if number % 2 or not floors:
+        if number % 2 or starts == 1:
             start = reference.onto(_anywhere(reference, rng), also_out=True) - 0.05
         else:
             start = known + rng.normal(0, rng.choice([0.01, 0.1, 0.5]), reference.count)
-        start = np.clip(start, reference.low, reference.high)
-        answer = local(reference, raised, loose, start, tolerance=1e-8, rounds=40)
+        answer = local(reference, raised, lower, upper, start, tolerance=1e-8, rounds=40)
         if answer is not None:
             found.append(answer)
     found.sort(key=lambda one: -one[0])
     for _, place in found[:_AGAIN]:
         for away in (0.0, -1e-3):
-            start = np.clip(place + away, reference.low, reference.high)
-            answer = local(reference, raised, floors, start)
+            answer = local(reference, raised, lower, upper, place + away)
             if answer is not None and answer[0] > best[0]:
                 best = answer
     return best
+
+
+def any_place(reference: Reference, *, starts: int, rng: np.random.Generator) -> FloatArray | None:
+    """Log-sizes that keep every limit with one step of each effect, looked for from many starts.
+
+    The least room to any limit is made as large as can be.
+    """
+    bounds = [*zip(reference.low, reference.high, strict=True), (None, _INSIDE)]
+
+    def room(x: FloatArray) -> FloatArray:
+        return reference.rows(np.clip(x[:-1], reference.low, reference.high))[0] - x[-1]
+
+    def slopes(x: FloatArray) -> FloatArray:
+        rows = reference.rows(np.clip(x[:-1], reference.low, reference.high))[1]
+        return np.hstack([rows, -np.ones((len(rows), 1))])
+
+    search: Any = minimize
+    upwards = np.append(np.zeros(reference.count), -1.0)
+    for number in range(starts):
+        start = reference.low if number == 0 else _anywhere(reference, rng)
+        start = np.clip(start, reference.low, reference.high)
+        answer = search(
+            lambda x: (-x[-1], upwards),
+            np.append(start, min(float(np.min(reference.rows(start)[0])), 0.0)),
+            jac=True,
+            method="SLSQP",
+            bounds=bounds,
+            constraints={"type": "ineq", "fun": room, "jac": slopes},
+            options={"ftol": 1e-9, "maxiter": 60},
+        )
+        place = np.clip(answer.x[:-1], reference.low, reference.high)
+        if np.all(np.isfinite(place)) and np.min(reference.rows(place)[0]) >= 0:
+            return place
+    return None
 
 
 def _anywhere(reference: Reference, rng: np.random.Generator) -> FloatArray:
@@ -213,14 +226,14 @@ def _anywhere(reference: Reference, rng: np.random.Generator) -> FloatArray:
 def _on_grid(
     reference: Reference, raised: Sequence[int], place: FloatArray
 ) -> tuple[float, FloatArray]:
-    """The highest of a place and of a grid around it, each point moved onto the boundary."""
+    """The best of a place and of a grid around it, each point moved onto the boundary."""
     ways = (-1.0, -0.3, 0.0, 0.3, 1.0) if reference.count <= _FEW else (-1.0, 1.0)
-    best = float(np.min(reference.heights(np.exp(place))[list(raised)])), place
+    best = reference.product(place, raised), place
     for offset in _OFFSETS:
         for way in product(ways, repeat=reference.count):
             beside = np.clip(place + offset * np.array(way), reference.low, reference.high)
             point = reference.onto(beside, also_out=True)
-            value = float(np.min(reference.heights(np.exp(point))[list(raised)]))
-            if value > best[0]:
+            value = reference.product(point, raised)
+            if np.all(point >= reference.low) and value > best[0]:
                 best = value, point
     return best

@@ -1,4 +1,4 @@
-"""What the effects of an element ask for, and how high a size stands on the scale of steps.
+"""What the effects of an element ask for, what is felt of them, and how many steps a size is.
 
 Written down anew from the documented meaning of device and scene.
 """
@@ -26,8 +26,10 @@ COUNTS = ((27 / 60, 77 / 80, 2.0), (45 / 60, 77 / 80, 2.0), (31 / 60, 61 / 80, 4
 MOTION = (0.01, 0.2, 2.0)
 #: Smallest force that a hand notices, N; also what the ripple keeps to where nothing is said.
 NOTICED = 0.1
-#: Least size looked at, relative to the reference: a hundred-thousandth of a step.
-_LEAST = 1e-6
+#: Steps that every effect keeps; what is over one is for the rounding of what is written.
+_LEAST = 1 + 2e-5
+#: Of the step within which an effect has to be felt, likewise.
+_OF_A_STEP = 0.999
 #: Motions that people make, Hz; an effect counts as the part of it that is felt there.
 _SLOW, _FAST = 0.5, 5.0
 #: ... and as no less than this.
@@ -48,19 +50,23 @@ class Wanted:
     reference: float
     unit: float
     level: int
-    met: float | None
 
     @property
     def label(self) -> str:
         return f"{self.element}.{EFFECTS[self.effect]}"
 
+    @property
+    def promised(self) -> bool:
+        """Whether a range has to be met."""
+        return self.low > self.at(_LEAST) * (1 + 1e-9)
+
+    def at(self, steps: float) -> float:
+        """The size of so many steps."""
+        return float(self.sign * self.reference * np.expm1(self.sign * steps / self.unit))
+
     def steps(self, size: float) -> float:
         """|ln(1 + value/reference)| / ln(1 + w)."""
         return float(abs(np.log1p(self.sign * size / self.reference)) * self.unit)
-
-    def height(self, size: float) -> float:
-        """Steps, or minus those that a wanted value is short of."""
-        return self.steps(size) - (0.0 if self.met is None else self.steps(self.met))
 
 
 def weber_fraction(effect: int) -> float:
@@ -70,21 +76,60 @@ def weber_fraction(effect: int) -> float:
     return float(ratio ** (1 / distance) - 1)
 
 
+def felt_of(
+    device: Device, filters_hz: tuple[float | None, float | None], frequency: FloatArray
+) -> FloatArray:
+    """Force over velocity of one unit of K, B and M, complex, at each frequency: (3, ...).
+
+    Differences, filters, delay and hold as they are.
+    """
+    step = device.sample_time.value
+    turn = 2j * np.pi * frequency
+    z = np.exp(turn * step)
+    held = (1 - 1 / z) / (turn * step) * np.exp(-turn * device.delay.value)
+    rates = []
+    for hz in filters_hz:
+        decay = 0.0 if hz is None else np.exp(-2 * np.pi * hz * step)
+        rates.append((1 - decay) * (z - 1) / (step * (z - decay)))
+    velocity, again = rates
+    return np.stack([held / turn, held * velocity / turn, held * again**2 / turn])
+
+
 def felt_share(device: Device, filter_hz: float | None, power: int) -> float:
     """The part of a damper (power 1) or mass (power 2) that is in phase with it, on average.
 
-    Sines from 0.5 to 5 Hz evenly over the logarithm; differences, filters, delay and hold as they
-    are. A velocity is the place times jω, a force that opposes it as damping is real over it.
+    Sines from 0.5 to 5 Hz evenly over the logarithm.
     """
-    step = device.sample_time.value
     nodes, weights = np.polynomial.legendre.leggauss(60)
     frequency = _SLOW * (_FAST / _SLOW) ** ((nodes + 1) / 2)
-    turn = 2j * np.pi * frequency
-    z = np.exp(turn * step)
-    decay = 0.0 if filter_hz is None else np.exp(-2 * np.pi * filter_hz * step)
-    rate = (1 - decay) * (z - 1) / (step * (z - decay))
-    held = (1 - 1 / z) / (turn * step) * np.exp(-turn * device.delay.value)
-    return max(float(weights @ (held * (rate / turn) ** power).real) / 2, _BARELY)
+    felt = felt_of(device, (filter_hz, filter_hz), frequency)[power]
+    share = (felt / (2j * np.pi * frequency) ** (power - 1)).real
+    return max(float(weights @ share) / 2, _BARELY)
+
+
+def felt_rows(
+    device: Device, wanted: list[Wanted], filters_hz: tuple[float | None, float | None]
+) -> FloatArray:
+    """Rows a with a·sizes <= 1: mass and damping at both ends within a step of what is asked for."""
+    rows: list[FloatArray] = []
+    for frequency in (_SLOW, _FAST):
+        felt = felt_of(device, filters_hz, np.array(frequency))
+        mass, damping = felt.imag / (2 * np.pi * frequency), felt.real
+        mass[0] = 0.0  # a spring is felt as a spring
+        for name in {one.element for one in wanted}:
+            for effect, own, parts in (
+                (1, device.damping.value, damping),
+                (2, device.mass.value, mass),
+            ):
+                step = (1 + weber_fraction(effect)) ** _OF_A_STEP
+                mine = [one.sign * (one.element == name) for one in wanted]
+                given = np.array([m * parts[one.effect] for m, one in zip(mine, wanted, strict=True)])
+                asked = np.array(
+                    [float(m * (one.effect == effect)) for m, one in zip(mine, wanted, strict=True)]
+                )
+                rows.append((given - step * asked) / (own * (step - 1)))
+                rows.append((asked / step - given) / (own * (1 - 1 / step)))
+    return np.array(rows)
 
 
 def wanted_of(
@@ -112,15 +157,16 @@ def wanted_of(
         high = _MOST * references[effect] if wish.high is None else abs(wish.high)
         if negative:
             high = min(high, there[effect] / gain)
-        low = wish.low if wish.kind == "range" and wish.low else _LEAST * references[effect]
+        sign, unit = -1 if negative else 1, float(1 / np.log1p(weber_fraction(effect)))
+        reference = references[effect] / felt[effect]
+        least = float(sign * reference * np.expm1(sign * _LEAST / unit))
         yield Wanted(
             element=name,
             effect=effect,
-            sign=-1 if negative else 1,
-            low=low,
+            sign=sign,
+            low=max(least, (wish.kind == "range" and wish.low) or 0.0),
             high=high,
-            reference=references[effect] / felt[effect],
-            unit=1 / np.log1p(weber_fraction(effect)),
+            reference=reference,
+            unit=unit,
             level=0 if wish.kind == "value" else element.priority,
-            met=high if wish.kind == "value" else None,
         )

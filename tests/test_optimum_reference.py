@@ -12,7 +12,6 @@ from tests.optimum_answers import (
     nothing_dropped,
     reference_of,
     solved_of,
-    unrounded_sizes,
 )
 from tests.optimum_loops import Corner, Loops
 from tests.optimum_pairs import random_pair
@@ -69,7 +68,7 @@ def test_the_scale_is_that_of_the_profile() -> None:
     reference = reference_of(pair, solved)
     for one, unknown in zip(reference.wanted, solved.problem.unknowns, strict=True):
         size = 3.3 * one.reference
-        assert one.height(size) == pytest.approx(unknown.height(size), rel=1e-9)
+        assert one.steps(size) == pytest.approx(unknown.steps(size), rel=1e-9)
     assert weber_fraction(0) == pytest.approx(0.338, abs=5e-4)
     assert felt_share(load_device("homerehab"), None, 1) == pytest.approx(1.0, abs=0.01)
 
@@ -119,7 +118,7 @@ def test_a_lone_spring_ends_where_the_cubic_says(mass: float, margin: str) -> No
     scene = Scene.model_validate({"elements": {"wall": wall}, "margin": margin})
     truth = _lone_spring(device, scene)
     solved = solve(Job.of(device, scene, default_table()), ["wall"], Filters())
-    assert unrounded_sizes(solved)[0] == pytest.approx(truth, rel=1e-8)
+    assert solved.unrounded[0] == pytest.approx(truth, rel=1e-8)
     assert truth * (1 - 1.1e-5) <= solved.sizes[0] <= truth * (1 + UNDECIDED)
     reference = Reference(device, scene, ["wall"], (None, None))
     assert np.exp(reference.alone(0)) == pytest.approx(truth, rel=1e-9)
@@ -154,5 +153,5 @@ def test_limits_that_are_no_matter_of_stability(
         ["it"],
         Filters(velocity_filter_hz=30.0, acceleration_filter_hz=20.0),
     )
-    assert unrounded_sizes(solved)[0] == pytest.approx(truth, rel=1e-8)
+    assert solved.unrounded[0] == pytest.approx(truth, rel=1e-8)
     assert solved.sizes[0] == pytest.approx(truth, rel=1.1e-5)

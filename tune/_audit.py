@@ -19,11 +19,11 @@ from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
 from tune.margins.margins import LoopMargins, margins_of
 from tune.optimisation._optimise import SLACK, design_of
-from tune.optimisation.climb import climb, closed_form
 from tune.optimisation.delays import Felt, extra_delays
 from tune.optimisation.describe import reasons_for_nothing
 from tune.optimisation.faults import Fault, faults_of
 from tune.optimisation.limits import forces, ripple, worst_gain
+from tune.optimisation.nash import closed_form, largest_product
 from tune.optimisation.problem import Job, pose
 from tune.optimisation.solve import Solved, backends, settled
 from tune.rendering.ripple import count_jump, handle_vibration
@@ -120,7 +120,7 @@ def audit(
     device = parse_document(Device, later, "the device with its extra delay")
     scene = parse_document(Scene, _scene_of(effects, filters, margin), "the gains and filters")
     job = Job.of(device, scene, default_table())
-    problem = pose(job, elements=[ELEMENT], filters=filters)
+    problem = pose(job, elements=[ELEMENT], filters=filters, felt=False)
     sizes = np.array([abs(unknown.wish.high or 0.0) for unknown in problem.unknowns])
     (moment,) = problem.moments
     gain = worst_gain(problem, moment, sizes, late=False)
@@ -225,13 +225,13 @@ def _jumps(device: Device, felt: Effects, filters: Filters) -> dict[str, float]:
 def _nearest(job: Job, filters: Filters) -> Effects | None:
     """The safe values closest to those wanted on the perceptual scale; what none is, left out."""
     gone: frozenset[str] = frozenset()
-    problem = pose(job, elements=[ELEMENT], filters=filters)
+    problem = pose(job, elements=[ELEMENT], filters=filters, felt=False)
     while impossible := reasons_for_nothing(problem):
         gone |= impossible.keys()
-        problem = pose(job, elements=[ELEMENT], filters=filters, gone=gone)
+        problem = pose(job, elements=[ELEMENT], filters=filters, gone=gone, felt=False)
     if not problem.unknowns:
         return None
-    found = closed_form(problem) if len(problem.unknowns) == 1 else climb(problem, backends())
+    found = closed_form(problem) if len(problem.unknowns) == 1 else largest_product(problem, backends())
     if found.sizes is None:
         return None
     sizes = settled(problem, found.sizes)

@@ -31,6 +31,7 @@ LimitedBy = Literal[
     "gain-margin",
     "delay-margin",
     "force",
+    "rendering",
     "ripple",
     "wanted",
     "range",

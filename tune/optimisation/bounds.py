@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.effects import Effects
 from tune.loop.loop import Loop
-from tune.optimisation.limits import forces, quiet_alone, ripple, stable_points
+from tune.optimisation.limits import quiet_alone, ripple, stable_points
 from tune.optimisation.problem import Moment, Problem
 from tune.stability.bracketing import CLOSE, last_within
 from tune.stability.intervals import stable_intervals
@@ -22,28 +22,14 @@ _HALVINGS = 50
 
 def largest_allowed(problem: Problem, sizes: FloatArray, index: int) -> float:
     """The largest size of one unknown that every limit allows, grown from what is given."""
-    most = min(problem.unknowns[index].high, force_bound(problem, sizes, index))
+    most = min(problem.unknowns[index].high, linear_bound(problem, sizes, index))
     least = min(most, *stable_bounds(problem, sizes, [index], [most], problem.margin.gain))
     return min(least, ripple_bound(problem, sizes, index, least))
 
 
-def force_bound(problem: Problem, sizes: FloatArray, index: int) -> float:
-    """Size at which a force of the actuator is used up; inf where nothing is known of it."""
-    limits = problem.limits
-    rest = sizes.copy()
-    rest[index] = 0.0
-    bound = np.inf
-    for moment in problem.moments:
-        for place, (members, reaches) in enumerate(zip(moment.members, moment.reach, strict=True)):
-            if index not in members:
-                continue
-            reach = reaches[members.index(index)]
-            sustained, peak = forces(moment, rest)
-            if limits.continuous_force is not None and EFFECT_NAMES[place] == "stiffness":
-                bound = min(bound, (limits.continuous_force - float(sustained)) / reach)
-            if limits.peak_force is not None:
-                bound = min(bound, (limits.peak_force - float(peak)) / reach)
-    return max(0.0, bound)
+def linear_bound(problem: Problem, sizes: FloatArray, index: int) -> float:
+    """Size at which force is used up or something else is felt; inf where nothing is known."""
+    return min(problem.linear.bounds(sizes, index).values(), default=np.inf)
 
 
 def ripple_bound(problem: Problem, sizes: FloatArray, index: int, top: float) -> float:

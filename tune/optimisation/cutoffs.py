@@ -16,7 +16,6 @@ from tune.documents.scene import Cutoff
 from tune.loop.filters import Filters
 from tune.optimisation.problem import Job
 from tune.optimisation.solve import groups
-from tune.optimisation.worth import worth_of_group
 from tune.rendering.rendered import FASTEST
 
 FloatArray = NDArray[np.float64]

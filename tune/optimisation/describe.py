@@ -15,10 +15,11 @@ from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import used_filters
 from tune.loop.sampled_plant import WHOLE
 from tune.margins.passivity import damping_needed
-from tune.optimisation.bounds import force_bound, ripple_bound, stable_bounds
+from tune.optimisation.bounds import largest_allowed, ripple_bound, stable_bounds
 from tune.optimisation.delays import MOST
-from tune.optimisation.limits import forces_allowed, ripple, stable_points, worst_gain
+from tune.optimisation.limits import ripple, stable_points, worst_gain
 from tune.optimisation.problem import Problem
+from tune.optimisation.unknown import Unknown
 from tune.rendering.rendered import rendered
 
 FloatArray = NDArray[np.float64]
@@ -36,6 +37,7 @@ _ORDER: tuple[LimitedBy, ...] = (
     "wanted",
     "range",
     "force",
+    "rendering",
     "ripple",
     "stability",
     "gain-margin",
@@ -67,8 +69,10 @@ def _bounds(
         Sizes by word for each index; empty where nothing limits it up to the top.
     """
     gain = problem.margin.gain
-    forces = {index: force_bound(problem, sizes, index) for index in tops}
-    most = {i: min(top, forces[i], problem.unknowns[i].high) for i, top in tops.items()}
+    linear = {index: problem.linear.bounds(sizes, index) for index in tops}
+    most = {
+        i: min(top, problem.unknowns[i].high, *linear[i].values()) for i, top in tops.items()
+    }
     late = stable_bounds(problem, sizes, [*most], [*most.values()], gain)
     bounds: dict[int, dict[LimitedBy, float]] = {}
     for (index, top), stable in zip(most.items(), late, strict=True):
@@ -76,7 +80,7 @@ def _bounds(
         least = min(top, stable)
         noisy = ripple_bound(problem, sizes, index, least)
         found: dict[LimitedBy, float] = {
-            "force": forces[index],
+            **linear[index],
             "delay-margin": stable,
             "ripple": noisy,
         }
@@ -111,21 +115,23 @@ def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
 
 
 def reasons_for_nothing(problem: Problem) -> dict[str, str]:
-    """Why effects cannot be played even at the least size, by label; empty where all can."""
-    low = np.array([unknown.low for unknown in problem.unknowns])
+    """Why effects cannot be kept whatever the others are, by label; empty where all may."""
     reasons: dict[str, str] = {}
     weakest = problem.region.box.damping[0]
     gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
+    limits = problem.limits
+    nothing = np.zeros(len(problem.unknowns))
     for index, unknown in enumerate(problem.unknowns):
-        alone = np.zeros_like(low)
-        alone[index] = unknown.low
-        if unknown.high < unknown.low:
+        top = min(unknown.high, problem.linear.bounds(nothing, index).get("force", np.inf))
+        if unknown.high <= 0:
             reasons[unknown.label] = (
                 f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
                 f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
             )
-        elif not forces_allowed(problem, alone):
-            limits = problem.limits
+        elif unknown.low > top and unknown.steps(top) < 1:
+            word = _word_of_high(unknown) if top == unknown.high else "force"
+            reasons[unknown.label] = faint(unknown, top, word)
+        elif unknown.low > top:
             reasons[unknown.label] = (
                 f"even {unknown.low:.4g} exceeds the force limit, {limits.continuous_force:g} "
                 f"continuous and {limits.peak_force:g} at the peak"
@@ -135,12 +141,35 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
                 f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
                 "its damping would hold this effect. Take a longer log, or add damping"
             )
-        elif len(problem.unknowns) == 1 and not all(stable_points(problem, low[None], gain)):
-            reasons[unknown.label] = (
-                f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
-                f"{extra} extra samples of delay"
-            )
+        elif len(problem.unknowns) == 1:
+            alone = largest_allowed(problem, nothing, 0)
+            if alone < unknown.low and stable_points(problem, np.array([[unknown.low]]), gain)[0]:
+                sizes = np.array([alone])
+                reasons[unknown.label] = faint(unknown, alone, bindings(problem, sizes, [0])[0])
+            elif alone < unknown.low and unknown.wish.kind == "range" and unknown.wish.low:
+                reasons[unknown.label] = (
+                    f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
+                    f"{extra} extra samples of delay"
+                )
+            elif alone < unknown.low:
+                sizes = np.array([alone])
+                word = bindings(problem, sizes, [0])[0] if alone else "stability"
+                reasons[unknown.label] = faint(unknown, alone, word)
     return reasons
+
+
+def _word_of_high(unknown: Unknown) -> LimitedBy:
+    """What the largest size that is wanted of an unknown comes from."""
+    words: dict[str, LimitedBy] = {"value": "wanted", "range": "range"}
+    return words.get(unknown.wish.kind, "gain-margin")
+
+
+def faint(unknown: Unknown, size: float, word: LimitedBy) -> str:
+    """What is said of a size that is less than one step."""
+    return (
+        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
+        f"limited by {word}"
+    )
 
 
 def _helped(problem: Problem, index: int) -> bool:

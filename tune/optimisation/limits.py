@@ -74,15 +74,17 @@ def forces(moment: Moment, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
         Each of the shape behind the unknowns.
     """
     parts = [
-        np.asarray(sum(sizes[i] * reach for i, reach in zip(indices, reaches, strict=True)))
+        np.asarray(
+            sum(sizes[i] * (reach or 0.0) for i, reach in zip(indices, reaches, strict=True))
+        )
         for indices, reaches in zip(moment.members, moment.reach, strict=True)
     ]
     return parts[0], parts[0] + parts[1] + parts[2]
 
 
 def allowed(problem: Problem, sizes: FloatArray) -> bool:
-    """True where forces, ripple and stability with the whole margin all hold, exactly."""
-    if not bool(forces_allowed(problem, sizes)):
+    """True where forces, rendering, ripple and stability with the whole margin hold, exactly."""
+    if not bool(linear_allowed(problem, sizes)):
         return False
     if len(problem.unknowns) == 1:
         size = float(sizes[0])
@@ -108,8 +110,8 @@ def allowed_points(problem: Problem, points: FloatArray) -> BoolArray:
 
 
 def cheaply_allowed(problem: Problem, points: FloatArray) -> BoolArray:
-    """True where forces and ripple keep to their limits, which says nothing of stability."""
-    good = forces_allowed(problem, points.T).copy()
+    """True where forces, rendering and ripple keep to their limits; stability is not looked at."""
+    good = linear_allowed(problem, points.T).copy()
     good[good] = _ripple_allowed(problem, points[good])
     return good
 
@@ -123,17 +125,14 @@ def likely_stable(problem: Problem, points: FloatArray) -> BoolArray:
     return stable
 
 
-def forces_allowed(problem: Problem, sizes: FloatArray) -> BoolArray:
-    """True where no moment asks for more force than the actuator has; sizes as for `forces`."""
-    limits = problem.limits
-    good = np.ones(sizes.shape[1:], dtype=np.bool_)
-    for moment in problem.moments:
-        sustained, peak = forces(moment, sizes)
-        if limits.continuous_force is not None:
-            good = good & (sustained <= limits.continuous_force * (1 + CLOSE))
-        if limits.peak_force is not None:
-            good = good & (peak <= limits.peak_force * (1 + CLOSE))
-    return good
+def linear_allowed(problem: Problem, sizes: FloatArray) -> BoolArray:
+    """True where no moment asks for more force than there is, and all is felt as what it is.
+
+    Args:
+        problem: with its linear limits.
+        sizes: shape (unknowns, ...).
+    """
+    return np.all(problem.linear.used(sizes) <= 1 + CLOSE, axis=0)
 
 
 def quiet_alone(problem: Problem, index: int, top: float) -> float:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.hand import hand_of
-from tune.documents.perception import PerceptionTable, references
+from tune.documents.perception import PerceptionTable, references, value_at_steps
 from tune.documents.scene import MARGINS, Margin, Scene
 from tune.loop.filters import Filters, used_filters
+from tune.optimisation.linear import LinearLimits, force_rows, rendering_rows
 from tune.optimisation.loops import Loops
 from tune.optimisation.region import Region
 from tune.optimisation.unknown import Unknown
@@ -23,6 +24,8 @@ FloatArray = NDArray[np.float64]
 
 #: Sizes below this part of the reference are as good as nothing: a ten-thousandth of a step.
 NOTHING = 1e-5
+#: Steps that an effect keeps at least: no hand tells less from nothing. The rest is for rounding.
+LEAST = 1 + 2e-5
 #: Sizes above this multiple of the reference are no haptic effect on any device (46 steps at 34 %).
 BOUNDLESS = 1e6
 #: A device made lighter (less damped) keeps at least this part of what it has.
@@ -39,12 +42,13 @@ class Moment:
     Attributes:
         elements: names.
         members: indices of unknowns, for K, B and M.
-        reach: (penetration, speed, acceleration) for each unknown, in the order of ``members``.
+        reach: (penetration, speed, acceleration) for each unknown, in the order of ``members``;
+            None for a penetration that bounds nothing.
     """
 
     elements: tuple[str, ...]
     members: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
-    reach: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+    reach: tuple[tuple[float | None, ...], tuple[float | None, ...], tuple[float | None, ...]]
 
     @property
     def lone(self) -> int | None:
@@ -65,13 +69,38 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """Unknowns of elements that share moments, and everything that bounds them."""
+    """Unknowns of elements that share moments, and everything that bounds them.
+
+    Attributes:
+        unknowns: whose sizes are looked for.
+        moments: elements felt at once.
+        margin: of gain and delay.
+        loops: of the region.
+        limits: of force, ripple and encoder.
+        linear: limits of force and rendering as rows.
+    """
 
     unknowns: tuple[Unknown, ...]
     moments: tuple[Moment, ...]
     margin: Margin
     loops: Loops
     limits: Limits
+    linear: LinearLimits
+
+    @property
+    def low(self) -> FloatArray:
+        """The least sizes that are kept, shape (unknowns,)."""
+        return np.array([unknown.low for unknown in self.unknowns])
+
+    @property
+    def nothing(self) -> FloatArray:
+        """Sizes as good as none, that leave no loop without its spring, shape (unknowns,)."""
+        return NOTHING * np.array([unknown.reference for unknown in self.unknowns])
+
+    @property
+    def high(self) -> FloatArray:
+        """The largest sizes wanted, shape (unknowns,)."""
+        return np.array([unknown.high for unknown in self.unknowns])
 
     @property
     def region(self) -> Region:
@@ -160,6 +189,7 @@ def pose(
     elements: Sequence[str],
     filters: Filters,
     gone: frozenset[str] = frozenset(),
+    felt: bool = True,
 ) -> Problem:
     """The problem of some elements of a scene on a device.
 
@@ -168,13 +198,14 @@ def pose(
         elements: names that share moments.
         filters: cut-offs of the estimators.
         gone: labels "element.effect" that are left out.
+        felt: effects are perceptible and felt as what they are; else only safe.
     """
     device, scene = job.device, job.scene
     margin = MARGINS[scene.margin]
     if job.slack:
         margin = margin.model_copy(update={"gain": margin.gain * (1 + job.slack)})
     unknowns = tuple(
-        _unknown(job, element, effect, margin, filters)
+        _unknown(job, element, effect, margin, filters, felt=felt)
         for element in elements
         for effect in scene.elements[element].wishes()
         if f"{element}.{effect}" not in gone
@@ -187,47 +218,57 @@ def pose(
         if any(u.element in subset for u in unknowns)
     )
     wanted = {unknown.effect: 0.0 for unknown in unknowns}
+    used = used_filters(filters, Effects(**wanted))
     limit = device.force_limit
+    continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
+    rows = list(force_rows(moments, len(unknowns), continuous, peak))
+    if felt:
+        own = references(device, job.table, penetration=1.0)
+        rows += rendering_rows(unknowns, Shares.of(device, used), own, job.table)
     return Problem(
         unknowns=unknowns,
         moments=moments,
         margin=margin,
-        loops=job.loops(used_filters(filters, Effects(**wanted))),
+        loops=job.loops(used),
         limits=Limits(
-            continuous_force=None if limit is None else limit.continuous,
-            peak_force=None if limit is None else limit.peak,
+            continuous_force=continuous,
+            peak_force=peak,
             encoder_resolution=(
                 None if device.encoder_resolution is None else device.encoder_resolution.value
             ),
             ripple=scene.ripple_limit or job.table.threshold(device.motion),
         ),
+        linear=LinearLimits.of(rows, len(unknowns)),
     )
 
 
 def _unknown(
-    job: Job, element: str, effect: EffectName, margin: Margin, filters: Filters
+    job: Job, element: str, effect: EffectName, margin: Margin, filters: Filters, *, felt: bool
 ) -> Unknown:
     device, scene, table, region = job.device, job.scene, job.table, job.region
     given = scene.elements[element]
     wish = given.wishes()[effect]
     bare = references(device, table, scene.motion(element, device.motion).penetration)[effect]
-    felt = bare / _share(device, filters, effect)
+    reference, weber = bare / _share(device, filters, effect), getattr(table, effect).value
     high = BOUNDLESS * bare if wish.high is None else abs(wish.high)
-    low = wish.low if wish.kind == "range" and wish.low else min(NOTHING * bare, high)
     if wish.sign < 0:
         # The bare device must keep the same margin downwards: M >= -m_low/g, B >= -b_low/g.
         lowest = {"mass": region.box.mass[0], "damping": region.box.damping[0]}[effect]
-        most = min(lowest / margin.gain, (1 - REMAINS) * min(bare, felt))
+        most = min(lowest / margin.gain, (1 - REMAINS) * min(bare, reference))
         high = most if wish.high is None else min(high, most)
+    least = abs(float(value_at_steps(LEAST, reference, weber, wish.sign)))
+    if not felt:
+        least = min(NOTHING * bare, high)
+    starts = wish.low if wish.kind == "range" and wish.low else 0.0
     return Unknown(
         element=element,
         effect=effect,
         sign=wish.sign,
-        low=low,
+        low=max(least, starts),
         high=high,
         wish=wish,
-        reference=felt,
-        weber=getattr(table, effect).value,
+        reference=reference,
+        weber=weber,
         level=0 if wish.kind == "value" else given.priority,
     )
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,10 @@ from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.optimisation.backends import Backend
 from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.climb import SAME, climb, closed_form
-from tune.optimisation.describe import bindings, reasons_for_nothing
-from tune.optimisation.limits import allowed
+from tune.optimisation.describe import bindings, faint, reasons_for_nothing
+from tune.optimisation.kept import any_allowed, kept_sets
+from tune.optimisation.limits import allowed_points
+from tune.optimisation.nash import SAME, Optimum, closed_form, largest_product
 from tune.optimisation.problem import Job, Problem, pose
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +29,10 @@ _DIGITS = 6
 _RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
 
 
+#: Effects that are rounded either way, all ways tried.
+_MOST_WAYS = 5
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solved:
     """The answer for elements that share moments.
@@ -34,9 +40,10 @@ class Solved:
     Attributes:
         problem: with only the unknowns that are perceptible and feasible.
         sizes: rounded, allowed exactly.
+        unrounded: as they were found; empty where nothing was looked for.
         dropped: reason by label of every effect that was left out.
         method: what found the answer.
-        disagreement: of the solvers, relative.
+        disagreement: of the solvers, in the logarithm of the product of steps.
     """
 
     problem: Problem
@@ -44,6 +51,7 @@ class Solved:
     dropped: dict[str, str]
     method: str = "as given"
     disagreement: float = 0.0
+    unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
@@ -65,70 +73,111 @@ def solve(
     *,
     second_opinion: bool = True,
 ) -> Solved:
-    """Tune one group; effects that no hand can tell from nothing are dropped, worst first."""
-    dropped: dict[str, str] = {}
-    while True:
-        problem = pose(job, elements=elements, filters=filters, gone=frozenset(dropped))
-        if not problem.unknowns:
-            return Solved(
-                problem=problem, sizes=np.empty(0), dropped=dropped, method="none", disagreement=0.0
-            )
-        impossible = reasons_for_nothing(problem)
-        if impossible:
-            _refuse_broken_ranges(problem, impossible)
-            dropped |= impossible
-            continue
-        if len(problem.unknowns) == 1:
-            answer = closed_form(problem)
-        else:
-            answer = climb(problem, backends(second_opinion=second_opinion))
-        if answer.sizes is None:
-            label = max(problem.unknowns, key=lambda unknown: unknown.level).label
-            reason = {label: "no setting keeps every limit together with the other effects"}
-            _refuse_broken_ranges(problem, reason)
-            dropped |= reason
-            continue
-        sizes = settled(problem, answer.sizes)
-        faint = _faint(problem, sizes)
-        if faint:
-            dropped |= faint
-            continue
-        return Solved(
-            problem=problem,
-            sizes=sizes,
-            dropped=dropped,
-            method=" and ".join(answer.methods) or "start",
-            disagreement=answer.disagreements,
-        )
+    """Tune one group; effects of which one step is out of reach are dropped, with what they miss.
 
-
-def _faint(problem: Problem, sizes: FloatArray) -> dict[str, str]:
-    """Why an effect is dropped that no hand could tell from nothing, by its label.
-
-    The faintest of those that would not reach a step even alone, or of all. One at a time: the
-    margin that it leaves may be all that others lack.
+    Raises:
+        NoFeasibleEffectError: a range cannot be met.
     """
-    steps = np.array([u.steps(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)])
-    if np.min(steps) >= 1:
-        return {}
-    low = np.array([unknown.low for unknown in problem.unknowns])
-    faint = np.flatnonzero(steps < 1)
-    most = {int(i): largest_allowed(problem, low, int(i)) for i in faint}
-    alone = [i for i, size in most.items() if problem.unknowns[i].steps(size) < 1]
-    index = min(alone or most, key=lambda i: float(steps[i]))
-    setting = sizes
-    if alone:
-        setting = low.copy()
-        setting[index] = most[index]
-    return {problem.unknowns[index].label: _too_little(problem, setting, index)}
-
-
-def _too_little(problem: Problem, sizes: FloatArray, index: int) -> str:
-    unknown, size = problem.unknowns[index], float(sizes[index])
-    return (
-        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
-        f"limited by {bindings(problem, sizes, [index])[0]}"
+    problem, optimum, dropped = optimum_of(job, elements, filters, second_opinion=second_opinion)
+    if optimum is None or optimum.sizes is None:
+        return Solved(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
+    return Solved(
+        problem=problem,
+        sizes=settled(problem, optimum.sizes),
+        dropped=dropped,
+        method=" and ".join(optimum.methods) or "start",
+        disagreement=optimum.disagreements,
+        unrounded=optimum.sizes,
     )
+
+
+def optimum_of(
+    job: Job,
+    elements: Sequence[str],
+    filters: Filters,
+    *,
+    second_opinion: bool = True,
+) -> tuple[Problem, Optimum | None, dict[str, str]]:
+    """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
+
+    Raises:
+        NoFeasibleEffectError: a range cannot be met.
+    """
+
+    def posed(gone: frozenset[str]) -> Problem:
+        return pose(job, elements=elements, filters=filters, gone=gone)
+
+    def best(problem: Problem, known: Sequence[FloatArray] = ()) -> Optimum:
+        if len(problem.unknowns) == 1:
+            return closed_form(problem)
+        return largest_product(problem, backends(second_opinion=second_opinion), known)
+
+    dropped: dict[str, str] = {}
+    problem = posed(frozenset())
+    while impossible := reasons_for_nothing(problem):
+        _refuse_broken_ranges(problem, impossible)
+        dropped |= impossible
+        problem = posed(frozenset(dropped))
+    if not problem.unknowns:
+        return problem, None, dropped
+    found = best(problem)
+    if found.sizes is not None:
+        return problem, found, dropped
+    every = frozenset(unknown.label for unknown in problem.unknowns)
+    before = frozenset(dropped)
+
+    starts: dict[frozenset[str], FloatArray | None] = {}
+
+    def feasible(labels: frozenset[str]) -> bool:
+        starts[labels] = any_allowed(posed(before | (every - labels)))
+        return starts[labels] is not None
+
+    sets = kept_sets(problem.unknowns, feasible)
+    if not sets:
+        _refuse_broken_ranges(problem, dict.fromkeys(every, "no setting keeps it with the others"))
+    optima: list[tuple[Problem, Optimum | None]] = []
+    for labels in sets:
+        start, each = starts.get(labels), posed(before | (every - labels))
+        optima.append((each, None if start is None else best(each, [start])))
+    chosen, optimum = max(optima, key=lambda pair: _products(*pair))
+    found = {} if optimum is None or optimum.sizes is None else _by_label(chosen, optimum.sizes)
+    for label in [unknown.label for unknown in problem.unknowns if unknown.label not in found]:
+        alone = posed(before | (every - {label}))
+        missed = _missed(alone, label, {})
+        if found and largest_allowed(alone, np.zeros(1), 0) >= alone.unknowns[0].low:
+            with_others = posed(before | (every - found.keys() - {label}))
+            missed = "beside the others " + _missed(with_others, label, found)
+        dropped[label] = missed
+    return chosen, optimum, dropped
+
+
+def _by_label(problem: Problem, sizes: FloatArray) -> dict[str, float]:
+    return {u.label: float(size) for u, size in zip(problem.unknowns, sizes, strict=True)}
+
+
+def _products(problem: Problem, optimum: Optimum | None) -> list[float]:
+    """The logarithms of the products of steps, rank after rank."""
+    if optimum is None or optimum.sizes is None:
+        return []
+    steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, optimum.sizes, strict=True)]
+    levels = sorted({unknown.level for unknown in problem.unknowns})
+    pairs = list(zip(problem.unknowns, steps, strict=True))
+    return [float(sum(np.log(s) for u, s in pairs if u.level == level)) for level in levels]
+
+
+def _missed(problem: Problem, label: str, beside: Mapping[str, float]) -> str:
+    """By how much one step of an effect is missed beside others of certain sizes.
+
+    Args:
+        problem: of all of them.
+        label: of the effect.
+        beside: sizes of the others by label.
+    """
+    (index,) = [i for i, u in enumerate(problem.unknowns) if u.label == label]
+    unknown = problem.unknowns[index]
+    sizes = np.array([beside.get(other.label, 0.0) for other in problem.unknowns])
+    sizes[index] = largest_allowed(problem, sizes, index)
+    return faint(unknown, float(sizes[index]), bindings(problem, sizes, [index])[0])
 
 
 def backends(*, second_opinion: bool = True) -> list[Backend]:
@@ -136,15 +185,16 @@ def backends(*, second_opinion: bool = True) -> list[Backend]:
     from tune.optimisation.backends.casadi_ import Ipopt
     from tune.optimisation.backends.nlopt_ import Slsqp
 
-    return [Ipopt(), Slsqp()] if second_opinion else [Slsqp()]
+    return [Slsqp(), Ipopt()] if second_opinion else [Slsqp()]
 
 
 def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
     """A range is a promise: its lower end is met or nothing is written."""
     broken = tuple(
-        f"{unknown.label}: its range starts at {unknown.low:g}, {impossible[unknown.label]}"
+        f"{unknown.label}: its range starts at {unknown.wish.low:g}, {impossible[unknown.label]}"
         for unknown in problem.unknowns
         if unknown.wish.kind == "range" and unknown.label in impossible
+        and unknown.high >= unknown.low and unknown.wish.low
     )
     if broken:
         raise NoFeasibleEffectError(broken)
@@ -152,24 +202,23 @@ def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
 
 def settled(problem: Problem, sizes: FloatArray) -> FloatArray:
     """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
-    caps = np.array([unknown.high for unknown in problem.unknowns])
+    caps = problem.high
     met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
         sizes >= caps * (1 - 10 * SAME)
     )
+    # Towards nothing where that is allowed; an effect that holds another may not be smaller.
+    ways = np.array(list(product((0.0, 1.0), repeat=min(sizes.size, _MOST_WAYS))))
+    ups = np.zeros((len(ways), sizes.size))
+    ups[:, : ways.shape[1]] = ways
     for retreat in _RETREATS:
-        trial = np.array(
-            [
-                cap if whole else _floor_digits(float(size * (1 - retreat)))
-                for cap, whole, size in zip(caps, met, sizes, strict=True)
-            ]
-        )
-        if allowed(problem, trial):
-            return trial
+        units = 10.0 ** (np.floor(np.log10(sizes)) - _DIGITS + 1)
+        whole = np.floor(sizes * (1 - retreat) / units) + ups
+        trials = np.where(met, caps, np.minimum([_rounded(row) for row in whole * units], caps))
+        good = np.flatnonzero(allowed_points(problem, trials))
+        if good.size:
+            return trials[good[0]]
     return sizes * (1 - SAME)
 
 
-def _floor_digits(value: float) -> float:
-    if value <= 0:
-        return 0.0
-    unit = 10.0 ** (np.floor(np.log10(value)) - _DIGITS + 1)
-    return rounded(float(np.floor(value / unit) * unit))
+def _rounded(sizes: FloatArray) -> list[float]:
+    return [rounded(float(size)) for size in sizes]

@@ -1,7 +1,7 @@
-"""Where a climb begins: the best of some rays through what is allowed, before any solver is asked.
+"""Where a search begins: the best of some rays through what is allowed, before any solver is asked.
 
 What is allowed is not convex; from nothing a solver may end on the wrong hill. On each ray the
-perceived steps of the unknowns keep a fixed proportion, up to what each may be by itself.
+perceived steps of the unknowns keep a fixed proportion, from one step to what each may be by itself.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.optimisation.bounds import force_bound
+from tune.optimisation.bounds import linear_bound
 from tune.optimisation.limits import allowed, allowed_points, cheaply_allowed, likely_stable
 from tune.optimisation.problem import Problem
 
@@ -21,56 +21,68 @@ FloatArray = NDArray[np.float64]
 #: against all others of many.
 _PROPORTIONS = (1.0, 4.0, 16.0)
 _FEW = 3
-#: Points of a ray, from hardly perceptible to the most of anything.
-_LEVELS = 30
-_LOWEST = 0.01
+#: Points of a ray, from one step of something to the most of anything.
+_LEVELS = 24
+_LOWEST = 0.1
 #: Kept from the edge, in parts of the perceived steps.
 _INSIDE = 0.98
+#: Starts on different rays.
+_STARTS = 2
 
 
-def interior(problem: Problem) -> FloatArray | None:
-    """An allowed setting that is good by the ranks of its unknowns, a little inside; or None."""
-    unknowns = problem.unknowns
+def starts_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
+    """Allowed settings a little inside, the best by the ranks of its unknowns first; or none.
+
+    Args:
+        problem: with all its limits.
+        count: of settings on different rays, at most.
+    """
+    unknowns, low = problem.unknowns, problem.low
     nothing = np.zeros(len(unknowns))
-    most = [min(u.high, force_bound(problem, nothing, i)) for i, u in enumerate(unknowns)]
-    caps = np.array([u.steps(max(m, u.low)) for u, m in zip(unknowns, most, strict=True)])
-    most_steps = float(caps.max())
-    levels = np.asarray(
-        np.geomspace(min(_LOWEST, most_steps), most_steps, _LEVELS), dtype=np.float64
+    most = [min(u.high, linear_bound(problem, nothing, i)) for i, u in enumerate(unknowns)]
+    least = np.array([u.steps(u.low) for u in unknowns])
+    caps = np.maximum(
+        [u.steps(max(m, u.low)) for u, m in zip(unknowns, most, strict=True)], least
     )
-    steps = np.minimum(_rays(len(unknowns))[:, None] * levels[:, None], caps)
-    steps = steps.reshape(-1, len(unknowns))
+    levels = np.asarray(np.geomspace(_LOWEST, float(caps.max()), _LEVELS), dtype=np.float64)
+    rays = _rays(len(unknowns))
+    steps = np.clip(rays[:, None] * levels[:, None], least, caps).reshape(-1, len(unknowns))
+    steps, places = np.unique(steps, axis=0, return_index=True)
     kept = np.flatnonzero(cheaply_allowed(problem, _sizes(problem, steps)))
-    goals = np.array([unknown.goal for unknown in unknowns])
     ranks = np.array([unknown.level for unknown in unknowns])
-    order = kept[_best_first(steps[kept] - goals, ranks)]
+    order = kept[_best_first(np.log(steps[kept]), ranks)]
     wanted = np.array([unknown.wish.kind == "value" for unknown in unknowns])
-    first, count = 0, 1
-    while first < order.size:
-        chosen = steps[order[first : first + count]]
+    found: list[FloatArray] = []
+    ray = places // _LEVELS
+    first, size = 0, 1
+    while order.size > first and len(found) < count:
+        chosen = order[first : first + size]
         # The best is good more often than not; the more are not, the more are looked at together.
-        first, count = first + count, 2 * count
-        chosen = chosen[likely_stable(problem, _sizes(problem, chosen))]
+        first, size = first + size, 2 * size
+        chosen = chosen[likely_stable(problem, _sizes(problem, steps[chosen]))]
         # What is met exactly stays so: then no solver has to be asked for it.
-        chosen = np.where(wanted & (chosen >= caps), chosen, chosen * _INSIDE)
-        points = _sizes(problem, chosen)
-        good = np.flatnonzero(allowed_points(problem, points))
-        if good.size:
-            return points[good[0]]
-    low = np.array([unknown.low for unknown in unknowns])
-    return low if allowed(problem, low) else None
+        inside = np.where(wanted & (steps[chosen] >= caps), 1.0, _INSIDE) * steps[chosen]
+        points = _sizes(problem, np.maximum(inside, least))
+        for place in np.flatnonzero(allowed_points(problem, points)):
+            if len(found) < count and np.any(order):
+                found.append(points[place])
+                # The others of this ray lie below.
+                order = order[(ray[order] != ray[chosen[place]]) | (np.arange(order.size) < first)]
+    if not found and allowed(problem, low):
+        return [low]
+    return found
 
 
 def _sizes(problem: Problem, steps: FloatArray) -> FloatArray:
-    """Sizes of perceived steps, (points, unknowns), none below the least."""
+    """Sizes of perceived steps, (points, unknowns), none below the least or above the most."""
     sizes = [u.size_at(column) for u, column in zip(problem.unknowns, steps.T, strict=True)]
-    return np.maximum(np.stack(sizes, axis=1), [unknown.low for unknown in problem.unknowns])
+    return np.clip(np.stack(sizes, axis=1), problem.low, problem.high)
 
 
-def _best_first(heights: FloatArray, ranks: NDArray[np.int64]) -> NDArray[np.intp]:
-    """The order of rows of heights: by the lowest of the first rank, then of the next."""
-    lowest = [np.min(heights[:, ranks == rank], axis=1) for rank in np.unique(ranks)]
-    return np.lexsort([-each for each in reversed(lowest)])
+def _best_first(logs: FloatArray, ranks: NDArray[np.int64]) -> NDArray[np.intp]:
+    """The order of rows of logarithms of steps: by the product of the first rank, then the next."""
+    sums = [np.sum(logs[:, ranks == rank], axis=1) for rank in np.unique(ranks)]
+    return np.lexsort([-each for each in reversed(sums)])
 
 
 def _rays(count: int) -> FloatArray:

@@ -22,7 +22,7 @@ class Unknown:
         element: name in the scene.
         effect: which of K, B, M.
         sign: -1 where something is taken away from the device.
-        low: least size looked at, SI; what is wanted where that is less.
+        low: least size that is kept, SI: one perceived step, or where a range begins.
         high: largest size wanted or physically sensible.
         wish: what the scene says.
         reference: the commanded size that is felt as much as what the device has of it: K_ref, b
@@ -52,12 +52,8 @@ class Unknown:
 
     @property
     def goal(self) -> float:
-        """Steps of a wanted value, 0 where as much as possible is wanted."""
-        return self.steps(self.high) if self.wish.kind == "value" else 0.0
-
-    def height(self, size: float) -> float:
-        """What is raised: the steps, for a wanted value how many it falls short of, negative."""
-        return self.steps(size) - self.goal
+        """Steps of a wanted value, which count as all there is to reach; 1 elsewhere."""
+        return self.steps(self.high) if self.wish.kind == "value" else 1.0
 
     def size_at(self, steps: float | FloatArray) -> FloatArray:
         """The size that is perceived as so many steps, of their shape."""

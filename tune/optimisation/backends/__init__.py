@@ -14,27 +14,21 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stage:
-    """One step of the lexicographic climb.
+class Rank:
+    """What is raised at one rank, and between which ends.
 
     Attributes:
-        active: 1 for unknowns that must reach the common height t, shape (unknowns,).
-        floors: heights that must be kept, shape (unknowns,).
-        weights: of (heights..., t) in what is maximised, shape (unknowns + 1,).
-        start: t to begin with.
+        weights: of the logarithms of steps in the sum that is maximised, shape (unknowns,).
+        lower: of log-sizes, shape (unknowns,); equal to ``upper`` where a size is fixed.
+        upper: of log-sizes.
         routh: judge stability by Routh's ratios at the full gain instead of by the exact reach,
             for they are smooth where two branches of its boundary meet. Some solvers always do.
     """
 
-    active: FloatArray
-    floors: FloatArray
     weights: FloatArray
-    start: float = 0.0
+    lower: FloatArray
+    upper: FloatArray
     routh: bool = False
-
-
-#: Least and largest height a solver looks at, steps.
-HEIGHTS = (-1e3, 1e3)
 
 
 class Backend(Protocol):
@@ -42,6 +36,6 @@ class Backend(Protocol):
 
     name: str
 
-    def propose(self, program: Program, stage: Stage, start: FloatArray) -> FloatArray | None:
+    def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
         """Log-sizes, shape (unknowns,), from a start of that shape; None where it gave up."""
         ...

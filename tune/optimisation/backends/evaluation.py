@@ -1,4 +1,4 @@
-"""One program with one stage, evaluated without overhead: a solver asks some dozens of times."""
+"""A program evaluated without overhead: a solver asks some dozens of times."""
 
 from __future__ import annotations
 
@@ -8,61 +8,63 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from tune.optimisation.backends import Stage
+    from tune.optimisation.backends import Rank
     from tune.optimisation.backends.program import Program
 
 FloatArray = NDArray[np.float64]
 
 
 class Evaluation:
-    """Objective and constraints at one point z = (log-sizes, t); the last answer is kept.
+    """Objective and constraints at one point y of log-sizes; the last answer is kept.
 
     Attributes:
-        slope: gradient of the objective, shape (unknowns + 1,).
-        constraints: at most 0 where kept, shape (constraints,); stability first, heights last.
-        jacobian: their slopes, shape (constraints, unknowns + 1).
+        value: minus the weighted sum of the logarithms of steps.
+        slope: its gradient, shape (unknowns,).
+        constraints: at most 0 where kept, shape (constraints,).
+        jacobian: their slopes, shape (constraints, unknowns).
     """
 
-    def __init__(self, program: Program, stage: Stage) -> None:
-        count = program.lower.size + 1
-        function = program.functions.evaluate_all if stage.routh else program.functions.evaluate
-        rest = int(function.numel_out(2))
-        self._reach = program.reach
-        self._stable = 0 if stage.routh else self._reach.size
-        self._z = np.full(count, np.nan)
-        self._parameters = parameters_of(program, stage)
-        self._value = np.empty(1)
-        self._rest = np.empty(rest)
+    def __init__(self, program: Program, rank: Rank) -> None:
+        count = program.signs.size
+        function = program.functions.smooth_all if rank.routh else program.functions.smooth
+        smooth = int(function.numel_out(0))
+        self._program = program
+        self._weights = rank.weights
+        # Without its first family, which Routh's ratios stand for.
+        self._families = program.families[1:] if rank.routh else program.families
+        sizes = [smooth, *(family.size for family in self._families)]
+        self._places = np.cumsum([0, *sizes])
+        self._y = np.full(count, np.nan)
+        plain = None if rank.routh else program.plain
+        self._parameters = np.ascontiguousarray(program.parameters[:plain])
+        self._smooth = np.empty(smooth)
         # CasADi stores by columns.
-        self._columns = np.empty((count, rest))
+        self._columns = np.empty((count, smooth))
+        self.value = np.nan
         self.slope: FloatArray = np.empty(count)
-        self.constraints: FloatArray = np.empty(self._stable + rest)
-        self.jacobian: FloatArray = np.zeros((self._stable + rest, count))
+        self.constraints: FloatArray = np.empty(self._places[-1])
+        self.jacobian: FloatArray = np.zeros((int(self._places[-1]), count))
         self._buffer, self._evaluate = function.buffer()
-        for place, given in enumerate((self._z, self._parameters)):
+        for place, given in enumerate((self._y, self._parameters)):
             self._buffer.set_arg(place, memoryview(cast("Any", given)))
-        for place, answer in enumerate((self._value, self.slope, self._rest, self._columns)):
+        for place, answer in enumerate((self._smooth, self._columns)):
             self._buffer.set_res(place, memoryview(cast("Any", answer)))
 
-    @property
-    def value(self) -> float:
-        """Of the objective, to be minimised."""
-        return float(self._value[0])
-
-    def at(self, z: FloatArray) -> Evaluation:
-        """Itself, evaluated at z."""
-        if not np.array_equal(z, self._z):
-            self._z[:] = z
-            self._evaluate()
-            self.constraints[self._stable :] = self._rest
-            self.jacobian[self._stable :] = self._columns.T
-            if self._stable:
-                stable, slopes = self._reach.at(np.exp(z[:-1]))
-                self.constraints[: self._stable] = stable
-                self.jacobian[: self._stable, :-1] = slopes
+    def at(self, y: FloatArray) -> Evaluation:
+        """Itself, evaluated at log-sizes y."""
+        if not np.array_equal(y, self._y):
+            self._y[:] = y
+            sizes = np.exp(y)
+            value, slope = self._program.product(sizes, self._weights)
+            self.value, self.slope[:] = -value, -slope
+            if self._smooth.size:
+                self._evaluate()
+            self.constraints[: self._smooth.size] = self._smooth
+            self.jacobian[: self._smooth.size] = self._columns.T
+            for family, first, last in zip(
+                self._families, self._places[1:], self._places[2:], strict=False
+            ):
+                values, slopes = family.at(sizes)
+                self.constraints[first:last] = values
+                self.jacobian[first:last] = slopes
         return self
-
-
-def parameters_of(program: Program, stage: Stage) -> FloatArray:
-    """The parameters of the compiled functions: those of the problem, then those of the stage."""
-    return np.concatenate([program.parameters, stage.active, stage.floors, stage.weights])

@@ -1,8 +1,8 @@
-"""What a height costs at an optimum: Lagrange multipliers, from the slopes at a setting.
+"""Lagrange multipliers at a setting, from the slopes of what binds there.
 
 At a (local) optimum the gradient of the objective is a nonnegative combination of those of the
-constraints that bind. The multiplier of ``height_i >= floor_i + active_i·t`` is what one step more
-of effect i would cost of the common height t; where it is positive, i cannot rise.
+constraints that bind. With the multipliers the slope of the optimum by any other number follows from
+the slopes of the constraints by that number alone (envelope theorem).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.optimisation.backends import Stage
+from tune.optimisation.backends import Rank
 from tune.optimisation.backends.evaluation import Evaluation
 from tune.optimisation.backends.program import Program
 
@@ -22,26 +22,25 @@ _BINDS = 1e-6
 _LEFT = 1e-3
 
 
-def prices(program: Program, stage: Stage, z: FloatArray) -> FloatArray | None:
-    """The multiplier of every height at a setting that ends a stage.
+def multipliers(program: Program, rank: Rank, y: FloatArray) -> FloatArray | None:
+    """The multiplier of every constraint at log-sizes that end a rank.
 
     Args:
         program: with its numbers.
-        stage: that raised a common height.
-        z: (log-sizes, common height) it ended at.
+        rank: that was raised.
+        y: where it ended.
 
     Returns:
-        Shape (unknowns,), they add up to 1 over what was raised; None where the setting is no
-        optimum to first order.
+        Shape (constraints,), zero where one does not bind; None where the setting is no optimum to
+        first order.
     """
     from scipy.optimize import nnls
 
-    found = Evaluation(program, stage).at(z)
-    count = program.lower.size
+    found = Evaluation(program, rank).at(y)
     binding = np.flatnonzero(found.constraints > -_BINDS)
-    upper = np.flatnonzero(z[:-1] > program.upper - _BINDS)
-    lower = np.flatnonzero(z[:-1] < program.lower + _BINDS)
-    identity = np.eye(count + 1)
+    upper = np.flatnonzero(y > rank.upper - _BINDS)
+    lower = np.flatnonzero(y < rank.lower + _BINDS)
+    identity = np.eye(y.size)
     slopes = np.concatenate([found.jacobian[binding], identity[upper], -identity[lower]])
     if not (len(slopes) and np.all(np.isfinite(slopes)) and np.all(np.isfinite(found.slope))):
         return None
@@ -49,15 +48,11 @@ def prices(program: Program, stage: Stage, z: FloatArray) -> FloatArray | None:
     sizes = np.linalg.norm(slopes, axis=1)
     sizes[sizes == 0] = 1.0
     try:
-        multipliers, left = nnls((slopes / sizes[:, None]).T, -found.slope)
+        weights, left = nnls((slopes / sizes[:, None]).T, -found.slope)
     except RuntimeError:
         return None
     if left > _LEFT * float(np.linalg.norm(found.slope)):
         return None
-    # The heights are the last constraints of a program.
-    first = found.constraints.size - count
-    answer = np.zeros(count)
-    for row, multiplier in zip(binding, multipliers / sizes, strict=False):
-        if row >= first:
-            answer[row - first] = multiplier
+    answer = np.zeros(found.constraints.size)
+    answer[binding] = (weights / sizes)[: binding.size]
     return answer

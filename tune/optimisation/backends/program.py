@@ -1,16 +1,17 @@
 """The design problem as a smooth program: built symbolically once for each structure, then reused.
 
-Unknowns are the logarithms y of the sizes and a common height t. Every constraint reads g <= 0:
-Routh ratios below one and coefficients positive at each corner, delay and moment at the full gain,
-forces, ripple, and height_i >= floor_i + active_i·t.
+Unknowns are the logarithms y of the sizes. Every constraint reads g <= 0: families of them that give
+values and slopes (the reach of stability, `families`), and those that are compiled: ripple, forces,
+rendering, and Routh ratios below one with coefficients positive at each corner, delay and moment at
+the full gain, which stand for the reach where a solver wants everything in one graph.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ class Structure:
         shapes: (degree, scenarios, position bound by device or hand) of the loops.
         laws: degree of the control law, for the ripple; 0 without an encoder.
         bound: the device's own force by position binds it, hand off.
-        forces: (sustained limited, peak limited).
+        linear: rows without and with coefficients of either sign.
     """
 
     signs: tuple[int, ...]
@@ -50,22 +51,42 @@ class Structure:
     shapes: tuple[tuple[int, int, bool], ...]
     laws: int
     bound: bool
-    forces: tuple[bool, bool]
+    linear: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Functions:
-    """Compiled functions of (z, p), z = (y, t).
+    """Functions of (y, p), compiled when first asked for and shared by equal structures."""
 
-    Attributes:
-        evaluate: objective, its gradient, constraints but those of stability, their dense Jacobian.
-        evaluate_all: the same with Routh's ratios before the other constraints.
-        ipopt: the solver, with all constraints.
-    """
+    structure: Structure
 
-    evaluate: Any
-    evaluate_all: Any
-    ipopt: Any
+    @property
+    def smooth(self) -> Any:
+        """Constraints but those of stability, and their dense Jacobian."""
+        return _compiled(replace(self.structure, shapes=())).smooth
+
+    @property
+    def smooth_all(self) -> Any:
+        """Constraints with Routh's ratios before the others, and their dense Jacobian."""
+        return _compiled(self.structure).smooth
+
+    @property
+    def ipopt(self) -> Any:
+        """The solver, with all constraints; its parameters end with the weights."""
+        return _compiled(self.structure).ipopt
+
+
+class Family(Protocol):
+    """Constraints that are at most 0 where kept, with slopes of their own."""
+
+    @property
+    def size(self) -> int:
+        """How many constraints these are."""
+        ...
+
+    def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,17 +95,30 @@ class Program:
 
     Attributes:
         functions: shared by all problems of the structure.
-        parameters: of this problem, without the stage.
-        lower: of log-sizes, shape (unknowns,).
-        upper: of log-sizes, shape (unknowns,).
-        reach: the stability constraint, exact.
+        parameters: of this problem, without the weights of a rank; those of the loops come last.
+        plain: how many of them belong to no loop.
+        families: of constraints that give their own slopes; the reach of stability first.
+        signs: of the unknowns, shape (unknowns,).
+        references: of the steps.
+        per_step: 1/ln(1 + w).
     """
 
     functions: Functions
     parameters: FloatArray
-    reach: Reach
-    lower: FloatArray
-    upper: FloatArray
+    plain: int
+    families: tuple[Family, ...]
+    signs: FloatArray
+    references: FloatArray
+    per_step: FloatArray
+
+    def product(self, sizes: FloatArray, weights: FloatArray) -> tuple[float, FloatArray]:
+        """The weighted sum of the logarithms of steps, and its gradient in log-sizes."""
+        relative = self.signs * sizes / self.references
+        heights = np.log1p(relative)
+        used = weights > 0
+        logs = np.log(np.where(used, np.abs(heights) * self.per_step, 1.0))
+        slopes = relative / (1 + relative) / np.where(heights == 0, 1.0, heights)
+        return float(weights @ logs), weights * slopes
 
 
 def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
@@ -103,39 +137,34 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     late = problem.loops.late
     shown = [(loop, chosen) for loop, chosen in zip(late, columns, strict=True) if chosen]
     ripple = limits.encoder_resolution is not None
+    rows = problem.linear.rows * (1 + INSIDE)
+    either = np.any(rows < 0, axis=1)
+    rows = np.concatenate([rows[~either], rows[either]])
     structure = Structure(
         signs=tuple(unknown.sign for unknown in problem.unknowns),
         moments=tuple(moment.members for moment in problem.moments),
         shapes=tuple((loop.degree, len(chosen), loop.held) for loop, chosen in shown),
         laws=problem.loops.nominal.degree if ripple else 0,
         bound=problem.loops.nominal.held,
-        forces=(limits.continuous_force is not None, limits.peak_force is not None),
+        linear=(int(np.sum(~either)), int(np.sum(either))),
     )
-    numbers: list[FloatArray] = [
-        np.array([u.reference for u in problem.unknowns]),
-        np.array([1 / np.log1p(u.weber) for u in problem.unknowns]),
-        np.array([u.goal for u in problem.unknowns]),
-    ]
+    references = np.array([u.reference for u in problem.unknowns])
     gain = problem.margin.gain * (1 + INSIDE)
-    numbers += [_table(loop, gain)[:, :, chosen] for loop, chosen in shown]
+    numbers: list[FloatArray] = [references, rows]
     if ripple and limits.encoder_resolution is not None:
         nominal = problem.loops.nominal
         unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple
-        numbers += [_table(nominal, 1.0), _law(nominal, float(unit))]
-    for moment in problem.moments:
-        numbers += [
-            np.array(part) * (1 + INSIDE)
-            for part in (
-                [r / (limits.continuous_force or 1.0) for r in moment.reach[0]],
-                [r / (limits.peak_force or 1.0) for reach in moment.reach for r in reach],
-            )
-        ]
+        numbers += [_table(nominal, 1.0), _law(nominal, float(unit * (1 + INSIDE)))]
+    plain = sum(part.size for part in numbers)
+    numbers += [_table(loop, gain)[:, :, chosen] for loop, chosen in shown]
     return Program(
-        functions=_compiled(structure),
-        reach=Reach.of(problem, shown, gain),
+        functions=Functions(structure=structure),
+        plain=plain,
+        families=(Reach.of(problem, shown, gain),),
         parameters=np.concatenate([part.ravel() for part in numbers]),
-        lower=np.log([unknown.low for unknown in problem.unknowns]),
-        upper=np.log([unknown.high for unknown in problem.unknowns]),
+        signs=np.array([float(sign) for sign in structure.signs]),
+        references=references,
+        per_step=np.array([1 / np.log1p(u.weber) for u in problem.unknowns]),
     )
 
 
@@ -166,12 +195,19 @@ def _law(loop: Loop, unit: float) -> FloatArray:
     return np.stack([padded(row, loop.degree + 1) for row in rows]) * scales[:, None]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Compiled:
+    smooth: Any
+    ipopt: Any
+
+
 @lru_cache(maxsize=64)
-def _compiled(structure: Structure) -> Functions:
+def _compiled(structure: Structure) -> _Compiled:
+    """Constraints and their Jacobian; the solver where the structure has loops."""
     import casadi as ca
 
     count = len(structure.signs)
-    y, t = ca.SX.sym("y", count), ca.SX.sym("t")
+    y, weights = ca.SX.sym("y", count), ca.SX.sym("w", count)
     taken: list[Any] = []
 
     def take(*shape: int) -> Any:
@@ -179,27 +215,16 @@ def _compiled(structure: Structure) -> Functions:
         taken.append(symbols)
         return np.array([symbols[i] for i in range(symbols.shape[0])], dtype=object).reshape(shape)
 
-    stage = [ca.SX.sym(name, size) for name, size in (("a", count), ("f", count), ("w", count + 1))]
     sizes = [ca.exp(y[i]) for i in range(count)]
-    reference, per_step, goals = take(count), take(count), take(count)
-    heights = [
-        sign * ca.log1p(sign * size / ref) * unit - goal
-        for sign, size, ref, unit, goal in zip(
-            structure.signs, sizes, reference, per_step, goals, strict=True
-        )
-    ]
+    reference, rows = take(count), take(sum(structure.linear), count)
+    product_of_steps = sum(
+        weights[i] * ca.log(sign * ca.log1p(sign * size / ref))
+        for i, (sign, size, ref) in enumerate(zip(structure.signs, sizes, reference, strict=True))
+    )
     totals = [
         [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
         for members in structure.moments
     ]
-    routh: list[Any] = []
-    for degree, corners, held in structure.shapes:
-        table = take(4, degree + 1, corners)
-        for total in totals:
-            for corner in range(corners):
-                coefficients = _polynomial(table[:, :, corner], total, drop=not held)
-                routh += [-c for c in coefficients]
-                routh += [ratio - 1 for ratio in routh_ratios(coefficients)]
     constraints: list[Any] = []
     if structure.laws:
         table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
@@ -211,19 +236,22 @@ def _compiled(structure: Structure) -> Functions:
             )
             # An unstable loop has no energy: the logarithm says so, and is nearly linear.
             constraints.append(energy.log() / 2)
-    for members in structure.moments:
-        sustained, peak = take(len(members[0])), take(sum(len(m) for m in members))
-        if structure.forces[0] and members[0]:
-            constraints.append(_excess(sizes, members[0], sustained))
-        if structure.forces[1]:
-            chosen = [i for m in members for i in m]
-            constraints.append(_excess(sizes, chosen, peak))
-    for i, height in enumerate(heights):
-        constraints.append(stage[1][i] + stage[0][i] * t - height)
-    z, p = ca.vertcat(y, t), ca.vertcat(*taken, *stage)
-    f = -ca.dot(stage[2], ca.vertcat(*heights, t))
-    g = ca.vertcat(*constraints)
-    all_g = ca.vertcat(*routh, *constraints)
+    routh: list[Any] = []
+    for degree, corners, held in structure.shapes:
+        table = take(4, degree + 1, corners)
+        for total in totals:
+            for corner in range(corners):
+                coefficients = _polynomial(table[:, :, corner], total, drop=not held)
+                routh += [-c for c in coefficients]
+                routh += [ratio - 1 for ratio in routh_ratios(coefficients)]
+    for place, row in enumerate(rows):
+        used: Any = sum(size * part for size, part in zip(sizes, row, strict=True))
+        # In logarithms nearly linear, where a row has them.
+        constraints.append(used.log() if place < structure.linear[0] else used - 1)
+    p, g = ca.vertcat(*taken), ca.vertcat(*routh, *constraints)
+    smooth = ca.Function("smooth", [y, p], [g, ca.densify(ca.jacobian(g, y))])
+    if not structure.shapes:
+        return _Compiled(smooth=smooth, ipopt=None)
     options = {
         "print_time": False,
         "error_on_fail": False,
@@ -241,24 +269,8 @@ def _compiled(structure: Structure) -> Functions:
             "hessian_approximation": "limited-memory",
         },
     }
-    return Functions(
-        evaluate=_evaluation("evaluate", z, p, f, g),
-        evaluate_all=_evaluation("evaluate_all", z, p, f, all_g),
-        ipopt=ca.nlpsol("climb", "ipopt", {"x": z, "p": p, "f": f, "g": all_g}, options),
-    )
-
-
-def _excess(sizes: list[Any], members: Sequence[int], reaches: Any) -> Any:
-    """Logarithm of a force over its limit, nearly linear in log-sizes as the force is not."""
-    total: Any = sum(sizes[i] * reach for i, reach in zip(members, reaches, strict=True))
-    return total.log()
-
-
-def _evaluation(name: str, z: Any, p: Any, f: Any, g: Any) -> Any:
-    import casadi as ca
-
-    slopes = ca.densify(ca.gradient(f, z)), ca.densify(ca.jacobian(g, z))
-    return ca.Function(name, [z, p], [f, slopes[0], g, slopes[1]])
+    task = {"x": y, "p": ca.vertcat(p, weights), "f": -product_of_steps, "g": g}
+    return _Compiled(smooth=smooth, ipopt=ca.nlpsol("product", "ipopt", task, options))
 
 
 def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool = True) -> list[Any]:

@@ -1,0 +1,125 @@
+"""Limits that are linear in the sizes: forces of the stated motions, and what a hand must feel.
+
+Each row reads a·sizes <= 1. What is felt of an element's mass and damping at both ends of the motions
+people make, its parasitic parts included, lies within one step of what the element asks for
+(docs/theory.md, 8): with κ of a mass, ν of a damper and so on, (m + κM + νB)/(m + M) and
+(b + κ'B + ρM + ηK)/(b + B) lie between 1/(1 + w) and 1 + w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.documents.effects import EffectName
+from tune.documents.perception import PerceptionTable
+from tune.optimisation.unknown import Unknown
+from tune.rendering.rendered import Band, Shares
+
+FloatArray = NDArray[np.float64]
+LinearWord = Literal["force", "rendering"]
+
+#: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
+_OF_A_STEP = 0.999
+
+
+class Reached(Protocol):
+    """What a force is counted for: members and the motion of each."""
+
+    @property
+    def members(self) -> tuple[tuple[int, ...], ...]: ...
+    @property
+    def reach(self) -> tuple[tuple[float | None, ...], ...]: ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearLimits:
+    """Rows a·sizes <= 1.
+
+    Attributes:
+        rows: shape (rows, unknowns).
+        words: which limit each row is.
+    """
+
+    rows: FloatArray
+    words: tuple[LinearWord, ...]
+
+    @classmethod
+    def of(cls, rows: Iterable[tuple[LinearWord, FloatArray]], unknowns: int) -> LinearLimits:
+        """Of the rows that can bind: without a positive coefficient one never does."""
+        kept = [(word, row) for word, row in rows if np.any(row > 0)]
+        table = np.array([row for _, row in kept]).reshape(len(kept), unknowns)
+        return cls(rows=table, words=tuple(word for word, _ in kept))
+
+    def used(self, sizes: FloatArray) -> FloatArray:
+        """What sizes of shape (unknowns, ...) use of each limit, 1 is all: shape (rows, ...)."""
+        return np.tensordot(self.rows, sizes, axes=1)
+
+    def bounds(self, sizes: FloatArray, index: int) -> dict[LinearWord, float]:
+        """How large one unknown may be beside the others as they are, by the limit; inf if any."""
+        found: dict[LinearWord, float] = {}
+        rest = sizes.copy()
+        rest[index] = 0.0
+        spare = 1 - self.used(rest)
+        for word, row, left in zip(self.words, self.rows, spare.tolist(), strict=True):
+            if row[index] > 0:
+                found[word] = min(found.get(word, np.inf), max(0.0, left / float(row[index])))
+        return found
+
+
+def force_rows(
+    moments: Sequence[Reached], unknowns: int, continuous: float | None, peak: float | None
+) -> Iterator[tuple[LinearWord, FloatArray]]:
+    """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration.
+
+    Args:
+        moments: elements felt at once; a penetration that nobody states bounds nothing.
+        unknowns: how many there are.
+        continuous: N (N·m), None where it is not known.
+        peak: N (N·m).
+    """
+    for moment in moments:
+        costs = np.zeros((len(moment.members), unknowns))
+        for cost, members, reaches in zip(costs, moment.members, moment.reach, strict=True):
+            cost[list(members)] = [reach or 0.0 for reach in reaches]
+        if continuous is not None:
+            yield "force", costs[0] / continuous
+        if peak is not None:
+            yield "force", costs.sum(axis=0) / peak
+
+
+def rendering_rows(
+    unknowns: Sequence[Unknown], shares: Shares, device: dict[str, float], table: PerceptionTable
+) -> Iterator[tuple[LinearWord, FloatArray]]:
+    """Mass and damping felt of every element against what it asks for, at both ends.
+
+    Args:
+        unknowns: of all elements.
+        shares: what one unit of each effect is felt as.
+        device: mass and damping that a hand feels without any effect.
+        table: whose Weber fractions make a step.
+    """
+    adds: dict[EffectName, dict[EffectName, Band]] = {
+        "mass": {"mass": shares.mass, "damping": shares.mass_of_damping},
+        "damping": {
+            "damping": shares.damping,
+            "mass": shares.damping_of_mass,
+            "stiffness": shares.damping_of_stiffness,
+        },
+    }
+    for name in dict.fromkeys(unknown.element for unknown in unknowns):
+        for felt, parts in adds.items():
+            own = device[felt]
+            step = (1 + table.fraction(felt).value) ** _OF_A_STEP
+            for end in ("slowest", "fastest"):
+                asked, given = np.zeros(len(unknowns)), np.zeros(len(unknowns))
+                for index, unknown in enumerate(unknowns):
+                    if unknown.element == name and unknown.effect in parts:
+                        given[index] = unknown.sign * getattr(parts[unknown.effect], end)
+                        asked[index] = unknown.sign * (unknown.effect == felt)
+                yield "rendering", (given - step * asked) / (own * (step - 1))
+                yield "rendering", (asked / step - given) / (own * (1 - 1 / step))

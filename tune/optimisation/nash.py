@@ -1,0 +1,184 @@
+"""The largest product of perceived steps (Nash's bargaining solution), rank after rank.
+
+Wanted values first, then the priorities: the product of the steps of one rank is made as large as can
+be, with at least one step for every effect of lower rank; then its sizes stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.optimisation.backends import Backend, Rank
+from tune.optimisation.backends.multipliers import multipliers
+from tune.optimisation.backends.program import program_of
+from tune.optimisation.bounds import largest_allowed
+from tune.optimisation.limits import allowed, allowed_points, weakest
+from tune.optimisation.problem import Problem
+from tune.optimisation.starts import starts_of
+
+FloatArray = NDArray[np.float64]
+
+#: Sizes closer than this, relative, are one; also the disagreement of two solvers, in the logarithm
+#: of the product, that is worth recording.
+SAME = 1e-6
+#: Sizes that stay are given up by this part, so that those after them are not wedged in.
+_EASE = 3e-7
+#: What one more attempt must add to the logarithm of the product.
+_GAIN = 1e-8
+#: Settings on the way from one to another that are checked at once.
+_SECTIONS = 16
+#: Solves of one proposal, each shown the corners that the one before broke; two or three are usual.
+_MOST_ROUNDS = 8
+#: Times the solvers are asked from the best answer before.
+_MOST_ATTEMPTS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optimum:
+    """Where the search ended.
+
+    Attributes:
+        sizes: of the unknowns, shape (unknowns,), allowed exactly; None where nothing is.
+        methods: names of what proposed each accepted answer.
+        disagreements: largest difference of solvers in the logarithm of a product, 0 if none.
+    """
+
+    sizes: FloatArray | None
+    methods: tuple[str, ...]
+    disagreements: float
+
+
+def closed_form(problem: Problem) -> Optimum:
+    """The answer for one unknown: the least of its bounds, no solver."""
+    sizes = np.array([largest_allowed(problem, np.zeros(1), 0)])
+    fits = sizes[0] >= problem.unknowns[0].low and allowed(problem, sizes)
+    return Optimum(sizes=sizes if fits else None, methods=("closed form",), disagreements=0.0)
+
+
+def largest_product(
+    problem: Problem, backends: Sequence[Backend], known: Sequence[FloatArray] = ()
+) -> Optimum:
+    """The largest product of the steps of several unknowns, rank after rank.
+
+    Args:
+        problem: at least two unknowns.
+        backends: solvers; all propose and the best allowed proposal is taken.
+        known: sizes that are allowed, to begin with as well; None asks for rays.
+    """
+    starts = list(known) or starts_of(problem)
+    if not starts:
+        return Optimum(sizes=None, methods=(), disagreements=0.0)
+    search = Search(problem=problem, backends=backends, start=starts[0])
+    fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
+    for level in sorted({unknown.level for unknown in problem.unknowns}):
+        active = np.array([unknown.level == level for unknown in problem.unknowns])
+        search.raise_rank(active, fixed, starts)
+        search.ease(active)
+        fixed |= active
+        starts = [search.sizes]
+    return Optimum(
+        sizes=search.sizes,
+        methods=tuple(dict.fromkeys(search.methods)),
+        disagreements=search.disagreement,
+    )
+
+
+class Search:
+    """The best allowed setting so far, and the corners that solvers have been shown."""
+
+    def __init__(
+        self, *, problem: Problem, backends: Sequence[Backend], start: FloatArray
+    ) -> None:
+        self.problem = problem
+        self.backends = backends
+        self.sizes = start
+        self.scenarios = list(weakest(problem, start))
+        self.program = program_of(problem, self.scenarios)
+        self.methods: list[str] = []
+        self.disagreement = 0.0
+
+    def raise_rank(
+        self, active: NDArray[np.bool_], fixed: NDArray[np.bool_], starts: Sequence[FloatArray]
+    ) -> None:
+        """The largest product of the steps of the active unknowns, those before them fixed."""
+        high = self.problem.high
+        if np.all(self.sizes[active] >= high[active] * (1 - SAME)):
+            return  # no solver is needed for what cannot be wanted any larger
+        rank = self.rank(active, fixed)
+        value = self.value(self.sizes, rank)
+        backends = self.backends
+        for attempt in range(_MOST_ATTEMPTS):
+            proposals = [
+                (self._proposed(backend, rank, np.log(start)), backend.name)
+                for start in (starts if attempt == 0 else [self.sizes])
+                for backend in backends
+            ]
+            found = [(self.value(s, rank), s, name) for s, name in proposals if s is not None]
+            values = [each for each, _, _ in found]
+            if attempt == 0 and len(values) > 1:
+                self.disagreement = max(self.disagreement, max(values) - min(values))
+            best = max(found, key=lambda each: each[0], default=None)
+            gained = -np.inf if best is None else best[0] - value
+            if best is not None and gained > 0:
+                value, self.sizes = best[0], best[1]
+                self.methods.append(best[2])
+            if attempt > 0 and not gained > _GAIN:
+                break
+            if multipliers(self.program, rank, np.log(self.sizes)) is not None:
+                break
+            rank = replace(rank, routh=attempt % 2 == 0)
+
+    def rank(self, active: NDArray[np.bool_], fixed: NDArray[np.bool_]) -> Rank:
+        """What is raised, between which ends."""
+        here = np.log(self.sizes)
+        return Rank(
+            weights=active.astype(np.float64),
+            lower=np.where(fixed, here, np.log(self.problem.low)),
+            upper=np.where(fixed, here, np.log(self.problem.high)),
+        )
+
+    def value(self, sizes: FloatArray, rank: Rank) -> float:
+        """The logarithm of the product that is raised."""
+        return self.program.product(sizes, rank.weights)[0]
+
+    def ease(self, active: NDArray[np.bool_]) -> None:
+        """Give up a little of what is settled, where that is allowed."""
+        met = self.sizes >= self.problem.high * (1 - SAME)
+        eased = np.where(active & ~met, self.sizes * (1 - _EASE), self.sizes)
+        if np.any(~active) and np.all(eased >= self.problem.low) and allowed(self.problem, eased):
+            self.sizes = eased
+
+    def _proposed(self, backend: Backend, rank: Rank, start: FloatArray) -> FloatArray | None:
+        """What one solver proposes, shown each corner that its last proposal broke; allowed."""
+        proposal: FloatArray | None = None
+        for _ in range(_MOST_ROUNDS):
+            answer = backend.propose(self.program, rank, start)
+            if answer is None:
+                break
+            proposal = np.exp(np.clip(answer, rank.lower, rank.upper))
+            if allowed(self.problem, proposal):
+                return proposal
+            broken = set(weakest(self.problem, proposal, broken=True)) - set(self.scenarios)
+            if not broken:
+                break
+            self.scenarios += sorted(broken)
+            self.program = program_of(self.problem, self.scenarios)
+        return None if proposal is None else pulled_back(self.problem, np.exp(start), proposal)
+
+
+def pulled_back(problem: Problem, inner: FloatArray, proposal: FloatArray) -> FloatArray | None:
+    """The last allowed point on the way from a setting that is allowed to a proposal."""
+    # Towards the proposal in smaller and smaller steps: most are only a little beyond.
+    parts = 1 - np.asarray(np.geomspace(1.0, SAME / 100, _SECTIONS), dtype=np.float64)
+    while True:
+        points = inner ** (1 - parts[:, None]) * proposal ** parts[:, None]
+        good = allowed_points(problem, points)
+        first = int(np.argmin(np.append(good, False)))
+        last = max(first - 1, 0)
+        if first in (0, _SECTIONS) or parts[first] - parts[last] < SAME / 100:
+            return points[last] if first else None
+        parts = np.linspace(float(parts[last]), float(parts[first]), _SECTIONS)

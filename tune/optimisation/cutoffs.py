@@ -3,40 +3,30 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-
-import numpy as np
-from numpy.typing import NDArray
 
 from identification import rounded
 from tune.documents.effects import EffectName
 from tune.documents.scene import Cutoff
 from tune.loop.filters import Filters
+from tune.optimisation.cutting_planes import climbed
 from tune.optimisation.problem import Job
 from tune.optimisation.solve import groups
+from tune.optimisation.worth import Tuned, Worth, ranks_of, roughly, slope_of, tuned
 from tune.rendering.rendered import FASTEST
-
-FloatArray = NDArray[np.float64]
 
 #: Hz; a filter must pass the motions people make.
 LOWEST = FASTEST
 #: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
 #: a mass it rises with each octave of filtering, until force, stability or honey makes it fall.
-_COARSE = 2.0
-#: A search ends where it has shrunk to this, relative, and its ends are worth the same.
-_CLOSE = 0.04
-#: Worth is a sum of logarithms of steps; this little of it, a thousandth of all steps multiplied,
-#: is not worth another try.
+_COARSE = 3.0
+#: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 1e-3
 #: This little is given for less filtering.
 _GOOD_ENOUGH = 2e-3
-#: Searches for two cut-offs together, for a simplex can shrink too early on a ridge: each from
-#: where the last one ended, until one gains nothing; two or three are usual.
-_SEARCHES = 4
-#: Tries of one search; twenty to forty are usual.
-_MOST = 80
+#: Step on the logarithmic scale of cut-offs over which a slope is taken.
+_STEP = 1e-4
 #: Digits of a written cut-off.
 _DIGITS = 4
 
@@ -45,8 +35,8 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
     """The fixed cut-offs, and for free ones the least filtering that does nearly as well as any.
 
     What a cut-off is worth is told by `worth`, for all elements together. Free cut-offs are looked
-    for octave by octave, one after the other, then together without derivatives, on a logarithmic
-    scale above which there is no filter.
+    for coarsely, one after the other, then together by cutting planes, on a logarithmic scale above
+    which there is no filter.
     A filter is only there for an effect that uses it: without a damper no velocity filter, without
     a virtual mass no acceleration filter.
     """
@@ -102,9 +92,7 @@ class _Axis:
         """The cut-off as it is written; None for no filter."""
         if not self.free:
             return self.fixed
-        low, high = self.first[0], self.first[-2]
-        mirrored = low + abs(place - low)  # below the lowest nothing is flat, and no search ends
-        return None if mirrored > high else rounded(math.exp(mirrored), _DIGITS)
+        return None if place > self.first[-2] else rounded(math.exp(place), _DIGITS)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -117,16 +105,22 @@ class _Search:
         say: called before each try.
         axes: choices of the velocity and the acceleration filter.
         tried: worth of all elements.
-        known: worth of each group by the filters that it uses.
+        known: each group as tuned by the filters that it uses.
+        last: each group as it was tuned last.
+        rough: worth of each group on rays, by the filters that it uses.
     """
 
     job: Job
     kind: Filters
     say: Callable[[str], None]
     axes: tuple[_Axis, _Axis]
-    tried: dict[Filters, float] = field(default_factory=dict[Filters, float])
-    known: dict[tuple[tuple[str, ...], Filters], float] = field(
-        default_factory=dict[tuple[tuple[str, ...], Filters], float]
+    tried: dict[Filters, Worth] = field(default_factory=dict[Filters, Worth])
+    known: dict[tuple[tuple[str, ...], Filters], Tuned] = field(
+        default_factory=dict[tuple[tuple[str, ...], Filters], Tuned]
+    )
+    last: dict[tuple[str, ...], Tuned] = field(default_factory=dict[tuple[str, ...], Tuned])
+    rough: dict[tuple[tuple[str, ...], Filters], Worth | None] = field(
+        default_factory=dict[tuple[tuple[str, ...], Filters], Worth | None]
     )
 
     def best(self) -> Filters:
@@ -136,17 +130,45 @@ class _Search:
         if not free:
             return self._filters(point)
         # What is looked for first is looked for again once the other cut-off is known.
-        for index in free if len(free) == 1 else (1, 0, 1):
-            point = max(self._octaves(point, index), key=self._worth)
+        for index in free if len(free) == 1 or not self._coupled() else (1, 0, 1):
+            point = self._coarsely(point, index)
         for chosen in [free] if self._coupled() else [[index] for index in free]:
             point = self._refined(point, chosen)
-        enough = max(self.tried.values()) - _GOOD_ENOUGH
-        return min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
+        most = max(self.tried.values(), key=lambda each: each.order)
+        enough = Worth(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
+        return min((f for f, worth in self.tried.items() if worth.order >= enough), key=_lag)
 
-    def _octaves(self, point: Sequence[float], index: int) -> list[list[float]]:
-        """The point with each first choice of one cut-off, least filtering first."""
+    def _coarsely(self, point: Sequence[float], index: int) -> list[float]:
+        """The point with the best of the first choices of one cut-off, least filtering first."""
         places = reversed(self.axes[index].first)
-        return [[*point[:index], place, *point[index + 1 :]] for place in places]
+        points = [[*point[:index], place, *point[index + 1 :]] for place in places]
+        rough = [(self._roughly(each), each) for each in points]
+        good = [(worth.order, each) for worth, each in rough if worth is not None]
+        if good:
+            return max(good, key=lambda pair: pair[0])[1]
+        return max(points, key=lambda each: self._worth(each).order)
+
+    def _roughly(self, point: Sequence[float]) -> Worth | None:
+        """What all elements are worth on rays; None where some of them are no good on any."""
+        filters = self._filters(point)
+        self._say(filters)
+        total = Worth(kept=(0,) * len(ranks_of(self.job)), value=0.0)
+        for elements in groups(self.job.scene):
+            used = self._of(elements, filters)
+            if self._used(elements) & {"damping", "mass"}:
+                if (elements, used) not in self.rough:
+                    self.rough[elements, used] = roughly(self.job, elements, used)
+                found = self.rough[elements, used]
+                if found is None:
+                    return None
+                total = total.plus(found)
+        return total
+
+    def _say(self, filters: Filters) -> None:
+        self.say(
+            f"trying filters: velocity {_hertz(filters.velocity_filter_hz)}, "
+            f"acceleration {_hertz(filters.acceleration_filter_hz)}"
+        )
 
     def _coupled(self) -> bool:
         """True where elements that are tuned together use both filters, and both are free."""
@@ -159,57 +181,67 @@ class _Search:
 
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
         """From a point to one that is worth more than all around it."""
-        from scipy.optimize import minimize
+        kept = self._worth(point).kept
+        # Beyond the highest cut-off there is no filter, and nothing has a slope.
+        free = [i for i in free if self.axes[i].hertz(point[i]) is not None]
+        if not free:
+            return point
 
-        def whole(places: FloatArray) -> list[float]:
-            chosen = dict(zip(free, places.tolist(), strict=True))
+        def whole(places: Sequence[float]) -> list[float]:
+            chosen = dict(zip(free, places, strict=True))
             return [chosen.get(index, place) for index, place in enumerate(point)]
 
-        step = math.log(_COARSE) / 2
-        for _ in range(_SEARCHES if len(free) > 1 else 1):
-            before = self._worth(point)
-            start = np.array([point[index] for index in free])
-            found = minimize(
-                # A refused scene is worth minus infinity, which no simplex can weigh.
-                lambda places: -max(self._worth(whole(places)), -sys.float_info.max),
-                start,
-                method="Nelder-Mead",
-                options={
-                    "initial_simplex": start + step * np.eye(start.size + 1, start.size, -1),
-                    "xatol": _CLOSE,
-                    "fatol": _SAME,
-                    "maxfev": _MOST,
-                },
-            )
-            point = whole(found.x)
-            if self._worth(point) <= before + _SAME:
-                break
-            step = -step / 2  # a simplex of another size, on the other side
-        return point
+        def value(places: Sequence[float]) -> float:
+            worth = self._worth(whole(places))
+            return worth.value if worth.kept >= kept else -math.inf
 
-    def _worth(self, point: Sequence[float]) -> float:
+        def slopes(places: Sequence[float]) -> list[float]:
+            return [self._slope(whole(places), index) for index in free]
+
+        ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
+        start = [point[i] for i in free]
+        radius = math.log(_COARSE) / 2
+        return whole(climbed(value, slopes, start, ends, radius=radius, gain=_SAME))
+
+    def _slope(self, point: Sequence[float], index: int) -> float:
+        """Of the worth, by the logarithm of one cut-off."""
+        here = self._filters(point)
+        name = ("velocity_filter_hz", "acceleration_filter_hz")[index]
+        hertz: float = getattr(here, name)
+        step = -_STEP if math.log(hertz) + _STEP > self.axes[index].first[-2] else _STEP
+        there = replace(here, **{name: hertz * math.exp(step)})
+        total = 0.0
+        for elements in groups(self.job.scene):
+            filters, moved = (self._of(elements, each) for each in (here, there))
+            if filters != moved:
+                total += slope_of(self.job, self._tuned(elements, filters), filters, moved)
+        return total / step
+
+    def _worth(self, point: Sequence[float]) -> Worth:
         filters = self._filters(point)
         if filters not in self.tried:
-            self.say(
-                f"trying filters: velocity {_hertz(filters.velocity_filter_hz)}, "
-                f"acceleration {_hertz(filters.acceleration_filter_hz)}"
-            )
-            self.tried[filters] = sum(
-                self._worth_of(elements, filters) for elements in groups(self.job.scene)
-            )
+            self._say(filters)
+            total = Worth(kept=(0,) * len(ranks_of(self.job)), value=0.0)
+            for elements in groups(self.job.scene):
+                if self._used(elements) & {"damping", "mass"}:
+                    total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
+            self.tried[filters] = total
         return self.tried[filters]
 
-    def _worth_of(self, elements: tuple[str, ...], filters: Filters) -> float:
-        """Of one group; known if it was tried before with the filters that it uses."""
+    def _of(self, elements: Sequence[str], filters: Filters) -> Filters:
+        """Those of the filters that a group uses."""
         used = self._used(elements)
         if "damping" not in used:
             filters = replace(filters, velocity_filter_hz=None)
         if "mass" not in used:
             filters = replace(filters, acceleration_filter_hz=None)
-        if not used & {"damping", "mass"}:
-            return 0.0
+        return filters
+
+    def _tuned(self, elements: tuple[str, ...], filters: Filters) -> Tuned:
+        """One group; known if it was tried before with the filters that it uses."""
         if (elements, filters) not in self.known:
-            self.known[elements, filters] = worth_of_group(self.job, elements, filters)
+            found = tuned(self.job, elements, filters, self.last.get(elements))
+            self.known[elements, filters] = self.last[elements] = found
         return self.known[elements, filters]
 
     def _filters(self, point: Sequence[float]) -> Filters:

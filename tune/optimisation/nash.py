@@ -67,7 +67,7 @@ def largest_product(
     Args:
         problem: at least two unknowns.
         backends: solvers; all propose and the best allowed proposal is taken.
-        known: sizes that are allowed, to begin with as well; None asks for rays.
+        known: sizes that are allowed, to begin with; where there are none, the best of some rays.
     """
     starts = list(known) or starts_of(problem)
     if not starts:
@@ -110,25 +110,29 @@ class Search:
             return  # no solver is needed for what cannot be wanted any larger
         rank = self.rank(active, fixed)
         value = self.value(self.sizes, rank)
-        backends = self.backends
         for attempt in range(_MOST_ATTEMPTS):
-            proposals = [
-                (self._proposed(backend, rank, np.log(start)), backend.name)
-                for start in (starts if attempt == 0 else [self.sizes])
-                for backend in backends
+            # Where all solvers end alike from the first start, the others are not asked.
+            begun = [starts[:1], starts[1:]][min(attempt, 1)] if attempt < 2 else []
+            found = [
+                (self.value(proposal, rank), proposal, backend.name)
+                for start in (begun or [self.sizes])
+                for backend in self.backends
+                for proposal in [self._proposed(backend, rank, np.log(start))]
+                if proposal is not None
             ]
-            found = [(self.value(s, rank), s, name) for s, name in proposals if s is not None]
             values = [each for each, _, _ in found]
-            if attempt == 0 and len(values) > 1:
-                self.disagreement = max(self.disagreement, max(values) - min(values))
+            apart = max(values) - min(values) if len(values) == len(self.backends) else np.inf
             best = max(found, key=lambda each: each[0], default=None)
             gained = -np.inf if best is None else best[0] - value
             if best is not None and gained > 0:
                 value, self.sizes = best[0], best[1]
                 self.methods.append(best[2])
-            if attempt > 0 and not gained > _GAIN:
+            settled = multipliers(self.program, rank, np.log(self.sizes)) is not None
+            if settled and (attempt > 0 or apart <= SAME or len(self.backends) == 1):
+                if np.isfinite(apart):
+                    self.disagreement = max(self.disagreement, apart)
                 break
-            if multipliers(self.program, rank, np.log(self.sizes)) is not None:
+            if attempt > 1 and not gained > _GAIN:
                 break
             rank = replace(rank, routh=attempt % 2 == 0)
 

@@ -29,6 +29,8 @@ _DIGITS = 6
 _RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
 
 
+#: In the logarithm of the product, where cut-offs are still looked for.
+_ROUGHLY = 1e-6
 #: Effects that are rounded either way, all ways tried.
 _MOST_WAYS = 5
 
@@ -97,8 +99,16 @@ def optimum_of(
     filters: Filters,
     *,
     second_opinion: bool = True,
+    known: Sequence[FloatArray] = (),
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
+
+    Args:
+        job: device, scene, perception and region.
+        elements: of the group.
+        filters: of the controller.
+        second_opinion: ask all solvers.
+        known: allowed sizes of all effects to begin with, where there are some.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -120,7 +130,7 @@ def optimum_of(
         problem = posed(frozenset(dropped))
     if not problem.unknowns:
         return problem, None, dropped
-    found = best(problem)
+    found = best(problem, [] if dropped else known)
     if found.sizes is not None:
         return problem, found, dropped
     every = frozenset(unknown.label for unknown in problem.unknowns)
@@ -185,7 +195,7 @@ def backends(*, second_opinion: bool = True) -> list[Backend]:
     from tune.optimisation.backends.casadi_ import Ipopt
     from tune.optimisation.backends.nlopt_ import Slsqp
 
-    return [Slsqp(), Ipopt()] if second_opinion else [Slsqp()]
+    return [Slsqp(), Ipopt()] if second_opinion else [Slsqp(_ROUGHLY)]
 
 
 def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:

@@ -34,7 +34,10 @@ class Rank:
 class Backend(Protocol):
     """One solver."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """What it is called where a profile says who found the answer."""
+        ...
 
     def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
         """Log-sizes, shape (unknowns,), from a start of that shape; None where it gave up."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +27,16 @@ _UNREACHABLE = 1e3
 _KEPT = 1e-9
 
 
+@dataclass(frozen=True, slots=True)
 class Slsqp:
-    """Sequential quadratic proposals; keeps its own best feasible point in case nlopt fails."""
+    """Sequential quadratic proposals; keeps its own best feasible point in case nlopt fails.
 
-    name = "slsqp"
+    Attributes:
+        tolerance: of the sum of logarithms of steps, at which a search ends.
+    """
+
+    tolerance: float = 1e-13
+    name: str = "slsqp"
 
     def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
         """See `tune.optimisation.backends.Backend`."""
@@ -54,7 +61,8 @@ class Slsqp:
         y: FloatArray | None = start
         for _ in range(_STRIDES):
             lower, upper = _around(rank, start)
-            y = _searched(objective, constraints, program_at.constraints.size, start, lower, upper)
+            rows = program_at.constraints.size
+            y = _searched(objective, constraints, rows, start, lower, upper, self.tolerance)
             if y is None or not _stopped_short(y, rank, lower, upper):
                 break
             start = y
@@ -124,6 +132,7 @@ def _searched(
     start: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
+    tolerance: float = 1e-6,
 ) -> FloatArray | None:
     """Where SLSQP ends; None where it fails."""
     import nlopt
@@ -136,7 +145,7 @@ def _searched(
     solver.set_maxeval(_EVALUATIONS)
     solver.set_maxtime(_SECONDS)
     solver.set_xtol_rel(1e-12)
-    solver.set_ftol_abs(1e-13)
+    solver.set_ftol_abs(tolerance)
     try:
         return np.asarray(solver.optimize(np.clip(start, lower, upper)), dtype=np.float64)
     except Exception:  # noqa: BLE001 - its classes differ between versions; None says it failed

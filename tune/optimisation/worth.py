@@ -1,0 +1,184 @@
+"""What cut-offs are worth: the effects kept, then the product of their steps, and its slope.
+
+By rank as many effects as can be kept count first; then the sum of the logarithms of steps, those of a
+wanted value over all that it asks for, each rank a tenth of the one before. The slope of that sum by
+a cut-off follows from the multipliers of what binds (envelope theorem): sizes need not be found anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.documents.errors import NoFeasibleEffectError
+from tune.loop.filters import Filters
+from tune.optimisation.backends import Rank
+from tune.optimisation.bounds import largest_allowed
+from tune.optimisation.describe import reasons_for_nothing
+from tune.optimisation.limits import allowed_points, weakest
+from tune.optimisation.nash import Optimum
+from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.solve import optimum_of
+from tune.optimisation.starts import starts_of
+
+FloatArray = NDArray[np.float64]
+
+#: What a rank counts beside the one before it.
+_NEXT_RANK = 0.1
+#: Parts to which sizes that were good with other cut-offs are taken back until they are allowed.
+_RETREATS = (1.0, 0.98, 0.9, 0.75, 0.5, 0.25)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Worth:
+    """What elements are worth with certain filters.
+
+    Attributes:
+        kept: how many effects of each rank, the first rank first; compared before anything else.
+        value: sum of the logarithms of steps, weighed by rank.
+    """
+
+    kept: tuple[int, ...]
+    value: float
+
+    def plus(self, other: Worth) -> Worth:
+        """Of both."""
+        kept = tuple(a + b for a, b in zip(self.kept, other.kept, strict=True))
+        return Worth(kept=kept, value=self.value + other.value)
+
+    @property
+    def order(self) -> tuple[tuple[int, ...], float]:
+        """What decides which is worth more."""
+        return self.kept, self.value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned:
+    """A group tuned with certain filters.
+
+    Attributes:
+        worth: of it.
+        problem: of what is kept.
+        optimum: None where nothing is kept.
+    """
+
+    worth: Worth
+    problem: Problem
+    optimum: Optimum | None
+
+
+def tuned(
+    job: Job, elements: Sequence[str], filters: Filters, before: Tuned | None = None
+) -> Tuned:
+    """A group tuned by one solver, from where it was with other filters.
+
+    Nothing is worth less than a range that cannot be met.
+    """
+    known: list[FloatArray] = []
+    if before is not None and before.optimum is not None and before.optimum.sizes is not None:
+        known = _taken_over(job, elements, filters, before.problem, before.optimum.sizes)
+    try:
+        problem, optimum, _ = optimum_of(job, elements, filters, second_opinion=False, known=known)
+    except NoFeasibleEffectError:
+        problem = pose(job, elements=elements, filters=filters)
+        kept = tuple(-len(problem.unknowns) for _ in ranks_of(job))
+        return Tuned(worth=Worth(kept=kept, value=0.0), problem=problem, optimum=None)
+    sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
+    levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
+    kept = tuple(levels.count(rank) for rank in ranks_of(job))
+    worth = Worth(kept=kept, value=_value(job, problem, sizes))
+    return Tuned(worth=worth, problem=problem, optimum=optimum)
+
+
+def roughly(job: Job, elements: Sequence[str], filters: Filters) -> Worth | None:
+    """What a group is worth at the best point of some rays; None where none is good on them."""
+    problem = pose(job, elements=elements, filters=filters)
+    if len(problem.unknowns) < 2 or reasons_for_nothing(problem):
+        return tuned(job, elements, filters).worth
+    found = starts_of(problem, 1)
+    if not found:
+        return None
+    levels = [unknown.level for unknown in problem.unknowns]
+    kept = tuple(levels.count(rank) for rank in ranks_of(job))
+    return Worth(kept=kept, value=_value(job, problem, found[0]))
+
+
+def ranks_of(job: Job) -> tuple[int, ...]:
+    """Ranks of a scene: wanted values are 0, then the priorities of the elements."""
+    return tuple(
+        sorted(
+            {
+                0 if wish.kind == "value" else element.priority
+                for element in job.scene.elements.values()
+                for wish in element.wishes().values()
+            }
+        )
+    )
+
+
+def slope_of(job: Job, found: Tuned, filters: Filters, moved: Filters) -> float:
+    """How much more a group is worth with filters that are moved a little, to first order."""
+    problem, optimum = found.problem, found.optimum
+    if optimum is None or optimum.sizes is None:
+        return 0.0
+    elements = list(dict.fromkeys(unknown.element for unknown in problem.unknowns))
+    labels = {unknown.label for unknown in problem.unknowns}
+    gone = frozenset(
+        f"{name}.{effect}"
+        for name in elements
+        for effect in job.scene.elements[name].wishes()
+        if f"{name}.{effect}" not in labels
+    )
+    beside = pose(job, elements=elements, filters=moved, gone=gone)
+    sizes = optimum.sizes
+    if sizes.size == 1:
+        top = largest_allowed(beside, np.zeros(1), 0)
+        there = _value(job, beside, np.array([top])) if top > 0 else -np.inf
+        return max(there - found.worth.value, -1.0)
+    from tune.optimisation.backends.evaluation import Evaluation
+    from tune.optimisation.backends.multipliers import multipliers
+    from tune.optimisation.backends.program import program_of
+
+    weights = np.array(_weights(job, problem))
+    rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
+    scenarios = sorted(weakest(problem, sizes))
+    prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
+    change = _value(job, beside, sizes) - found.worth.value
+    if prices is None:
+        return change
+    rows = [
+        Evaluation(program_of(each, scenarios), rank).at(np.log(sizes)).constraints
+        for each in (problem, beside)
+    ]
+    if rows[0].size != rows[1].size:
+        return change
+    binding = prices > 0
+    return change - float(prices[binding] @ (rows[1] - rows[0])[binding])
+
+
+def _weights(job: Job, problem: Problem) -> list[float]:
+    ranks = ranks_of(job)
+    return [_NEXT_RANK ** ranks.index(unknown.level) for unknown in problem.unknowns]
+
+
+def _value(job: Job, problem: Problem, sizes: FloatArray) -> float:
+    """The weighed sum of the logarithms of steps."""
+    each = zip(_weights(job, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
+    return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))
+
+
+def _taken_over(
+    job: Job, elements: Sequence[str], filters: Filters, before: Problem, sizes: FloatArray
+) -> list[FloatArray]:
+    """Sizes that were good with other filters, as far as they are allowed with these."""
+    problem = pose(job, elements=elements, filters=filters)
+    if [u.label for u in problem.unknowns] != [u.label for u in before.unknowns]:
+        return []
+    if sizes.size < 2:
+        return []
+    points = np.maximum(np.minimum(np.outer(_RETREATS, sizes), problem.high), problem.low)
+    good = np.flatnonzero(allowed_points(problem, points))
+    return [points[good[0]]] if good.size else []

@@ -13,8 +13,8 @@ from benchmarks.scenes import Case, case, proposal
 from benchmarks.solvers import SOLVERS, Task
 from tests.optimum_reference import Reference
 from tests.optimum_search import highest
-from tune.optimisation.backends.program import program_of
 from tune.optimisation.backends import Rank
+from tune.optimisation.backends.program import program_of
 from tune.optimisation.limits import weakest
 from tune.optimisation.nash import closed_form, largest_product
 from tune.optimisation.problem import Problem
@@ -56,7 +56,7 @@ class Posed:
     sizes: FloatArray
 
     def gap(self, place: FloatArray) -> float:
-        """By how much the logarithm of the product stays behind, once moved back to what is allowed."""
+        """By how much the logarithm of the product stays behind, moved to what is allowed."""
         place = self.reference.onto(np.clip(place, self.reference.low, self.reference.high))
         return self.best - self.reference.product(place, range(self.reference.count))
 

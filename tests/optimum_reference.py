@@ -106,8 +106,8 @@ class Reference:
     def rows(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Limits in log-sizes, kept where not negative, with slopes (rows, unknowns).
 
-        All are logarithms of what is allowed over what is, so that a boundary of stability, force or
-        what is felt is met by moving along the ray by exactly that much.
+        All are logarithms of what is allowed over what is, so that a boundary of stability, of force
+        or of what is felt is met by moving along the ray by exactly that much.
         """
         sizes = np.exp(place)
         values: list[FloatArray] = []
@@ -131,7 +131,9 @@ class Reference:
         used = self.felt @ sizes
         near = used > 1 / _FAR
         values.append(np.where(near, -np.log(np.where(near, used, 1.0)), np.log(_FAR)))
-        slopes.append(np.where(near, -1 / np.where(near, used, 1.0), 0.0)[:, None] * self.felt * sizes)
+        slopes.append(
+            np.where(near, -1 / np.where(near, used, 1.0), 0.0)[:, None] * self.felt * sizes
+        )
         if self.resolution:
             value, slope = self._ripple_rows(place, self.resolution)
             values.append(value)

@@ -64,9 +64,7 @@ def gaps(
     lower, upper = reference.low.copy(), reference.high.copy()
     for level in sorted({one.level for one in reference.wanted}):
         raised = [i for i, one in enumerate(reference.wanted) if one.level == level]
-        best, found = highest(
-            reference, raised, lower, upper, known=place, starts=starts, rng=rng
-        )
+        best, found = highest(reference, raised, lower, upper, known=place, starts=starts, rng=rng)
         if fine and len(raised) == reference.count:
             best, found = _on_grid(reference, raised, found)
         yield Gap(

@@ -110,7 +110,7 @@ def felt_share(device: Device, filter_hz: float | None, power: int) -> float:
 def felt_rows(
     device: Device, wanted: list[Wanted], filters_hz: tuple[float | None, float | None]
 ) -> FloatArray:
-    """Rows a with a·sizes <= 1: mass and damping at both ends within a step of what is asked for."""
+    """Rows a with a·sizes <= 1: mass and damping at both ends within a step of what is asked."""
     rows: list[FloatArray] = []
     for frequency in (_SLOW, _FAST):
         felt = felt_of(device, filters_hz, np.array(frequency))
@@ -123,7 +123,9 @@ def felt_rows(
             ):
                 step = (1 + weber_fraction(effect)) ** _OF_A_STEP
                 mine = [one.sign * (one.element == name) for one in wanted]
-                given = np.array([m * parts[one.effect] for m, one in zip(mine, wanted, strict=True)])
+                given = np.array(
+                    [m * parts[one.effect] for m, one in zip(mine, wanted, strict=True)]
+                )
                 asked = np.array(
                     [float(m * (one.effect == effect)) for m, one in zip(mine, wanted, strict=True)]
                 )
@@ -143,7 +145,7 @@ def wanted_of(
     box = device.simultaneous_box()
     masked = max(device.coulomb_friction.value, NOTICED)
     references = (
-        masked / (element.penetration or MOTION[0]),
+        masked / MOTION[0],
         device.damping.value,
         device.mass.value,
     )

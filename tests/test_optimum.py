@@ -21,7 +21,7 @@ from tests.optimum_answers import (
 )
 from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import Reference
-from tests.optimum_search import any_place, gaps, highest
+from tests.optimum_search import any_place, gaps
 from tests.reference import crossings
 from tests.sampled_loops import loop_along
 from tests.unlimited import stated

@@ -28,13 +28,13 @@ from tune.documents.perception import (
 def test_the_mass_of_one_step_on_homerehab_is_0_68_kg() -> None:
     table = default_table()
     device = load_device("homerehab")
-    reference = references(device, table, 0.01)["mass"]
+    reference = references(device, table)["mass"]
     assert value_at_steps(1, reference, table.mass.value, 1) == pytest.approx(0.676, abs=0.002)
 
 
 def test_stiffness_reference_is_masked_force_over_penetration() -> None:
     device = load_device("homerehab")
-    assert references(device, default_table(), 0.02)["stiffness"] == pytest.approx(0.8 / 0.02)
+    assert references(device, default_table())["stiffness"] == pytest.approx(0.8 / 0.01)
 
 
 @given(steps=st.floats(0.01, 30), reference=st.floats(0.01, 100), sign=st.sampled_from([1, -1]))

@@ -182,7 +182,7 @@ def test_steps_count_what_is_felt_of_a_command() -> None:
         assert unknown.steps(2.0) == pytest.approx(expected, rel=2e-3)
         assert unknown.size_at(unknown.steps(2.0)) == pytest.approx(2.0)
     spring = _problem(device, {"stiffness": "max"}, filters).unknowns[0]
-    bare = references(device, default_table(), 0.01)["stiffness"]
+    bare = references(device, default_table())["stiffness"]
     assert spring.steps(bare) == pytest.approx(np.log(2) / np.log1p(0.338), rel=2e-3)
 
 

@@ -231,7 +231,9 @@ def _nearest(job: Job, filters: Filters) -> Effects | None:
         problem = pose(job, elements=[ELEMENT], filters=filters, gone=gone, felt=False)
     if not problem.unknowns:
         return None
-    found = closed_form(problem) if len(problem.unknowns) == 1 else largest_product(problem, backends())
+    found = (
+        closed_form(problem) if len(problem.unknowns) == 1 else largest_product(problem, backends())
+    )
     if found.sizes is None:
         return None
     sizes = settled(problem, found.sizes)

@@ -25,6 +25,9 @@ _FOOT = 0.01
 #: Less felt of an effect than this part of it counts as this.
 _BARELY = 1e-3
 
+#: m and rad at which a stiffness is compared with what friction masks.
+_DEPTH = {"linear": 0.01, "rotary": 0.1}
+
 _EFFECTS = ("stiffness", "damping", "mass")
 
 
@@ -103,7 +106,7 @@ def _steps(
     if table is None:
         return
     for effect, said in element.perceived_steps.items():
-        reference = _reference(design, element, table, effect)
+        reference = _reference(design, table, effect)
         felt = {
             "stiffness": element.stiffness,
             "damping": _mean(impedance["damping"].real),
@@ -119,14 +122,12 @@ def _steps(
         yield f"perceived_steps.{effect}", said, float(seen), abs(said)
 
 
-def _reference(
-    design: Design, element: ElementProfile, table: PerceptionProfile, effect: str
-) -> float:
+def _reference(design: Design, table: PerceptionProfile, effect: str) -> float:
     """What an effect is compared with: the stiffness that friction masks, b or m."""
     device = design.device
     masked = max(device.coulomb_friction.value, table.threshold)
     return {
-        "stiffness": masked / element.motion.penetration if element.motion.penetration else np.inf,
+        "stiffness": masked / _DEPTH[device.motion],
         "damping": max(device.damping.value, _FOOT * device.mass.value),
         "mass": device.mass.value,
     }[effect]

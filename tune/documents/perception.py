@@ -150,16 +150,21 @@ def published_fractions() -> tuple[PublishedFraction, ...]:
         return load_document(Literature, Path(path)).entries
 
 
-def references(device: Device, table: PerceptionTable, penetration: float) -> dict[str, float]:
+#: m and rad: the depth at which a stiffness is compared with what the device masks. The scale of
+#: steps, no limit: how deep a hand goes into an element does not change them.
+SCALE_DEPTH = {"linear": 0.01, "rotary": 0.1}
+
+
+def references(device: Device, table: PerceptionTable) -> dict[EffectName, float]:
     """What each effect is compared with: K_ref (N/m), b (N·s/m) and m (kg).
 
-    K_ref = max(Coulomb friction, force threshold)/penetration is the stiffness whose force at full
-    penetration (m) just exceeds what the device masks. A device without damping of its own is
-    given a hundredth of m over one second, so that the logarithm has a foot to stand on.
+    K_ref = max(Coulomb friction, force threshold)/`SCALE_DEPTH` is the stiffness whose force at
+    10 mm (0.1 rad) just exceeds what the device masks. A device without damping of its own is given
+    a hundredth of m over one second, so that the logarithm has a foot to stand on.
     """
     masked = max(device.coulomb_friction.value, table.threshold(device.motion))
     return {
-        "stiffness": masked / penetration,
+        "stiffness": masked / SCALE_DEPTH[device.motion],
         "damping": max(device.damping.value, 0.01 * device.mass.value),
         "mass": device.mass.value,
     }
@@ -225,7 +230,6 @@ def told_apart(
     *,
     device: Device,
     table: PerceptionTable | None = None,
-    penetration: float = 0.01,
 ) -> Telling:
     """The chance that a hand tells two settings of one effect apart.
 
@@ -240,13 +244,12 @@ def told_apart(
         second: the other, SI.
         device: whose m and b are felt as well.
         table: None is the paper's study.
-        penetration: into the walls, m (rad); matters for faint ones only.
 
     Raises:
         ValueError: a setting that leaves no damping or mass to be felt.
     """
     table = table or default_table()
-    reference = references(device, table, penetration)[effect]
+    reference = references(device, table)[effect]
     felt = [
         max(value, reference) if effect == "stiffness" else reference + value
         for value in (first, second)

@@ -16,10 +16,10 @@ from tune.documents.perception import PerceptionTable, default_table
 from tune.documents.profile import Design, MarginProfile, PerceptionProfile, SafeProfile
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
-from tune.optimisation.nash import SAME
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.delays import Felt, extra_delays
 from tune.optimisation.describe import element_profile
+from tune.optimisation.nash import SAME
 from tune.optimisation.problem import Job
 from tune.optimisation.region import Spot
 from tune.optimisation.solve import Solved, groups, solve

@@ -214,7 +214,7 @@ class _Search:
         for elements in groups(self.job.scene):
             filters, moved = (self._of(elements, each) for each in (here, there))
             if filters != moved:
-                total += slope_of(self.job, self._tuned(elements, filters), filters, moved)
+                total += slope_of(self.job, self._tuned(elements, filters), moved)
         return total / step
 
     def _worth(self, point: Sequence[float]) -> Worth:

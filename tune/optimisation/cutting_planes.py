@@ -1,9 +1,9 @@
 """Kelley's cutting-plane method in few coordinates, within a trust region.
 
-For functions that are smooth but for edges where one limit takes over from another: a maximum on an
-edge is met by the tangents of both sides. Each point adds a plane above the function; the next point
-is where the lowest of them is highest, no further than the trust region reaches. J. E. Kelley, The
-cutting-plane method for solving convex programs, J. SIAM 8 (1960) 703.
+For functions that are smooth but for edges where one limit takes over from another: a maximum on
+an edge is met by the tangents of both sides. Each point adds a plane above the function; the next
+point is where the lowest of them is highest, no further than the trust region reaches. J. E.
+Kelley, The cutting-plane method for solving convex programs, J. SIAM 8 (1960) 703.
 """
 
 from __future__ import annotations

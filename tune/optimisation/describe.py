@@ -70,9 +70,7 @@ def _bounds(
     """
     gain = problem.margin.gain
     linear = {index: problem.linear.bounds(sizes, index) for index in tops}
-    most = {
-        i: min(top, problem.unknowns[i].high, *linear[i].values()) for i, top in tops.items()
-    }
+    most = {i: min(top, problem.unknowns[i].high, *linear[i].values()) for i, top in tops.items()}
     late = stable_bounds(problem, sizes, [*most], [*most.values()], gain)
     bounds: dict[int, dict[LimitedBy, float]] = {}
     for (index, top), stable in zip(most.items(), late, strict=True):

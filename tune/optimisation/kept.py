@@ -1,7 +1,8 @@
 """Which effects are kept: as many at one perceived step or more as can be, by rank.
 
-Of the first rank as many as can be kept together, then of the next beside them, and so on. Nothing is
-weighed against the product of steps: an effect is left out only where one step of it is out of reach.
+Of the first rank as many as can be kept together, then of the next beside them, and so on. Nothing
+is weighed against the product of steps: an effect is left out only where one step of it is out of
+reach.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ def kept_sets(
         feasible: whether a set can be kept, each of it at one step or where its range begins.
 
     Returns:
-        Sets of one size by rank, several where that leaves a choice; ranges are in all of them. Empty
-        where a range cannot be.
+        Sets of one size by rank, several where that leaves a choice; ranges are in all of them.
+        Empty where a range cannot be.
     """
     sets = [frozenset[str]()]
     for level in sorted({unknown.level for unknown in unknowns}):
@@ -79,9 +80,9 @@ def _largest_first(unknowns: Sequence[Unknown]) -> Iterator[frozenset[str]]:
 
 
 def any_allowed(problem: Problem) -> FloatArray | None:
-    """Some setting that every limit allows, each effect at its least or above; None if none is found.
+    """Some setting that every limit allows, each effect at its least or above.
 
-    On rays first, then where the most broken limit is the least broken.
+    None if none is found: on rays first, then where the most broken limit is the least broken.
     """
     if len(problem.unknowns) == 1:
         sizes = np.array([largest_allowed(problem, np.zeros(1), 0)])

@@ -1,7 +1,7 @@
 """Limits that are linear in the sizes: forces of the stated motions, and what a hand must feel.
 
-Each row reads a·sizes <= 1. What is felt of an element's mass and damping at both ends of the motions
-people make, its parasitic parts included, lies within one step of what the element asks for
+Each row reads a·sizes <= 1. What is felt of an element's mass and damping at both ends of the
+motions people make, its parasitic parts included, lies within one step of what the element asks for
 (docs/theory.md, 8): with κ of a mass, ν of a damper and so on, (m + κM + νB)/(m + M) and
 (b + κ'B + ρM + ηK)/(b + B) lie between 1/(1 + w) and 1 + w.
 """
@@ -31,9 +31,14 @@ class Reached(Protocol):
     """What a force is counted for: members and the motion of each."""
 
     @property
-    def members(self) -> tuple[tuple[int, ...], ...]: ...
+    def members(self) -> tuple[tuple[int, ...], ...]:
+        """Indices of unknowns, for K, B and M."""
+        ...
+
     @property
-    def reach(self) -> tuple[tuple[float | None, ...], ...]: ...
+    def reach(self) -> tuple[tuple[float | None, ...], ...]:
+        """Penetration, speed and acceleration of each."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,7 +98,10 @@ def force_rows(
 
 
 def rendering_rows(
-    unknowns: Sequence[Unknown], shares: Shares, device: dict[str, float], table: PerceptionTable
+    unknowns: Sequence[Unknown],
+    shares: Shares,
+    device: dict[EffectName, float],
+    table: PerceptionTable,
 ) -> Iterator[tuple[LinearWord, FloatArray]]:
     """Mass and damping felt of every element against what it asks for, at both ends.
 

@@ -1,7 +1,7 @@
 """The largest product of perceived steps (Nash's bargaining solution), rank after rank.
 
-Wanted values first, then the priorities: the product of the steps of one rank is made as large as can
-be, with at least one step for every effect of lower rank; then its sizes stay.
+Wanted values first, then the priorities: the product of the steps of one rank is made as large as
+can be, with at least one step for every effect of lower rank; then its sizes stay.
 """
 
 from __future__ import annotations
@@ -90,9 +90,7 @@ def largest_product(
 class Search:
     """The best allowed setting so far, and the corners that solvers have been shown."""
 
-    def __init__(
-        self, *, problem: Problem, backends: Sequence[Backend], start: FloatArray
-    ) -> None:
+    def __init__(self, *, problem: Problem, backends: Sequence[Backend], start: FloatArray) -> None:
         self.problem = problem
         self.backends = backends
         self.sizes = start

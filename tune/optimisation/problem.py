@@ -223,7 +223,7 @@ def pose(
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
     rows = list(force_rows(moments, len(unknowns), continuous, peak))
     if felt:
-        own = references(device, job.table, penetration=1.0)
+        own = references(device, job.table)
         rows += rendering_rows(unknowns, Shares.of(device, used), own, job.table)
     return Problem(
         unknowns=unknowns,
@@ -248,7 +248,7 @@ def _unknown(
     device, scene, table, region = job.device, job.scene, job.table, job.region
     given = scene.elements[element]
     wish = given.wishes()[effect]
-    bare = references(device, table, scene.motion(element, device.motion).penetration)[effect]
+    bare = references(device, table)[effect]
     reference, weber = bare / _share(device, filters, effect), getattr(table, effect).value
     high = BOUNDLESS * bare if wish.high is None else abs(wish.high)
     if wish.sign < 0:

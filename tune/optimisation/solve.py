@@ -203,8 +203,10 @@ def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
     broken = tuple(
         f"{unknown.label}: its range starts at {unknown.wish.low:g}, {impossible[unknown.label]}"
         for unknown in problem.unknowns
-        if unknown.wish.kind == "range" and unknown.label in impossible
-        and unknown.high >= unknown.low and unknown.wish.low
+        if unknown.wish.kind == "range"
+        and unknown.label in impossible
+        and unknown.high >= unknown.low
+        and unknown.wish.low
     )
     if broken:
         raise NoFeasibleEffectError(broken)

@@ -1,7 +1,7 @@
 """Where a search begins: the best of some rays through what is allowed, before any solver is asked.
 
 What is allowed is not convex; from nothing a solver may end on the wrong hill. On each ray the
-perceived steps of the unknowns keep a fixed proportion, from one step to what each may be by itself.
+perceived steps of the unknowns keep a proportion, from one step to what each may be by itself.
 """
 
 from __future__ import annotations
@@ -41,9 +41,7 @@ def starts_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
     nothing = np.zeros(len(unknowns))
     most = [min(u.high, linear_bound(problem, nothing, i)) for i, u in enumerate(unknowns)]
     least = np.array([u.steps(u.low) for u in unknowns])
-    caps = np.maximum(
-        [u.steps(max(m, u.low)) for u, m in zip(unknowns, most, strict=True)], least
-    )
+    caps = np.maximum([u.steps(max(m, u.low)) for u, m in zip(unknowns, most, strict=True)], least)
     levels = np.asarray(np.geomspace(_LOWEST, float(caps.max()), _LEVELS), dtype=np.float64)
     rays = _rays(len(unknowns))
     steps = np.clip(rays[:, None] * levels[:, None], least, caps).reshape(-1, len(unknowns))

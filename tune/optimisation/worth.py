@@ -1,8 +1,9 @@
 """What cut-offs are worth: the effects kept, then the product of their steps, and its slope.
 
-By rank as many effects as can be kept count first; then the sum of the logarithms of steps, those of a
-wanted value over all that it asks for, each rank a tenth of the one before. The slope of that sum by
-a cut-off follows from the multipliers of what binds (envelope theorem): sizes need not be found anew.
+By rank as many effects as can be kept count first; then the sum of the logarithms of steps, those
+of a wanted value over all that it asks for, each rank a tenth of the one before. The slope of that
+sum by a cut-off follows from the multipliers of what binds (envelope theorem): sizes need not be
+found anew.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ def ranks_of(job: Job) -> tuple[int, ...]:
     )
 
 
-def slope_of(job: Job, found: Tuned, filters: Filters, moved: Filters) -> float:
+def slope_of(job: Job, found: Tuned, moved: Filters) -> float:
     """How much more a group is worth with filters that are moved a little, to first order."""
     problem, optimum = found.problem, found.optimum
     if optimum is None or optimum.sizes is None:

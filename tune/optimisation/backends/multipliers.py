@@ -1,8 +1,8 @@
 """Lagrange multipliers at a setting, from the slopes of what binds there.
 
 At a (local) optimum the gradient of the objective is a nonnegative combination of those of the
-constraints that bind. With the multipliers the slope of the optimum by any other number follows from
-the slopes of the constraints by that number alone (envelope theorem).
+constraints that bind. With the multipliers the slope of the optimum by any other number follows
+from the slopes of the constraints by that number alone (envelope theorem).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The design problem as a smooth program: built symbolically once for each structure, then reused.
 
-Unknowns are the logarithms y of the sizes. Every constraint reads g <= 0: families of them that give
-values and slopes (the reach of stability, `families`), and those that are compiled: ripple, forces,
+Unknowns are the logarithms y of the sizes. Every constraint reads g <= 0: families of them that
+give values and slopes (the reach of stability), and those that are compiled: ripple, forces,
 rendering, and Routh ratios below one with coefficients positive at each corner, delay and moment at
 the full gain, which stand for the reach where a solver wants everything in one graph.
 """

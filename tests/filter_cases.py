@@ -14,7 +14,7 @@ from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.optimisation.problem import Job
 from tune.optimisation.solve import groups
-from tune.optimisation.worth import worth_of_group
+from tune.optimisation.worth import Worth, ranks_of, tuned
 
 FloatArray = NDArray[np.float64]
 
@@ -56,10 +56,10 @@ DEVICES = {
 }
 SCENES: dict[str, dict[str, Any]] = {
     "block": {"block": {"stiffness": "max", "damping": "max", "mass": "max"}},
-    "cup": {"cup": {"mass": "max"}},
+    "cup": {"cup": {"mass": "max", "damping": 20.0}},
     "mix": {
         "wall": {"stiffness": "max", "damping": "max"},
-        "cup": {"mass": "max"},
+        "cup": {"mass": "max", "damping": "max"},
         "water": {"damping": "max"},
     },
 }
@@ -75,24 +75,30 @@ def job_of(device: str, elements: dict[str, Any], ripple: float = 1.0, **more: A
     return Job.of(DEVICES[device], scene, table)
 
 
-def worth_of(job: Job, filters: Filters) -> float:
+def worth_of(job: Job, filters: Filters) -> Worth:
     """All elements of a scene with certain filters."""
-    return sum(worth_of_group(job, elements, filters) for elements in groups(job.scene))
+    total = Worth(kept=(0,) * len(ranks_of(job)), value=0.0)
+    for elements in groups(job.scene):
+        total = total.plus(tuned(job, elements, filters).worth)
+    return total
 
 
-def best_of_grid(job: Job, count: int) -> float:
+def best_of_grid(job: Job, count: int) -> Worth:
     """The largest worth on a grid of count by count cut-offs from 5 Hz to Nyquist, and none."""
     hertz = np.geomspace(5.0, 0.5 / job.device.sample_time.value, count)
     choices = (None, *(float(f) for f in hertz))
     wishes = {name: set(element.wishes()) for name, element in job.scene.elements.items()}
-    total = np.zeros((len(choices), len(choices)))
+    nothing = Worth(kept=(0,) * len(ranks_of(job)), value=0.0)
+    total = dict.fromkeys(product(choices, choices), nothing)
     for elements in groups(job.scene):
         used = {effect for name in elements for effect in wishes[name]}
-        velocity = choices if "damping" in used else (None,)
-        acceleration = choices if "mass" in used else (None,)
-        part = [
-            worth_of_group(job, elements, Filters(velocity_filter_hz=v, acceleration_filter_hz=a))
-            for v, a in product(velocity, acceleration)
-        ]
-        total += np.reshape(part, (len(velocity), len(acceleration)))
-    return float(np.max(total))
+        known: dict[tuple[float | None, float | None], Worth] = {}
+        for pair, before in total.items():
+            velocity = pair[0] if "damping" in used else None
+            acceleration = pair[1] if "mass" in used else None
+            key = (velocity, acceleration)
+            if key not in known:
+                filters = Filters(velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
+                known[key] = tuned(job, elements, filters).worth
+            total[pair] = before.plus(known[key])
+    return max(total.values(), key=lambda each: each.order)

@@ -106,8 +106,8 @@ class Reference:
     def rows(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Limits in log-sizes, kept where not negative, with slopes (rows, unknowns).
 
-        All are logarithms of what is allowed over what is, so that a boundary of stability, of force
-        or of what is felt is met by moving along the ray by exactly that much.
+        All are logarithms of what is allowed over what is, so that a boundary of stability, force
+        or feeling is met by moving along the ray by exactly that much.
         """
         sizes = np.exp(place)
         values: list[FloatArray] = []

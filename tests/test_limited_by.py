@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.optimum_pairs import random_pair
@@ -14,7 +15,7 @@ from tune.documents.profile import LimitedBy
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.describe import bindings
 from tune.optimisation.limits import stable_points
-from tune.optimisation.problem import Job, Limits, Problem
+from tune.optimisation.problem import Job, Problem
 from tune.optimisation.solve import solve
 
 #: By how much a limit is relaxed, and the least by which an effect must then grow: another limit
@@ -26,16 +27,10 @@ ROUNDED = 1.1e-5
 
 def _relaxed(problem: Problem, word: LimitedBy) -> Problem:
     limits, margin = problem.limits, problem.margin
-    if word == "force":
-        assert limits.continuous_force is not None
-        assert limits.peak_force is not None
-        more = Limits(
-            continuous_force=limits.continuous_force * RELAXED,
-            peak_force=limits.peak_force * RELAXED,
-            encoder_resolution=limits.encoder_resolution,
-            ripple=limits.ripple,
-        )
-        return replace(problem, limits=more)
+    if word in {"force", "rendering"}:
+        mine = np.array([each == word for each in problem.linear.words])[:, None]
+        rows = np.where(mine, problem.linear.rows / RELAXED, problem.linear.rows)
+        return replace(problem, linear=replace(problem.linear, rows=rows))
     if word == "ripple":
         return replace(problem, limits=replace(limits, ripple=limits.ripple * RELAXED))
     if word == "gain-margin":
@@ -76,7 +71,7 @@ def _judge(seed: int) -> Counter[str]:
 )
 def test_relaxing_the_limit_named_lets_an_effect_grow(seeds: range) -> None:
     seen = sum((_judge(seed) for seed in seeds), Counter[str]())
-    assert {"force", "ripple", "delay-margin"} <= set(seen)
+    assert {"force", "ripple", "rendering", "delay-margin"} <= set(seen)
 
 
 @pytest.mark.long

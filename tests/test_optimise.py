@@ -19,10 +19,10 @@ from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.optimisation._optimise import optimise
-from tune.optimisation.climb import climb
 from tune.optimisation.limits import allowed
+from tune.optimisation.nash import largest_product
 from tune.optimisation.problem import Job, pose
-from tune.optimisation.solve import groups
+from tune.optimisation.solve import backends, groups
 from tune.stability.verdict import largest
 
 
@@ -128,28 +128,36 @@ def test_what_no_hand_could_tell_is_played_once_the_encoder_is_finer() -> None:
 
 
 def test_joint_optimum_against_a_fine_grid() -> None:
-    """Max-min over K and B of a wall: no allowed grid point stands higher."""
+    """Product of the steps of K and B of a wall: no allowed grid point has a larger one."""
     device = _device()
     scene = _scene({"wall": {"stiffness": "max", "damping": "max"}}, ripple_limit=0.02)
     job = Job.of(device, scene, default_table())
     problem = pose(job, elements=["wall"], filters=Filters(velocity_filter_hz=50.0))
-    from tune.optimisation.backends.casadi_ import Ipopt
-    from tune.optimisation.backends.nlopt_ import Slsqp
-
-    best = climb(problem, [Ipopt(), Slsqp()])
+    best = largest_product(problem, backends())
     assert best.sizes is not None
     assert best.disagreements < 1e-6
-    heights = [u.steps(float(s)) for u, s in zip(problem.unknowns, best.sizes, strict=True)]
-    low = min(heights)
-    grid = 0.0
-    for h0 in np.linspace(0.8 * low, 1.2 * low, 17):
-        for h1 in np.linspace(0.8 * low, 1.2 * low, 17):
+    steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, best.sizes, strict=True)]
+    most, grid = steps[0] * steps[1], 0.0
+    for h0 in np.linspace(0.8, 1.2, 17) * steps[0]:
+        for h1 in np.linspace(0.8, 1.2, 17) * steps[1]:
             pairs = zip(problem.unknowns, (h0, h1), strict=True)
             sizes = np.array([unknown.size_at(height) for unknown, height in pairs])
-            if min(h0, h1) > grid and allowed(problem, sizes):
-                grid = min(h0, h1)
-    assert grid <= low * (1 + 1e-6)
-    assert grid >= 0.95 * low
+            if h0 * h1 > grid and allowed(problem, sizes):
+                grid = h0 * h1
+    assert grid <= most * (1 + 1e-6)
+    assert grid >= 0.9 * most
+
+
+def test_homerehab_is_stiff_damped_and_heavy_at_once() -> None:
+    """By least steps 69 N/m; a random search with its own check found 1400, 58 and 1.18."""
+    scene = _scene(
+        {"it": {"stiffness": "max", "damping": "max", "mass": "max", "penetration": 0.01}},
+        loop={"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+    )
+    it = optimise(_device(), scene).elements["it"]
+    assert it.stiffness >= 1300
+    assert it.damping >= 50
+    assert it.mass >= 1.1
 
 
 def test_three_effects_of_one_element_are_found_and_certified() -> None:

@@ -1,7 +1,8 @@
-"""What solvers see of stability and of optima: against loops, crossings and trades of our own."""
+"""What solvers see of stability and of optima: against loops and crossings of our own."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,16 +12,15 @@ from numpy.typing import NDArray
 from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import Reference
 from tune.documents.perception import default_table
-from tune.optimisation.backends import Stage
-from tune.optimisation.backends.multipliers import prices
+from tune.optimisation.backends import Rank
+from tune.optimisation.backends.multipliers import multipliers
 from tune.optimisation.backends.program import program_of
 from tune.optimisation.backends.reach import Reach
-from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.climb import climb
 from tune.optimisation.limits import allowed, weakest
+from tune.optimisation.nash import largest_product
 from tune.optimisation.problem import Job, Problem
 from tune.optimisation.solve import backends, solve
-from tune.optimisation.starts import interior
+from tune.optimisation.starts import starts_of
 
 FloatArray = NDArray[np.float64]
 
@@ -118,53 +118,46 @@ def test_a_gap_that_opens_below_the_gain_is_seen_before_it_opens() -> None:
         assert along == pytest.approx((phase(part + 1e-3) - phase(part - 1e-3)) / 2e-3, rel=1e-2)
 
 
-def _first_stage(problem: Problem) -> tuple[Stage, FloatArray]:
+def _all_raised(problem: Problem) -> tuple[Rank, FloatArray]:
     """All raised together, and where that ends."""
-    best = climb(problem, backends()).sizes
+    best = largest_product(problem, backends()).sizes
     assert best is not None
-    count = best.size
-    weights = np.append(np.zeros(count), 1.0)
-    return Stage(active=np.ones(count), floors=np.zeros(count), weights=weights), best
-
-
-def _prices(problem: Problem, stage: Stage, sizes: FloatArray) -> FloatArray | None:
-    heights = [u.height(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)]
-    program = program_of(problem, list(weakest(problem, sizes)))
-    return prices(program, stage, np.append(np.log(sizes), min(heights)))
+    low, high = np.log(problem.low), np.log(problem.high)
+    return Rank(weights=np.ones(best.size), lower=low, upper=high), best
 
 
 @pytest.mark.parametrize("seed", [1, 25, 37])
-def test_prices_are_the_rates_at_which_steps_are_traded(seed: int) -> None:
-    """Where both end at one height: one a little smaller, the other as large as is then allowed."""
+def test_multipliers_are_what_a_limit_is_worth(seed: int) -> None:
+    """Linear limits a little higher: by another solve the product rises by their multipliers."""
     _, problem, _ = _posed(seed)
-    stage, best = _first_stage(problem)
-    cost = _prices(problem, stage, best)
-    assert cost is not None
-    assert float(np.sum(cost)) == pytest.approx(1.0, abs=1e-3)
-    for given, other in ((0, 1), (1, 0)):
-        if cost[other] < 1e-3:
-            continue
-        first, second = problem.unknowns[given], problem.unknowns[other]
-        traded = best.copy()
-        traded[given] *= 1 - 1e-4
-        traded[other] = largest_allowed(problem, traded, other)
-        lost = first.height(float(best[given])) - first.height(float(traded[given]))
-        gained = second.height(float(traded[other])) - second.height(float(best[other]))
-        assert gained / lost == pytest.approx(cost[given] / cost[other], rel=0.02, abs=1e-3)
+    rank, best = _all_raised(problem)
+    program = program_of(problem, list(weakest(problem, best)))
+    found = multipliers(program, rank, np.log(best))
+    assert found is not None
+    more = 1e-4
+    rows = problem.linear.rows / (1 + more)
+    eased = replace(problem, linear=replace(problem.linear, rows=rows))
+    risen = largest_product(eased, backends(), [best]).sizes
+    assert risen is not None
+    gained = program.product(risen, rank.weights)[0] - program.product(best, rank.weights)[0]
+    # The compiled rows come after those of the ripple; the last of them are linear.
+    smooth = int(program.functions.smooth.numel_out(0))
+    linear = found[smooth - len(rows) : smooth]
+    assert gained == pytest.approx(float(np.sum(linear)) * more, rel=0.02, abs=1e-8)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_setting_inside_has_no_prices(seed: int) -> None:
+def test_a_setting_inside_has_no_multipliers(seed: int) -> None:
     _, problem, _ = _posed(seed)
-    stage, best = _first_stage(problem)
-    assert _prices(problem, stage, best * 0.9) is None
+    rank, best = _all_raised(problem)
+    program = program_of(problem, list(weakest(problem, best)))
+    assert multipliers(program, rank, np.log(best * 0.9)) is None
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 5, 7, 9, 33])
 def test_a_start_is_allowed_and_meets_what_is_wanted_if_it_can(seed: int) -> None:
     _, problem, sizes = _posed(seed)
-    start = interior(problem)
-    assert start is not None
+    start = starts_of(problem)[0]
     assert allowed(problem, start)
     for unknown, first, found in zip(problem.unknowns, start, sizes, strict=True):
         assert first >= unknown.low

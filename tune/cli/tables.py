@@ -127,25 +127,25 @@ def _filters(loop: LoopProfile) -> str:
 def candidates_table(
     found: tuple[Candidate, ...], rows: tuple[CandidateEffect, ...], chosen: MarginName
 ) -> Table:
-    """One column a margin; the recommended one is marked by a star, what does not fit is folded."""
+    """One column a candidate; the recommended one has a star, what does not fit is folded."""
     profiles = [candidate.profile for candidate in found if candidate.profile is not None]
     units = UNITS[profiles[0].device.motion] if profiles else {}
     place = f"{profiles[0].scene} on {profiles[0].device.name}, " if profiles else ""
     table = Table(
-        title=f"{place}three margins (* recommended, > chosen)",
+        title=f"{place}candidates (* recommended, > chosen)",
         title_justify="left",
         box=SIMPLE_HEAD,
     )
     table.add_column("effect", overflow="fold")
     for candidate in found:
-        mark = "> " if candidate.margin == chosen else ""
+        mark = "> " if candidate.name == chosen else ""
         star = " *" if candidate.recommended else ""
-        table.add_column(f"{mark}{candidate.margin}{star}", justify="right", overflow="fold")
-    by_effect: dict[str, dict[MarginName, CandidateEffect]] = {}
+        table.add_column(f"{mark}{candidate.name}{star}", justify="right", overflow="fold")
+    by_effect: dict[str, dict[str, CandidateEffect]] = {}
     for row in rows:
-        by_effect.setdefault(f"{row.element} {row.effect}", {})[row.margin] = row
+        by_effect.setdefault(f"{row.element} {row.effect}", {})[row.candidate] = row
     for label, each in by_effect.items():
-        cells = [_candidate_cells(each.get(candidate.margin), units) for candidate in found]
+        cells = [_candidate_cells(each.get(candidate.name), units) for candidate in found]
         labels = (label, "  steps", "  gain", "  delay", "  ripple", "  limited by")
         for first, *others in zip(labels, *cells, strict=True):
             table.add_row(first, *others)
@@ -176,7 +176,7 @@ def candidates_lines(
     for candidate in found:
         margin = MARGINS[candidate.margin]
         demand = (
-            f"{candidate.margin}: every gain up to {margin.gain:g}, "
+            f"{candidate.name}: every gain up to {margin.gain:g}, "
             f"{margin.extra_delay_samples} extra sample"
             f"{'' if margin.extra_delay_samples == 1 else 's'} of delay; "
         )
@@ -186,9 +186,11 @@ def candidates_lines(
             else f"filters: {_filters(candidate.profile.loop)}"
         )
         lines.append(demand + result)
-    sizes = [{(r.element, r.effect): r.value for r in rows if r.margin == c.margin} for c in found]
+    sizes = [{(r.element, r.effect): r.value for r in rows if r.candidate == c.name} for c in found]
     if rows and all(other == sizes[0] for other in sizes):
-        lines.append("the same effects with every margin: here the conservative one costs nothing")
+        lines.append(
+            "the same effects with every candidate: here the conservative one costs nothing"
+        )
     return tuple(lines)
 
 

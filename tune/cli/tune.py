@@ -83,7 +83,7 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
         session: of the command.
         device: to tune for.
         wish: what is to be felt.
-        compare: tune with all three margins and show them side by side.
+        compare: tune all candidates and show them side by side.
     """
     from tune.certificate.words import taken_on_trust
     from tune.cli.rehearse import refuse_restless
@@ -122,13 +122,13 @@ def _chosen(session: Session, device: Device, wish: Wanted) -> SafeProfile:
         found = candidates(device, wish.scene, table=wish.table, progress=say)
     rows = compared(found, wish.table)
     session.details["candidates"] = [
-        _plain(candidate, [row for row in rows if row.margin == candidate.margin])
+        _plain(candidate, [row for row in rows if row.candidate == candidate.name])
         for candidate in found
     ]
     session.say(candidates_table(found, rows, wish.scene.margin))
     for line in candidates_lines(found, rows):
         session.say(line)
-    chosen = next(candidate for candidate in found if candidate.margin == wish.scene.margin)
+    chosen = next(each for each in found if each.name == wish.scene.margin)
     if chosen.profile is None:
         assert chosen.error is not None
         raise chosen.error
@@ -139,12 +139,17 @@ def _plain(candidate: Candidate, rows: list[CandidateEffect]) -> dict[str, objec
     """One candidate as it stands in the JSON result."""
     profile = candidate.profile
     return {
+        "name": candidate.name,
         "margin": candidate.margin,
         "recommended": candidate.recommended,
         "reason": None if candidate.error is None else str(candidate.error),
         "loop": None if profile is None else profile.loop.model_dump(mode="json"),
         "effects": [
-            {key: item for key, item in asdict(row).items() if key not in {"margin", "steps"}}
+            {
+                key: item
+                for key, item in asdict(row).items()
+                if key not in {"candidate", "margin", "steps"}
+            }
             | {"steps": {key: _short(item) for key, item in asdict(row.steps).items()}}
             for row in rows
         ],

@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from identification import Device, as_stored
 from tune.certificate.refusal import refusal_of
 from tune.certificate.words import note_of_dropped, skipped_parts
+from tune.documents.effects import EffectName
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.hand import hand_of
 from tune.documents.loop_profile import LoopProfile
@@ -40,6 +41,7 @@ def optimise(
     scene: Scene,
     *,
     table: PerceptionTable | None = None,
+    favour: EffectName | None = None,
     progress: Progress | None = None,
 ) -> SafeProfile:
     """The largest perceivable effects of a scene that are safe on a device, with a certificate.
@@ -48,6 +50,7 @@ def optimise(
         device: identified, or from a data sheet with intervals.
         scene: what is wanted.
         table: Weber fractions; None is the paper's study.
+        favour: an effect whose steps count four times in the product; None for none.
         progress: called with a sentence before each part of the work.
 
     Raises:
@@ -63,7 +66,7 @@ def optimise(
     refusal = refusal_of(device)
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
-    job = Job.of(as_stored(device), scene, table or default_table())
+    job = Job.of(as_stored(device), scene, table or default_table(), favour)
     filters = choose_filters(job, say)
     for attempt in range(_MOST_ATTEMPTS + 1):
         design = _proposed(job, filters, say)

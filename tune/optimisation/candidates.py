@@ -1,9 +1,14 @@
-"""The same scene with each of the three margins, side by side, to choose with open eyes."""
+"""A scene with each of the three margins, and with one effect favoured, to choose from.
+
+With one margin the largest product of steps is one point of many that no other exceeds in every
+effect (Pareto). Two more of them are shown: more of the stiffness and more of the mass.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from identification import Device
 from tune.documents.discrimination import Estimate
@@ -18,12 +23,17 @@ from tune.optimisation._optimise import optimise
 RECOMMENDED: MarginName = "balanced"
 
 
+#: What may be favoured.
+Favour = Literal["stiffness", "mass"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
     """A scene tuned with one margin: its certified profile, or why there is none.
 
     Attributes:
         margin: by name; its numbers are those of `MARGINS`.
+        favour: the effect of which there is more; None where all count alike.
         profile: None where nothing can be rendered, or nothing certified.
         error: why, with its numbers; None where there is a profile.
     """
@@ -31,11 +41,17 @@ class Candidate:
     margin: MarginName
     profile: SafeProfile | None
     error: NoFeasibleEffectError | CheckFailedError | None
+    favour: Favour | None = None
+
+    @property
+    def name(self) -> str:
+        """The margin, or what there is more of with the scene's margin."""
+        return self.margin if self.favour is None else f"more {self.favour}"
 
     @property
     def recommended(self) -> bool:
         """The one to take where nothing speaks for another."""
-        return self.margin == RECOMMENDED
+        return self.margin == RECOMMENDED and self.favour is None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +59,7 @@ class CandidateEffect:
     """One effect of one element with one margin: a row of the comparison.
 
     Attributes:
+        candidate: its name.
         margin: of the candidate.
         element: name in the scene.
         effect: stiffness, damping or mass.
@@ -54,6 +71,7 @@ class CandidateEffect:
         limited_by: the constraint that binds.
     """
 
+    candidate: str
     margin: MarginName
     element: str
     effect: EffectName
@@ -71,10 +89,11 @@ def candidates(
     *,
     table: PerceptionTable | None = None,
     progress: Callable[[str], None] | None = None,
-) -> tuple[Candidate, Candidate, Candidate]:
+) -> tuple[Candidate, ...]:
     """The scene tuned with the conservative, the balanced and the firm margin, in this order.
 
-    Three times the work of `optimise`; the margin the scene names is not looked at.
+    Then with its own margin and more stiffness, and more mass, where it leaves both open. Three to
+    five times the work of `optimise`.
 
     Args:
         device: identified, or from a data sheet with intervals.
@@ -83,20 +102,31 @@ def candidates(
         progress: called with a sentence before each part of the work.
     """
 
-    def tuned(margin: MarginName) -> Candidate:
+    def tuned(margin: MarginName, favour: Favour | None = None) -> Candidate:
         def say(sentence: str) -> None:
             if progress is not None:
-                progress(f"{margin} margin: {sentence}")
+                more = "" if favour is None else f", more {favour}"
+                progress(f"{margin} margin{more}: {sentence}")
 
         wanted = scene.model_copy(update={"margin": margin})
         try:
-            profile = optimise(device, wanted, table=table, progress=say)
+            profile = optimise(device, wanted, table=table, favour=favour, progress=say)
         except (NoFeasibleEffectError, CheckFailedError) as error:
-            return Candidate(margin=margin, profile=None, error=error)
-        return Candidate(margin=margin, profile=profile, error=None)
+            return Candidate(margin=margin, profile=None, error=error, favour=favour)
+        return Candidate(margin=margin, profile=profile, error=None, favour=favour)
 
-    conservative, balanced, firm = MARGINS
-    return tuned(conservative), tuned(balanced), tuned(firm)
+    chosen: tuple[Favour, ...] = ("stiffness", "mass")
+    favours = chosen if all(_left_open(scene, effect) for effect in chosen) else ()
+    return (
+        *(tuned(margin) for margin in MARGINS),
+        *(tuned(scene.margin, favour) for favour in favours),
+    )
+
+
+def _left_open(scene: Scene, effect: EffectName) -> bool:
+    """Whether some element asks for as much of an effect as can be."""
+    wishes = [element.wishes().get(effect) for element in scene.elements.values()]
+    return any(wish is not None and wish.kind != "value" for wish in wishes)
 
 
 def compared(
@@ -111,6 +141,7 @@ def compared(
     table = table or default_table()
     rows = [
         CandidateEffect(
+            candidate=candidate.name,
             margin=candidate.margin,
             element=name,
             effect=effect,

@@ -138,7 +138,7 @@ class Search:
         """What is raised, between which ends."""
         here = np.log(self.sizes)
         return Rank(
-            weights=active.astype(np.float64),
+            weights=np.where(active, [u.weight for u in self.problem.unknowns], 0.0),
             lower=np.where(fixed, here, np.log(self.problem.low)),
             upper=np.where(fixed, here, np.log(self.problem.high)),
         )

@@ -30,6 +30,8 @@ LEAST = 1 + 2e-5
 BOUNDLESS = 1e6
 #: A device made lighter (less damped) keeps at least this part of what it has.
 REMAINS = 1e-3
+#: Exponent of the steps of a favoured effect (the asymmetric bargaining solution).
+FAVOURED = 4.0
 #: An effect of which less than this part is felt, or its opposite, counts as felt this little: no
 #: size of it that is sensible then reaches a step worth having, and logarithms stay finite.
 BARELY_FELT = 1e-3
@@ -145,6 +147,7 @@ class Job:
         table: Weber fractions and thresholds.
         region: that must be safe.
         slack: part of the margin that is kept on top of it.
+        favour: an effect whose steps count more in the product; None for none.
 
     Loops and moments are built when first asked for and kept.
     """
@@ -154,6 +157,7 @@ class Job:
     table: PerceptionTable
     region: Region
     slack: float = 0.0
+    favour: EffectName | None = None
     _loops: dict[Filters, Loops] = field(
         default_factory=dict[Filters, Loops], init=False, repr=False, compare=False
     )
@@ -162,11 +166,17 @@ class Job:
     )
 
     @classmethod
-    def of(cls, device: Device, scene: Scene, table: PerceptionTable) -> Job:
+    def of(
+        cls,
+        device: Device,
+        scene: Scene,
+        table: PerceptionTable,
+        favour: EffectName | None = None,
+    ) -> Job:
         """The job over the device's simultaneous box."""
         extra = max(margin.extra_delay_samples for margin in MARGINS.values())
         region = Region.of(device, hand_of(scene.hand, device.motion), extra=extra)
-        return cls(device=device, scene=scene, table=table, region=region)
+        return cls(device=device, scene=scene, table=table, region=region, favour=favour)
 
     def loops(self, filters: Filters) -> Loops:
         """The loops with these filters at all corners, to the margin's extra delay."""
@@ -270,6 +280,7 @@ def _unknown(
         reference=reference,
         weber=weber,
         level=0 if wish.kind == "value" else given.priority,
+        weight=FAVOURED if effect == job.favour else 1.0,
     )
 
 

@@ -172,7 +172,9 @@ def _products(problem: Problem, optimum: Optimum | None) -> list[float]:
     steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, optimum.sizes, strict=True)]
     levels = sorted({unknown.level for unknown in problem.unknowns})
     pairs = list(zip(problem.unknowns, steps, strict=True))
-    return [float(sum(np.log(s) for u, s in pairs if u.level == level)) for level in levels]
+    return [
+        float(sum(u.weight * np.log(s) for u, s in pairs if u.level == level)) for level in levels
+    ]
 
 
 def _missed(problem: Problem, label: str, beside: Mapping[str, float]) -> str:

@@ -29,6 +29,7 @@ class Unknown:
             or m over the share of the command that is rendered at the motions people make, SI.
         weber: Weber fraction.
         level: rank; wanted values are level 0, then the priorities of the elements.
+        weight: exponent of its steps in the product, more than 1 where it is favoured.
     """
 
     element: str
@@ -40,6 +41,7 @@ class Unknown:
     reference: float
     weber: float
     level: int
+    weight: float = 1.0
 
     @property
     def label(self) -> str:

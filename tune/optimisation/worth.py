@@ -162,7 +162,7 @@ def slope_of(job: Job, found: Tuned, moved: Filters) -> float:
 
 def _weights(job: Job, problem: Problem) -> list[float]:
     ranks = ranks_of(job)
-    return [_NEXT_RANK ** ranks.index(unknown.level) for unknown in problem.unknowns]
+    return [u.weight * _NEXT_RANK ** ranks.index(u.level) for u in problem.unknowns]
 
 
 def _value(job: Job, problem: Problem, sizes: FloatArray) -> float:

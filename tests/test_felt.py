@@ -34,8 +34,8 @@ def _profile(name: str, loop: dict[str, Any], *, lag: bool, delay: float) -> Saf
     scene = {
         "elements": {
             "wall": {"stiffness": "max", "damping": "max"},
-            "cup": {"mass": "max"},
-            "feather": {"mass": "min"},
+            "cup": {"mass": "max", "damping": "max"},
+            "feather": {"mass": "min", "damping": "max"},
         },
         "ripple_limit": 1e3,
         "loop": loop,
@@ -67,7 +67,7 @@ def test_every_number_is_looked_at() -> None:
         for part in ("rendered", "perceived_steps")
         for key in said[part]
     ]
-    assert len(places) == 3 * 4 + 4
+    assert len(places) == 3 * 4 + 6
     for element, part, key in places:
         forged = Design.model_validate(
             {k: v for k, v in content.items() if k not in {"certificate", "digest"}}

@@ -1,4 +1,7 @@
-"""The limit that is named for an effect: relaxed alone it lets the effect grow, others do not."""
+"""The limit that is named for an effect: relaxing all others does not let it grow, this one does.
+
+The largest product often lies where several limits meet, so that one alone gives no room.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,14 @@ from tune.optimisation.solve import solve
 #: By how much a limit is relaxed, and the least by which an effect must then grow: another limit
 #: may be just behind.
 RELAXED, GROWS = 1.01, 1e-7
+#: Limits that can be relaxed, and what leads to the same boundary: a gain margin kept late as well.
+WORDS: set[LimitedBy] = {"force", "rendering", "ripple", "gain-margin", "delay-margin"}
+MARGINS: dict[LimitedBy, LimitedBy] = {
+    "gain-margin": "delay-margin",
+    "delay-margin": "gain-margin",
+}
+#: A limit that leaves less, relative, is taken to bind.
+CLOSE = 1e-4
 #: Written sizes have six digits.
 ROUNDED = 1.1e-5
 
@@ -61,7 +72,11 @@ def _judge(seed: int) -> Counter[str]:
             beyond[index] = now * RELAXED
             assert not stable_points(problem, beyond[None], 1.0, late=False)[0]
             continue
-        grown = largest_allowed(_relaxed(problem, word), sizes, index)
+        others = problem
+        for other in WORDS - {word, MARGINS.get(word, word)}:
+            others = _relaxed(others, other)
+        assert largest_allowed(others, sizes, index) <= now * (1 + CLOSE), (unknown.label, word)
+        grown = largest_allowed(_relaxed(others, word), sizes, index)
         assert grown > now * (1 + GROWS), (unknown.label, word)
     return Counter(words)
 

@@ -26,6 +26,10 @@ from tune.optimisation.solve import backends, groups
 from tune.stability.verdict import largest
 
 
+#: A spring that acts at once takes little of the damping away, so that stability limits it.
+PROMPT = {"delay": quantity(0.0)}
+
+
 def _scene(elements: dict[str, Any], **more: Any) -> Scene:
     return Scene.model_validate({"elements": elements, **more})
 
@@ -36,13 +40,13 @@ def _device(**changes: Any) -> Device:
 
 
 def test_a_lone_spring_is_the_closed_form_at_the_worst_corner() -> None:
-    device = _device(**UNLIMITED)
+    device = _device(**UNLIMITED, **PROMPT)
     profile = optimise(device, _scene({"wall": {"stiffness": "max"}}))
     box = device.simultaneous_box()
     worst = min(
         float(
             largest(
-                Loop.from_numbers(mass=m, damping=b, sample_time=1e-3, delay_samples=2),
+                Loop.from_numbers(mass=m, damping=b, sample_time=1e-3, delay_samples=1),
                 "stiffness",
             )
         )
@@ -67,6 +71,11 @@ def test_margins_order_the_stiffness(margin: str) -> None:
     assert claimed.extra_delay_samples >= extra
 
 
+#: Enough damping for what a mass brings of it to make no step.
+THICK = {"damping": 120.0}
+SLOW = {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 30.0}
+
+
 def _limit(profile: SafeProfile, element: str, effect: EffectName) -> tuple[float, str]:
     entry = profile.elements[element]
     return getattr(entry, effect), entry.limited_by[effect]
@@ -75,26 +84,27 @@ def _limit(profile: SafeProfile, element: str, effect: EffectName) -> tuple[floa
 @pytest.mark.parametrize(
     ("effect", "word", "tight", "loose"),
     [
-        ("stiffness", "force", {}, {"device": UNLIMITED}),
+        ("stiffness", "force", {"device": PROMPT}, {"device": UNLIMITED | PROMPT}),
+        ("stiffness", "rendering", {"device": UNLIMITED}, {"device": UNLIMITED | PROMPT}),
         (
             "mass",
             "ripple",
-            {"loop": {"acceleration_filter_hz": 30.0}},
-            {"loop": {"acceleration_filter_hz": 30.0}, "ripple_limit": 0.2},
+            {"also": THICK, "loop": {"acceleration_filter_hz": 30.0}, "ripple_limit": 0.12},
+            {"also": THICK, "loop": {"acceleration_filter_hz": 30.0}, "ripple_limit": 0.2},
         ),
         (
             "stiffness",
             "delay-margin",
-            {"device": UNLIMITED, "margin": "conservative"},
-            {"device": UNLIMITED, "margin": "balanced"},
+            {"device": UNLIMITED | PROMPT, "margin": "conservative"},
+            {"device": UNLIMITED | PROMPT, "margin": "balanced"},
         ),
         ("damping", "wanted", {"wish": 10.0}, {"wish": "max"}),
         ("stiffness", "range", {"wish": {"min": 100.0, "max": 300.0}}, {"wish": "max"}),
         (
             "mass",
             "gain-margin",
-            {"wish": "min", "loop": {"acceleration_filter_hz": 30.0}},
-            {"wish": "min", "loop": {"acceleration_filter_hz": 30.0}, "margin": "firm"},
+            {"also": THICK, "wish": "min", "loop": SLOW, "ripple_limit": 1.0},
+            {"also": THICK, "wish": "min", "loop": SLOW, "ripple_limit": 1.0, "margin": "firm"},
         ),
     ],
 )
@@ -106,7 +116,8 @@ def test_each_limit_binds_and_relaxing_it_lets_the_value_grow(
         rest = dict(setting)
         device = _device(**rest.pop("device", {}))
         wish = rest.pop("wish", "max")
-        profile = optimise(device, _scene({"thing": {effect: wish}}, **rest))
+        thing = {**rest.pop("also", {}), effect: wish}
+        profile = optimise(device, _scene({"thing": thing}, **rest))
         values.append(_limit(profile, "thing", effect))
     assert values[0][1] == word
     assert abs(values[1][0]) > abs(values[0][0]) * 1.05

@@ -139,8 +139,8 @@ def test_a_lone_spring_ends_where_the_cubic_says(mass: float, margin: str) -> No
             {"force_limit": ForceLimit(continuous=5.0, peak=5.0)},
             10.0,
         ),
-        # A third of the least mass of the box; the box of a known mass is that mass.
-        ({"mass": "min"}, {"mass": quantity(3.0)}, 1.0),
+        # A third of the least damping of the box; the box of a known damping is that damping.
+        ({"damping": "min"}, {"damping": quantity(10.0)}, 10.0 / 3),
         ({"damping": 12.0}, {}, 12.0),
     ],
 )

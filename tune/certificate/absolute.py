@@ -124,6 +124,7 @@ def _bent(cells: Cells, longest: int) -> FloatArray:
         relative = np.where(width > 0, width / np.abs(centre), 0.0)
     # Delay and taps turn by their product with frequency.
     relative[0] += width[0] * longest
+    relative[1] = width[1] / max(float(cells.high[1].max()), np.finfo(float).tiny)
     relative[2] = width[2] * centre[0]
     square = relative**2
     return square / np.maximum(square.sum(axis=0), np.finfo(float).tiny)

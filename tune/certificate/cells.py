@@ -65,9 +65,11 @@ class Cells:
         return self.low.shape[1]
 
     def chosen(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Cells:
+        """Some of them."""
         return Cells(self.low[:, which], self.high[:, which])
 
     def with_(self, other: Cells) -> Cells:
+        """These and others."""
         return Cells(np.hstack([self.low, other.low]), np.hstack([self.high, other.high]))
 
 
@@ -148,6 +150,7 @@ def terms_of(cells: Cells, symbols: Sequence[int]) -> list[Term]:
 
 
 def as_form(term: Term, cells: Cells, symbols: int) -> Form:
+    """A term as a form in so many symbols, a number as one that none of them moves."""
     if isinstance(term, Form):
         return term
     count = len(cells)
@@ -156,6 +159,7 @@ def as_form(term: Term, cells: Cells, symbols: int) -> Form:
 
 
 def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
+    """What may be anywhere in each cell, from the terms of its sides."""
     theta, _, extra, mass, damping, step, delay, lag, slope, *rest = terms
     del theta
     hand = None

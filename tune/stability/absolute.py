@@ -109,7 +109,9 @@ class _Sectors:
     @classmethod
     def of(cls, responses: Responses, effects: Effects, multiplier: Multiplier) -> _Sectors:
         size = np.abs(responses.position)
-        which, weights, factors, estimates = [], [], [], []
+        which: list[int] = []
+        weights: list[FloatArray] = []
+        products: list[ComplexArray] = []
         for place, (value, constant, estimate) in enumerate(
             (
                 (effects.stiffness, None, np.ones_like(responses.position)),
@@ -120,17 +122,15 @@ class _Sectors:
             if value is None:
                 continue
             which.append(place)
-            estimates.append(estimate)
             if place == 0:
                 factor = multiplier_at(multiplier, responses.angle)
             else:
                 assert constant is not None, "the multiplier has no constant for an effect"
-                factor = np.full(responses.angle.shape, complex(constant))
-            factors.append(factor)
+                factor: ComplexArray = np.full(responses.angle.shape, complex(constant))
+            products.append(factor * estimate)
             scaled = responses.scales[place] * float(np.asarray(value))
             with np.errstate(divide="ignore"):
                 weights.append(scaled[:, None] / factor.real)
-        products = [factor * estimate for factor, estimate in zip(factors, estimates, strict=True)]
         own = [w * (p * responses.position).real for w, p in zip(weights, products, strict=True)]
         mixed = {
             (i, j): weights[i] * weights[j] * (size * np.abs(products[i] - products[j])) ** 2

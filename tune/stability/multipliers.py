@@ -111,7 +111,7 @@ class _Points:
             sizes=sizes.reshape(3, -1),
         )
 
-    def only(self, which: NDArray[np.bool_]) -> _Points:
+    def only(self, which: NDArray[np.bool_] | np.bool_) -> _Points:
         return _Points(
             real=self.real[:, which],
             imag=self.imag[:, which],
@@ -156,7 +156,7 @@ class _Points:
         values = self.inverse(trial)
         most = np.max(values, axis=1, keepdims=True)
         near = values > np.where(np.isfinite(most) & (most > 0), _NEAR * most, -np.inf)
-        return self.only(near.any(axis=0))
+        return self.only(np.any(near, axis=0))
 
 
 def _best(points: _Points) -> _Trial:

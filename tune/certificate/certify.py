@@ -18,7 +18,7 @@ from tune.certificate.proof import Claim, prove
 from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import Region
 from tune.certificate.switched import Witnesses, is_asked_for, judge_switched
-from tune.certificate.words import METHOD, assumptions, not_assessed
+from tune.certificate.words import assumptions, method, not_assessed
 from tune.certificate.worst import Worst, worst_point
 from tune.documents.certified import (
     AbsoluteStability,
@@ -205,7 +205,7 @@ def _certificate(
     region, hand = regions[0], regions[-1].hand
     held = None if design.device.presliding_stiffness is None else regions[1].position_stiffness
     return Certificate(
-        method=METHOD,
+        method=method(design),
         confidence=0.999,
         mass=region.mass,
         damping=region.damping,

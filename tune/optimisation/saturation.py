@@ -63,7 +63,7 @@ def found_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> Found:
         return Found(gain=0.0)
     switched, steady = split(problem, moment, sizes)
     # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
-    gains = [_MOST_GAIN if steady is None else problem.margin.gain * (1 + _ROOM)]
+    gains = [_MOST_GAIN if steady is None else problem.margin.gain * (1 + 2 * _ROOM)]
     multipliers: dict[bool, Multiplier | None] = {}
     for loop in problem.loops.late:
         gain, multiplier = _at(loop, switched, steady)
@@ -133,7 +133,7 @@ def saturated(problem: Problem, found: AllFound) -> frozenset[int]:
     return frozenset(
         index
         for moment in asking(problem)
-        if found[moment.elements].gain < problem.margin.gain * (1 + 2 * _ROOM)
+        if found[moment.elements].gain < problem.margin.gain * (1 + 1.5 * _ROOM)
         for index in _members(problem, moment)
     )
 

@@ -68,7 +68,15 @@ def solve(
     *,
     second_opinion: bool = True,
 ) -> Solved:
-    """Tune one group; effects that no hand can tell from nothing are dropped, worst first."""
+    """Tune one group; effects that no hand can tell from nothing are dropped, worst first.
+
+    Args:
+        job: device and scene.
+        elements: of one group.
+        filters: cut-offs.
+        second_opinion: by another solver, and of one-sided moments by their absolute stability; to
+            compare cut-offs neither is asked for.
+    """
     dropped: dict[str, str] = {}
     while True:
         problem = pose(job, elements=elements, filters=filters, gone=frozenset(dropped))
@@ -93,7 +101,7 @@ def solve(
             continue
         sizes = settled(problem, answer.sizes)
         absolute: AllFound = {}
-        if any(moment.one_sided for moment in problem.moments):
+        if second_opinion and any(moment.one_sided for moment in problem.moments):
             sizes = np.array([_floor_digits(float(x)) for x in taken_back(problem, sizes)])
             short = {
                 unknown.label: f"as a one-sided wall {size:.4g} is proved stable at most"

@@ -9,8 +9,8 @@ import pytest
 
 from identification import Device, load_device, quantity
 from tests.unlimited import BOUNDLESS, UNLIMITED
-from tune.certificate.certify import setting_of
 from tune.certificate.polynomial import Point
+from tune.certificate.posed import setting_of
 from tune.certificate.roots import judge
 from tune.documents.effects import EffectName, Effects
 from tune.documents.perception import default_table
@@ -24,7 +24,6 @@ from tune.optimisation.nash import largest_product
 from tune.optimisation.problem import Job, pose
 from tune.optimisation.solve import backends, groups
 from tune.stability.verdict import largest
-
 
 #: A spring that acts at once takes little of the damping away, so that stability limits it.
 PROMPT = {"delay": quantity(0.0)}

@@ -25,7 +25,8 @@ def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
     if limit is None:
         return []
     chosen = [design.elements[name] for name in moment]
-    sustained = sum(item.stiffness * item.motion.penetration for item in chosen)
+    # What is cut at the limit needs no penetration: that it is safe so is proved apart.
+    sustained = sum(item.stiffness * (item.motion.penetration or 0.0) for item in chosen)
     peak = sustained + sum(
         abs(item.damping) * item.motion.speed + abs(item.mass) * item.motion.acceleration
         for item in chosen

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tune.optimisation.backends import Backend, Rank
 from tune.optimisation.backends.multipliers import multipliers
-from tune.optimisation.backends.program import program_of
+from tune.optimisation.backends.program import Family, program_of
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.limits import allowed, allowed_points, weakest
 from tune.optimisation.problem import Problem
@@ -60,7 +60,10 @@ def closed_form(problem: Problem) -> Optimum:
 
 
 def largest_product(
-    problem: Problem, backends: Sequence[Backend], known: Sequence[FloatArray] = ()
+    problem: Problem,
+    backends: Sequence[Backend],
+    known: Sequence[FloatArray] = (),
+    more: Sequence[Family] = (),
 ) -> Optimum:
     """The largest product of the steps of several unknowns, rank after rank.
 
@@ -68,11 +71,12 @@ def largest_product(
         problem: at least two unknowns.
         backends: solvers; all propose and the best allowed proposal is taken.
         known: sizes that are allowed, to begin with; where there are none, the best of some rays.
+        more: families of constraints that the exact check does not know, kept by proposals only.
     """
     starts = list(known) or starts_of(problem)
     if not starts:
         return Optimum(sizes=None, methods=(), disagreements=0.0)
-    search = Search(problem=problem, backends=backends, start=starts[0])
+    search = Search(problem=problem, backends=backends, start=starts[0], more=more)
     fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
     for level in sorted({unknown.level for unknown in problem.unknowns}):
         active = np.array([unknown.level == level for unknown in problem.unknowns])
@@ -90,12 +94,20 @@ def largest_product(
 class Search:
     """The best allowed setting so far, and the corners that solvers have been shown."""
 
-    def __init__(self, *, problem: Problem, backends: Sequence[Backend], start: FloatArray) -> None:
+    def __init__(
+        self,
+        *,
+        problem: Problem,
+        backends: Sequence[Backend],
+        start: FloatArray,
+        more: Sequence[Family] = (),
+    ) -> None:
         self.problem = problem
         self.backends = backends
         self.sizes = start
         self.scenarios = list(weakest(problem, start))
-        self.program = program_of(problem, self.scenarios)
+        self.more = more
+        self.program = program_of(problem, self.scenarios, more)
         self.methods: list[str] = []
         self.disagreement = 0.0
 
@@ -168,7 +180,7 @@ class Search:
             if not broken:
                 break
             self.scenarios += sorted(broken)
-            self.program = program_of(self.problem, self.scenarios)
+            self.program = program_of(self.problem, self.scenarios, self.more)
         return None if proposal is None else pulled_back(self.problem, np.exp(start), proposal)
 
 

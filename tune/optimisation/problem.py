@@ -46,11 +46,14 @@ class Moment:
         members: indices of unknowns, for K, B and M.
         reach: (penetration, speed, acceleration) for each unknown, in the order of ``members``;
             None for a penetration that bounds nothing.
+        absolute: the moment must be absolutely stable: one of its elements pushes only, or its
+            force may reach the clamp.
     """
 
     elements: tuple[str, ...]
     members: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
     reach: tuple[tuple[float | None, ...], tuple[float | None, ...], tuple[float | None, ...]]
+    absolute: bool = False
 
     @property
     def lone(self) -> int | None:
@@ -80,6 +83,7 @@ class Problem:
         loops: of the region.
         limits: of force, ripple and encoder.
         linear: limits of force and rendering as rows.
+        cut: elements whose force may be cut at its limit.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -88,6 +92,7 @@ class Problem:
     loops: Loops
     limits: Limits
     linear: LinearLimits
+    cut: frozenset[str] = frozenset()
 
     @property
     def low(self) -> FloatArray:
@@ -199,6 +204,7 @@ def pose(
     elements: Sequence[str],
     filters: Filters,
     gone: frozenset[str] = frozenset(),
+    cut: frozenset[str] = frozenset(),
     felt: bool = True,
 ) -> Problem:
     """The problem of some elements of a scene on a device.
@@ -208,6 +214,7 @@ def pose(
         elements: names that share moments.
         filters: cut-offs of the estimators.
         gone: labels "element.effect" that are left out.
+        cut: elements whose force may be cut at its limit, so that no penetration is assumed.
         felt: effects are perceptible and felt as what they are; else only safe.
     """
     device, scene = job.device, job.scene
@@ -223,7 +230,7 @@ def pose(
     within = set(elements)
     subsets = [subset for name in elements for subset in job.subsets(name) if within >= {*subset}]
     moments = tuple(
-        _moment(device, scene, subset, unknowns)
+        _moment(device, scene, subset, unknowns, cut)
         for subset in sorted(subsets, key=len)
         if any(u.element in subset for u in unknowns)
     )
@@ -249,6 +256,7 @@ def pose(
             ripple=scene.ripple_limit or job.table.threshold(device.motion),
         ),
         linear=LinearLimits.of(rows, len(unknowns)),
+        cut=cut,
     )
 
 
@@ -293,9 +301,13 @@ def _share(device: Device, filters: Filters, effect: EffectName) -> float:
 
 
 def _moment(
-    device: Device, scene: Scene, subset: tuple[str, ...], unknowns: tuple[Unknown, ...]
+    device: Device,
+    scene: Scene,
+    subset: tuple[str, ...],
+    unknowns: tuple[Unknown, ...],
+    cut: frozenset[str],
 ) -> Moment:
-    motions = {name: scene.motion(name, device.motion) for name in subset}
+    motions = {name: scene.motion(name, device.motion, cut=name in cut) for name in subset}
     chosen = [
         [i for i, u in enumerate(unknowns) if u.element in subset and u.effect == effect]
         for effect in EFFECT_NAMES
@@ -309,4 +321,5 @@ def _moment(
             tuple(motions[unknowns[i].element].speed for i in b),
             tuple(motions[unknowns[i].element].acceleration for i in m),
         ),
+        absolute=any(scene.elements[name].one_sided or name in cut for name in subset) and bool(k),
     )

@@ -15,11 +15,13 @@ from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.optimisation.backends import Backend
 from tune.optimisation.bounds import largest_allowed
+from tune.optimisation.cut import may_be_cut
 from tune.optimisation.describe import bindings, faint, reasons_for_nothing
 from tune.optimisation.kept import any_allowed, kept_sets
 from tune.optimisation.limits import allowed_points
 from tune.optimisation.nash import SAME, Optimum, closed_form, largest_product
 from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.saturation import AllFound, Found, absolutely_stable, asking
 
 FloatArray = NDArray[np.float64]
 
@@ -46,6 +48,7 @@ class Solved:
         dropped: reason by label of every effect that was left out.
         method: what found the answer.
         disagreement: of the solvers, in the logarithm of the product of steps.
+        absolute: gains of the moments that must be absolutely stable.
     """
 
     problem: Problem
@@ -54,6 +57,7 @@ class Solved:
     method: str = "as given"
     disagreement: float = 0.0
     unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
+    absolute: AllFound = field(default_factory=dict[tuple[str, ...], Found])
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
@@ -77,20 +81,72 @@ def solve(
 ) -> Solved:
     """Tune one group; effects of which one step is out of reach are dropped, with what they miss.
 
+    Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
+    can be proved safe so at the scene's margin; else the usual motion bounds them.
+
     Raises:
         NoFeasibleEffectError: a range cannot be met.
     """
-    problem, optimum, dropped = optimum_of(job, elements, filters, second_opinion=second_opinion)
+    usual = _solved(job, elements, filters, second_opinion=second_opinion)
+    cut = may_be_cut(job, elements)
+    if not cut:
+        return usual
+    free = _solved(job, elements, filters, cut, beside=usual, second_opinion=second_opinion)
+    return max(usual, free, key=lambda each: (each.sizes.size, _products(each.problem, each.sizes)))
+
+
+def _solved(
+    job: Job,
+    elements: Sequence[str],
+    filters: Filters,
+    cut: frozenset[str] = frozenset(),
+    *,
+    beside: Solved | None = None,
+    second_opinion: bool,
+) -> Solved:
+    """One group with certain springs cut at the limit of force.
+
+    Args:
+        job: device, scene, perception and region.
+        elements: of the group.
+        filters: of the controller.
+        cut: elements whose springs are cut.
+        beside: the same with none cut, where the search may begin as well.
+        second_opinion: ask all solvers, and for proofs of what is cut or one-sided.
+    """
+    problem, optimum, dropped = optimum_of(
+        job, elements, filters, cut=cut, second_opinion=second_opinion
+    )
     if optimum is None or optimum.sizes is None:
         return Solved(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
+    sizes = settled(problem, optimum.sizes)
+    found: AllFound = {}
+    if second_opinion and asking(problem):
+        starts = [sizes]
+        if beside is not None and _labels(beside.problem) == _labels(problem):
+            starts.append(beside.sizes)
+        sizes, found = absolutely_stable(problem, starts, backends())
+        short = {
+            unknown.label: f"pushing on one side, or cut, it is proved stable to {size:.4g} at most"
+            for unknown, size in zip(problem.unknowns, sizes, strict=True)
+            if size < unknown.low
+        }
+        if short:
+            _refuse_broken_ranges(problem, short)
+            return Solved(problem=problem, sizes=np.empty(0), dropped=dropped | short)
     return Solved(
         problem=problem,
-        sizes=settled(problem, optimum.sizes),
+        sizes=sizes,
         dropped=dropped,
         method=" and ".join(optimum.methods) or "start",
         disagreement=optimum.disagreements,
         unrounded=optimum.sizes,
+        absolute=found,
     )
+
+
+def _labels(problem: Problem) -> list[str]:
+    return [unknown.label for unknown in problem.unknowns]
 
 
 def optimum_of(
@@ -98,6 +154,7 @@ def optimum_of(
     elements: Sequence[str],
     filters: Filters,
     *,
+    cut: frozenset[str] = frozenset(),
     second_opinion: bool = True,
     known: Sequence[FloatArray] = (),
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
@@ -107,6 +164,7 @@ def optimum_of(
         job: device, scene, perception and region.
         elements: of the group.
         filters: of the controller.
+        cut: elements whose force may be cut at its limit.
         second_opinion: ask all solvers.
         known: allowed sizes of all effects to begin with, where there are some.
 
@@ -115,7 +173,7 @@ def optimum_of(
     """
 
     def posed(gone: frozenset[str]) -> Problem:
-        return pose(job, elements=elements, filters=filters, gone=gone)
+        return pose(job, elements=elements, filters=filters, gone=gone, cut=cut)
 
     def best(problem: Problem, known: Sequence[FloatArray] = ()) -> Optimum:
         if len(problem.unknowns) == 1:
@@ -149,7 +207,7 @@ def optimum_of(
     for labels in sets:
         start, each = starts.get(labels), posed(before | (every - labels))
         optima.append((each, None if start is None else best(each, [start])))
-    chosen, optimum = max(optima, key=lambda pair: _products(*pair))
+    chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
     found = {} if optimum is None or optimum.sizes is None else _by_label(chosen, optimum.sizes)
     for label in [unknown.label for unknown in problem.unknowns if unknown.label not in found]:
         alone = posed(before | (every - {label}))
@@ -165,11 +223,11 @@ def _by_label(problem: Problem, sizes: FloatArray) -> dict[str, float]:
     return {u.label: float(size) for u, size in zip(problem.unknowns, sizes, strict=True)}
 
 
-def _products(problem: Problem, optimum: Optimum | None) -> list[float]:
+def _products(problem: Problem, sizes: FloatArray | None) -> list[float]:
     """The logarithms of the products of steps, rank after rank."""
-    if optimum is None or optimum.sizes is None:
+    if sizes is None or not sizes.size:
         return []
-    steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, optimum.sizes, strict=True)]
+    steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)]
     levels = sorted({unknown.level for unknown in problem.unknowns})
     pairs = list(zip(problem.unknowns, steps, strict=True))
     return [

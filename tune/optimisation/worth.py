@@ -18,6 +18,7 @@ from tune.documents.errors import NoFeasibleEffectError
 from tune.loop.filters import Filters
 from tune.optimisation.backends import Rank
 from tune.optimisation.bounds import largest_allowed
+from tune.optimisation.cut import may_be_cut
 from tune.optimisation.describe import reasons_for_nothing
 from tune.optimisation.limits import allowed_points, weakest
 from tune.optimisation.nash import Optimum
@@ -82,9 +83,16 @@ def tuned(
     if before is not None and before.optimum is not None and before.optimum.sizes is not None:
         known = _taken_over(job, elements, filters, before.problem, before.optimum.sizes)
     try:
-        problem, optimum, _ = optimum_of(job, elements, filters, second_opinion=False, known=known)
+        problem, optimum, _ = optimum_of(
+            job,
+            elements,
+            filters,
+            cut=may_be_cut(job, elements),
+            second_opinion=False,
+            known=known,
+        )
     except NoFeasibleEffectError:
-        problem = pose(job, elements=elements, filters=filters)
+        problem = _posed(job, elements, filters)
         kept = tuple(-len(problem.unknowns) for _ in ranks_of(job))
         return Tuned(worth=Worth(kept=kept, value=0.0), problem=problem, optimum=None)
     sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
@@ -96,7 +104,7 @@ def tuned(
 
 def roughly(job: Job, elements: Sequence[str], filters: Filters) -> Worth | None:
     """What a group is worth at the best point of some rays; None where none is good on them."""
-    problem = pose(job, elements=elements, filters=filters)
+    problem = _posed(job, elements, filters)
     if len(problem.unknowns) < 2 or reasons_for_nothing(problem):
         return tuned(job, elements, filters).worth
     found = starts_of(problem, 1)
@@ -133,7 +141,7 @@ def slope_of(job: Job, found: Tuned, moved: Filters) -> float:
         for effect in job.scene.elements[name].wishes()
         if f"{name}.{effect}" not in labels
     )
-    beside = pose(job, elements=elements, filters=moved, gone=gone)
+    beside = pose(job, elements=elements, filters=moved, gone=gone, cut=problem.cut)
     sizes = optimum.sizes
     if sizes.size == 1:
         top = largest_allowed(beside, np.zeros(1), 0)
@@ -160,6 +168,10 @@ def slope_of(job: Job, found: Tuned, moved: Filters) -> float:
     return change - float(prices[binding] @ (rows[1] - rows[0])[binding])
 
 
+def _posed(job: Job, elements: Sequence[str], filters: Filters) -> Problem:
+    return pose(job, elements=elements, filters=filters, cut=may_be_cut(job, elements))
+
+
 def _weights(job: Job, problem: Problem) -> list[float]:
     ranks = ranks_of(job)
     return [u.weight * _NEXT_RANK ** ranks.index(u.level) for u in problem.unknowns]
@@ -175,7 +187,7 @@ def _taken_over(
     job: Job, elements: Sequence[str], filters: Filters, before: Problem, sizes: FloatArray
 ) -> list[FloatArray]:
     """Sizes that were good with other filters, as far as they are allowed with these."""
-    problem = pose(job, elements=elements, filters=filters)
+    problem = _posed(job, elements, filters)
     if [u.label for u in problem.unknowns] != [u.label for u in before.unknowns]:
         return []
     if sizes.size < 2:

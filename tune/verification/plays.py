@@ -16,6 +16,7 @@ from tune.certificate.refusal import refuse_unbalanced
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
+from tune.documents.scene import DEFAULT_MOTION
 from tune.loop.filters import filters_of
 from tune.verification.allowed import ModeSeen, allowed_loops
 from tune.verification.elements import effects_of, moments_of, scaled, spoken
@@ -177,7 +178,8 @@ def _planned(profile: Design, moment: tuple[str, ...], gain: float) -> tuple[Pla
     if not stiffness:
         speed = max(motion.speed for motion in motions)
     else:
-        deep = max(motion.penetration for motion in motions)
+        usual = DEFAULT_MOTION[profile.device.motion].penetration or 0.0
+        deep = max(motion.penetration or usual for motion in motions)
         displacement = _displacement(profile.device, effects, prediction, deep)
         if displacement is None:
             return None, "it comes to rest within a swing or two"

@@ -121,13 +121,16 @@ class Program:
         return float(weights @ logs), weights * slopes
 
 
-def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
+def program_of(
+    problem: Problem, scenarios: Sequence[Scenario], more: Sequence[Family] = ()
+) -> Program:
     """The program of a problem; compiles it if no problem of its structure came before.
 
     Args:
         problem: with all its corners.
         scenarios: those of them that the solver is shown, as (loop of ``problem.loops.late``,
             column). Their number is rounded up to a power of two, so that structures are met again.
+        more: families of constraints besides.
     """
     limits = problem.limits
     columns = [
@@ -160,7 +163,7 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     return Program(
         functions=Functions(structure=structure),
         plain=plain,
-        families=(Reach.of(problem, shown, gain),),
+        families=(Reach.of(problem, shown, gain), *more),
         parameters=np.concatenate([part.ravel() for part in numbers]),
         signs=np.array([float(sign) for sign in structure.signs]),
         references=references,

@@ -1,0 +1,32 @@
+"""Springs into which a hand may go as deep as it likes: their force is cut at its limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tune.documents.scene import DEFAULT_MOTION
+from tune.optimisation.problem import Job
+
+
+def may_be_cut(job: Job, elements: Sequence[str]) -> frozenset[str]:
+    """Elements whose springs the usual motion would bound, and which may be cut at the force limit.
+
+    They state no penetration, and nothing felt with them has mass or takes something away: what
+    pumps must not be cut.
+    """
+    device, scene = job.device, job.scene
+    limit, usual = device.force_limit, DEFAULT_MOTION[device.motion].penetration
+    if limit is None or usual is None or not job.region.box.damping[0] > 0:
+        return frozenset()
+    within = set(elements)
+    groups = [set(s) for name in elements for s in job.subsets(name) if within >= {*s}]
+    cut: set[str] = set()
+    for name in elements:
+        wish = scene.elements[name].stiffness
+        if wish is None or scene.elements[name].penetration is not None:
+            continue
+        enough = wish.high is not None and wish.high * usual <= limit.continuous
+        pumps = any(scene.elements[other].fades for s in groups if name in s for other in s)
+        if not enough and not pumps:
+            cut.add(name)
+    return frozenset(cut)

@@ -187,7 +187,7 @@ def absolutely_stable(
     Args:
         problem: with moments that ask for it.
         starts: sizes, the optimum without among them.
-        backends: solvers.
+        backends: solvers that know constraints with slopes of their own.
     """
     back = [taken_back(problem, sizes) for sizes in starts]
     best = max(back, key=lambda sizes: _product(problem, sizes))

@@ -125,7 +125,7 @@ def _solved(
         starts = [sizes]
         if beside is not None and _labels(beside.problem) == _labels(problem):
             starts.append(beside.sizes)
-        sizes, found = absolutely_stable(problem, starts, backends())
+        sizes, found = absolutely_stable(problem, starts, backends(second_opinion=False))
         short = {
             unknown.label: f"pushing on one side, or cut, it is proved stable to {size:.4g} at most"
             for unknown, size in zip(problem.unknowns, sizes, strict=True)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from datasets_synthetic import Controller
+from datasets_synthetic import Controller, Element, Wall
 from datasets_synthetic.law import ControlLaw
+from tests.entered_scenes import scene_on
 from tests.exported import LOOPS, STEP, Array, changed, poles, tuned
 from tests.guard import FLAGS, Guard, built, compiler, compiles, enter, push, write
 from tests.played_law import PlayedLaw
@@ -98,6 +99,35 @@ def simulated(profile: SafeProfile) -> Controller:
         filter_damping_ratio=loop.filter_damping_ratio,
         velocity_window_samples=loop.velocity_window_samples or 1,
     )
+
+
+def test_the_simulator_plays_what_the_law_in_plain_python_plays() -> None:
+    """Wall, water and cup of a profile: entered, left and entered again, together and at once."""
+    profile = scene_on("homerehab")
+    names = ("wall", "water", "cup")
+    loop = profile.loop
+    assert loop.velocity_filter_hz is not None
+    assert loop.acceleration_filter_hz is not None
+    wall, water, cup = (profile.elements[name] for name in names)
+    controller = Controller(
+        damping=water.damping,
+        velocity_filter_hz=loop.velocity_filter_hz,
+        acceleration_filter_hz=loop.acceleration_filter_hz,
+        wall=Wall(),
+        beside=(
+            Element(stiffness=wall.stiffness, damping=wall.damping, one_sided=True),
+            Element(mass=cup.mass, fade_time=cup.fade_time),
+        ),
+    )
+    time = np.arange(700) * STEP
+    place = 0.006 * np.sin(2 * np.pi * 2.3 * time) - 0.002
+    law = PlayedLaw(profile)
+    touched = {"wall": (0.0, -1), "water": (0.0, -1), "cup": (0.0, -1)}
+    wanted = [law.force(touched if x > 0 else {}, x) for x in place.tolist()]
+    assert 5 < np.abs(wanted).max() < 28
+    simulator = ControlLaw(controller, np.array([STEP]))
+    played = [float(simulator.force(np.array([x]))[0]) for x in place]
+    np.testing.assert_allclose(played, wanted, atol=1e-11)
 
 
 def test_whatever_is_touched_the_guard_plays_the_same_law_in_python(guard: Guard) -> None:

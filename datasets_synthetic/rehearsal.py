@@ -147,7 +147,8 @@ def rehearse(
         fallen = play_falls(law, conditions, part, samples, seed)
         for place, member in enumerate(left):
             count = float(sizes.count[member])
-            own = [_allowed(each, allowed[member]) for each in conditions]
+            limit = float(sizes.limit[member])
+            own = [_allowed(each, allowed[member], limit) for each in conditions]
             found[member] = _endings(free, place, left.size, count, own)
             found[member] += _after_falls(fallen, place, left.size, count, own)
         left = np.array([k for k in left if not all(end.at_rest for end in found[k])], np.intp)
@@ -160,11 +161,11 @@ def rehearse(
     )
 
 
-def _allowed(condition: Condition, allowed: Allowed) -> Allowed:
+def _allowed(condition: Condition, allowed: Allowed, limit: float) -> Allowed:
     """What may be left in a condition: with a gate, whatever force it makes of a few counts."""
     if condition.gate == OPEN:
         return allowed
-    return replace(allowed, counts=_GATED * allowed.counts, force=np.inf)
+    return replace(allowed, counts=_GATED * allowed.counts, force=2 * limit)
 
 
 def _endings(

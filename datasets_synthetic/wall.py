@@ -77,14 +77,30 @@ _FIELDS = ("stiffness", "damping", "mass", "fade_time", "gate")
 class ElementAtWork:
     """One element, remembering how far it is faded in and whether its gates are open."""
 
-    __slots__ = ("_element", "_level", "_open", "_source", "_step")
+    __slots__ = (
+        "_adverse",
+        "_always",
+        "_element",
+        "_fades",
+        "_level",
+        "_open",
+        "_random",
+        "_source",
+        "_step",
+    )
 
     def __init__(self, element: Element, sample_time: FloatArray) -> None:
         """Sample time in s, shape (batch,)."""
         self._element = element
         fade = np.broadcast_to(np.asarray(element.fade_time, dtype=np.float64), sample_time.shape)
-        self._step = np.where(fade > 0, sample_time / np.where(fade > 0, fade, 1.0), 1.0)
+        self._fades = bool(np.any(fade > 0))
+        #: Change of the level in a sample.
+        self._step = sample_time / np.maximum(fade, sample_time)
         self._level = np.zeros(sample_time.shape)
+        gate = np.broadcast_to(np.asarray(element.gate), sample_time.shape)
+        self._always, self._random, self._adverse = (
+            gate == kind for kind in (OPEN, RANDOM, ADVERSE)
+        )
         self._source = np.random.default_rng(0)  # one gate for all members, whatever the batch
         self._open = True
 
@@ -106,22 +122,23 @@ class ElementAtWork:
             inside: where the reading is behind the wall; None without one: all acts fully.
         """
         element = self._element
-        damping = element.damping * self._gates(velocity, moved)
-        force = -(element.stiffness * depth + damping * velocity + element.mass * acceleration)
+        pull = element.damping * velocity
+        if not self._always.all():
+            pull = pull * self._gates(velocity, moved)
+        force = -(element.stiffness * depth + pull + element.mass * acceleration)
         if inside is None:
             return force
-        change = np.where(inside, self._step, -self._step)
-        self._level = np.clip(self._level + change, 0.0, 1.0)
         if element.one_sided:
-            force = np.where(inside, np.minimum(force, 0.0), 0.0)
+            force = np.minimum(force, 0.0) * inside
+        if not self._fades:
+            return force * inside
+        change = np.where(inside, self._step, -self._step)
+        self._level = np.minimum(np.maximum(self._level + change, 0.0), 1.0)
         return self._level * force
 
-    def _gates(self, velocity: FloatArray, moved: FloatArray) -> FloatArray | float:
-        """How much of the damping acts, 0 to 1."""
-        gate = np.asarray(self._element.gate)
-        if not np.any(gate):
-            return 1.0
+    def _gates(self, velocity: FloatArray, moved: FloatArray) -> NDArray[np.bool_]:
+        """Which dampers act."""
         if self._source.random() < _CHANGES:
             self._open = not self._open
-        lets_through = np.where(gate == RANDOM, self._open, velocity * moved < 0)
-        return np.where(gate == OPEN, 1.0, lets_through)
+        gives = velocity * moved < 0
+        return self._always | (self._adverse & gives) | (self._random & self._open)

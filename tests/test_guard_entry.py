@@ -10,7 +10,7 @@ import pytest
 
 from tests.entered import Run, played
 from tests.entered_scenes import SCENES, scene_on, stated_sum
-from tests.guard import Guard, built
+from tests.guard import Guard, built, enter, push
 from tune import SafeProfile
 from tune.exporters import export
 from tune.exporters.largest_change import largest_change
@@ -126,6 +126,13 @@ def test_a_wall_never_pulls(scenes: dict[str, Played], device: str, side: int) -
         assert pushes.max() > 0.2 * limit.continuous
         assert side * run.place[-1] > 0  # it has left
         assert not np.any(run.force[side * run.place > 0.001 * abs(run.place[0])][1:])
+
+
+def test_a_wall_needs_a_side(scenes: dict[str, Played]) -> None:
+    scene = scenes["homerehab"]
+    wall = scene.bit("wall")
+    replies = scene.guard.run([enter(wall), push(wall, 0, -0.001)])
+    assert [reply.status for reply in replies] == ["NO_SIDE", "NOT_ENTERED"]
 
 
 @pytest.mark.parametrize("device", SCENES)

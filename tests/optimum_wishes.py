@@ -78,7 +78,7 @@ def weber_fraction(effect: int) -> float:
 
 def felt_of(
     device: Device, filters_hz: tuple[float | None, float | None], frequency: FloatArray
-) -> FloatArray:
+) -> NDArray[np.complex128]:
     """Force over velocity of one unit of K, B and M, complex, at each frequency: (3, ...).
 
     Differences, filters, delay and hold as they are.

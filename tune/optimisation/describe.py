@@ -217,7 +217,8 @@ def element_profile(
         counted = unknown.steps(float(sizes[index]))
         if np.isfinite(counted):
             steps[unknown.effect] = rounded(counted, 4)
-        limited[unknown.effect] = "saturation" if index in bound else word
+        open_ = float(sizes[index]) < unknown.high * (1 - _BINDS)
+        limited[unknown.effect] = "saturation" if index in bound and open_ else word
     moments = [m for m in problem.moments if name in m.elements and any(m.members)]
     gains = [worst_gain(problem, m, sizes, late=False) for m in moments]
     alone = [m for m in problem.moments if m.elements == (name,)]

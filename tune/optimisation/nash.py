@@ -122,7 +122,9 @@ class Search:
         value = self.value(self.sizes, rank)
         for attempt in range(_MOST_ATTEMPTS):
             # Where all solvers end alike from the first start, the others are not asked.
-            begun = [starts[:1], starts[1:]][min(attempt, 1)] if attempt < 2 else []
+            begun: Sequence[FloatArray] = ()
+            if attempt < 2:
+                begun = starts[1:] if attempt else starts[:1]
             found = [
                 (self.value(proposal, rank), proposal, backend.name)
                 for start in (begun or [self.sizes])

@@ -11,30 +11,17 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.hand import hand_of
-from tune.documents.perception import PerceptionTable, references, value_at_steps
+from tune.documents.perception import PerceptionTable, references
 from tune.documents.scene import MARGINS, Margin, Scene
 from tune.loop.filters import Filters, used_filters
 from tune.optimisation.linear import LinearLimits, force_rows, rendering_rows
 from tune.optimisation.loops import Loops
 from tune.optimisation.region import Region
 from tune.optimisation.unknown import Unknown
+from tune.optimisation.wished import NOTHING, Asking
 from tune.rendering.rendered import Shares
 
 FloatArray = NDArray[np.float64]
-
-#: Sizes below this part of the reference are as good as nothing: a ten-thousandth of a step.
-NOTHING = 1e-5
-#: Steps that an effect keeps at least: no hand tells less from nothing. The rest is for rounding.
-LEAST = 1 + 2e-5
-#: Sizes above this multiple of the reference are no haptic effect on any device (46 steps at 34 %).
-BOUNDLESS = 1e6
-#: A device made lighter (less damped) keeps at least this part of what it has.
-REMAINS = 1e-3
-#: Exponent of the steps of a favoured effect (the asymmetric bargaining solution).
-FAVOURED = 4.0
-#: An effect of which less than this part is felt, or its opposite, counts as felt this little: no
-#: size of it that is sensible then reaches a step worth having, and logarithms stay finite.
-BARELY_FELT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,8 +208,17 @@ def pose(
     margin = MARGINS[scene.margin]
     if job.slack:
         margin = margin.model_copy(update={"gain": margin.gain * (1 + job.slack)})
+    asking = Asking(
+        device=device,
+        box=job.region.box,
+        table=job.table,
+        favour=job.favour,
+        gain=margin.gain,
+        filters=filters,
+        felt=felt,
+    )
     unknowns = tuple(
-        _unknown(job, element, effect, margin, filters, felt=felt)
+        asking.unknown(element, scene.elements[element], effect)
         for element in elements
         for effect in scene.elements[element].wishes()
         if f"{element}.{effect}" not in gone
@@ -260,46 +256,6 @@ def pose(
     )
 
 
-def _unknown(
-    job: Job, element: str, effect: EffectName, margin: Margin, filters: Filters, *, felt: bool
-) -> Unknown:
-    device, scene, table, region = job.device, job.scene, job.table, job.region
-    given = scene.elements[element]
-    wish = given.wishes()[effect]
-    bare = references(device, table)[effect]
-    reference, weber = bare / _share(device, filters, effect), getattr(table, effect).value
-    high = BOUNDLESS * bare if wish.high is None else abs(wish.high)
-    if wish.sign < 0:
-        # The bare device must keep the same margin downwards: M >= -m_low/g, B >= -b_low/g.
-        lowest = {"mass": region.box.mass[0], "damping": region.box.damping[0]}[effect]
-        most = min(lowest / margin.gain, (1 - REMAINS) * min(bare, reference))
-        high = most if wish.high is None else min(high, most)
-    least = abs(float(value_at_steps(LEAST, reference, weber, wish.sign)))
-    if not felt:
-        least = min(NOTHING * bare, high)
-    starts = wish.low if wish.kind == "range" and wish.low else 0.0
-    return Unknown(
-        element=element,
-        effect=effect,
-        sign=wish.sign,
-        low=max(least, starts),
-        high=high,
-        wish=wish,
-        reference=reference,
-        weber=weber,
-        level=0 if wish.kind == "value" else given.priority,
-        weight=FAVOURED if effect == job.favour else 1.0,
-    )
-
-
-def _share(device: Device, filters: Filters, effect: EffectName) -> float:
-    """The part of a commanded effect that a hand feels as such; all of a spring."""
-    if effect == "stiffness":
-        return 1.0
-    shares = Shares.of(device, filters)
-    return max((shares.damping if effect == "damping" else shares.mass).mean, BARELY_FELT)
-
-
 def _moment(
     device: Device,
     scene: Scene,
@@ -321,5 +277,6 @@ def _moment(
             tuple(motions[unknowns[i].element].speed for i in b),
             tuple(motions[unknowns[i].element].acceleration for i in m),
         ),
-        absolute=any(scene.elements[name].one_sided or name in cut for name in subset) and bool(k),
+        absolute=any(scene.elements[name].one_sided for name in subset)
+        or any(unknowns[i].element in cut for i in k),
     )

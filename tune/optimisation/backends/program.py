@@ -220,10 +220,10 @@ def _compiled(structure: Structure) -> _Compiled:
 
     sizes = [ca.exp(y[i]) for i in range(count)]
     reference, rows = take(count), take(sum(structure.linear), count)
-    product_of_steps = sum(
-        weights[i] * ca.log(sign * ca.log1p(sign * size / ref))
-        for i, (sign, size, ref) in enumerate(zip(structure.signs, sizes, reference, strict=True))
-    )
+    product_of_steps: Any = 0
+    for i, (sign, size, ref) in enumerate(zip(structure.signs, sizes, reference, strict=True)):
+        height: Any = sign * ca.log1p(sign * size / ref)
+        product_of_steps += weights[i] * height.log()
     totals = [
         [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
         for members in structure.moments

@@ -20,6 +20,7 @@ from tune.documents.profile import SafeProfile, load_profile
 from tune.documents.scene import MarginName, Scene
 from tune.optimisation._optimise import optimise
 from tune.optimisation.candidates import Candidate, candidates, compared
+from tune.optimisation.candidates_picture import candidates_picture
 
 #: gain and further samples of delay, as the README promises them
 PROMISED: dict[MarginName, tuple[float, int]] = {
@@ -84,6 +85,31 @@ def test_each_candidate_is_as_stiff_as_its_own_margin_allows(
         # Effects are rounded to six digits; delay is kept at the gain of the margin.
         assert worst(limit * 1.001) > 1
     assert _stiffness(walls[0]) < _stiffness(walls[1]) < _stiffness(walls[2])
+
+
+def test_the_picture_has_a_bar_for_every_effect_of_every_candidate(
+    walls: tuple[Candidate, ...],
+) -> None:
+    rows = compared(walls)
+    (axes,) = candidates_picture(rows).axes
+    widths = sorted(patch.get_width() for patch in axes.patches)
+    assert widths == pytest.approx(sorted(row.steps.value for row in rows))
+
+
+def test_more_of_one_effect_is_less_of_another(device: Device) -> None:
+    """None of them exceeds another in both (Pareto)."""
+    wish = {"stiffness": "max", "mass": "max", "damping": 60.0, "penetration": 0.01}
+    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
+    found = candidates(load_device("homerehab"), _scene({"it": wish}, loop=loop))
+    steps = {
+        each.name: each.profile.elements["it"].perceived_steps
+        for each in found
+        if each.profile is not None
+    }
+    assert list(steps)[3:] == ["more stiffness", "more mass"]
+    stiff, even, heavy = (steps[n] for n in ("more stiffness", "balanced", "more mass"))
+    assert stiff["stiffness"] >= even["stiffness"] >= heavy["stiffness"]
+    assert stiff["mass"] <= even["mass"] <= heavy["mass"]
 
 
 def test_balanced_is_recommended(walls: tuple[Candidate, ...]) -> None:

@@ -21,7 +21,7 @@ from tests.optimum_answers import (
 )
 from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import Reference
-from tests.optimum_search import any_place, gaps
+from tests.optimum_search import any_place, gaps, local
 from tests.reference import crossings
 from tests.sampled_loops import loop_along
 from tests.unlimited import stated
@@ -108,6 +108,38 @@ def test_no_search_finds_better(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(300))
 def test_no_search_from_200_starts_finds_better(seed: int) -> None:
     _judge(seed, starts=200, fine=True)
+
+
+@pytest.mark.parametrize(
+    "seed", [1, 2, 9, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(10, 300))]
+)
+def test_no_effect_grows_while_the_others_lose_little(seed: int) -> None:
+    """Five per cent more steps of one cost the product of the others more than four per cent."""
+    pair = random_pair(seed)
+    try:
+        solved = solved_of(pair)
+    except NoFeasibleEffectError:
+        return
+    reference = reference_of(pair, solved)
+    place, rng = (
+        np.log(solved.sizes) if solved.sizes.size else np.empty(0),
+        np.random.default_rng(0),
+    )
+    if len({one.level for one in reference.wanted}) > 1 or reference.count < 2:
+        return
+    place, rng = np.log(solved.sizes), np.random.default_rng(0)
+    steps = reference.steps(solved.sizes)
+    for index, one in enumerate(reference.wanted):
+        others = [i for i in range(reference.count) if i != index]
+        lower = reference.low.copy()
+        lower[index] = np.log(one.at(1.05 * float(steps[index])))
+        if not lower[index] <= reference.high[index]:
+            continue
+        for _ in range(4):
+            start = place + rng.normal(0, 0.1, reference.count)
+            answer = local(reference, others, lower, reference.high, start)
+            if answer is not None:
+                assert answer[0] < reference.product(place, others) + np.log(0.96)
 
 
 @pytest.mark.long

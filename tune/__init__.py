@@ -31,6 +31,8 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.margins.passivity import Passivity, damping_needed
     from tune.margins.response import DiskMargin, disk_margin, phase_margin
     from tune.optimisation._optimise import optimise
+    from tune.optimisation.candidates import candidates, compared
+    from tune.optimisation.candidates_picture import candidates_picture
     from tune.optimisation.picture import profile_picture
     from tune.rendering.ripple import CountJump, count_jump, force_ripple, handle_vibration
     from tune.rendering.vibration import ThresholdCurve, default_thresholds, felt_vibration
@@ -67,7 +69,10 @@ __all__ = [
     "TuneError",
     "Verification",
     "audit",
+    "candidates",
+    "candidates_picture",
     "check",
+    "compared",
     "count_jump",
     "damping_needed",
     "default_table",
@@ -115,6 +120,8 @@ _HOMES = {
     "margins.passivity": "Passivity damping_needed",
     "margins.response": "DiskMargin disk_margin phase_margin",
     "optimisation._optimise": "optimise",
+    "optimisation.candidates": "candidates compared",
+    "optimisation.candidates_picture": "candidates_picture",
     "optimisation.picture": "profile_picture",
     "rendering.ripple": "CountJump count_jump force_ripple handle_vibration",
     "rendering.vibration": "ThresholdCurve default_thresholds felt_vibration",

@@ -230,17 +230,26 @@ class TestRecommendations:
     def test_a_mass_like_the_devices_own_is_free_of_oscillations_and_near_double_is_not(
         self,
     ) -> None:
-        """By the roots of (18): least damping ratio 0.18 at M = m, below 0.01 at 1.97 m."""
-        e, pole = np.exp(-1 / 300), np.poly1d([1.0, 0.0])
-        held = np.poly1d([e - 1 + 1 / 300, 1 - (1 + 1 / 300) * e]) * 300**2
-        for mass, least, most in ((3.0, 0.17, 0.18), (5.9, 0.0, 0.01)):
-            roots = (pole**2 * (pole - e) + mass / 3 * (pole - 1) * held).roots
-            s = np.log(roots.astype(complex))
-            ratio = float(np.min(-s.real / np.abs(s)))
-            assert least < ratio < most
-            # Beside no damper at all the velocity is damped by the device alone, which is real.
-            found = least_damping_ratio(self.loop, Effects(mass=mass))
-            assert float(found) == pytest.approx(ratio, rel=1e-6)
+        """Least damping ratio 0.18 at M = m, below 0.01 at 1.97 m."""
+        assert 0.17 < self.least_ratio(3.0) < 0.18
+        assert self.least_ratio(5.9) < 0.01
+
+    def test_mass_near_minus_the_devices_own_rings(self) -> None:
+        """Section 2.3: what is left of the inertia is next to nothing, but damped by 0.02."""
+        assert self.least_ratio(-1.5) > 0.2
+        assert self.least_ratio(-3.0) < 0.02
+
+    def least_ratio(self, mass: float) -> float:
+        """By the roots of (18); the code under test must find the same."""
+        delta = 1 / 300
+        e, z = np.exp(-delta), np.poly1d([1.0, 0.0])
+        held = np.poly1d([e - 1 + delta, 1 - (1 + delta) * e]) / delta**2
+        roots = np.asarray((z**2 * (z - e) + mass / 3 * (z - 1) * held).roots, dtype=complex)
+        s = np.log(roots)
+        ratio = float(np.min(-np.real(s) / np.abs(s)))
+        found = float(least_damping_ratio(self.loop, Effects(mass=mass)))
+        assert found == pytest.approx(ratio, rel=1e-6)
+        return ratio
 
     def test_moderate_damping_and_stiffness_are_far_within_their_limits(self) -> None:
         assert float(largest(self.loop, "damping")) > 500 * 10.0

@@ -101,6 +101,7 @@ def test_a_best_cut_off_exists_beside_an_encoder(tmp_path: Path) -> None:
     best, stiffness = zip(*(map(float, each) for each in found), strict=True)
     assert len(best) == 4
     assert all(10 < hertz < 100 for hertz in best)  # between 4 and 480 Hz, at neither end
+    assert [best[1], best[3]] == pytest.approx([32, 16], rel=0.1)  # as docs/theory.md says
     assert list(stiffness) == sorted(stiffness, reverse=True)
     assert best[3] < 0.7 * best[1]  # a coarser encoder wants more filtering
 

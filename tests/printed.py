@@ -71,7 +71,7 @@ def equation_11(s: Setting, z: Number) -> Number:
 
 
 def equation_11_as_printed(s: Setting, z: Number) -> Number:
-    """Its denominator keeps the z - 1 that the difference cancels."""
+    """(11) as the text at hand has it: dividing by a z - 1 that the difference cancels."""
     e = mpmath.exp(-equation_2(s))
     return 1 + s.B * _held(s, z) / (s.T * z * (z - 1) * (z - e) * s.b**2 / s.m)
 
@@ -88,14 +88,14 @@ def equation_13(s: Setting) -> Number:
 
 
 def equation_17(s: Setting, z: Number) -> Number:
-    """Mass, with the brackets of (18)."""
+    """Mass, the brackets being those of (18)."""
     e = mpmath.exp(-equation_2(s))
     below = s.T**2 * z**2 * (z - 1) * (z - e) * s.b**2 / s.m
     return 1 + s.M * (z - 1) ** 2 * _held(s, z) / below
 
 
 def equation_17_as_printed(s: Setting, z: Number) -> Number:
-    """Without them: (z-1)² multiplies the first term only."""
+    """(17) as the text at hand has it: (z-1)² multiplies the first term only."""
     d = equation_2(s)
     e = mpmath.exp(-d)
     above = (z - 1) ** 2 * z * (e - 1 + d) + 1 - (1 + d) * e

@@ -52,8 +52,8 @@ class Cell:
         """Success rate, rounded to 0.01 % as printed."""
         return round(100 * self.success / self.trials, 2)
 
-    def with_(self, other: Cell) -> Cell:
-        """Both rows together."""
+    def pooled_with(self, other: Cell) -> Cell:
+        """The row of both rows' answers."""
         return Cell(trials=self.trials + other.trials, success=self.success + other.success)
 
 
@@ -74,8 +74,8 @@ def table_3(counts: dict[EffectName, tuple[int, int]], people: int) -> dict[str,
             for which, success in zip((same, ~same), counts[effect], strict=True)
         )
         rows |= {f"equal {effect}": equal, f"different {effect}": different}
-        rows[f"total {effect}"] = equal.with_(different)
-        everything = everything.with_(rows[f"total {effect}"])
+        rows[f"total {effect}"] = equal.pooled_with(different)
+        everything = everything.pooled_with(rows[f"total {effect}"])
     return rows | {"all": everything}
 
 

@@ -202,13 +202,13 @@ def test_the_cube_of_side_two_is_one_for_small_delta_only(delta: float, side: fl
 
 
 def test_the_influence_of_small_delta_on_figure_2_is_barely_noticeable() -> None:
-    """Section 2.4: a hundredth in δ moves the boundary by at most a sixtieth of its height."""
+    """Section 2.4: from 0.001 to 0.01 the boundary moves by a fortieth of its height."""
     beta = np.linspace(0, 2, 200)
     low, high = (
         largest(Loop.dimensionless(delta), "stiffness", Effects(damping=beta))
         for delta in (1e-3, 1e-2)
     )
-    assert np.max(np.abs(high - low)) < np.max(high) / 10
+    assert np.max(np.abs(high - low)) < np.max(high) / 35
 
 
 class TestRecommendations:

@@ -98,7 +98,10 @@ def test_on_homerehab_walls_and_damping_are_rendered_and_filtered_mass_feels_of_
     own = mean[:, 1] - asked[:, 1]
     assert np.all(np.abs(own[AREAS[:, 2] == 0]) < 0.1)
     assert np.all(own[AREAS[:, 2] == 1] > 0.4)
-    assert np.max(given.largest_force) < 28.0  # never at the limit
+    # Between the walls, behind the surface of the one that is pressed, and never at the limit.
+    assert np.max(given.farthest) < 0.1
+    assert np.min(given.shallowest) >= 0.0
+    assert np.max(given.largest_force) < 28.0
 
 
 def test_without_filters_the_encoder_drowns_a_virtual_mass_of_a_kilogram() -> None:

@@ -40,8 +40,9 @@ PEOPLE = 20
 #: Mass (kg), damping (N·s/m) and stiffness (N/m) of an arm, drawn evenly on logarithmic scales. Of
 #: the size arms have (Mussa-Ivaldi, Hogan and Bizzi 1985: 100 to 800 N/m); the ranges are assumed.
 _ARM = {"mass": (0.3, 1.0), "damping": (5.0, 20.0), "stiffness": (200.0, 600.0)}
-#: To and fro at this rate, Hz, between turns this far from the middle, m; walls stand at 0.1 m.
-_RATE, _REACH = (0.7, 1.3), (0.05, 0.09)
+#: The place in mind goes to and fro at this rate, Hz, and so far to both sides, m; arms swing
+#: farther. The walls stand at 0.1 m.
+_RATE, _REACH = (0.7, 1.3), (0.03, 0.06)
 #: How deep behind the surface of a wall the place in mind is, m, by how much of that it moves, and
 #: how long it takes to get there, s.
 _DEPTH, _KNEADING, _ENTRY = (0.02, 0.04), 0.4, 0.1
@@ -61,7 +62,7 @@ class People:
     Attributes:
         arm: mass, damping and stiffness of each.
         rate: of the motion to and fro, Hz.
-        reach: of it, to both sides, m.
+        reach: of the place in mind, to both sides, m.
         depth: of the place in mind behind a wall, m.
     """
 
@@ -96,12 +97,16 @@ class Given:
         stiffness: of the wall, N/m.
         damping: of device and area together, N·s/m.
         mass: likewise, kg.
+        farthest: from the middle between the walls, m.
+        shallowest: behind the surface of the wall that is pressed, m; negative is outside.
         largest_force: that the actuator was asked for, N.
     """
 
     stiffness: FloatArray
     damping: FloatArray
     mass: FloatArray
+    farthest: FloatArray
+    shallowest: FloatArray
     largest_force: FloatArray
 
 
@@ -153,6 +158,8 @@ def play_areas(
         stiffness=found[pressing, 2].reshape(shape),
         damping=found[~pressing, 1].reshape(shape),
         mass=found[~pressing, 0].reshape(shape),
+        farthest=np.max(np.abs(handle[~pressing]), axis=1).reshape(shape),
+        shallowest=np.min(handle[pressing], axis=1).reshape(shape),
         largest_force=np.maximum(largest[pressing], largest[~pressing]).reshape(shape),
     )
 

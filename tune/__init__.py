@@ -11,6 +11,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
     from tune._audit import Audit, audit
+    from tune._compare import Change, Comparison, compare
     from tune.certificate.check import CheckReport, check
     from tune.documents.effects import Effects
     from tune.documents.errors import (
@@ -46,8 +47,10 @@ if TYPE_CHECKING:  # what checkers of types take for true
 
 __all__ = [
     "Audit",
+    "Change",
     "CheckFailedError",
     "CheckReport",
+    "Comparison",
     "CountJump",
     "DelayMargin",
     "DiskMargin",
@@ -68,6 +71,7 @@ __all__ = [
     "Verification",
     "audit",
     "check",
+    "compare",
     "count_jump",
     "damping_needed",
     "default_table",
@@ -100,6 +104,7 @@ __all__ = [
 #: optimise): once loaded, it would take the function's place.
 _HOMES = {
     "_audit": "Audit audit",
+    "_compare": "Change Comparison compare",
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",
     "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",

@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
 
     from tune._audit import Audit, audit
     from tune._compare import Change, Comparison, compare
+    from tune._what_if import Alternative, what_if
     from tune.certificate.check import CheckReport, check
     from tune.documents.effects import Effects
     from tune.documents.errors import (
@@ -46,6 +47,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.verification import Verification, verify
 
 __all__ = [
+    "Alternative",
     "Audit",
     "Change",
     "CheckFailedError",
@@ -98,6 +100,7 @@ __all__ = [
     "stable_gains",
     "verdict",
     "verify",
+    "what_if",
 ]
 
 #: Public names by module. No module or folder here has the name of a verb (audit, export,
@@ -105,6 +108,7 @@ __all__ = [
 _HOMES = {
     "_audit": "Audit audit",
     "_compare": "Change Comparison compare",
+    "_what_if": "Alternative what_if",
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",
     "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",

@@ -30,12 +30,13 @@ _NOISE = 1e-12
 #: Repeats of a solver.
 _REPEATS = 5
 
+_SPRING = {"stiffness": "max", "penetration": 0.01}
 CASES = {
-    "K": case({"wall": {"stiffness": "max"}}),
-    "K and B": case({"wall": {"stiffness": "max", "damping": "max"}}),
-    "K, B and M": case({"block": {"stiffness": "max", "damping": "max", "mass": "max"}}),
+    "K": case({"wall": _SPRING}),
+    "K and B": case({"wall": {**_SPRING, "damping": "max"}}),
+    "K, B and M": case({"block": {**_SPRING, "damping": "max", "mass": "max"}}),
     "K and B with B of another, together": case(
-        {"wall": {"stiffness": "max", "damping": "max"}, "water": {"damping": "max"}},
+        {"wall": {**_SPRING, "damping": "max"}, "water": {"damping": "max"}},
         together=[["wall", "water"]],
     ),
 }

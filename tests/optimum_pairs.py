@@ -145,6 +145,9 @@ def _elements(
     more: dict[str, Any] = {"together": together[kind]} if kind in together else {}
     if kind == "hand":
         more["hand"] = _hand(device, rng)
+    for element in elements[kind].values():
+        if "stiffness" in element:
+            element.setdefault("penetration", 0.01)
     return elements[kind], more
 
 

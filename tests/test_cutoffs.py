@@ -48,7 +48,7 @@ def test_a_mass_alone_is_within_a_percent_of_every_cutoff(device: str, ripple: f
 def test_a_scene_is_within_a_percent_of_every_cutoff() -> None:
     job = job_of("homerehab", SCENES["mix"])
     filters = choose_filters(job, _silent)
-    assert _within(worth_of(job, filters), best_of_grid(job, 6))
+    assert _within(worth_of(job, filters), best_of_grid(job, 3))
 
 
 @pytest.mark.long
@@ -86,9 +86,12 @@ def test_the_slope_of_worth_is_that_of_tuning_anew(name: str) -> None:
         ]
         found = tuned(job, ["it"], here)
         assert found.worth.kept == (3,)
-        low, high = (tuned(job, ["it"], each).worth.value for each in moved)
+        before, after = (tuned(job, ["it"], each).worth.value for each in moved)
+        # Where limits meet there is an edge, and any slope between those of its sides is one.
+        sides = sorted([(found.worth.value - before) / step, (after - found.worth.value) / step])
         slope = slope_of(job, found, moved[1]) / step
-        assert slope == pytest.approx((high - low) / (2 * step), rel=0.02, abs=5e-3)
+        assert sides[0] - 0.02 <= slope <= sides[1] + 0.02
+        assert sides[1] - sides[0] < 3
 
 
 @pytest.mark.parametrize(
@@ -113,7 +116,7 @@ def test_nothing_is_tried_where_nothing_is_free(
 
 def test_a_filter_that_is_fixed_stays_while_the_other_is_found() -> None:
     loop = {"velocity_filter_hz": 40.0, "velocity_filter_order": 2, "filter_damping_ratio": 0.7}
-    job = job_of("homerehab", {"it": {"damping": 20.0}, "cup": {"mass": "max"}}, loop=loop)
+    job = job_of("homerehab", {"cup": {"damping": 30.0, "mass": "max"}}, loop=loop)
     filters = choose_filters(job, _silent)
     assert filters.velocity_filter_hz == 40.0
     assert filters.velocity_filter_order == 2
@@ -138,7 +141,7 @@ def test_a_loop_too_slow_for_any_filter_has_none() -> None:
 
 
 def test_the_choice_is_the_same_every_time_and_written_with_four_digits() -> None:
-    job = job_of("light", {"it": {"damping": "max"}, "cup": {"mass": "max"}})
+    job = job_of("homerehab", {"cup": {"damping": "max", "mass": "max"}})
     first, second = choose_filters(job, _silent), choose_filters(job, _silent)
     assert first == second
     for hertz in (first.velocity_filter_hz, first.acceleration_filter_hz):
@@ -149,10 +152,11 @@ def test_the_choice_is_the_same_every_time_and_written_with_four_digits() -> Non
 def test_a_wanted_value_is_met_by_filters_that_allow_it() -> None:
     """Of this mass less would be felt as well with less filtering; but it is wanted."""
     profile = optimise(
-        load_device("homerehab"), Scene.model_validate({"elements": {"cup": {"mass": 2.5}}})
+        load_device("homerehab"),
+        Scene.model_validate({"elements": {"cup": {"mass": 1.0, "damping": 50.0}}}),
     )
-    assert profile.elements["cup"].mass == 2.5
-    assert profile.elements["cup"].limited_by == {"mass": "wanted"}
+    assert profile.elements["cup"].mass == 1.0
+    assert profile.elements["cup"].limited_by == {"mass": "wanted", "damping": "wanted"}
 
 
 def test_a_range_no_filter_allows_is_refused_as_before() -> None:
@@ -169,7 +173,7 @@ def test_effects_that_are_alone_find_their_filters_without_a_solver() -> None:
         "from tests.filter_cases import job_of\n"
         "from tune.optimisation.cutoffs import choose_filters\n"
         "job = job_of('homerehab', {'water': {'damping': 'max'}, 'cup': {'mass': 'max'}})\n"
-        "assert choose_filters(job, print).acceleration_filter_hz\n"
+        "assert choose_filters(job, print).velocity_filter_hz\n"
         "sys.exit(', '.join({'casadi', 'nlopt'} & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

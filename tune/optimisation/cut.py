@@ -18,6 +18,9 @@ def may_be_cut(job: Job, elements: Sequence[str]) -> frozenset[str]:
     limit, usual = device.force_limit, DEFAULT_MOTION[device.motion].penetration
     if limit is None or usual is None or not job.region.box.damping[0] > 0:
         return frozenset()
+    # A force that friction masks is none to be cut at.
+    if limit.continuous <= max(device.coulomb_friction.value, job.table.threshold(device.motion)):
+        return frozenset()
     within = set(elements)
     groups = [set(s) for name in elements for s in job.subsets(name) if within >= {*s}]
     cut: set[str] = set()

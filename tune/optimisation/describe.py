@@ -31,6 +31,8 @@ _BINDS = 1e-4
 _MARGIN_CAP = 1000.0
 
 
+#: Steps that are not worth a number.
+_NOTHING = 1e-3
 #: Limits are looked for up to so many times the size at hand, where one is as a rule, then beyond.
 _NEAR = 1.01
 #: Which limit is named where several bind.
@@ -127,7 +129,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
                 f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
                 f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
             )
-        elif unknown.low > top and unknown.steps(top) < 1:
+        elif unknown.low > top and _NOTHING < unknown.steps(top) < 1:
             word = _word_of_high(unknown) if top == unknown.high else "force"
             reasons[unknown.label] = faint(unknown, top, word)
         elif unknown.low > top:

@@ -23,6 +23,8 @@ from tune.rendering.rendered import Band, Shares
 FloatArray = NDArray[np.float64]
 LinearWord = Literal["force", "rendering"]
 
+#: N: an actuator without any force is taken to have this much.
+_NO_FORCE = 1e-30
 #: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
 _OF_A_STEP = 0.999
 
@@ -93,9 +95,9 @@ def force_rows(
         for cost, members, reaches in zip(costs, moment.members, moment.reach, strict=True):
             cost[list(members)] = [reach or 0.0 for reach in reaches]
         if continuous is not None:
-            yield "force", costs[0] / continuous
+            yield "force", costs[0] / max(continuous, _NO_FORCE)
         if peak is not None:
-            yield "force", costs.sum(axis=0) / peak
+            yield "force", costs.sum(axis=0) / max(peak, _NO_FORCE)
 
 
 def rendering_rows(

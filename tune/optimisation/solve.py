@@ -202,7 +202,9 @@ def optimum_of(
 
     sets = kept_sets(problem.unknowns, feasible)
     if not sets:
-        _refuse_broken_ranges(problem, dict.fromkeys(every, "no setting keeps it with the others"))
+        _refuse_broken_ranges(
+            problem, dict.fromkeys(every, "no setting keeps it together with the other effects")
+        )
     optima: list[tuple[Problem, Optimum | None]] = []
     for labels in sets:
         start, each = starts.get(labels), posed(before | (every - labels))

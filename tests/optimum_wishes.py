@@ -29,7 +29,7 @@ NOTICED = 0.1
 #: Steps that every effect keeps; what is over one is for the rounding of what is written.
 _LEAST = 1 + 2e-5
 #: Of the step within which an effect has to be felt, likewise.
-_OF_A_STEP = 0.999
+_OF_A_STEP = 0.997
 #: Motions that people make, Hz; an effect counts as the part of it that is felt there.
 _SLOW, _FAST = 0.5, 5.0
 #: ... and as no less than this.

@@ -26,7 +26,7 @@ LinearWord = Literal["force", "rendering"]
 #: N: an actuator without any force is taken to have this much.
 _NO_FORCE = 1e-30
 #: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
-_OF_A_STEP = 0.999
+_OF_A_STEP = 0.997
 
 
 class Reached(Protocol):

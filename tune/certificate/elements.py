@@ -8,9 +8,8 @@ from tune.certificate.bounds import force_failures, ripple_of, whole_delay
 from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting
 from tune.certificate.posed import regions_of, setting_of
-from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
 from tune.documents.profile import Design, ElementProfile
-from tune.documents.scene import LONGEST_FADE, SHORTEST_FADE
 
 #: Margins are looked for up to so much gain and so many samples, and stated in such steps.
 _MOST_GAIN, _MOST_SAMPLES = 1000.0, 10.0

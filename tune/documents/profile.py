@@ -12,14 +12,13 @@ from pydantic import Field, model_validator
 
 from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
 from tune.documents.certified import Certificate
-from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, EffectName
 from tune.documents.errors import CheckFailedError
 from tune.documents.hand import Hand
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.moments import moments_of, refuse_strange_groups
 from tune.documents.scene import (
     LARGEST,
-    LONGEST_FADE,
     MARGINS,
     SMALLEST,
     Margin,

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, rounded
-from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
+from tune.documents.effects import EFFECT_NAMES, FADE_TIME, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
-from tune.documents.scene import FADE_TIME, MARGINS, Scene
+from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import used_filters
 from tune.loop.sampled_plant import WHOLE
 from tune.margins.passivity import damping_needed

@@ -41,6 +41,7 @@ def test_a_spring_too_stiff_ends_in_6_with_the_nearest_safe_value() -> None:
     details = ended.result["details"]
     assert {fault["limit"] for fault in details["faults"]} == {"stability", "force"}
     assert details["nearest"] == {"stiffness": pytest.approx(1400.0)}
+    assert details["wall"]["restitution"][1] > 1  # an unstable wall gives more than it takes
     assert "nearest safe values: --stiffness 1400" in ended.err
 
 

@@ -137,6 +137,8 @@ def _sentence(effects: Effects | None) -> str:
 
 def _rows(found: Audit) -> list[tuple[str, str, str]]:
     """(what, seen, needed) of everything that was computed."""
+    from tune._audit import ELEMENT
+    from tune.cli.contacts import contact_words
     from tune.cli.tables import UNITS, further_delay
 
     design, margins = found.design, found.margins
@@ -177,6 +179,11 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
     rows += [
         (f"one count through {name}", f"{jump:.3g} {units['force']}", "-")
         for name, jump in found.jumps.items()
+    ]
+    wall, speed = found.wall, design.elements[ELEMENT].motion.speed
+    rows += [
+        ("as a wall that only pushes, a free device", words, "-")
+        for words in contact_words(wall, design.device, units, f"{speed:g} {units['speed']}")
     ]
     if margins is not None:
         disk = margins.disk
@@ -242,6 +249,7 @@ def _numbers(found: Audit) -> dict[str, object]:
         "vibration": number(found.vibration),
         "vibration_over_threshold": number(found.felt),
         "one_count": found.jumps,
+        "wall": found.wall.model_dump(),
         "slowest_decay": number(margins and margins.decay),
         "damping_ratio": number(margins and margins.damping_ratio),
         "phase_margin_degrees": number(margins and margins.phase),

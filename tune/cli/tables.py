@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from tune.cli.contacts import contact_lines
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -54,7 +56,7 @@ def elements_table(profile: SafeProfile) -> Table:
         title=f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}; "
         f"filters: {_filters(profile.loop)}",
         title_justify="left",
-        caption="\n".join(_felt(profile)),
+        caption="\n".join((*_felt(profile), *contact_lines(profile, units))),
         caption_justify="left",
         box=SIMPLE_HEAD,
     )

@@ -19,6 +19,7 @@ from tune.optimisation.bounds import force_bound, ripple_bound, stable_bounds
 from tune.optimisation.delays import MOST
 from tune.optimisation.limits import forces_allowed, ripple, stable_points, worst_gain
 from tune.optimisation.problem import Problem
+from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered
 
 FloatArray = NDArray[np.float64]
@@ -201,7 +202,7 @@ def element_profile(
             float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
         )
     pumps = bool(values["mass"]) or min(values.values()) < 0
-    wanted = scene.elements[name]
+    wanted, motion = scene.elements[name], scene.motion(name, device.motion)
     return ElementProfile(
         stiffness=values["stiffness"],
         damping=values["damping"],
@@ -214,8 +215,16 @@ def element_profile(
         ),
         ripple=None if noise is None else rounded(noise, 4),
         limited_by=limited,
-        motion=scene.motion(name, device.motion),
+        motion=motion,
         rendered=rendered(device, problem.filters, **values),
+        contact=contact(
+            device,
+            problem.region.box,
+            problem.filters,
+            values,
+            speed=motion.speed,
+            one_sided=wanted.one_sided,
+        ),
         one_sided=wanted.one_sided,
         fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
     )

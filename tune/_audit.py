@@ -88,6 +88,11 @@ class Audit:
         )
 
     @property
+    def jitter(self) -> float:
+        """Part of the sample time by which each step may vary, at the corners of the box."""
+        return self.design.elements[ELEMENT].margins.jitter or 0.0
+
+    @property
     def safe(self) -> bool:
         """True when nothing was found and the independent check agrees."""
         return not self.faults

@@ -41,6 +41,7 @@ SLOPES = (
     "largest slope"
 )
 NOT_ASSESSED = (
+    "steps that vary in length: margins.jitter is assessed at the corners of the box, not proved",
     "bounce on a one-sided wall, and sustained oscillation from quantiser and friction: the "
     "simulator's part",
 )

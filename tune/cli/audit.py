@@ -151,6 +151,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
             "-" if math.isnan(found.delay_samples) else further_delay(found.delay_samples),
             f"{design.margin.extra_delay_samples}",
         ),
+        ("steps longer or shorter, assessed", f"by {found.jitter:.1%}", "-"),
         (
             "sustained force",
             f"{found.sustained:.4g} {units['force']}",
@@ -243,6 +244,7 @@ def _numbers(found: Audit) -> dict[str, object]:
         "safe": found.safe,
         "gain_margin": number(found.gain),
         "extra_delay_samples": number(found.delay_samples),
+        "jitter": found.jitter,
         "sustained_force": found.sustained,
         "peak_force": found.peak,
         "ripple": number(found.ripple),

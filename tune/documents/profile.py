@@ -50,11 +50,15 @@ class Margins(Document):
             is stable.
         passive: passivity by its own condition; "not-applicable" with a mode, a current lag or a
             part of a sample of delay.
+        jitter: part of the sample time by which each step may be longer or shorter with the loop
+            stable at its own gain, at the corners of the box; assessed, not proved. None in
+            profiles written before it was computed, which `check` refuses.
     """
 
     gain: float
     extra_delay_samples: float
     passive: bool | Literal["not-applicable"]
+    jitter: float | None = None
 
 
 class Rendered(Document):

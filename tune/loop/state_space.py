@@ -7,11 +7,14 @@ their way to the actuator, and what the estimators remember.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import Box, Device
 from tune.loop.filters import Filters
 
 FloatArray = NDArray[np.float64]
@@ -20,6 +23,68 @@ FloatArray = NDArray[np.float64]
 _TAYLOR = 18
 #: Parts of a sample that count as none; clocks are not better.
 _WHOLE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corner:
+    """One way a device may be, SI units.
+
+    Attributes:
+        mass: kg.
+        damping: N·s/m.
+        sample_time: s.
+        delay: s.
+        position_stiffness: slope of the device's own force by position, N/m.
+        current_lag: time constant of the actuator, s.
+        modes: (frequency in Hz, damping ratio, participation at motor and encoder) of each.
+    """
+
+    mass: float
+    damping: float
+    sample_time: float
+    delay: float
+    position_stiffness: float = 0.0
+    current_lag: float = 0.0
+    modes: tuple[tuple[float, float, float], ...] = ()
+
+
+def corners_of(device: Device, box: Box) -> tuple[Corner, ...]:
+    """The corners of the box of a device; modes at their least, middle and largest, all together.
+
+    Args:
+        device: modes and current lag are read.
+        box: of everything else.
+    """
+    lag = device.current_lag
+    sides = (
+        box.mass,
+        box.damping,
+        box.sample_time,
+        box.delay,
+        box.position_stiffness,
+        (0.0, 0.0) if lag is None else (lag.low, lag.high),
+    )
+    certain = all(m.frequency_hz.exact and m.damping_ratio.exact for m in device.modes)
+    return tuple(
+        Corner(
+            mass=mass,
+            damping=damping,
+            sample_time=step,
+            delay=delay,
+            position_stiffness=slope,
+            current_lag=late,
+            modes=tuple(
+                (
+                    (1 - part) * mode.frequency_hz.low + part * mode.frequency_hz.high,
+                    (1 - part) * mode.damping_ratio.low + part * mode.damping_ratio.high,
+                    mode.at_encoder,
+                )
+                for mode in device.modes
+            ),
+        )
+        for mass, damping, step, delay, slope, late in product(*map(dict.fromkeys, sides))
+        for part in ((0.0,) if certain else (0.0, 0.5, 1.0))
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,41 +112,26 @@ class Plant:
         return len(self.drive) > 2 * self.speed
 
     @classmethod
-    def of(
-        cls,
-        *,
-        mass: float,
-        damping: float,
-        position_stiffness: float = 0.0,
-        current_lag: float = 0.0,
-        modes: tuple[tuple[float, float, float], ...] = (),
-    ) -> Plant:
-        """A device without a hand, SI units.
-
-        Args:
-            mass: kg.
-            damping: N·s/m.
-            position_stiffness: slope of the device's own force by position, N/m.
-            current_lag: time constant of the actuator, s.
-            modes: (frequency in Hz, damping ratio, participation at motor and encoder) of each.
-        """
+    def of(cls, place: Corner) -> Plant:
+        """A device without a hand, at one corner of its box."""
+        mass, modes = place.mass, place.modes
         count = 1 + len(modes)
-        lagged = current_lag > 0
+        lagged = place.current_lag > 0
         size = 2 * count + lagged
         read = np.zeros(size)
         read[:count] = [1.0, *(mode[2] for mode in modes)]
         turn = [2 * np.pi * mode[0] for mode in modes]
         motion, drive = np.zeros((size, size)), np.zeros(size)
         motion[np.arange(count), count + np.arange(count)] = 1.0
-        spring = [position_stiffness / mass, *(omega**2 for omega in turn)]
-        loss = [damping / mass, *(2 * m[1] * w for m, w in zip(modes, turn, strict=True))]
+        spring = [place.position_stiffness / mass, *(omega**2 for omega in turn)]
+        loss = [place.damping / mass, *(2 * m[1] * w for m, w in zip(modes, turn, strict=True))]
         motion[np.arange(count, 2 * count), np.arange(count)] = np.negative(spring)
         motion[np.arange(count, 2 * count), np.arange(count, 2 * count)] = np.negative(loss)
         pushed = read[:count] / mass
         if lagged:
             motion[count : 2 * count, -1] = pushed
-            motion[-1, -1] = -1 / current_lag
-            drive[-1] = 1 / current_lag
+            motion[-1, -1] = -1 / place.current_lag
+            drive[-1] = 1 / place.current_lag
         else:
             drive[count : 2 * count] = pushed
         return cls(motion=motion, drive=drive, read=read, speed=count)
@@ -100,58 +150,51 @@ class Plant:
 class SampledLoop:
     """A device with its law from one sample to the next, as z[k+1] = pushed·z[k] or free·z[k].
 
-    The state z is the plant's, then the commands under way, the newest first, then past readings,
-    the newest first, then the two last values of each filtered estimate.
+    The state z is the plant's, then the commands under way, the newest first, then the law's.
 
     Attributes:
+        plant: in continuous time.
         pushed: the transition while the law acts; shape (..., states, states).
         free: the transition while it commands nothing; likewise.
         command: the law's force is command·z; shape (states,).
         read: the reading is read·z; shape (states,).
         under_way: where the commands under way are.
-        past: where past readings are.
-        estimates: where the filtered velocity is, if any; its steady value is the speed.
+        remembered: where the states of the law are.
     """
 
+    plant: Plant
     pushed: FloatArray
     free: FloatArray
     command: FloatArray
     read: FloatArray
     under_way: slice
-    past: slice
-    estimates: slice
+    remembered: slice
 
     @classmethod
     def of(
         cls,
-        plant: Plant,
+        place: Corner,
         filters: Filters,
+        values: Sequence[float],
         *,
-        stiffness: float,
-        damping: float,
-        mass: float,
-        sample_time: float,
-        delay_samples: float,
-        steps: FloatArray | float | None = None,
+        lengths: FloatArray | float = 1.0,
     ) -> SampledLoop:
-        """The loop of a plant.
+        """The loop of a device; its delay is counted in steps and parts of a step.
 
         Args:
-            plant: of the device.
+            place: how the device is.
             filters: of velocity and acceleration, made for the sample time.
-            stiffness: K of the law, N/m; 0 for none, as of the others.
-            damping: B, N·s/m.
-            mass: M, kg.
-            sample_time: T, s.
-            delay_samples: from reading to force, counted in steps and parts of a step.
-            steps: true lengths of a step, s, of any shape, that of the transitions; None is T.
+            values: K, B and M of the law, N/m, N·s/m and kg; 0 for none.
+            lengths: of true steps in sample times, of any shape, that of the transitions.
         """
-        law = _law(filters, sample_time, stiffness, damping, mass)
+        plant = Plant.of(place)
+        law = _law(filters, place.sample_time, *values)
+        delay_samples = place.delay / place.sample_time
         whole = int(np.floor(delay_samples + _WHOLE))
         part = delay_samples - whole
         part = part if part > _WHOLE else 0.0
         under_way = whole + (part > 0)
-        time = np.asarray(sample_time if steps is None else steps, dtype=np.float64)
+        time = np.asarray(place.sample_time * lengths)
         size, start = len(plant.drive), len(plant.drive) + under_way
         states = start + len(law.update)
 
@@ -168,8 +211,8 @@ class SampledLoop:
             first = plant.held(part * time)
             transition[..., :size, :size] = last[0] @ first[0]
             transition[..., :size, size + whole] = (last[0] @ first[1][..., None])[..., 0]
-        for place in range(1, under_way):
-            transition[..., size + place, size + place - 1] = 1.0
+        for older in range(1, under_way):
+            transition[..., size + older, size + older - 1] = 1.0
         transition[..., start:, start:] = law.update
         transition[..., start:, :] += law.drive[:, None] * read
         pushed = transition.copy()
@@ -181,75 +224,86 @@ class SampledLoop:
         if under_way:
             pushed[..., size, :] += command
         return cls(
+            plant=plant,
             pushed=pushed,
             free=transition,
             command=command,
             read=read,
             under_way=slice(size, start),
-            past=slice(start, start + law.past),
-            estimates=slice(start + law.past, start + law.past + law.velocities),
+            remembered=slice(start, states),
         )
+
+    def moving(self, reading: FloatArray, advance: float) -> FloatArray:
+        """States of the law that has seen readings rise evenly for long.
+
+        Args:
+            reading: the next ones, m, shape (n,).
+            advance: from reading to reading, m.
+
+        Returns:
+            Shape (states of the law, n).
+        """
+        update = self.free[self.remembered, self.remembered]
+        drive = (self.free @ self.read)[self.remembered] / (self.read @ self.read)
+        left = np.eye(len(drive)) - update
+        at_rest = np.asarray(np.linalg.solve(left, drive), dtype=np.float64)
+        behind = np.asarray(np.linalg.solve(left, at_rest * advance), dtype=np.float64)
+        return at_rest[:, None] * reading - behind[:, None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Law:
-    """Estimates from readings: s[k+1] = update·s + drive·y, force = command·s + direct·y."""
+    """s[k+1] = update·s + drive·y, force = command·s + direct·y."""
 
     update: FloatArray
     drive: FloatArray
     command: FloatArray
     direct: float
-    past: int
-    velocities: int
 
 
 def _law(filters: Filters, T: float, K: float, B: float, M: float) -> _Law:
-    """States: past readings, newest first; two values of the velocity; two of the acceleration."""
-    window = filters.velocity_window_samples or 1
-    past = max(window if B else 0, 2 if M else 0)
-    filtered = bool(B) and filters.velocity_filter_hz is not None
-    smoothed = bool(M) and filters.acceleration_filter_hz is not None
-    size = past + 2 * filtered + 2 * smoothed
-    update, drive, command, direct = np.zeros((size, size)), np.zeros(size), np.zeros(size), -K
-    update[np.arange(1, past), np.arange(past - 1)] = 1.0
-    drive[: min(past, 1)] = 1.0
-    place = past
-    for gain, there, cutoff, order, difference in (
-        (B, filtered, filters.velocity_filter_hz, filters.velocity_filter_order, (window, T)),
-        (
-            M,
-            smoothed,
-            filters.acceleration_filter_hz,
-            filters.acceleration_filter_order,
-            (0, T),
-        ),
-    ):
-        if not gain:
-            continue
-        row = np.zeros(size)
-        if difference[0]:
-            row[window - 1] = -1 / (window * T)
-            new = 1 / (window * T)
-        else:
-            row[:2] = -2 / T**2, 1 / T**2
-            new = 1 / T**2
-        if there and cutoff is not None:
-            t, p = _section(cutoff, order, filters.filter_damping_ratio, T)
-            row, new = row * (1 - t + p), new * (1 - t + p)
-            row[place], row[place + 1] = t, -p
-            update[place], drive[place] = row, new
-            update[place + 1, place] = 1.0
-            place += 2
-        command -= gain * row
-        direct -= gain * new
+    """The law as one filter of the reading, as few states as its order (transposed direct form)."""
+    velocity, acceleration = (np.array([1.0]), np.array([1.0])), (np.array([1.0]), np.array([1.0]))
+    if B:
+        window = filters.velocity_window_samples or 1
+        slope = np.zeros(window + 1)
+        slope[0], slope[-1] = 1 / (window * T), -1 / (window * T)
+        order = filters.velocity_filter_order
+        velocity = _smoothed(slope, filters.velocity_filter_hz, order, filters, T)
+    if M:
+        twice = np.array([1.0, -2.0, 1.0]) / T**2
+        order = filters.acceleration_filter_order
+        acceleration = _smoothed(twice, filters.acceleration_filter_hz, order, filters, T)
+    below = np.convolve(velocity[1], acceleration[1])
+    above = [
+        K * below,
+        B * np.convolve(velocity[0], acceleration[1]),
+        M * np.convolve(acceleration[0], velocity[1]),
+    ]
+    size = max(len(part) for part in (below, *above))
+    top = np.zeros(size)
+    for part in above:
+        top[: len(part)] -= part
+    bottom = np.pad(below, (0, size - len(below)))
+    update = np.eye(size - 1, k=1)
+    if size > 1:
+        update[:, 0] -= bottom[1:]
     return _Law(
         update=update,
-        drive=drive,
-        command=command,
-        direct=direct,
-        past=past,
-        velocities=2 * filtered,
+        drive=top[1:] - bottom[1:] * top[0],
+        command=np.eye(1, size - 1)[0],
+        direct=float(top[0]),
     )
+
+
+def _smoothed(
+    difference: FloatArray, cutoff: float | None, order: int, filters: Filters, T: float
+) -> tuple[FloatArray, FloatArray]:
+    """(numerator, denominator) in 1/z of a difference behind its low-pass."""
+    if cutoff is None:
+        return difference, np.array([1.0])
+    t, p = _section(cutoff, order, filters.filter_damping_ratio, T)
+    return difference * (1 - t + p), np.array([1.0, -t, p][: order + 1])
 
 
 def _section(cutoff: float, order: int, ratio: float, T: float) -> tuple[float, float]:

@@ -14,11 +14,14 @@ from tune.documents.profile import ElementProfile, LimitedBy, Margins
 from tune.documents.scene import FADE_TIME, MARGINS, Scene
 from tune.loop.filters import used_filters
 from tune.loop.sampled_plant import WHOLE
+from tune.loop.state_space import corners_of
+from tune.margins.jitter import MOST as MOST_JITTER
+from tune.margins.jitter import jitter_margin
 from tune.margins.passivity import damping_needed
 from tune.optimisation.bounds import force_bound, ripple_bound, stable_bounds
 from tune.optimisation.delays import MOST
 from tune.optimisation.limits import forces_allowed, ripple, stable_points, worst_gain
-from tune.optimisation.problem import Problem
+from tune.optimisation.problem import Moment, Problem
 from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered
 
@@ -212,6 +215,7 @@ def element_profile(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
             extra_delay_samples=late,
             passive=_passive(problem, values),
+            jitter=_jitter(device, problem, moments, sizes),
         ),
         ripple=None if noise is None else rounded(noise, 4),
         limited_by=limited,
@@ -228,6 +232,19 @@ def element_profile(
         one_sided=wanted.one_sided,
         fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
     )
+
+
+def _jitter(
+    device: Device, problem: Problem, moments: Sequence[Moment], sizes: FloatArray
+) -> float:
+    """How uneven the steps may be in every one of some moments, in parts of the sample time."""
+    places = corners_of(device, problem.region.box)
+    found = MOST_JITTER
+    for moment in moments:
+        felt = problem.effects(moment, sizes)
+        K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
+        found = min(found, jitter_margin(places, problem.filters, (K, B, M)))
+    return rounded(found, 4)
 
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:

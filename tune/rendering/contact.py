@@ -6,8 +6,7 @@ docs/theory.md, 10. They are the element's own, at full gain and below the force
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from itertools import product
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from identification import Box, Device, rounded
 from tune.documents.effects import EffectName
 from tune.documents.profile import Contact
 from tune.loop.filters import Filters
-from tune.loop.state_space import Plant, SampledLoop
+from tune.loop.state_space import SampledLoop, corners_of
 from tune.rendering.restitution import restitutions
 
 #: Samples beyond which half a period of the device on a spring is no bounce off a wall.
@@ -72,21 +71,12 @@ def _restitution(
     found = np.array(
         [
             restitutions(
-                plant,
-                SampledLoop.of(
-                    plant,
-                    filters,
-                    stiffness=stiffness,
-                    damping=damping,
-                    mass=0.0,
-                    sample_time=step,
-                    delay_samples=delay / step,
-                ),
+                SampledLoop.of(place, filters, (stiffness, damping, 0.0)),
                 one_sided=one_sided,
-                sample_time=step,
+                sample_time=place.sample_time,
                 half_period=half_period,
             )
-            for plant, step, delay in _corners(device, box)
+            for place in corners_of(device, box)
         ]
     )
     if not np.isfinite(found).all():
@@ -94,41 +84,6 @@ def _restitution(
     beside = np.abs(np.diff(found, axis=1)).max()
     least, most = max(0.0, found.min() - beside), found.max() + beside
     return _outwards(least, -1), _outwards(most, 1)
-
-
-def _corners(device: Device, box: Box) -> Iterator[tuple[Plant, float, float]]:
-    """(device, sample time in s, delay in s) at the corners of the box.
-
-    Modes are at their least, middle and largest, all of them together.
-    """
-    lag = device.current_lag
-    sides = (
-        box.mass,
-        box.damping,
-        box.sample_time,
-        box.delay,
-        box.position_stiffness,
-        (0.0, 0.0) if lag is None else (lag.low, lag.high),
-    )
-    certain = all(m.frequency_hz.exact and m.damping_ratio.exact for m in device.modes)
-    for mass, damping, step, delay, slope, late in product(*map(dict.fromkeys, sides)):
-        for part in (0.0,) if certain else (0.0, 0.5, 1.0):
-            modes = tuple(
-                (
-                    (1 - part) * mode.frequency_hz.low + part * mode.frequency_hz.high,
-                    (1 - part) * mode.damping_ratio.low + part * mode.damping_ratio.high,
-                    mode.at_encoder,
-                )
-                for mode in device.modes
-            )
-            plant = Plant.of(
-                mass=mass,
-                damping=damping,
-                position_stiffness=slope,
-                current_lag=late,
-                modes=modes,
-            )
-            yield plant, step, delay
 
 
 def _outwards(value: float, side: int) -> float:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.loop.state_space import Plant, SampledLoop
+from tune.loop.state_space import SampledLoop
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ _FEWEST, _MOST = 32, 1024
 
 
 def restitutions(
-    plant: Plant, loop: SampledLoop, *, one_sided: bool, sample_time: float, half_period: float
+    loop: SampledLoop, *, one_sided: bool, sample_time: float, half_period: float
 ) -> FloatArray:
     """Speed out over speed in, for each place between two samples at which the wall is reached.
 
@@ -34,7 +34,6 @@ def restitutions(
     does not change in free motion, nor does v + (b/m)·x + τ·F/m while an actuator's force decays.
 
     Args:
-        plant: the device.
         loop: of the device with the wall's law.
         one_sided: the wall only pushes; else its law acts until the device has left.
         sample_time: T, s.
@@ -43,12 +42,11 @@ def restitutions(
     Returns:
         Shape (PHASES,); 0 where the device stays inside.
     """
+    plant = loop.plant
     phases = np.arange(1, PHASES + 1) / PHASES
     state = np.zeros((len(loop.read), PHASES))
     state[: len(plant.drive)] = plant.held(phases * sample_time)[0][:, :, plant.speed].T
-    for back, place in enumerate(range(loop.past.start, loop.past.stop), start=1):
-        state[place] = loop.read @ state - back * sample_time
-    state[loop.estimates] = 1.0
+    state[loop.remembered] = loop.moving(loop.read @ state, sample_time)
     wanted = np.clip(1.1 * half_period / sample_time, _FEWEST, _MOST)
     count = 1 << int(np.ceil(np.log2(wanted)))
     acting, idle = _powers(loop.pushed, count), None

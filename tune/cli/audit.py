@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
@@ -139,6 +140,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
     """(what, seen, needed) of everything that was computed."""
     from tune._audit import ELEMENT
     from tune.cli.contacts import contact_words
+    from tune.cli.friction_rows import friction_rows
     from tune.cli.tables import UNITS, further_delay
 
     design, margins = found.design, found.margins
@@ -186,6 +188,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
         ("as a wall that only pushes, a free device", words, "-")
         for words in contact_words(wall, design.device, units, f"{speed:g} {units['speed']}")
     ]
+    rows += friction_rows(found, units)
     if margins is not None:
         disk = margins.disk
         passive = margins.passivity
@@ -252,6 +255,8 @@ def _numbers(found: Audit) -> dict[str, object]:
         "vibration_over_threshold": number(found.felt),
         "one_count": found.jumps,
         "wall": found.wall.model_dump(),
+        "passive_with_encoder": found.quantised and asdict(found.quantised),
+        "limit_cycle": found.cycle and asdict(found.cycle),
         "slowest_decay": number(margins and margins.decay),
         "damping_ratio": number(margins and margins.damping_ratio),
         "phase_margin_degrees": number(margins and margins.phase),

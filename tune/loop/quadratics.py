@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.loop.companion import companion_roots
-from tune.loop.polynomials import UNIT, Polynomial, padded, product
+from tune.loop.polynomials import UNIT, Polynomial, companion_roots, padded, product
 
 FloatArray = NDArray[np.float64]
 

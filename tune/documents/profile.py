@@ -31,6 +31,7 @@ LimitedBy = Literal[
     "stability",
     "gain-margin",
     "delay-margin",
+    "saturation",
     "force",
     "ripple",
     "wanted",
@@ -53,12 +54,15 @@ class Margins(Document):
         jitter: part of the sample time by which each step may be longer or shorter with the loop
             stable at its own gain, at the corners of the box; assessed, not proved. None in
             profiles written before it was computed, which `check` refuses.
+        absolute_gain: the gain up to which all moments with this element that are one-sided are
+            proved absolutely stable, with the extra delay of the margin; None where none is.
     """
 
     gain: float
     extra_delay_samples: float
     passive: bool | Literal["not-applicable"]
     jitter: float | None = None
+    absolute_gain: float | None = None
 
 
 class Rendered(Document):

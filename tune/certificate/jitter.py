@@ -31,7 +31,7 @@ _AGREE = 1e-3
 #: Parts of a sample of delay that count as none.
 _WHOLE = 1e-9
 #: Sweeps that balance moduli; what stands for none, in parts of the largest.
-_SWEEPS, _NONE = 24, 1e-9
+_SWEEPS, _NONE = 6, 1e-9
 
 
 def jitter_failures(design: Design, name: str) -> Iterator[str]:

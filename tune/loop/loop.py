@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.hand import Hand
-from tune.loop.coefficients import Factors, Terms, Transfer
+from tune.loop.coefficients import Terms, Transfer
+from tune.loop.factors import Factors
 from tune.loop.filters import (
     Filters,
     Law,

@@ -92,19 +92,3 @@ def padded(part: FloatArray, length: int) -> FloatArray:
 
 def _lifted(p: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     return p.reshape(len(p), *(1,) * (len(shape) - p.ndim + 1), *p.shape[1:])
-
-
-def companion_roots(lower: FloatArray) -> NDArray[np.complex128]:
-    """All roots of monic polynomials, in whatever digits eigenvalues have.
-
-    Args:
-        lower: (degree, columns), ascending coefficients without the leading one, which is 1.
-
-    Returns:
-        shape (degree, columns).
-    """
-    degree, columns = lower.shape
-    companion = np.zeros((columns, degree, degree))
-    companion[:, 0, :] = -lower[::-1].T
-    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
-    return np.linalg.eigvals(companion).T.astype(np.complex128)

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.loop.polynomials import UNIT, Polynomial, companion_roots, padded, product
+from tune.loop.companion import companion_roots
+from tune.loop.polynomials import UNIT, Polynomial, padded, product
 
 FloatArray = NDArray[np.float64]
 

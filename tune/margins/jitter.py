@@ -31,7 +31,7 @@ _LENGTHS = np.linspace(-1.0, 1.0, 5)
 #: The largest j is found to this part of itself, in at most so many steps.
 _CLOSE, _MOST_STEPS = 1e-4, 40
 #: Balancing sweeps of the moduli, and what stands for none, relative to the largest.
-_SWEEPS, _NONE = 24, 1e-9
+_SWEEPS, _NONE = 6, 1e-9
 
 
 def jitter_margin(

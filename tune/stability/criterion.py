@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.loop.polynomials import UNIT, companion_roots
+from tune.loop.companion import companion_roots
+from tune.loop.polynomials import UNIT
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

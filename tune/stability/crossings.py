@@ -13,7 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.loop.polynomials import UNIT, companion_roots, padded, product
+from tune.loop.companion import companion_roots
+from tune.loop.polynomials import UNIT, padded, product
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
-from tune.loop.coefficients import Factors, Terms
+from tune.loop.coefficients import Terms
+from tune.loop.factors import Factors
 from tune.loop.loop import Loop
 from tune.stability.criterion import VerdictArray, routh
 from tune.stability.crossings import Ratio

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.hand import Hand
+from tune.loop.companion import companion_roots
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.loop.polynomials import companion_roots
 
 FloatArray = NDArray[np.float64]
 

@@ -40,7 +40,7 @@ def _margin(name: str) -> float:
     mass, damping, late, values, velocity, acceleration = LOOPS[name]
     place = Corner(mass=mass, damping=damping, sample_time=T, delay=late * T)
     filters = Filters(velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
-    return jitter_margin([place], filters, values)
+    return jitter_margin((place,), filters, values)
 
 
 @functools.cache
@@ -105,14 +105,14 @@ def test_beyond_it_some_sequence_does(name: str, beyond: float) -> None:
 
 def test_a_loop_that_is_unstable_at_even_steps_has_none() -> None:
     place = Corner(mass=3.0, damping=10.0, sample_time=T, delay=T)
-    assert jitter_margin([place], Filters(), (7000.0, 0.0, 0.0)) == 0
+    assert jitter_margin((place,), Filters(), (7000.0, 0.0, 0.0)) == 0
 
 
 def test_the_simulator_settles_with_steps_by_chance_within_the_margin() -> None:
     """Without a delay, which the simulator counts in seconds."""
     place = Corner(mass=3.0, damping=10.0, sample_time=T, delay=0.0)
     values = (8000.0, 150.0, 0.0)
-    margin = jitter_margin([place], Filters(velocity_filter_hz=60.0), values)
+    margin = jitter_margin((place,), Filters(velocity_filter_hz=60.0), values)
     chance = np.random.default_rng(5)
     steps = T * (1 + margin * chance.uniform(-1, 1, 400))
     steps += T - np.mean(steps)

@@ -12,7 +12,6 @@ Perron vectors of the elementwise largest moduli, the best for matrices without 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -34,8 +33,9 @@ _CLOSE, _MOST_STEPS = 1e-4, 40
 _SWEEPS, _NONE = 6, 1e-9
 
 
+@lru_cache(maxsize=4096)
 def jitter_margin(
-    places: Sequence[Corner], filters: Filters, values: tuple[float, float, float]
+    places: tuple[Corner, ...], filters: Filters, values: tuple[float, float, float]
 ) -> float:
     """Largest j up to `MOST` such that steps anywhere in T(1 ± j) leave every loop stable.
 
@@ -50,35 +50,42 @@ def jitter_margin(
     Returns:
         0 where a loop is not stable at even steps.
     """
+    far = {place: growth(place, filters, values, MOST) for place in places}
     found = MOST
-    for place in places:
-        found = min(found, _margin_at(place, filters, values, found))
+    # The worst first: the others are then looked at no further.
+    for place in sorted(far, key=far.__getitem__, reverse=True):
+        if far[place] < 0:
+            break
+        if found == MOST or growth(place, filters, values, found) >= 0:
+            found = _margin_at(place, filters, values, found)
     return found
 
 
-@lru_cache(maxsize=4096)
 def _margin_at(
     place: Corner, filters: Filters, values: tuple[float, float, float], most: float
 ) -> float:
-    """The margin of one loop, as far as ``most``, by the Illinois form of false position."""
+    """The margin of a loop that is not stable up to ``most``, by the Illinois false position."""
     low, high = 0.0, most
     above = growth(place, filters, values, most)
-    if above < 0:
-        return most
     below = growth(place, filters, values, 0.0)
     if below >= 0:
         return 0.0
+    side = 0
     for _ in range(_MOST_STEPS):
         if high - low < _CLOSE * high:
             break
-        # A growth without bound tells no slope.
-        share = below / (below - above) if np.isfinite(above) else -0.5
-        middle = low + (high - low) * abs(share)
+        # A growth without bound tells no slope. The step aims a little beyond the zero, so that
+        # both ends close in.
+        share = -below / (above - below) if np.isfinite(above) else 0.5
+        aim = low + (high - low) * share
+        middle = min(max(aim + side * _CLOSE * aim / 3, (low + aim) / 2), (high + aim) / 2)
         seen = growth(place, filters, values, middle)
         if seen < 0:
-            low, below, above = middle, seen, above / 2
+            low, below, above = middle, seen, above / 2 if side > 0 else above
+            side = 1
         else:
-            high, above, below = middle, seen, below / 2
+            high, above, below = middle, seen, below / 2 if side < 0 else below
+            side = -1
     return low
 
 

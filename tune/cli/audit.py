@@ -139,7 +139,7 @@ def _sentence(effects: Effects | None) -> str:
 def _rows(found: Audit) -> list[tuple[str, str, str]]:
     """(what, seen, needed) of everything that was computed."""
     from tune._audit import ELEMENT
-    from tune.cli.contacts import contact_words
+    from tune.cli.contacts import contact_words, varied
     from tune.cli.friction_rows import friction_rows
     from tune.cli.tables import UNITS, further_delay
 
@@ -153,7 +153,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
             "-" if math.isnan(found.delay_samples) else further_delay(found.delay_samples),
             f"{design.margin.extra_delay_samples}",
         ),
-        ("steps longer or shorter, assessed", f"by {found.jitter:.1%}", "-"),
+        ("steps longer or shorter, assessed", f"by {varied(found.jitter)}", "-"),
         (
             "sustained force",
             f"{found.sustained:.4g} {units['force']}",

@@ -1,4 +1,4 @@
-"""What a free device meets that enters an element, in words."""
+"""What a free device meets that enters an element, and how uneven steps may be, in words."""
 
 from __future__ import annotations
 
@@ -7,6 +7,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from identification import Device
     from tune.documents.profile import Contact, SafeProfile
+
+
+def varied(jitter: float) -> str:
+    """A jitter, which is not looked for beyond `tune.margins.jitter.MOST`."""
+    from tune.margins.jitter import MOST
+
+    return f"{jitter:.0%} or more" if jitter >= MOST else f"{jitter:.1%}"
 
 
 def contact_lines(profile: SafeProfile, units: dict[str, str]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tune.cli.contacts import contact_lines
+from tune.cli.contacts import contact_lines, varied
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -94,7 +94,7 @@ def _uneven(profile: SafeProfile) -> Iterator[str]:
     found = [each.margins.jitter for each in profile.elements.values()]
     if found and None not in found:
         least = min(each or 0.0 for each in found)
-        yield f"each step of the loop may vary by {least:.1%} (assessed, not proved)"
+        yield f"each step of the loop may vary by {varied(least)} (assessed, not proved)"
 
 
 def _felt(profile: SafeProfile) -> tuple[str, ...]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from tune.certificate.bounds import force_failures, ripple_of, whole_delay
+from tune.certificate.contact import contact_failures
+from tune.certificate.jitter import jitter_failures
 from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import regions_of
@@ -47,6 +49,8 @@ def recomputed_otherwise(design: Design, name: str) -> Iterator[str]:
     setting = setting_of(design, (name,))
     yield from _wrong_ripple(design, name, setting)
     yield from _wrong_passivity(design, name, setting)
+    yield from contact_failures(design, name)
+    yield from jitter_failures(design, name)
     element = design.elements[name]
     for effect, word in element.limited_by.items():
         if word in {"force", "ripple"} and getattr(element, effect):

@@ -48,9 +48,8 @@ class Regression:
         motion: direction and standstill the friction columns were made from.
         cut_off: of the filter, and why there.
         low_pass: the filter.
-        kinematics: filtered acceleration and velocity, shape (rows, 2).
-        friction: filtered columns of the other terms, shape (rows, p - 2).
-        attenuation: mean square of noise in each column, shape (p,).
+        columns: filtered acceleration, velocity and other terms, in the order of the model's
+            parameters, shape (p, rows).
         mean_speed: s of the model, m/s.
         filtered_forces: by delay, s: the last ones made where the device stands as it does here.
     """
@@ -61,9 +60,7 @@ class Regression:
     motion: Motion
     cut_off: CutOff
     low_pass: LowPass
-    kinematics: FloatArray
-    friction: FloatArray
-    attenuation: FloatArray
+    columns: FloatArray
     mean_speed: float
     filtered_forces: dict[float, FloatArray] = field(default_factory=dict[float, FloatArray])
 
@@ -72,8 +69,7 @@ class Regression:
         cls, signals: Signals, model: Model, motion: Motion, *, cut_off: CutOff, known: int
     ) -> Regression:
         """Columns of a log; see the attributes."""
-        low_pass = LowPass.at(cut_off.frequency, signals.step)
-        rows = signals.kinematics
+        rows, low_pass = signals.kinematics, LowPass.at(cut_off.frequency, signals.step)
         table = cls(
             signals=signals,
             model=model,
@@ -81,11 +77,7 @@ class Regression:
             motion=motion,
             cut_off=cut_off,
             low_pass=low_pass,
-            kinematics=np.stack(
-                [low_pass(each)[known:] for each in (rows.acceleration, rows.velocity)], axis=1
-            ),
-            friction=np.empty((0, 0)),
-            attenuation=np.empty(0),
+            columns=low_pass(np.stack((rows.acceleration, rows.velocity)))[:, known:],
             mean_speed=0.0,
         )
         return table._with_terms()
@@ -94,11 +86,6 @@ class Regression:
     def first(self) -> int:
         """Sample of the first filtered row."""
         return FIRST + self.low_pass.half + self.known
-
-    @property
-    def columns(self) -> FloatArray:
-        """Shape (rows, p), in the order of the model's parameters."""
-        return np.concatenate((self.kinematics, self.friction), axis=1)
 
     def with_model(self, model: Model) -> Regression:
         """The same log and filter with other terms."""
@@ -135,25 +122,11 @@ class Regression:
 
     def _with_terms(self) -> Regression:
         found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
-        triangles = [of_rows(each.triangle()) for each in found.columns]
-        step, kernel = self.signals.step, self.low_pass.kernel
-        # Noise of a reading, as the second and the central difference pass it on.
-        second = np.convolve(kernel, [1.0, -2.0, 1.0]) / step**2
-        central = np.convolve(kernel, [0.5, 0.0, -0.5]) / step
-        attenuation = np.zeros(len(self.model.parameters))
-        attenuation[:2] = np.sum(second**2), np.sum(central**2)
-        if self.model.directional:
-            attenuation[self.model.parameters.index("damping_asymmetry")] = attenuation[1]
-        return replace(
-            self,
-            friction=(
-                self.low_pass(np.stack(triangles))[:, self.known :].T
-                if triangles
-                else np.empty((len(self.kinematics), 0))
-            ),
-            attenuation=self.signals.noise**2 * attenuation,
-            mean_speed=found.mean_speed,
-        )
+        columns = [self.columns[:2]]
+        if found.columns:
+            triangles = np.stack([of_rows(each.triangle()) for each in found.columns])
+            columns.append(self.low_pass(triangles)[:, self.known :])
+        return replace(self, columns=np.concatenate(columns), mean_speed=found.mean_speed)
 
     def filtered(self, held: Held) -> FloatArray:
         """Rows of a held column, filtered, shape (rows,)."""
@@ -189,13 +162,20 @@ class Regression:
         Noise in a column would shrink its parameter (Fuller, Measurement Error Models, 1987,
         section 1.2); its mean square is known from the noise of a reading and the filter.
         """
-        columns = self.columns
-        squares = columns.T @ columns
+        squares = self.columns @ self.columns.T
         norms = np.sqrt(np.diag(squares))
         norms = np.where(norms > 0, norms, 1.0)
-        squares -= np.diag(len(columns) * self.attenuation)
-        right = columns.T @ self.force(delay)
+        squares -= np.diag(self.columns.shape[1] * self._attenuation())
+        right = self.columns @ self.force(delay)
         return np.linalg.lstsq(squares / np.outer(norms, norms), right / norms)[0] / norms
+
+    def _attenuation(self) -> FloatArray:
+        """Mean square of noise of a reading in each column, shape (p,)."""
+        # As the second and the central difference pass it on.
+        acceleration, velocity = self.low_pass.noise_gains(self.signals.step)
+        gains = {"mass": acceleration, "damping": velocity, "damping_asymmetry": velocity}
+        of_columns = [gains.get(name, 0.0) for name in self.model.parameters]
+        return self.signals.noise**2 * np.array(of_columns)
 
     def refined(self, delay: float) -> Regression:
         """The same with the direction of motion from the fitted model."""
@@ -203,6 +183,7 @@ class Regression:
             return self
         signals = self.signals
         applied = self.held_force(delay).mean()
+        smoothed = self.low_pass.continued(signals.speed)
         table, before = self, np.empty(0)
         for _ in range(REFINEMENTS):
             values = dict(zip(self.model.parameters, table.solve(delay), strict=True))
@@ -215,10 +196,10 @@ class Regression:
             before = np.append(before, friction)
             motion = refined(
                 table.motion,
-                signals.speed,
+                smoothed,
                 applied - others(self.model, table.motion, signals.position, signals.steps, values),
                 steps=signals.steps,
-                kernel=self.low_pass.kernel,
+                low_pass=self.low_pass,
                 mass=values["mass"],
                 damping=values["damping"],
                 friction=friction,
@@ -266,10 +247,9 @@ def fit(table: Regression, delay: float) -> Estimate:
         Estimate with the residual in force, filtered; its notes state the cut-off and what mass
         and damping become at half and at twice of it.
     """
-    force, columns = table.force(delay), table.columns
-    values = table.solve(delay)
-    residual = force - columns @ values
-    around = spread(columns.T, residual, len(values), signal=force)
+    force, values = table.force(delay), table.solve(delay)
+    residual = force - values @ table.columns
+    around = spread(table.columns, residual, len(values), signal=force)
     low, high = (
         table.at_cut_off(factor * table.cut_off.frequency).solve(delay)
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)

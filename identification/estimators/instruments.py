@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.answer import answer
+from identification.estimators.answer import Point, answer
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import Commands, Held
 from identification.estimators.held_response import Coasting, Gain
@@ -45,6 +45,11 @@ _NUDGE = 0.05
 _UNEXCITED = 1e-6
 
 
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+    """What ``fit`` finds, without intervals."""
+    return _found(table, _source(table), delay, start)
+
+
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by instrumental variables.
 
@@ -58,54 +63,52 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     Returns:
         Estimate with the residual in force, filtered; its first note says which instruments.
     """
-    source = _Simulated(table) if table.signals.reference is None else _Referenced.of(table)
-    size, fits_delay = len(table.model.parameters), delay is None
-    first = start if delay is None else delay
-    best = _improved(table, source, table.solve(first), first, fits_delay=fits_delay)
-    for _ in range(_MOST_ROUNDS):
-        if best.settled:
-            break
-        best = _improved(table, source, best.values, best.delay, fits_delay=fits_delay)
-    force, residual = best.force, best.residual
-    around = spread(
-        best.columns, residual, size + fits_delay, signal=force, instruments=best.tests
-    )
+    source, fitted = _source(table), delay is None
+    best = _found(table, source, delay, start)
+    size = len(table.model.parameters) + fitted
+    around = spread(best.columns, best.residual, size, signal=best.signal, instruments=best.tests)
     notes = (source.note, table.cut_off.reason)
     return answer(
         "instruments",
         table.model,
-        best.values,
+        best,
         around,
-        delay=best.delay,
-        fitted=fits_delay,
-        signal=force,
-        residual=residual,
+        fitted=fitted,
         unit="force",
         mean_speed=table.mean_speed,
         notes=notes if best.settled else (*notes, "the instruments did not settle"),
     )
 
 
+def _source(table: Regression) -> _Simulated | _Referenced:
+    return _Simulated(table) if table.signals.reference is None else _Referenced.of(table)
+
+
+def _found(
+    table: Regression, source: _Simulated | _Referenced, delay: float | None, start: float
+) -> _Solution:
+    """The solution that its own instruments no longer move."""
+    fits_delay, first = delay is None, start if delay is None else delay
+    best = _improved(table, source, table.solve(first), first, fits_delay=fits_delay)
+    for _ in range(_MOST_ROUNDS):
+        if best.settled:
+            break
+        best = _improved(table, source, best.values, best.delay, fits_delay=fits_delay)
+    return best
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Solution:
-    """Parameters and what they were solved from.
+class _Solution(Point):
+    """A point estimate and what it was solved from.
 
     Attributes:
-        values: shape (p,).
-        delay: s.
         columns: shape (q, rows); q is p, or p + 1 if the delay is fitted.
         tests: instruments, shape (q, rows).
-        force: N, shape (rows,).
-        residual: N, shape (rows,).
         settled: whether the last step was short.
     """
 
-    values: FloatArray
-    delay: float
     columns: FloatArray
     tests: FloatArray
-    force: FloatArray
-    residual: FloatArray
     settled: bool
 
 
@@ -136,7 +139,7 @@ def _improved(
         delay=delay,
         columns=columns,
         tests=tests,
-        force=force,
+        signal=force,
         residual=residual,
         settled=moved <= _SETTLED * float(np.linalg.norm(residual)),
     )
@@ -236,9 +239,7 @@ class _Past:
     inverse: FloatArray
 
     @classmethod
-    def of(
-        cls, reference: FloatArray, time: FloatArray, at: FloatArray, lags: FloatArray
-    ) -> _Past:
+    def of(cls, reference: FloatArray, time: FloatArray, at: FloatArray, lags: FloatArray) -> _Past:
         """Values at ``at`` less each of the lags, s, of a reference known at some times."""
         past = np.empty((lags.size, at.size))
         for row, lag in zip(past, lags, strict=True):
@@ -246,7 +247,8 @@ class _Past:
         past -= past.mean(axis=1, keepdims=True)
         norms = np.linalg.norm(past, axis=1, keepdims=True)
         past /= np.where(norms > 0, norms, 1.0)
-        return cls(past, np.linalg.pinv(past @ past.T, rcond=_UNEXCITED**2, hermitian=True))
+        inverse: FloatArray = np.linalg.pinv(past @ past.T, rcond=_UNEXCITED**2, hermitian=True)
+        return cls(past, inverse)
 
     def explained(self, column: FloatArray) -> FloatArray:
         """What they explain of a column, shape (times,)."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.answer import answer
+from identification.estimators.answer import Point, answer
 from identification.estimators.cut_off import CutOff, choose_cut_off
 from identification.estimators.held import Held, unknown_intervals
 from identification.estimators.intervals import spread
@@ -236,6 +236,12 @@ def prepare(
     return table.refined(delay) if refine else table
 
 
+def point(table: Regression, delay: float) -> Point:
+    """What ``fit`` finds, without intervals."""
+    force, values = table.force(delay), table.solve(delay)
+    return Point(values=values, delay=delay, signal=force, residual=force - values @ table.columns)
+
+
 def fit(table: Regression, delay: float) -> Estimate:
     """Mass, damping and friction by filtered least squares.
 
@@ -247,9 +253,9 @@ def fit(table: Regression, delay: float) -> Estimate:
         Estimate with the residual in force, filtered; its notes state the cut-off and what mass
         and damping become at half and at twice of it.
     """
-    force, values = table.force(delay), table.solve(delay)
-    residual = force - values @ table.columns
-    around = spread(table.columns, residual, len(values), signal=force)
+    found = point(table, delay)
+    force, residual = found.signal, found.residual
+    around = spread(table.columns, residual, len(table.columns), signal=force)
     low, high = (
         table.at_cut_off(factor * table.cut_off.frequency).solve(delay)
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
@@ -264,12 +270,9 @@ def fit(table: Regression, delay: float) -> Estimate:
     return answer(
         "least-squares",
         table.model,
-        values,
+        found,
         around,
-        delay=delay,
         fitted=False,
-        signal=force,
-        residual=residual,
         unit="force",
         mean_speed=table.mean_speed,
         notes=notes,

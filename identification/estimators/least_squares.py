@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.answer import Point, answer
 from identification.estimators.cut_off import CutOff, choose_cut_off
-from identification.estimators.held import Held, unknown_intervals
+from identification.estimators.held import Held, even_taps, unknown_intervals
 from identification.estimators.intervals import spread
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
@@ -51,6 +51,7 @@ class Regression:
         columns: filtered acceleration, velocity and other terms, in the order of the model's
             parameters, shape (p, rows).
         mean_speed: s of the model, m/s.
+        logged: force as it was sent, filtered, shape (n - 2·half,); empty if steps are uneven.
         filtered_forces: by delay, s: the last ones made where the device stands as it does here.
     """
 
@@ -62,6 +63,7 @@ class Regression:
     low_pass: LowPass
     columns: FloatArray
     mean_speed: float
+    logged: FloatArray
     filtered_forces: dict[float, FloatArray] = field(default_factory=dict[float, FloatArray])
 
     @classmethod
@@ -79,6 +81,9 @@ class Regression:
             low_pass=low_pass,
             columns=low_pass(np.stack((rows.acceleration, rows.velocity)))[:, known:],
             mean_speed=0.0,
+            logged=np.empty(0)
+            if isinstance(signals.steps, np.ndarray)
+            else low_pass(signals.commands.value),
         )
         return table._with_terms()
 
@@ -142,7 +147,9 @@ class Regression:
         return self.forces([delay])[0] if kept is None else kept
 
     def forces(self, delays: Sequence[float]) -> FloatArray:
-        """The same for several delays, shape (delays, rows)."""
+        """The filtered force with several delays in s, shape (delays, rows)."""
+        if self.logged.size and np.all(self.motion.moving):
+            return np.stack([self._shifted(delay) for delay in delays])
         known = self.filtered_forces
         missing = [delay for delay in dict.fromkeys(delays) if delay not in known]
         if missing:
@@ -155,6 +162,13 @@ class Regression:
             known.update(made)
             return found
         return np.stack([known[delay] for delay in delays])
+
+    def _shifted(self, delay: float) -> FloatArray:
+        """The filtered force of a log with even steps in which nothing stands, shape (rows,)."""
+        whole, taps = even_taps(delay, self.signals.step)
+        first, rows = self.known + FIRST - whole, self.columns.shape[1]
+        parts = (self.logged[first - back : first - back + rows] for back in range(len(taps)))
+        return sum((tap * part for tap, part in zip(taps, parts, strict=True)), np.zeros(rows))
 
     def solve(self, delay: float) -> FloatArray:
         """Parameters, shape (p,): least squares, less what noise adds to the squares of columns.

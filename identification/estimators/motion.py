@@ -174,6 +174,8 @@ def _released(
     A device starts from rest in the sense of the pull and slowly; noise would guess the sense.
     """
     resting = rest > 0
+    if not resting.any():
+        return velocity[:-1], velocity[1:]
     index = np.arange(rest.size)
     last = np.maximum.accumulate(np.where(resting, index, -1))
     release = np.minimum(last + 1, rest.size - 1)

@@ -20,7 +20,7 @@ from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
-from identification.estimators.linear import unit_columns
+from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.output_error_turns import Fitted, Turns
 from identification.estimators.separable import physical, solve
@@ -126,7 +126,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         size + fitted,
         mass=float(values[0]),
         rate=float(values[1] / values[0]),
-        step=float(np.mean(table.signals.steps)),
+        step=table.signals.step,
     )
     around = replace(around, covariance=around.covariance + drift)
     return answer(
@@ -174,7 +174,7 @@ def _rubs(table: Regression, found: Fitted) -> bool:
         return False
     at = table.model.parameters.index("coulomb_friction")
     unit, norms = unit_columns(found.jacobian.T)
-    inverse = np.linalg.pinv(unit.T @ unit, hermitian=True)
+    inverse = symmetric_inverse(unit.T @ unit)
     variance = float(found.residual @ found.residual) / found.residual.size
     return bool(found.values[at] > _RUBBING * np.sqrt(variance * inverse[at, at]) / norms[at])
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.intervals import half_width
-from identification.estimators.linear import unit_columns
+from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.model import Estimate
 from identification.findings.balance import Balance, even_sizes
 from identification.trajectory import Trajectory
@@ -108,7 +108,10 @@ def _misses(balance: Balance, chosen: Estimate) -> FloatArray:
     shown = _Blocks.of(columns, balance.force, slow, edges)
     inside = np.arange(_PARTS * _BLOCKS) // _BLOCKS
     return np.array(
-        [_miss(whole.chosen(inside != part), shown.chosen(inside == part)) for part in range(_PARTS)]
+        [
+            _miss(whole.chosen(inside != part), shown.chosen(inside == part))
+            for part in range(_PARTS)
+        ]
     )
 
 
@@ -167,7 +170,6 @@ class _Blocks:
         """Least squares, of least norm, on all blocks, then without each, shape (1 + blocks, p)."""
         count = len(self.counts)
         weights = np.concatenate((np.ones((1, count)), 1.0 - np.eye(count)))
-        inverse = np.linalg.pinv(np.tensordot(weights, self.normal, axes=1), hermitian=True)
+        inverse = symmetric_inverse(np.tensordot(weights, self.normal, axes=1))
         solved = inverse @ (weights @ self.right)[..., None]
         return np.asarray(solved[..., 0], dtype=np.float64)
-

@@ -155,6 +155,8 @@ def _rest(
     # What friction takes from the speed in one interval.
     loss = (friction - sense * pull) * mobility
     used_up = held & (speed <= loss)
+    if not used_up.any():
+        return np.zeros_like(velocity)
     part = 1 - speed / np.where(used_up & (loss > 0), loss, np.inf)
     count = np.concatenate(([0], np.cumsum(used_up)))
     earlier = count[:-1] > count[begin]

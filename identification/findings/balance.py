@@ -191,11 +191,12 @@ def _rows(
     middle: FloatArray = np.linspace(min(first, last), last, count, dtype=np.float64)
     start: IntArray = np.maximum(np.searchsorted(time, middle - half_width - delay) - 1, 0)
     stop: IntArray = np.searchsorted(time, middle + half_width)
-    longest = int(np.max(stop - start)) + 1
+    longest = min(int(np.max(stop - start)) + 1, time.size - 1)
+    start = np.minimum(start, time.size - 1 - longest)
     chunks = np.array_split(np.arange(count), 1 + count * longest // _CHUNK)
     parts: list[FloatArray] = []
     for chunk in chunks:
-        index = np.minimum(start[chunk, None] + np.arange(longest + 1), time.size - 1)
+        index = start[chunk, None] + np.arange(longest + 1)
         parts.append(
             _weighed(trajectory, index, middle[chunk, None], half_width, delay, bend_only=bend_only)
         )
@@ -236,18 +237,19 @@ def _weighed(
     """
     stamps, place = trajectory.time[index], trajectory.position[index]
     steps = np.diff(stamps, axis=1)
-    safe = np.where(steps > 0, steps, 1.0)
-    slope = np.diff(place, axis=1) / safe
+    slope = np.diff(place, axis=1) / steps
     shifted = (stamps - middle) / half_width
     cosine = np.cos(np.pi * shifted)
     bump = _window(shifted, cosine) / half_width
     bend = bump[:, :-1] - bump[:, 1:]
-    weight = bend / safe
+    weight = bend / steps
     inner = np.diff(weight, axis=1)
     # Noise of the first and the last reading enters once.
     gain = np.einsum("ij,ij->i", inner, inner) + weight[:, 0] ** 2 + weight[:, -1] ** 2
-    touched = (shifted[:, 1:] > -1) & (shifted[:, :-1] < 1)
-    longest = np.max(steps * touched, axis=1)
+    longest = np.max(steps, axis=1)
+    if np.any(longest > _LONGEST_INTERVAL * half_width):
+        touched = (shifted[:, 1:] > -1) & (shifted[:, :-1] < 1)
+        longest = np.max(steps * touched, axis=1)
     acceleration = np.einsum("ij,ij->i", bend, slope)
     nothing = np.zeros(len(index))
     force = velocity = direction = position = nothing

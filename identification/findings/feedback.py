@@ -85,7 +85,7 @@ def _answer(trajectory: Trajectory) -> float:
     columns += [force[_LAGS:], place[_LAGS:]]
     unit, _ = unit_columns(np.stack(columns).T)
     # Below the diagonal of R nothing is left, so its last columns hold what is new, turned.
-    news = np.linalg.qr(unit, mode="r")[-2:, -2:]
+    news: FloatArray = np.asarray(np.linalg.qr(unit, mode="r"), dtype=np.float64)[-2:, -2:]
     first, both, second = float(news[0, 0]), float(news[0, 1]), float(news[1, 1])
     if abs(first) <= _ROUNDING or np.hypot(both, second) <= _ROUNDING:
         return 0.0

@@ -106,7 +106,9 @@ def position_force(balance: Balance) -> tuple[float, FloatArray]:
     if len(table) < _PARTS * both:
         return 0.0, np.zeros(len(balance))
     # R of each part (QR): what any columns leave of the force there is told by it alone.
-    parts = [np.linalg.qr(rows, mode="r") for rows in _cut(table)]
+    parts: list[FloatArray] = [
+        np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64) for rows in _cut(table)
+    ]
     every = np.concatenate(parts)
     without, within = (
         sum(
@@ -132,7 +134,8 @@ def _cut(table: FloatArray) -> list[FloatArray]:
 
 def _solved(rows: FloatArray, count: int) -> FloatArray:
     """Weights by which the first columns fit the last one, shape (count,)."""
-    return np.linalg.lstsq(rows[:, :count], rows[:, -1], rcond=None)[0]
+    found = np.linalg.lstsq(rows[:, :count], rows[:, -1], rcond=None)[0]
+    return np.asarray(found, dtype=np.float64)
 
 
 def _left(fitted: FloatArray, count: int, shown: FloatArray) -> float:

@@ -73,7 +73,10 @@ class Covariance(Document):
 
 
 class LogRecord(Document):
-    """One log the device was identified from, and what was let through."""
+    """One log the device was identified from, and what was let through.
+
+    ``read_as`` tells how a file that is no plain table in SI units was understood.
+    """
 
     source: str
     digest: str
@@ -82,6 +85,7 @@ class LogRecord(Document):
     findings: tuple[str, ...] = ()
     allowed: tuple[str, ...] = ()
     unmodelled_forces: tuple[UnmodelledForce, ...] = ()
+    read_as: str = ""
 
 
 class Gravity(Document):

@@ -39,7 +39,7 @@ def identify(
     force: Force = "force",
     position: Position = "position",
     reference: Reference = None,
-    time_gain: TimeGain = 1.0,
+    time_gain: TimeGain = None,
     force_gain: ForceGain = None,
     position_gain: PositionGain = None,
     axis: Axis = None,

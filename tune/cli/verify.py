@@ -60,7 +60,7 @@ def verify(
     time: Time = "time",
     force: Force = "force",
     position: Position = "position",
-    time_gain: TimeGain = 1.0,
+    time_gain: TimeGain = None,
     force_gain: ForceGain = None,
     position_gain: PositionGain = None,
     axis: Axis = None,

@@ -149,11 +149,12 @@ def _decimal_of(
         row = cells_of(line, separator)
         for place in (place for place in places if place < len(row)):
             cell = row[place].strip()
-            seen = f"'{quoted(cell)}' in row {number} of column '{quoted(layout.names[place])}'"
+            name = quoted(layout.names[place])
+            seen = f"column '{name}' holds '{quoted(cell)}' in row {number}"
             if _GROUPED.fullmatch(cell):
                 raise InvalidInputError(
                     path,
-                    f"holds {seen}, with separators of thousands",
+                    f"{seen}, with separators of thousands",
                     "Export it without them",
                 )
             if "." in cell:
@@ -165,13 +166,13 @@ def _decimal_of(
     if comma and point:
         raise InvalidInputError(
             path,
-            f"holds {comma} and {point}: commas and points before decimals",
+            f"{comma} and {point}: commas and points before decimals",
             "Export it with decimal points alone",
         )
     if doubtful and not comma:
         raise InvalidInputError(
             path,
-            f"holds {doubtful}, which may have a decimal comma or a separator of thousands, and no "
+            f"{doubtful}, which may have a decimal comma or a separator of thousands, and no "
             "cell tells which",
             "Add --decimal comma if it is before decimals; else export it without separators of "
             "thousands",

@@ -22,6 +22,18 @@ STEP = 1e-3
 #: Forces of a push and a pull that fade in and out, N: 0.08 m and 0.4 m/s on a device of 3 kg.
 _TURN = np.linspace(0, np.pi, 601)
 PUSH = np.round(8.0 * np.sin(2 * _TURN) * np.sin(_TURN) ** 2, 9)
+#: Short, and of a device that is known: it takes a second to plan.
+SPEC = """\
+motion: linear
+sample_time: 0.001
+duration: 2.0
+force: 14.0
+travel: 0.1
+mass: 3.0
+damping: 10.0
+coulomb_friction: 0.8
+encoder_resolution: 0.000006
+"""
 WIDE = {"force": 14.0, "travel": 0.5, "speed": 5.0}
 LANGUAGES = ("c", "python")
 
@@ -59,10 +71,7 @@ def test_a_plan_that_is_played_and_logged_tells_mass_and_damping(
     players: dict[str, Play], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert haptune("new", "excitation", "--device", "homerehab").code == 0
-    spec = Path("excitation.yaml")
-    text = spec.read_text(encoding="utf-8")
-    spec.write_text(text.replace("duration: 10.0", "duration: 2.0"), encoding="utf-8")
+    Path("excitation.yaml").write_text(SPEC, encoding="utf-8")
     assert haptune("excite", "excitation.yaml", "-o", "force.csv").code == 0
     assert haptune("new", "hardware", "--device", "homerehab").code == 0
     rig = named_rig("homerehab")

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     import polars
 
 
+#: What lines separated by single spaces do not hold.
+_RUNS = (b"  ", b"\t", b"\n ", b" \n", b" \r")
+
+
 def read_delimited(path: Path, content: bytes, dialect: Dialect) -> Reading:
     """Columns by role; empty cells are NaN. Raises InvalidInputError naming the row at fault.
 
@@ -27,26 +31,38 @@ def read_delimited(path: Path, content: bytes, dialect: Dialect) -> Reading:
         content: UTF-8 text, all of the file.
         dialect: how it is written.
     """
+    body = content[_start_of(content, dialect.layout.first) :]
+    refuse_long(path, body.count(b"\n"))
+    separator = dialect.separator
+    if separator == " " and (body.startswith((b" ", b"\t")) or any(run in body for run in _RUNS)):
+        body = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", body)
+        body, separator = re.sub(rb"[ \t]+", b"\t", body), "\t"
+    values = _quickly(body, separator, dialect)
+    if values is None:
+        values = _as_text(path, body, separator, dialect)
+    return Reading(values=values, names=dialect.layout.wanted, notes=dialect.notes)
+
+
+def _quickly(body: bytes, separator: str, dialect: Dialect) -> dict[str, FloatArray] | None:
+    """Columns by role; None where a cell is no number with a decimal point."""
+    import polars as pl
+
+    if dialect.decimal == "comma":
+        return None
+    try:
+        table = _table(body, separator, dialect, pl.Float64())
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError):
+        return None
+    return {role: _as_array(table[name]) for role, name in dialect.layout.wanted.items()}
+
+
+def _as_text(path: Path, body: bytes, separator: str, dialect: Dialect) -> dict[str, FloatArray]:
+    """Columns by role, cell by cell: slower and larger, but it names what is no number."""
     import polars as pl
 
     layout = dialect.layout
-    body = content[_start_of(content, layout.first) :]
-    refuse_long(path, body.count(b"\n"))
-    separator = dialect.separator
-    if separator == " ":
-        body = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", body)
-        body, separator = re.sub(rb"[ \t]+", b"\t", body), "\t"
-    places = sorted(set(layout.places.values()))
     try:
-        table = pl.read_csv(
-            BytesIO(body),
-            separator=separator,
-            has_header=False,
-            infer_schema=False,
-            encoding="utf8-lossy",
-            columns=places,
-            new_columns=[layout.names[place] for place in places],
-        )
+        table = _table(body, separator, dialect, pl.String())
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError) as error:
         reason = " ".join(str(error).split("\n")[0].split())[:200]
         raise InvalidInputError(
@@ -54,11 +70,31 @@ def read_delimited(path: Path, content: bytes, dialect: Dialect) -> Reading:
             f"is not a table of equally long rows below line {layout.header + 1} ({reason})",
             "Export it again as CSV with one header line",
         ) from None
-    refuse_other_rows(path, _with_points(table, dialect), layout.first + 1)
-    values = {
+    refuse_other_rows(path, table.with_columns(_as_pointed(pl.all(), dialect)), layout.first + 1)
+    return {
         role: _numbers(path, table[name], dialect, name) for role, name in layout.wanted.items()
     }
-    return Reading(values=values, names=layout.wanted, notes=dialect.notes)
+
+
+def _table(
+    body: bytes, separator: str, dialect: Dialect, kind: polars.DataType
+) -> polars.DataFrame:
+    """The columns of the log, all of one type."""
+    import polars as pl
+
+    layout = dialect.layout
+    places = sorted(set(layout.places.values()))
+    names = [layout.names[place] for place in places]
+    return pl.read_csv(
+        BytesIO(body),
+        separator=separator,
+        has_header=False,
+        infer_schema=False,
+        encoding="utf8-lossy",
+        columns=places,
+        new_columns=names,
+        schema_overrides=dict.fromkeys(names, kind),
+    )
 
 
 def _start_of(content: bytes, line: int) -> int:
@@ -67,13 +103,6 @@ def _start_of(content: bytes, line: int) -> int:
     for _ in range(line):
         place = content.index(b"\n", place) + 1
     return place
-
-
-def _with_points(table: polars.DataFrame, dialect: Dialect) -> polars.DataFrame:
-    """Cells with decimal points; those that hold one already are no numbers of this dialect."""
-    import polars as pl
-
-    return table.with_columns(_as_pointed(pl.all(), dialect))
 
 
 def _as_pointed(cells: Any, dialect: Dialect) -> Any:
@@ -100,4 +129,8 @@ def _numbers(path: Path, cells: polars.Series, dialect: Dialect, name: str) -> F
             f"{dialect.decimal}",
             "Write all numbers alike, and leave missing cells empty",
         )
+    return _as_array(numbers)
+
+
+def _as_array(numbers: polars.Series) -> FloatArray:
     return np.asarray(numbers.fill_null(float("nan")).to_numpy(), dtype=np.float64)

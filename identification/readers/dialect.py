@@ -61,7 +61,10 @@ def cells_of(line: str, separator: str) -> list[str]:
         # The mark of a comment is no cell of its own.
         return ["".join(cells[:2]), *cells[2:]] if cells[:1] and cells[0] in COMMENT else cells
     rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
-    return list(next(rows, ()))
+    try:
+        return list(next(rows, ()))
+    except csv.Error:  # a carriage return inside, or a cell without end
+        return []
 
 
 def recognise(path: Path, content: bytes, columns: LogColumns) -> Dialect | None:

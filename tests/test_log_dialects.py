@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 
 from identification import (
@@ -475,3 +476,23 @@ def test_the_device_and_the_commands_tell_how_a_log_was_read(
     Path("short.csv").write_text("\n".join(lines[:1] + lines[500:900]), encoding="utf-8")
     told = haptune("doctor", "short.csv", "--json").result
     assert told["details"]["read_as"] == {"short.csv": words}
+
+
+def test_units_in_the_names_of_packed_columns(tmp_path: Path) -> None:
+    """Parquet as in text; archives hold arrays of any meaning, so that no other word counts."""
+    path = tmp_path / "log.parquet"
+    names = {"time [ms]": TIME * 1e3, "Force_mN": FORCE * 1e3, "pos (mm)": POSITION * 1e3}
+    pl.DataFrame(names).write_parquet(path)
+    assert_is_the_plain_log(load_trajectory(path))
+    # A date carries its own unit, whatever the name says.
+    moments = np.datetime64("2026-03-01T12:00", "ns") + (TIME * 1e9).round().astype(
+        "timedelta64[ns]"
+    )
+    pl.DataFrame(names | {"time [ms]": moments}).write_parquet(path)
+    assert_is_the_plain_log(load_trajectory(path))
+    path = tmp_path / "log.npz"
+    np.savez(path, time_ms=TIME * 1e3, force_mN=FORCE * 1e3, position_mm=POSITION * 1e3)
+    assert_is_the_plain_log(load_trajectory(path))
+    np.savez(path, t=TIME, force=FORCE, pos=POSITION)
+    with pytest.raises(InvalidInputError, match="has no column 'time', 'position'"):
+        load_trajectory(path)

@@ -79,6 +79,14 @@ MarginOption = Annotated[
 Candidates = Annotated[
     bool, typer.Option("--candidates", help="Show all three margins side by side.")
 ]
+WhatIf = Annotated[
+    bool,
+    typer.Option(
+        "--what-if",
+        help="Also tune with half the delay, twice the sample rate, a finer encoder and so on: "
+        "what each fact of the hardware costs in perceived steps.",
+    ),
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Only errors.")]

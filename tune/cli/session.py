@@ -119,13 +119,13 @@ class Session:
             self.say(f"dry run: {path} would be written")
             self.say(text)
             return
-        from identification import write_text
+        from identification import difference_of, write_text
 
         before = path.exists()
-        difference = self._store(path, lambda: write_text(path, text))
-        if difference:
-            self.say(difference)
-            self.say(f"{path} written; the file before is {path}.bak")
+        replaced = self._store(path, lambda: write_text(path, text))
+        if replaced is not None:
+            self.say(difference_of(path, replaced, text))
+            self.say(f"{path} written; the file before is {replaced.backup.name}")
         else:
             self.say(f"{path} {'unchanged' if before else 'written'}")
 

@@ -19,6 +19,7 @@ from tune.documents.loop_profile import LoopProfile
 from tune.documents.moments import moments_of, refuse_strange_groups
 from tune.documents.scene import (
     LARGEST,
+    LONGEST_FADE,
     MARGINS,
     SMALLEST,
     Margin,
@@ -30,6 +31,7 @@ LimitedBy = Literal[
     "stability",
     "gain-margin",
     "delay-margin",
+    "saturation",
     "force",
     "ripple",
     "wanted",
@@ -49,11 +51,14 @@ class Margins(Document):
             is stable.
         passive: passivity by its own condition; "not-applicable" with a mode, a current lag or a
             part of a sample of delay.
+        absolute_gain: the gain up to which all moments with this element that are one-sided are
+            proved absolutely stable, with the extra delay of the margin; None where none is.
     """
 
     gain: float
     extra_delay_samples: float
     passive: bool | Literal["not-applicable"]
+    absolute_gain: float | None = None
 
 
 class Rendered(Document):
@@ -80,7 +85,8 @@ class ElementProfile(Document):
 
     ``perceived_steps`` count what is felt of an effect at the motions people make, none where less
     than nothing is left of the device; ``rendered`` is absent in profiles written before it was
-    computed, which `check` refuses.
+    computed, which `check` refuses. A ``one_sided`` element pushes only; its force fades in and out
+    over ``fade_time``, s, where 0 lets it be switched at any moment.
     """
 
     stiffness: float
@@ -92,6 +98,13 @@ class ElementProfile(Document):
     limited_by: dict[EffectName, LimitedBy]
     motion: Motion
     rendered: Rendered | None = None
+    one_sided: bool = False
+    fade_time: float = Field(default=0.0, ge=0, le=LONGEST_FADE)
+
+    @property
+    def fades(self) -> bool:
+        """Whether it may not be switched: with mass or a negative effect it could pump."""
+        return bool(self.mass) or min(self.stiffness, self.damping) < 0
 
     def sizes(self) -> str:
         """The effects that act, in SI units, as one phrase."""

@@ -106,6 +106,7 @@ def identify(
             findings=tuple(dict.fromkeys(finding.code for finding in (*found, *missing))),
             allowed=tuple(dict.fromkeys(f.code for f in found if f.severity == "refusal")),
             unmodelled_forces=() if fit.curve is None else fit.curve.found,
+            read_as=fit.trajectory.read_as,
         )
         for fit, found in zip(fits, noticed, strict=True)
     ]

@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 #: What people write and read; no algebra.
-_DOCUMENTS = ("certified", "effects", "errors", "loop_profile", "moments", "profile")
+_DOCUMENTS = ("certified", "effects", "errors", "loop_profile", "moments", "profile", "scene")
 PACKAGES = ("identification", "tune", "datasets_synthetic")
 
 

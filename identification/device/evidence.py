@@ -26,7 +26,10 @@ class Covariance(Document):
 
 
 class LogRecord(Document):
-    """One log the device was identified from, and what was let through."""
+    """One log the device was identified from, and what was let through.
+
+    ``read_as`` tells how a file that is no plain table in SI units was understood.
+    """
 
     source: str
     digest: str
@@ -35,3 +38,4 @@ class LogRecord(Document):
     findings: tuple[str, ...] = ()
     allowed: tuple[str, ...] = ()
     unmodelled_forces: tuple[UnmodelledForce, ...] = ()
+    read_as: str = ""

@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
-from tune.certificate.cells import Claim, Proof
 from tune.certificate.point import Setting
-from tune.certificate.proof import prove
+from tune.certificate.proof import Claim, Proof, prove
 from tune.certificate.region import Region
 from tune.certificate.roots import judge
 from tune.documents.certified import AbsoluteStability, Multiplier
-from tune.documents.profile import Design, ElementProfile
+from tune.documents.profile import Design
 
 #: Multipliers by moment, its elements joined by " + ".
 Witnesses = Mapping[str, AbsoluteStability]
@@ -31,16 +30,6 @@ class Outcome:
     cells: int = 0
     failure: str | None = None
     proved: AbsoluteStability | None = None
-
-
-def is_asked_for(design: Design, moment: tuple[str, ...]) -> bool:
-    """Whether a moment must be absolutely stable: an element pushes only or is cut at a force."""
-    return any(is_cut_or_one_sided(design.elements[name]) for name in moment)
-
-
-def is_cut_or_one_sided(element: ElementProfile) -> bool:
-    """Whether an element is a wall, or a spring into which a hand may go as deep as it likes."""
-    return element.one_sided or (bool(element.stiffness) and element.motion.penetration is None)
 
 
 def judge_switched(

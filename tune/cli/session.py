@@ -48,6 +48,7 @@ class Session:
         targets: files that are to be written.
         outputs: files written.
         details: what a command computed, by name; in the JSON result where there is any.
+        understood: by log, how one that is no plain table in SI units was read.
     """
 
     command: str
@@ -57,6 +58,7 @@ class Session:
     targets: list[str] = field(default_factory=list[str])
     outputs: list[str] = field(default_factory=list[str])
     details: dict[str, object] = field(default_factory=dict[str, object])
+    understood: dict[str, str] = field(default_factory=dict[str, str])
 
     def say(self, text: Any) -> None:
         """Print a text or a rich renderable for people."""

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, rounded
-from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
+from tune.documents.effects import EFFECT_NAMES, FADE_TIME, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
-from tune.documents.scene import FADE_TIME, MARGINS, Scene
+from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import used_filters
 from tune.loop.sampled_plant import WHOLE
+from tune.loop.state_space import corners_of
+from tune.margins.jitter import MOST as MOST_JITTER
+from tune.margins.jitter import jitter_margin
 from tune.margins.passivity import damping_needed
 from tune.optimisation.bounds import largest_allowed, ripple_bound, stable_bounds
 from tune.optimisation.delays import MOST
-from tune.optimisation.limits import ripple, stable_points, worst_gain
-from tune.optimisation.problem import Problem
-from tune.optimisation.saturation import AllFound, saturated, witness_of
-from tune.optimisation.unknown import Unknown
+from tune.optimisation.limits import ripple, worst_gain
+from tune.optimisation.problem import Moment, Problem
+from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered
+
+if TYPE_CHECKING:
+    from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]
 
@@ -31,8 +36,6 @@ _BINDS = 1e-4
 _MARGIN_CAP = 1000.0
 
 
-#: Steps that are not worth a number.
-_NOTHING = 1e-3
 #: Limits are looked for up to so many times the size at hand, where one is as a rule, then beyond.
 _NEAR = 1.01
 #: Which limit is named where several bind.
@@ -115,71 +118,10 @@ def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
     return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
 
 
-def reasons_for_nothing(problem: Problem) -> dict[str, str]:
-    """Why effects cannot be kept whatever the others are, by label; empty where all may."""
-    reasons: dict[str, str] = {}
-    weakest = problem.region.box.damping[0]
-    gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
-    limits = problem.limits
-    nothing = np.zeros(len(problem.unknowns))
-    for index, unknown in enumerate(problem.unknowns):
-        top = min(unknown.high, problem.linear.bounds(nothing, index).get("force", np.inf))
-        if unknown.high <= 0:
-            reasons[unknown.label] = (
-                f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
-                f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
-            )
-        elif unknown.low > top and _NOTHING < unknown.steps(top) < 1:
-            word = _word_of_high(unknown) if top == unknown.high else "force"
-            reasons[unknown.label] = faint(unknown, top, word)
-        elif unknown.low > top:
-            reasons[unknown.label] = (
-                f"even {unknown.low:.4g} exceeds the force limit, {limits.continuous_force:g} "
-                f"continuous and {limits.peak_force:g} at the peak"
-            )
-        elif weakest <= 0 and not _helped(problem, index):
-            reasons[unknown.label] = (
-                f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
-                "its damping would hold this effect. Take a longer log, or add damping"
-            )
-        elif len(problem.unknowns) == 1:
-            alone = largest_allowed(problem, nothing, 0)
-            if alone < unknown.low and stable_points(problem, np.array([[unknown.low]]), gain)[0]:
-                sizes = np.array([alone])
-                reasons[unknown.label] = faint(unknown, alone, bindings(problem, sizes, [0])[0])
-            elif alone < unknown.low and unknown.wish.kind == "range" and unknown.wish.low:
-                reasons[unknown.label] = (
-                    f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
-                    f"{extra} extra samples of delay"
-                )
-            elif alone < unknown.low:
-                sizes = np.array([alone])
-                word = bindings(problem, sizes, [0])[0] if alone else "stability"
-                reasons[unknown.label] = faint(unknown, alone, word)
-    return reasons
-
-
-def _word_of_high(unknown: Unknown) -> LimitedBy:
-    """What the largest size that is wanted of an unknown comes from."""
-    words: dict[str, LimitedBy] = {"value": "wanted", "range": "range"}
-    return words.get(unknown.wish.kind, "gain-margin")
-
-
-def faint(unknown: Unknown, size: float, word: LimitedBy) -> str:
-    """What is said of a size that is less than one step."""
-    return (
-        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
-        f"limited by {word}"
-    )
-
-
-def _helped(problem: Problem, index: int) -> bool:
-    """True where a positive damper of the same element is there to hold the effect."""
-    unknown = problem.unknowns[index]
-    return problem.region.box.damping[0] == 0 and any(
-        other.element == unknown.element and other.effect == "damping" and other.sign > 0
-        for other in problem.unknowns
-    )
+def _spared(problem: Problem, sizes: FloatArray, index: int) -> bool:
+    """Whether a size stays below every limit but that of absolute stability."""
+    asked = any(m.absolute and any(index in part for part in m.members) for m in problem.moments)
+    return asked and largest_allowed(problem, sizes, index) > float(sizes[index]) * _NEAR
 
 
 def element_profile(
@@ -212,7 +154,7 @@ def element_profile(
         effect: "not-perceptible" for effect in EFFECT_NAMES if f"{name}.{effect}" in dropped
     }
     own = [index for index, unknown in enumerate(problem.unknowns) if unknown.element == name]
-    bound = saturated(problem, absolute)
+    absolute_gain, bound = _absolute(problem, absolute, scene, name, slack)
     for index, word in zip(own, bindings(problem, sizes, own), strict=True):
         unknown = problem.unknowns[index]
         values[unknown.effect] = unknown.sign * float(sizes[index])
@@ -220,7 +162,8 @@ def element_profile(
         if np.isfinite(counted):
             steps[unknown.effect] = rounded(counted, 4)
         open_ = float(sizes[index]) < unknown.high * (1 - _BINDS)
-        limited[unknown.effect] = "saturation" if index in bound and open_ else word
+        saturates = index in bound or _spared(problem, sizes, index)
+        limited[unknown.effect] = "saturation" if saturates and open_ else word
     moments = [m for m in problem.moments if name in m.elements and any(m.members)]
     gains = [worst_gain(problem, m, sizes, late=False) for m in moments]
     alone = [m for m in problem.moments if m.elements == (name,)]
@@ -235,7 +178,10 @@ def element_profile(
             float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
         )
     pumps = bool(values["mass"]) or min(values.values()) < 0
-    wanted = scene.elements[name]
+    wanted, motion = (
+        scene.elements[name],
+        scene.motion(name, device.motion, cut=name in problem.cut),
+    )
     return ElementProfile(
         stiffness=values["stiffness"],
         damping=values["damping"],
@@ -245,22 +191,52 @@ def element_profile(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
             extra_delay_samples=late,
             passive=_passive(problem, values),
-            absolute_gain=min(
-                (
-                    witness_of(found, MARGINS[scene.margin], slack).gain
-                    for names, found in absolute.items()
-                    if name in names
-                ),
-                default=None,
-            ),
+            jitter=_jitter(device, problem, moments, sizes),
+            absolute_gain=absolute_gain,
         ),
         ripple=None if noise is None else rounded(noise, 4),
         limited_by=limited,
-        motion=scene.motion(name, device.motion, cut=name in problem.cut),
+        motion=motion,
         rendered=rendered(device, problem.filters, **values),
+        contact=contact(
+            device,
+            problem.region.box,
+            problem.filters,
+            values,
+            speed=motion.speed,
+            one_sided=wanted.one_sided,
+        ),
         one_sided=wanted.one_sided,
         fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
     )
+
+
+def _absolute(
+    problem: Problem, absolute: AllFound, scene: Scene, name: str, slack: float
+) -> tuple[float | None, frozenset[int]]:
+    """(gain claimed of all one-sided moments with an element, unknowns that have no more left)."""
+    if not absolute:
+        return None, frozenset()
+    from tune.optimisation.saturation import saturated, witness_of
+
+    margin = MARGINS[scene.margin]
+    gains = [
+        witness_of(each, margin, slack).gain for names, each in absolute.items() if name in names
+    ]
+    return min(gains, default=None), saturated(problem, absolute)
+
+
+def _jitter(
+    device: Device, problem: Problem, moments: Sequence[Moment], sizes: FloatArray
+) -> float:
+    """How uneven the steps may be in every one of some moments, in parts of the sample time."""
+    places = corners_of(device, problem.region.box)
+    found = MOST_JITTER
+    for moment in moments:
+        felt = problem.effects(moment, sizes)
+        K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
+        found = min(found, jitter_margin(places, problem.filters, (K, B, M)))
+    return rounded(found, 4)
 
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:

@@ -18,6 +18,7 @@ from tune.documents.effects import Effects
 from tune.documents.scene import Margin
 from tune.loop.loop import Loop
 from tune.optimisation.backends import Backend
+from tune.optimisation.limits import allowed
 from tune.optimisation.nash import largest_product
 from tune.optimisation.problem import Moment, Problem
 from tune.stability.absolute import absolute_gain, gain_slopes
@@ -204,8 +205,22 @@ def absolutely_stable(
                 best = answer
             if not gained > _ROOM:
                 break
+    grown = _grown(problem, best)
+    if _product(problem, grown) > _product(problem, best):
+        best = grown
     best = np.array([_floored(float(size)) for size in best])
     return best, all_found(problem, best)
+
+
+def _grown(problem: Problem, sizes: FloatArray) -> FloatArray:
+    """Springs and dampers scaled alike to what absolute stability leaves, where that is allowed."""
+    found = all_found(problem, sizes)
+    spare = min((each.gain for each in found.values()), default=0.0)
+    trial = sizes.copy()
+    members = sorted({i for moment in asking(problem) for i in _members(problem, moment)})
+    trial[members] *= max(spare / (problem.margin.gain * (1 + _ROOM)), 1.0) * (1 - _ROOM / 10)
+    trial = taken_back(problem, np.minimum(trial, problem.high))
+    return trial if allowed(problem, trial) else sizes
 
 
 def _product(problem: Problem, sizes: FloatArray) -> float:

@@ -4,37 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import rounded
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.optimisation.backends import Backend
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.cut import may_be_cut
-from tune.optimisation.describe import bindings, faint, reasons_for_nothing
+from tune.optimisation.describe import bindings
 from tune.optimisation.kept import any_allowed, kept_sets
-from tune.optimisation.limits import allowed_points
-from tune.optimisation.nash import SAME, Optimum, closed_form, largest_product
+from tune.optimisation.nash import Optimum, closed_form, largest_product
 from tune.optimisation.problem import Job, Problem, pose
-from tune.optimisation.saturation import AllFound, Found, absolutely_stable, asking
+from tune.optimisation.reasons import faint, reasons_for_nothing
+from tune.optimisation.settled import settled
+
+if TYPE_CHECKING:
+    from tune.optimisation.saturation import AllFound, Found
 
 FloatArray = NDArray[np.float64]
 
-#: Significant digits of a written effect; what is lost is 1e-5 at most.
-_DIGITS = 6
-#: Parts by which sizes that are a little beyond are taken back.
-_RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
-
-
 #: In the logarithm of the product, where cut-offs are still looked for.
 _ROUGHLY = 1e-6
-#: Effects that are rounded either way, all ways tried.
-_MOST_WAYS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +51,7 @@ class Solved:
     method: str = "as given"
     disagreement: float = 0.0
     unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
-    absolute: AllFound = field(default_factory=dict[tuple[str, ...], Found])
+    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "Found"])
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
@@ -121,7 +115,9 @@ def _solved(
         return Solved(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
     sizes = settled(problem, optimum.sizes)
     found: AllFound = {}
-    if second_opinion and asking(problem):
+    if second_opinion and any(moment.absolute for moment in problem.moments):
+        from tune.optimisation.saturation import absolutely_stable
+
         starts = [sizes]
         if beside is not None and _labels(beside.problem) == _labels(problem):
             starts.append(beside.sizes)
@@ -272,27 +268,3 @@ def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
     )
     if broken:
         raise NoFeasibleEffectError(broken)
-
-
-def settled(problem: Problem, sizes: FloatArray) -> FloatArray:
-    """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
-    caps = problem.high
-    met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
-        sizes >= caps * (1 - 10 * SAME)
-    )
-    # Towards nothing where that is allowed; an effect that holds another may not be smaller.
-    ways = np.array(list(product((0.0, 1.0), repeat=min(sizes.size, _MOST_WAYS))))
-    ups = np.zeros((len(ways), sizes.size))
-    ups[:, : ways.shape[1]] = ways
-    for retreat in _RETREATS:
-        units = 10.0 ** (np.floor(np.log10(sizes)) - _DIGITS + 1)
-        whole = np.floor(sizes * (1 - retreat) / units) + ups
-        trials = np.where(met, caps, np.minimum([_rounded(row) for row in whole * units], caps))
-        good = np.flatnonzero(allowed_points(problem, trials))
-        if good.size:
-            return trials[good[0]]
-    return sizes * (1 - SAME)
-
-
-def _rounded(sizes: FloatArray) -> list[float]:
-    return [rounded(float(size)) for size in sizes]

@@ -19,10 +19,10 @@ from tune.loop.filters import Filters
 from tune.optimisation.backends import Rank
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.cut import may_be_cut
-from tune.optimisation.describe import reasons_for_nothing
 from tune.optimisation.limits import allowed_points, weakest
 from tune.optimisation.nash import Optimum
 from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.reasons import reasons_for_nothing
 from tune.optimisation.solve import optimum_of
 from tune.optimisation.starts import starts_of
 

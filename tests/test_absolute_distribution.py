@@ -67,7 +67,7 @@ def _parts(axis: Axis) -> tuple[float, bool]:
         mass=(axis.mass, axis.mass),
         damping=(axis.damping, axis.damping),
         sample_time=(axis.sample_time, axis.sample_time),
-        delay=(axis.delay_samples * axis.sample_time,) * 2,
+        delay=(axis.delay_samples * axis.sample_time, axis.delay_samples * axis.sample_time),
         current_lag=(axis.lag, axis.lag),
         modes=boxes,
     )

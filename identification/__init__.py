@@ -22,15 +22,15 @@ if TYPE_CHECKING:
         ByDirection as ByDirection,
     )
     from identification.device.device import (
-        Covariance as Covariance,
-    )
-    from identification.device.device import (
         Device as Device,
     )
     from identification.device.device import (
         Gravity as Gravity,
     )
-    from identification.device.device import (
+    from identification.device.evidence import (
+        Covariance as Covariance,
+    )
+    from identification.device.evidence import (
         LogRecord as LogRecord,
     )
     from identification.device.friction import (
@@ -68,6 +68,9 @@ if TYPE_CHECKING:
     from identification.documents.document import parse_document as parse_document
     from identification.documents.document import rounded as rounded
     from identification.documents.document import to_mapping as to_mapping
+    from identification.documents.writing import (
+        difference_of as difference_of,
+    )
     from identification.documents.writing import (
         write_bytes as write_bytes,
     )
@@ -143,7 +146,8 @@ if TYPE_CHECKING:
 #: it would take the function's place.
 _HOMES = {
     "device.box": "Box",
-    "device.device": "ByDirection Covariance Device Gravity LogRecord",
+    "device.device": "ByDirection Device Gravity",
+    "device.evidence": "Covariance LogRecord",
     "documents.document": "Document as_stored load_document parse_document rounded to_mapping",
     "documents.yaml_reading": "load_mapping",
     "documents.yaml_writing": "to_yaml",
@@ -169,7 +173,7 @@ _HOMES = {
     "device.quantities": "AnyQuantity Quantity quantity",
     "device.stated": "Fact",
     "trajectory": "Motion Trajectory",
-    "documents.writing": "write_bytes write_text",
+    "documents.writing": "difference_of write_bytes write_text",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -210,6 +214,7 @@ __all__ = [
     "UnstatedError",
     "UsageError",
     "as_stored",
+    "difference_of",
     "examine",
     "excitation_picture",
     "fit_picture",

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.device.device import Device, Hardware, LogRecord
+from identification.device.device import Device, Hardware
+from identification.device.evidence import LogRecord
 from identification.documents.document import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
@@ -92,7 +93,7 @@ def identify(
     _refuse([finding for found in noticed for finding in found], allow)
     _refuse_negative_mass(fits, noticed)
 
-    from identification.fitting.combined import unstated
+    from identification.fitting.suggested import unstated
 
     missing = unstated(fits, hardware)
     findings = (*(_lenient(finding) for found in noticed for finding in found), *missing)
@@ -105,6 +106,7 @@ def identify(
             findings=tuple(dict.fromkeys(finding.code for finding in (*found, *missing))),
             allowed=tuple(dict.fromkeys(f.code for f in found if f.severity == "refusal")),
             unmodelled_forces=() if fit.curve is None else fit.curve.found,
+            read_as=fit.trajectory.read_as,
         )
         for fit, found in zip(fits, noticed, strict=True)
     ]

@@ -37,7 +37,7 @@ def fit_picture(trajectory: Trajectory, device: Device, *, delay: float | None =
     table = least_squares.prepare(trajectory, model, late)
     values = [_value(device, name) for name in model.parameters]
     applied = table.force(late)
-    explained = table.columns @ np.array(values)
+    explained = np.array(values) @ table.columns
     time = trajectory.time[table.first :][: applied.size]
     length, force = ("m", "N") if device.motion == "linear" else ("rad", "N·m")
     if "motion" in device.missing:

@@ -41,6 +41,7 @@ class Trajectory:
             size alone is no reason to ask.
         source: where the samples come from, for messages and for the device file.
         digest: "sha256:…" of the file the samples come from, or "".
+        read_as: how a file that is no plain table in SI units was understood, or "".
 
     Raises:
         LogRefusedError: too-short, non-finite, clock-backward or constant-column.
@@ -56,6 +57,7 @@ class Trajectory:
     stated_units: frozenset[str] = frozenset()
     source: str = "trajectory"
     digest: str = ""
+    read_as: str = ""
     #: Median step between samples, s.
     sample_time: float = field(init=False, repr=False, compare=False)
 

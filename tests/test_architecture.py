@@ -119,12 +119,12 @@ def test_no_file_has_more_lines_than_planned(package: str) -> None:
     ("most", "code"),
     [
         (
-            71,
+            74,
             "from identification import identify, load_trajectory\n"
             "identify(load_trajectory('datasets_synthetic/logs/homerehab.csv'))\n",
         ),
         (
-            88,
+            90,
             "from identification import load_device\n"
             "from tune import Scene, optimise\n"
             "elements = {'wall': {'stiffness': 'max', 'damping': 'max'},"

@@ -17,7 +17,7 @@ from identification.findings.balance import balance_of
 from identification.findings.heldout import stability
 from identification.findings.inertia import inertia, inertia_of
 from identification.findings.lateness import contradicting_delays
-from identification.fitting.choice import choose
+from identification.fitting.choice import choose, noise_explains
 from identification.fitting.hausman import CONTRADICTED, contradiction, region, statistic
 from identification.fitting.one_log import fit_log
 from identification.fitting.selection import distinguishable
@@ -72,7 +72,6 @@ def estimate(mass: float, damping: float, doubt: float, damping_doubt: float) ->
         residual=np.zeros(100),
         residual_unit="force",
         explained=1.0,
-        whiteness=0.0,
         condition=1.0,
         inflation=np.ones(2),
     )
@@ -87,7 +86,7 @@ def test_an_answer_far_less_certain_does_not_win(seed: int) -> None:
     widest = [max(regression.deviation(n), predicted.deviation(n)) for n in ("mass", "damping")]
     assert np.all(np.abs(predicted.values[:2] - regression.values[:2]) < 3 * np.array(widest))
     assert region(predicted) > 20 * region(regression)
-    chosen, reason = choose(workshop, "auto")
+    chosen, reason = choose(workshop, "auto", noise_explains(workshop))
     assert chosen.method == "least-squares"
     assert "less well" in reason
     assert chosen.value("mass") == pytest.approx(INERTIA, rel=0.1)
@@ -113,9 +112,8 @@ def test_a_wide_answer_does_not_confirm_a_narrow_wrong_one() -> None:
         workshop.made["innovations"],
         method="output-error",
         residual=np.cumsum(np.random.default_rng(0).normal(size=4000)),
-        whiteness=0.9,
     )
-    chosen, reason = choose(workshop, "auto")
+    chosen, reason = choose(workshop, "auto", noise_explains(workshop))
     assert chosen.method == "least-squares"
     assert "equal velocity" in reason
 

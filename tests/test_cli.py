@@ -15,20 +15,20 @@ from tests.commands import FLUID, files, haptune
 
 COMMANDS = {
     "demo": "--json --quiet",
-    "new": "--device --output --dry-run --json --quiet",
+    "new": "--device --output --language --dry-run --json --quiet",
     "doctor": "--time --time-gain --force --position --reference --force-gain --position-gain "
-    "--axis --hardware --allow --json --quiet",
+    "--axis --decimal --hardware --allow --json --quiet",
     "identify": "--output --time --time-gain --force --position --reference --force-gain "
-    "--position-gain --axis --hardware --allow --method --dry-run --json --quiet",
+    "--position-gain --axis --decimal --hardware --allow --method --dry-run --json --quiet",
     "tune": "--output --margin --candidates --dry-run --json --quiet",
     "calibrate": "--scene --output --time --time-gain --force --position --reference --force-gain "
-    "--position-gain --axis --hardware --allow --method --margin --candidates --dry-run --json "
-    "--quiet",
+    "--position-gain --axis --decimal --hardware --allow --method --margin --candidates "
+    "--dry-run --json --quiet",
     "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
     "--acceleration-filter --margin --json --quiet",
     "check": "--device --json --quiet",
     "verify": "--element --gain --release --time --time-gain --force --position --force-gain "
-    "--position-gain --axis --picture --json --quiet",
+    "--position-gain --axis --decimal --picture --json --quiet",
     "export": "--to --output --dry-run --json --quiet",
     "excite": "--output --picture --dry-run --json --quiet",
     "simulate": "--output --seed --json --quiet",

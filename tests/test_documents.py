@@ -19,6 +19,7 @@ from identification import (
     InvalidInputError,
     NotWrittenError,
     as_stored,
+    difference_of,
     load_document,
     load_mapping,
     parse_document,
@@ -163,10 +164,12 @@ def test_documents_are_frozen_and_closed() -> None:
 
 def test_writing_keeps_a_backup_and_shows_the_difference(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
-    assert write_text(path, "one\ntwo\n") == ""
-    assert write_text(path, "one\ntwo\n") == ""
+    assert write_text(path, "one\ntwo\n") is None
+    assert write_text(path, "one\ntwo\n") is None
     assert not (tmp_path / "a.yaml.bak").exists()
-    difference = write_text(path, "one\nthree\n")
+    replaced = write_text(path, "one\nthree\n")
+    assert replaced is not None
+    difference = difference_of(path, replaced, "one\nthree\n")
     assert "-two" in difference
     assert "+three" in difference
     assert path.read_text() == "one\nthree\n"

@@ -79,12 +79,13 @@ _PROOFS: dict[str, Certificate | CheckFailedError] = {}
 def _proofs_are_kept() -> Iterator[None]:
     """The same design is proved once; most forgeries are of what is said about it."""
 
-    def kept(design: Design) -> Certificate:
+    def kept(design: Design, witnesses: Any = None) -> Certificate:
         content = to_mapping(design)
-        key = json.dumps({name: content[name] for name in content if name not in UNREAD})
+        read = {name: content[name] for name in content if name not in UNREAD}
+        key = json.dumps(read) + repr(witnesses)
         if key not in _PROOFS:
             try:
-                _PROOFS[key] = certify(design)
+                _PROOFS[key] = certify(design, witnesses=witnesses)
             except CheckFailedError as error:
                 _PROOFS[key] = error
         found = _PROOFS[key]

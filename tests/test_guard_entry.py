@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from identification import load_device
 from tests.entered import Run, played
 from tests.entered_scenes import SCENES, scene_on, stated_sum
 from tests.guard import Guard, built, enter, push
-from tune import SafeProfile
+from tune import SafeProfile, Scene, optimise
 from tune.exporters import export
 from tune.exporters.largest_change import largest_change
 
@@ -36,10 +38,8 @@ class Played:
         element, loop = self.profile.elements[name], self.profile.loop
         resolution, step = self.profile.device.encoder_resolution, loop.sample_time
         assert resolution is not None
-        assert loop.velocity_filter_hz is not None
-        assert loop.acceleration_filter_hz is not None
         quick, slow = (
-            1 - math.exp(-2 * math.pi * hz * step)
+            1 - math.exp(-2 * math.pi * (hz or math.inf) * step)
             for hz in (loop.velocity_filter_hz, loop.acceleration_filter_hz)
         )
         sizes = (
@@ -81,8 +81,28 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Played]:
 def test_an_element_is_entered_without_a_blow(
     scenes: dict[str, Played], device: str, name: str
 ) -> None:
+    entered_without_a_blow(scenes[device], name)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("device", SCENES)
+def test_what_is_tuned_is_entered_without_a_blow(device: str, tmp_path: Path) -> None:
+    """As large as each can be had, free cut-offs, a spring with a mass and none to damp it too."""
+    wishes = {
+        "wall": {"stiffness": "max", "damping": "max", "one_sided": True},
+        "thing": {"stiffness": "max", "damping": "max", "mass": "max"},
+        "load": {"stiffness": "max", "mass": "max"},
+        "free": {"damping": "min"},
+        "feather": {"mass": "min"},
+    }
+    profile = optimise(load_device(device), Scene.model_validate({"elements": wishes}))
+    scene = Played(profile=profile, guard=built(export(profile, "c"), tmp_path))
+    for name in profile.elements:
+        entered_without_a_blow(scene, name)
+
+
+def entered_without_a_blow(scene: Played, name: str) -> None:
     """Within the stated sum and the peak from the first period on, and no speed is gained."""
-    scene = scenes[device]
     run, element = scene.entry(name), scene.profile.elements[name]
     first = int(np.argmax(run.touched))
     speed = element.motion.speed

@@ -9,6 +9,7 @@ from identification import InvalidInputError
 from tests.exported import changed, tuned
 from tests.guard import Guard, Reply, built, enter, push
 from tests.played_law import PlayedLaw
+from tune.certificate.elements import inconsistent
 from tune.exporters import export
 from tune.exporters.largest_change import largest_change
 
@@ -150,6 +151,25 @@ def test_an_encoder_that_jumps_for_good_ends_the_contact_and_is_followed_again(
     assert [reply.force for reply in after] == [-0.5] + [0.0] * 9
     guard.call(enter(WALL))
     assert guard.call(push(WALL, 20, 0.004)).status == "OK"
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("cup", {"fade_time": 0.0}, "fade_time says 0 s, an element with mass"),
+        ("cup", {"fade_time": 0.001}, "fades over 0.01 to 10 s"),
+        ("cup", {"one_sided": True}, "one_sided pushes only"),
+        ("wall", {"fade_time": 0.1}, "nothing in it fades"),
+    ],
+)
+def test_what_cannot_be_played_so_is_refused_by_check(
+    name: str, change: dict[str, float], words: str
+) -> None:
+    assert list(inconsistent(tuned(), name)) == []
+    element = tuned().elements[name].model_copy(update=change)
+    elements = {**tuned().elements, name: element}
+    said = inconsistent(tuned().model_copy(update={"elements": elements}), name)
+    assert words in "; ".join(said)
 
 
 def test_a_fade_that_the_profile_does_not_state_is_not_exported() -> None:

@@ -7,6 +7,17 @@ import numpy as np
 import pytest
 from flint import arb
 
+from tests.printed import (
+    DIGITS,
+    Number,
+    Setting,
+    equation_6,
+    equation_13,
+    equation_19,
+    equation_25,
+    equation_28,
+    equation_43,
+)
 from tests.reference import reference_loop, stable_by_roots
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.loop.filters import Filters
@@ -14,30 +25,10 @@ from tune.loop.loop import Loop
 from tune.stability.verdict import is_stable, largest
 
 
-def _printed_43(delta: float, alpha: float, beta: float, gamma: float) -> mpmath.mpf:
-    """Equations (38) to (43) as printed, with m = T = 1, in 60 digits."""
-    with mpmath.workdps(60):
-        d, K, B, M = (mpmath.mpf(x) for x in (delta, alpha, beta, gamma))
-        b, T, m = d, mpmath.mpf(1), mpmath.mpf(1)
-        e = mpmath.exp(d)
-        c0 = (e - 1) * K * T**3 * b
-        c1 = 2 * (e - 1) * (T**2 * b**2 + B * T**2 * b - K * T**2 * m) + 2 * K * T**3 * b * e
-        c2 = (
-            2 * (e - 1) * (2 * M * T * b - K * T**2 * m - 2 * B * T * m)
-            + 2 * (e + 1) * B * T**2 * b
-            + 2 * T**2 * b**2 * (3 * e - 1)
-            + 2 * K * T**3 * b
-        )
-        c3 = (
-            2 * (e - 1) * (K * T**2 * m - B * T**2 * b - 4 * M * m)
-            + 2 * T**2 * b**2 * (3 * e + 1)
-            + 8 * M * T * b
-            - 2 * K * T**3 * b * e
-        )
-        c4 = 2 * (e - 1) * (4 * M * m + 2 * B * T * m + K * T**2 * m) + (e + 1) * (
-            2 * T**2 * b**2 - 4 * M * T * b - K * T**3 * b - 2 * B * T**2 * b
-        )
-        return c1 * c2 * c3 - c4 * c1**2 - c0 * c3**2
+def _printed_43(delta: float, alpha: float, beta: float, gamma: float) -> Number:
+    """The left side of (43) with m = T = 1."""
+    with mpmath.workdps(DIGITS):
+        return equation_43(Setting.dimensionless(delta, alpha, beta, gamma))
 
 
 @pytest.mark.parametrize(
@@ -66,15 +57,10 @@ def test_mass_equation_19(delta: float) -> None:
     """Up to δ = 1.7022; beyond it a root leaves at z = -1 first, which is tested below."""
     limit = float(largest(Loop.dimensionless(delta), "mass"))
 
-    def printed(M: mpmath.mpf) -> mpmath.mpf:
-        d = mpmath.mpf(delta)
-        e, x = mpmath.exp(d), mpmath.expm1(d)
-        return (M + d) * (M * d * x - M * x**2 + d**2 * e**2) - M * d * e * x
-
-    with mpmath.workdps(60):
-        M = mpmath.mpf(limit)
-        assert printed(M * (1 - mpmath.mpf("1e-11"))) > 0
-        assert printed(M * (1 + mpmath.mpf("1e-11"))) < 0
+    with mpmath.workdps(DIGITS):
+        for factor, stable in ((1 - mpmath.mpf("1e-11"), True), (1 + mpmath.mpf("1e-11"), False)):
+            s = Setting.dimensionless(delta, 0, 0, mpmath.mpf(limit) * factor)
+            assert (equation_19(s) > 0) == stable
 
 
 @pytest.mark.parametrize("delta", [1e-9, 1e-6, 1e-3, 0.1, 1.0, 2.0])
@@ -82,40 +68,30 @@ class TestPublishedLimits:
     """One code path against the printed formulas, evaluated in 60 digits with m = T = 1."""
 
     def test_spring_equation_6(self, delta: float) -> None:
-        with mpmath.workdps(60):
-            d = mpmath.mpf(delta)
-            limit = d**2 * mpmath.expm1(d) / (mpmath.expm1(d) - d)
+        with mpmath.workdps(DIGITS):
+            limit = equation_6(Setting.dimensionless(delta, 0, 0, 0))
         assert float(largest(Loop.dimensionless(delta), "stiffness")) == pytest.approx(
             float(limit), rel=1e-12
         )
 
     def test_damper_equation_13(self, delta: float) -> None:
-        with mpmath.workdps(60):
-            d = mpmath.mpf(delta)
-            limit = d**2 * mpmath.exp(d) / (mpmath.expm1(d) - d)
+        with mpmath.workdps(DIGITS):
+            limit = equation_13(Setting.dimensionless(delta, 0, 0, 0))
         assert float(largest(Loop.dimensionless(delta), "damping")) == pytest.approx(
             float(limit), rel=1e-12
         )
 
     def test_spring_damper_equation_25(self, delta: float) -> None:
         for B in (0.1 * delta, 0.3, 1.0):
-            with mpmath.workdps(60):
-                d, damping = mpmath.mpf(delta), mpmath.mpf(B)
-                e, x = mpmath.exp(d), mpmath.expm1(d)
-                top = damping - damping * e + d**2 * e + damping * d
-                bottom = damping - damping * e + d**2 * e + damping * d * e
-                limit = d * (damping + d) * x * top / ((x - d) * bottom)
+            with mpmath.workdps(DIGITS):
+                limit = equation_25(Setting.dimensionless(delta, 0, B, 0))
             found = largest(Loop.dimensionless(delta), "stiffness", Effects(damping=B))
             assert float(found) == pytest.approx(float(limit), rel=1e-11)
 
     def test_mass_damper_equation_28(self, delta: float) -> None:
         for M in (0.1, 0.5, 1.0):
-            with mpmath.workdps(60):
-                d, mass = mpmath.mpf(delta), mpmath.mpf(M)
-                e, x = mpmath.exp(d), mpmath.expm1(d)
-                inner = mass * d * x - mass * x**2 + d**2 * e**2
-                top = (d + mass) * inner - mass * d * e * x
-                limit = d * top / ((x - d) * (-mass * x + mass * d * e + d**2 * e))
+            with mpmath.workdps(DIGITS):
+                limit = equation_28(Setting.dimensionless(delta, 0, 0, M))
             found = largest(Loop.dimensionless(delta), "damping", Effects(mass=M))
             assert float(found) == pytest.approx(float(limit), rel=1e-11)
 

@@ -90,11 +90,11 @@ def test_impossible_gains(name: str, gain: float) -> None:
 
 
 def test_missing_columns_are_named_with_what_there_is_and_the_option(tmp_path: Path) -> None:
-    path = written(tmp_path, table(header="t,force,pos"))
+    path = written(tmp_path, table(header="when,force,where"))
     with pytest.raises(InvalidInputError) as caught:
         load_trajectory(path)
     text = str(caught.value)
-    for part in ("'time'", "'position'", "t, force, pos", "--time", "--position"):
+    for part in ("'time'", "'position'", "when, force, where", "--time", "--position"):
         assert part in text
     assert "--force" not in text
 
@@ -153,8 +153,10 @@ def test_missing_files_folders_and_other_endings(tmp_path: Path) -> None:
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(InvalidInputError, match="cannot be read"):
         load_trajectory(tmp_path / "folder.csv")
-    with pytest.raises(InvalidInputError, match=r"\.csv, \.parquet, \.mat or \.npz"):
-        load_trajectory(written(tmp_path, table(), "log.xlsx"))
+    with pytest.raises(
+        InvalidInputError, match=r"\.csv, \.txt, \.tsv, \.parquet, \.mat, \.npz, \.xlsx or \.mcap"
+    ):
+        load_trajectory(written(tmp_path, table(), "log.dat"))
 
 
 def mat(folder: Path, **variables: Any) -> Path:

@@ -8,9 +8,12 @@ from itertools import product
 from statistics import NormalDist
 from typing import Any
 
+import numpy as np
 import pytest
 
 from identification import load_device
+from tests.simulated.user_study import AREA_1, AREA_2, PEOPLE
+from tests.study_replay import COLUMN, TABLE_3, equal_trials, study_of
 from tune.documents.discrimination import Answers, Study
 from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.perception import (
@@ -19,33 +22,18 @@ from tune.documents.perception import (
 )
 
 NORMAL = NormalDist()
-#: Table 2 of the paper: K (N/m), M (kg), B (N·s/m) of area 1, the same in every trial, and area 2.
-AREA_1 = (500, 0, 0)
-AREA_2 = (
-    (1000, 0, 0),
-    (500, 0, 10),
-    (500, 1, 0),
-    (1000, 0, 10),
-    (1000, 1, 0),
-    (500, 1, 10),
-    (1000, 1, 10),
-)
-PEOPLE = 20
-COLUMN: dict[EffectName, int] = {"stiffness": 0, "mass": 1, "damping": 2}
-#: Table 3: successes with equal and with different settings, and the rates as printed, %.
-TABLE_3: dict[EffectName, tuple[int, int, float, float]] = {
-    "stiffness": (27, 77, 45.0, 96.25),
-    "damping": (45, 77, 75.0, 96.25),
-    "mass": (31, 61, 51.67, 76.25),
+#: Table 3: the success rates with equal and with different settings as printed, %.
+PRINTED: dict[EffectName, tuple[float, float]] = {
+    "stiffness": (45.0, 96.25),
+    "damping": (75.0, 96.25),
+    "mass": (51.67, 76.25),
 }
 #: What the device itself adds to what is felt (section 3: m ≈ 3 kg, b almost 10 N·s/m).
 OWN: dict[EffectName, float] = {"stiffness": 0, "mass": 3, "damping": 10}
 
 
 def _study(effect: EffectName) -> Study:
-    study = default_table().fraction(effect).study
-    assert study is not None
-    return study
+    return study_of(default_table(), effect)
 
 
 def test_the_normal_quantile_used_here_is_right() -> None:
@@ -61,8 +49,9 @@ def test_the_normal_quantile_used_here_is_right() -> None:
 @pytest.mark.parametrize("effect", EFFECT_NAMES)
 def test_the_shipped_counts_are_those_of_tables_2_and_3(effect: EffectName) -> None:
     study, column = _study(effect), COLUMN[effect]
-    equal = sum(trial[column] == AREA_1[column] for trial in AREA_2)
-    right_equal, right_different, percent_equal, percent_different = TABLE_3[effect]
+    equal = int(np.sum(equal_trials(effect)))
+    right_equal, right_different = TABLE_3[effect]
+    percent_equal, percent_different = PRINTED[effect]
     assert study.equal_trials == equal * PEOPLE
     assert study.different_trials == (len(AREA_2) - equal) * PEOPLE
     assert (study.equal_right, study.different_right) == (right_equal, right_different)
@@ -83,7 +72,7 @@ def test_weber_fractions_of_the_paper(
     """d' and w from the printed rates by the mpmath quantile, and as the theory states them."""
     import mpmath
 
-    equal, different = (rate / 100 for rate in TABLE_3[effect][2:])
+    equal, different = (rate / 100 for rate in PRINTED[effect])
     c = math.sqrt(2) * float(mpmath.erfinv(equal))
     exact = c + math.sqrt(2) * float(mpmath.erfinv(2 * different - 1))
     study = _study(effect)
@@ -127,7 +116,7 @@ def test_the_prediction_gives_back_the_rates_of_the_study(effect: EffectName) ->
     same = told_apart(effect, high, high, device=device).answers
     assert different is not None
     assert same is not None
-    equal_share, different_share = (rate / 100 for rate in TABLE_3[effect][2:])
+    equal_share, different_share = (rate / 100 for rate in PRINTED[effect])
     assert different.right.value == pytest.approx(different_share, abs=1e-4)
     assert same.equal.value == pytest.approx(equal_share, abs=1e-4)
     assert same.right.value == pytest.approx(same.wrong.value)

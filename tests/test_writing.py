@@ -77,8 +77,22 @@ def test_a_backup_outlives_two_hundred_kills() -> None:
     _kill(200, seed=2)
 
 
+def test_no_backup_is_ever_written_over() -> None:
+    for number in range(1, 5):
+        write_text(Path("a.yaml"), f"{number}\n")
+    kept = {"a.yaml.bak": "1\n", "a.yaml.bak2": "2\n", "a.yaml.bak3": "3\n", "a.yaml": "4\n"}
+    assert {name: Path(name).read_text(encoding="utf-8") for name in files()} == kept
+    Path("a.yaml.bak2").unlink()
+    replaced = write_text(Path("a.yaml"), "5\n")
+    assert replaced is not None
+    assert replaced.backup.name == "a.yaml.bak4", "a gap is not the newest"
+    assert replaced.backup.read_bytes() == replaced.content == b"4\n"
+
+
 @pytest.mark.parametrize("step", ["os.link", "pathlib.Path.replace"])
-def test_a_backup_is_there_at_every_step(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interruption_at_any_step_leaves_everything_readable(
+    step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_text(Path("a.yaml"), "one\n")
     write_text(Path("a.yaml"), "two\n")
 
@@ -86,12 +100,15 @@ def test_a_backup_is_there_at_every_step(step: str, monkeypatch: pytest.MonkeyPa
         assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(step, interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        write_text(Path("a.yaml"), "three\n")
+    with monkeypatch.context() as patched:
+        patched.setattr(step, interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            write_text(Path("a.yaml"), "three\n")
     assert Path("a.yaml").read_text(encoding="utf-8") == "two\n"
+    write_text(Path("a.yaml"), "three\n")
+    assert files() == {"a.yaml", "a.yaml.bak", "a.yaml.bak2"}
     assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
-    assert files() == {"a.yaml", "a.yaml.bak"}
+    assert Path("a.yaml.bak2").read_text(encoding="utf-8") == "two\n"
 
 
 def test_a_backup_of_the_very_same_file_is_no_obstacle() -> None:
@@ -110,8 +127,9 @@ def test_file_systems_without_links_get_a_copy(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("os.link", unable)
     for text in ("one\n", "two\n", "three\n"):
         write_text(Path("a.yaml"), text)
-    assert Path("a.yaml.bak").read_text(encoding="utf-8") == "two\n"
-    assert files() == {"a.yaml", "a.yaml.bak"}
+    assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
+    assert Path("a.yaml.bak2").read_text(encoding="utf-8") == "two\n"
+    assert files() == {"a.yaml", "a.yaml.bak", "a.yaml.bak2"}
 
 
 def test_two_writers_at_once_both_succeed() -> None:
@@ -121,16 +139,26 @@ def test_two_writers_at_once_both_succeed() -> None:
     for _ in range(100):
         _version("a.yaml")
         _version("a.yaml.bak")
+    newest = max(files(), key=lambda name: (name.startswith("a.yaml.bak"), len(name), name))
+    _version(newest)
     for process in writers:
         assert process.poll() is None, process.communicate()[1]
         process.kill()
         process.communicate()
 
 
-def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed() -> None:
+def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     write_text(Path("a.yaml"), "one\n")
     Path("a.yaml.bak").mkdir()
-    with pytest.raises(NotWrittenError, match=r"its backup a\.yaml\.bak cannot be kept: "):
+
+    def unable(*_: object) -> NoReturn:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.link", unable)
+    monkeypatch.setattr("shutil.copy2", unable)
+    with pytest.raises(NotWrittenError, match=r"its backup a\.yaml\.bak2 cannot be kept: No space"):
         write_text(Path("a.yaml"), "two\n")
     assert Path("a.yaml").read_text(encoding="utf-8") == "one\n"
     assert files() == {"a.yaml", "a.yaml.bak"}

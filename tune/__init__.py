@@ -11,6 +11,8 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
     from tune._audit import Audit, audit
+    from tune._compare import Change, Comparison, compare
+    from tune._what_if import Alternative, what_if
     from tune.certificate.check import CheckReport, check
     from tune.documents.effects import Effects
     from tune.documents.errors import (
@@ -45,9 +47,12 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.verification import Verification, verify
 
 __all__ = [
+    "Alternative",
     "Audit",
+    "Change",
     "CheckFailedError",
     "CheckReport",
+    "Comparison",
     "CountJump",
     "DelayMargin",
     "DiskMargin",
@@ -68,6 +73,7 @@ __all__ = [
     "Verification",
     "audit",
     "check",
+    "compare",
     "count_jump",
     "damping_needed",
     "default_table",
@@ -94,12 +100,15 @@ __all__ = [
     "stable_gains",
     "verdict",
     "verify",
+    "what_if",
 ]
 
 #: Public names by module. No module or folder here has the name of a verb (audit, export,
 #: optimise): once loaded, it would take the function's place.
 _HOMES = {
     "_audit": "Audit audit",
+    "_compare": "Change Comparison compare",
+    "_what_if": "Alternative what_if",
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",
     "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",

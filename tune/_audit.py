@@ -13,19 +13,22 @@ from tune.documents.certified import Certificate
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.errors import CheckFailedError
 from tune.documents.perception import default_table
-from tune.documents.profile import Design
+from tune.documents.profile import Contact, Design
 from tune.documents.scene import MarginName, Scene
 from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
+from tune.margins.limit_cycles import LimitCycle, limit_cycle
 from tune.margins.margins import LoopMargins, margins_of
+from tune.margins.quantised_passivity import QuantisedPassivity, quantised_passivity
 from tune.optimisation._optimise import SLACK, design_of
 from tune.optimisation.climb import climb, closed_form
 from tune.optimisation.delays import Felt, extra_delays
 from tune.optimisation.describe import reasons_for_nothing
 from tune.optimisation.faults import Fault, faults_of
 from tune.optimisation.limits import forces, ripple, worst_gain
-from tune.optimisation.problem import Job, pose
+from tune.optimisation.problem import Job, Problem, pose
 from tune.optimisation.solve import Solved, backends, settled
+from tune.rendering.contact import contact
 from tune.rendering.ripple import count_jump, handle_vibration
 from tune.rendering.vibration import felt_vibration
 
@@ -56,6 +59,11 @@ class Audit:
         ripple: of the force, N rms; None without an encoder resolution or where it is unstable.
         vibration: of the handle, m rms; None likewise.
         felt: the same in thresholds of a hand, above 1 it is felt; linear axes only.
+        quantised: whether friction keeps the device passive with its encoder; None without one.
+        cycle: the swing that encoder, friction and delay sustain; None where there is none, where
+            it is not looked for (vibration modes, no encoder) or the loop is unstable.
+        wall: what a free device meets that runs into these gains as a wall that only pushes; at
+            the speed of the default motion.
         jumps: force that one count of the encoder causes through each effect, N.
         faults: empty where the gains are safe.
         nearest: the nearest safe values, None where the gains are safe or nothing is.
@@ -71,6 +79,9 @@ class Audit:
     ripple: float | None
     vibration: float | None
     felt: float | None
+    quantised: QuantisedPassivity | None
+    cycle: LimitCycle | None
+    wall: Contact
     jumps: dict[str, float]
     faults: tuple[Fault, ...]
     nearest: Effects | None
@@ -82,6 +93,11 @@ class Audit:
             f"Audit({'safe' if self.safe else 'not safe'}: gain {self.gain:.4g}, "
             f"{self.delay_samples:.3g} extra samples of delay, faults: {faults})"
         )
+
+    @property
+    def jitter(self) -> float:
+        """Part of the sample time by which each step may vary, at the corners of the box."""
+        return self.design.elements[ELEMENT].margins.jitter or 0.0
 
     @property
     def safe(self) -> bool:
@@ -154,6 +170,9 @@ def audit(
         ripple=noise,
         vibration=vibration,
         felt=thresholds,
+        quantised=quantised_passivity(device, felt, filters),
+        cycle=limit_cycle(device, felt, filters) if stable else None,
+        wall=_wall(problem, design),
         jumps=_jumps(device, felt, filters),
         faults=faults,
         nearest=_nearest(job, filters) if faults and refusal is None else None,
@@ -211,6 +230,19 @@ def _vibration(
     loop = Loop.from_parts(device, used_filters(filters, felt))
     shaken = float(handle_vibration(loop, felt, count))
     return shaken, felt_vibration(loop, felt, count) if device.motion == "linear" else None
+
+
+def _wall(problem: Problem, design: Design) -> Contact:
+    """The contact with the gains as a wall that only pushes."""
+    element = design.elements[ELEMENT]
+    return contact(
+        design.device,
+        problem.region.box,
+        problem.filters,
+        {name: getattr(element, name) for name in EFFECT_NAMES},
+        speed=element.motion.speed,
+        one_sided=True,
+    )
 
 
 def _jumps(device: Device, felt: Effects, filters: Filters) -> dict[str, float]:

@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
+from identification.device.evidence import Covariance, LogRecord
 from identification.device.friction import ByDirection, SlopeRange, UnmodelledForce
 from identification.device.hardware import (
     MOST_MODES,
@@ -25,6 +26,7 @@ from identification.device.hardware import (
     Hardware,
     Mode,
 )
+from identification.device.nameplate import Day, Label
 from identification.device.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
 from identification.device.stated import FACTS, Fact, missing_of, question
 from identification.documents.document import Document
@@ -55,35 +57,6 @@ _WHERE = (
 )
 
 
-class Covariance(Document):
-    """Joint covariance of everything identified together, in the units of the device."""
-
-    parameters: tuple[str, ...]
-    matrix: tuple[tuple[float, ...], ...]
-    degrees_of_freedom: float = Field(gt=0)
-
-    @model_validator(mode="after")
-    def _square(self) -> Covariance:
-        size = len(self.parameters)
-        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
-            raise ValueError(f"matrix must be {size} x {size}, one row for each parameter")
-        if any(self.matrix[i][i] < 0 for i in range(size)):
-            raise ValueError("matrix has a negative variance")
-        return self
-
-
-class LogRecord(Document):
-    """One log the device was identified from, and what was let through."""
-
-    source: str
-    digest: str
-    samples: int
-    method: str
-    findings: tuple[str, ...] = ()
-    allowed: tuple[str, ...] = ()
-    unmodelled_forces: tuple[UnmodelledForce, ...] = ()
-
-
 class Gravity(Document):
     """The weight of a load that turns with the axis: gs·sin(q) + gc·cos(q), q in rad.
 
@@ -112,6 +85,9 @@ class Device(Document):
     Attributes:
         name: of the device.
         axis: name of the axis.
+        serial: serial number.
+        date: of the calibration, year-month-day.
+        operator: who took the logs.
         motion: "linear" or "rotary"; read as linear where it is missing.
         missing: facts that nobody stated; in a file also whatever is absent or has ``source: log``.
         sample_time: T, s.
@@ -141,6 +117,9 @@ class Device(Document):
     schema_: Literal["haptune/device/1"] = Field(default="haptune/device/1", alias="schema")
     name: str = "device"
     axis: str = "x"
+    serial: Label | None = None
+    date: Day | None = None
+    operator: Label | None = None
     motion: Motion = "linear"
     missing: tuple[Fact, ...] = ()
     sample_time: AnyQuantity

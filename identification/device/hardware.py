@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
+from identification.device.nameplate import Day, Label
 from identification.device.quantities import LARGEST, AnyQuantity, PositiveQuantity, Source
 from identification.documents.document import Document
 from identification.trajectory import Motion
@@ -83,6 +84,9 @@ class Hardware(Document):
     Attributes:
         name: of the device.
         axis: name of the axis.
+        serial: serial number.
+        date: of the calibration, year-month-day.
+        operator: who takes the logs.
         motion: "linear" (N, m) or "rotary" (N·m, rad); None where nobody stated it.
         sample_time: s, of the control loop.
         delay: s, from command to measurement.
@@ -95,6 +99,9 @@ class Hardware(Document):
     schema_: Literal["haptune/hardware/1"] = Field(default="haptune/hardware/1", alias="schema")
     name: str = "device"
     axis: str = "x"
+    serial: Label | None = None
+    date: Day | None = None
+    operator: Label | None = None
     motion: Motion | None = None
     sample_time: AnyQuantity | None = None
     delay: AnyQuantity | None = None

@@ -27,25 +27,40 @@ class _Standing:
     status: os.stat_result
 
 
-def write_text(path: str | os.PathLike[str], text: str) -> str:
-    """Write a whole file or nothing; a file that stood there is kept as ``NAME.bak``.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replaced:
+    """A file that stood where another was written.
 
+    Attributes:
+        content: what it held.
+        backup: the name under which it is kept.
+    """
+
+    content: bytes
+    backup: Path
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> Replaced | None:
+    """Write a whole file or nothing; a file that stood there is kept.
+
+    The first backup is ``NAME.bak``, the next ``NAME.bak2``, and so on: none is ever written over.
     A symbolic link is followed: what it points to is replaced, the link stays. Permissions are
     kept, and owner and group as far as the system lets this user give files away. At every moment,
-    a loss of power included, the file is whole, old or new, and where a backup was a backup is. Of
-    two writers at once the last wins.
+    a loss of power included, the file is whole, old or new. Of two writers at once the last wins.
 
     Returns:
-        A unified diff against what stood there, "" if nothing did or nothing changed.
+        What stood there, None if nothing did or nothing changed.
 
     Raises:
         NotWrittenError: with the system's reason; the old file is untouched.
     """
-    path = Path(path)
-    old = write_bytes(path, text.encode("utf-8"))
-    if old is None:
-        return ""
-    before, after = old.decode("utf-8", errors="replace").splitlines(), text.splitlines()
+    return write_bytes(path, text.encode("utf-8"))
+
+
+def difference_of(path: Path, replaced: Replaced, text: str) -> str:
+    """The unified diff of a text against what stood in its place, or how long both are."""
+    before = replaced.content.decode("utf-8", errors="replace").splitlines()
+    after = text.splitlines()
     if max(len(before), len(after)) > _LONGEST_DIFFERENCE:
         return f"{path.name} changed: {len(before)} lines before, {len(after)} now"
     return "\n".join(
@@ -53,12 +68,13 @@ def write_text(path: str | os.PathLike[str], text: str) -> str:
     )
 
 
-def write_bytes(path: str | os.PathLike[str], data: bytes) -> bytes | None:
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> Replaced | None:
     """Write a whole file or nothing, as `write_text` does, and return what stood there if changed.
 
     Raises:
         NotWrittenError: with the system's reason; the old file is untouched.
     """
+    backup = Path(path)
     try:
         target = Path(os.path.realpath(path))
         old = _standing(target)
@@ -67,12 +83,12 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> bytes | None:
         with _name_beside(target) as fresh:
             _create(fresh, data, like=None if old is None else old.status)
             if old is not None:
-                _keep(target)
+                backup = _keep(target)
             fresh.replace(target)
         _sync_folder(target.parent)
     except OSError as error:
         raise NotWrittenError(Path(path), error.strerror or str(error)) from None
-    return None if old is None else old.content
+    return None if old is None else Replaced(content=old.content, backup=backup)
 
 
 def _standing(target: Path) -> _Standing | None:
@@ -124,19 +140,47 @@ def _give(path: Path, like: os.stat_result) -> None:
                 return
 
 
-def _keep(target: Path) -> None:
-    """Put what stands there in the place of its backup, in one step: there always is a backup."""
-    backup = target.with_name(target.name + ".bak")
-    try:
-        with _name_beside(target) as kept:
+def _keep(target: Path) -> Path:
+    """Give what stands there a further name, the next backup's, and return that name."""
+    newest = _newest_backup(target)
+    if newest and _backup(target, newest).samefile(target):
+        return _backup(target, newest)  # a kill between the two steps left it so
+    number = newest + 1
+    while True:
+        backup = _backup(target, number)
+        try:
             try:
-                os.link(target, kept)
+                os.link(target, backup)
+            except FileExistsError:  # of another writer at the same time
+                number += 1
+                continue
             except OSError:  # a file system without hard links, or a file of someone else
-                shutil.copy2(target, kept)
-            kept.replace(backup)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise OSError(error.errno, f"its backup {backup.name} cannot be kept: {reason}") from None
+                with _name_beside(target) as kept:
+                    shutil.copy2(target, kept)
+                    kept.replace(backup)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise OSError(
+                error.errno, f"its backup {backup.name} cannot be kept: {reason}"
+            ) from None
+        return backup
+
+
+def _backup(target: Path, number: int) -> Path:
+    return target.with_name(f"{target.name}.bak{'' if number == 1 else number}")
+
+
+def _newest_backup(target: Path) -> int:
+    """The highest number of a backup that is there, 0 for none; the first has no number."""
+    first = f"{target.name}.bak"
+    newest = 0
+    for name in os.listdir(target.parent):  # noqa: PTH208 - names alone, however many
+        number = name.removeprefix(first)
+        if name == first:
+            newest = max(newest, 1)
+        elif number != name and number.isascii() and number.isdecimal():
+            newest = max(newest, int(number))
+    return newest
 
 
 def _sync_folder(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
@@ -44,6 +45,10 @@ def load_mapping(path: str | PathLike[str]) -> dict[str, Any]:
     if not isinstance(content, dict):
         problem = "does not hold a mapping of names to values"
         raise InvalidInputError(path, problem, "See 'haptune new' for templates")
+    found = cast("dict[object, object]", content)
+    day = found.get("date")
+    if type(day) is datetime.date:  # what YAML reads as a date is one where a date belongs
+        found["date"] = day.isoformat()
     strange = next(_strange_values(content, ""), None)  # pyright: ignore[reportUnknownArgumentType]
     if strange is not None:
         raise InvalidInputError(path, strange, "Write a number, a name, or text in quotes")

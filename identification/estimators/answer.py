@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -10,60 +11,72 @@ from numpy.typing import NDArray
 from identification.estimators.intervals import Spread
 from identification.estimators.linear import explained
 from identification.estimators.model import Estimate, Model
-from identification.estimators.shaping import whiteness
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """A point estimate: values without intervals.
+
+    Attributes:
+        values: of the parameters, shape (p,).
+        delay: s, given or fitted.
+        signal: what was to be explained, shape (rows,).
+        residual: what was not, shape (rows,).
+    """
+
+    values: FloatArray
+    delay: float
+    signal: FloatArray
+    residual: FloatArray
+
+    @property
+    def explained(self) -> float:
+        """Share of the mean square of the signal that is not in the residual."""
+        return explained(self.signal, self.residual)
 
 
 def answer(
     method: str,
     model: Model,
-    values: FloatArray,
+    point: Point,
     around: Spread,
     *,
-    delay: float,
     fitted: bool,
-    signal: FloatArray,
-    residual: FloatArray,
     unit: Literal["force", "position"],
     mean_speed: float,
     notes: tuple[str, ...],
     leaning: FloatArray | None = None,
-    scale: float = 1.0,
 ) -> Estimate:
     """The Estimate of one fit.
 
     Args:
         method: its name on the command line.
         model: the terms estimated.
-        values: of the parameters, shape (p,).
+        point: values, delay and residual.
         around: their covariance, followed by that of the delay if it was fitted.
-        delay: s, given or fitted.
         fitted: whether the delay was fitted.
-        signal: what was to be explained, shape (rows,).
-        residual: what was not, shape (rows,).
         unit: of the residual.
         mean_speed: s of the model.
         notes: on choices made on the way.
         leaning: one more standard deviation of every parameter, shape (p,), or None.
-        scale: of the residual to its unit.
     """
-    size = values.size
+    size = point.values.size
     covariance = around.covariance[:size, :size]
     if leaning is not None:
         covariance = covariance + np.outer(leaning, leaning)
     return Estimate(
         method=method,
         model=model,
-        delay=delay,
+        delay=point.delay,
         delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
-        values=values,
+        values=point.values,
         covariance=covariance,
         degrees_of_freedom=around.degrees_of_freedom,
-        residual=residual * scale,
+        residual=point.residual,
         residual_unit=unit,
-        explained=explained(signal, residual),
-        whiteness=whiteness(residual),
+        explained=point.explained,
         condition=around.condition,
         inflation=around.inflation[:size],
         mean_speed=mean_speed,

@@ -72,13 +72,12 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
         table = table.refined(best * step)
         near = np.clip(best + finer * np.array([-1.0, 0.0, 1.0]), 0.0, MOST_SAMPLES)
         best = _lowest(near, _costs(table, near))
-    columns = table.columns
     force = table.force(best * step)
-    residual = force - columns @ table.solve(best * step)
+    residual = force - table.solve(best * step) @ table.columns
     # F(t - d) changes with d by its slope; beside the other columns that tells how well d is known.
     low, high = max(best - 0.5, 0.0), min(best + 0.5, float(MOST_SAMPLES))
     slope = (table.force(high * step) - table.force(low * step)) / ((high - low) * step)
-    around = spread(np.vstack((-slope, columns.T)), residual, 1, signal=force)
+    around = spread(np.vstack((-slope, table.columns)), residual, 1, signal=force)
     variance = max(float(around.covariance[0, 0]), 0.0)
     deviation = min(float(np.sqrt(variance)), float(_IGNORANCE) * step)
     whole = costs[::_STEPS_PER_SAMPLE]
@@ -91,7 +90,7 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
 
 def _costs(table: Regression, samples: FloatArray) -> FloatArray:
     """Sum of squared residuals of the best fit at each delay, in samples."""
-    basis, _ = np.linalg.qr(unit_columns(table.columns)[0])
+    basis, _ = np.linalg.qr(unit_columns(table.columns.T)[0])
     step = table.signals.step
     forces = table.forces([float(each) * step for each in samples])
     return np.sum((forces - forces @ basis @ basis.T) ** 2, axis=1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Commands, Held
+from identification.estimators.held import Commands, Held, mean_step
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.least_squares import Regression
 from identification.estimators.rows import Signals
@@ -75,10 +75,10 @@ class Drive:
     @property
     def rates(self) -> tuple[float, float]:
         """p searched, 1/s."""
-        step = float(np.mean(self.steps))
+        step = mean_step(self.steps)
         return -_GROWTH / step / self.moving.size, _FASTEST / step
 
     @property
     def delays(self) -> tuple[float, float]:
         """Delays searched, s."""
-        return 0.0, MOST_SAMPLES * float(np.mean(self.steps))
+        return 0.0, MOST_SAMPLES * mean_step(self.steps)

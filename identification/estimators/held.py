@@ -93,7 +93,7 @@ class Held:
             after = self.added(square) / self.steps
             falling = half + after
             rising = half + self.added(self.left) - after
-        return (falling[1:] + rising[:-1]) / np.mean(self.steps)
+        return (falling[1:] + rising[:-1]) / mean_step(self.steps)
 
     def times(self, factor: FloatArray) -> Held:
         """The column times a factor for each interval, shape (n - 1,)."""
@@ -152,9 +152,8 @@ class Commands:
         The first ``unknown_intervals`` feel forces from before the log; they repeat its first.
         """
         if not isinstance(self.steps, np.ndarray) or self.sent is None:
-            steps = float(np.mean(self.steps))
-            whole = int(np.floor(delay / steps))
-            fraction = delay - whole * steps
+            steps = mean_step(self.steps)
+            whole, fraction = _split(delay, steps)
             before = np.full(whole + 1, self.value[0])
             padded = np.concatenate((before, self.value))[: self.value.size]
             late, early = padded[1:], padded[:-1]
@@ -179,6 +178,33 @@ class Commands:
             left=time[interval + 1] - arrival[inside],
             interval=interval.astype(np.intp),
         )
+
+
+def even_taps(delay: float, step: float) -> tuple[int, tuple[float, float, float]]:
+    """How a triangle sees a force that is held evenly and delayed (Held.triangle).
+
+    Args:
+        delay: s.
+        step: s.
+
+    Returns:
+        Whole samples of the delay, and the weights of the force sent so long before the sample,
+        one sample earlier and two earlier.
+    """
+    whole, fraction = _split(delay, step)
+    left = 1 - fraction / step
+    return whole, (left * left / 2, 0.5 + left - left * left, (1 - left) ** 2 / 2)
+
+
+def mean_step(steps: float | FloatArray) -> float:
+    """Mean length of the intervals of a log, s."""
+    return float(np.mean(steps)) if isinstance(steps, np.ndarray) else steps
+
+
+def _split(delay: float, step: float) -> tuple[int, float]:
+    """Whole samples of a delay, and what is left of it, s."""
+    whole = int(np.floor(delay / step))
+    return whole, delay - whole * step
 
 
 def unknown_intervals(steps: float | FloatArray, delay: float) -> int:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.answer import answer
+from identification.estimators.answer import Point, answer
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.intervals import spread
@@ -161,6 +161,13 @@ def _slope_of_position(device: Coasting, position: FloatArray) -> FloatArray:
     return changed - _earlier(whole.decay_slope) * speed[:-1]
 
 
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+    """What ``fit`` finds, without intervals."""
+    first = start if delay is None else delay
+    table = _settled(table, first)
+    return _point(table, _found(table, delay, first)[1], delay)
+
+
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by a Kalman innovations fit.
 
@@ -176,6 +183,42 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     """
     first = start if delay is None else delay
     table = _settled(table, first)
+    problem, best = _found(table, delay, first)
+    values, jacobian = physical(best, len(table.model.parameters))
+    size, fitted = len(values), delay is None
+    if fitted:  # the delay right after the parameters, before the noise model
+        order = [*range(size), size + 2, size, size + 1, *range(size + 3, len(jacobian))]
+        jacobian = jacobian[order]
+    around = spread(jacobian, best.residual, size + fitted, signal=values[0] * jacobian[0])
+    notes = [
+        f"moving average 1 {best.theta[1]:+.4f} {best.theta[2]:+.4f} "
+        + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
+    ]
+    notes += [] if best.converged else ["the search ended before it settled"]
+    return answer(
+        "innovations",
+        table.model,
+        _point(table, best, delay),
+        around,
+        fitted=fitted,
+        unit="position",
+        mean_speed=table.mean_speed,
+        notes=tuple(notes),
+        leaning=_leaning(table, problem, best, first),
+    )
+
+
+def _point(table: Regression, best: Solution, delay: float | None) -> Point:
+    return Point(
+        values=physical(best, len(table.model.parameters))[0],
+        delay=float(best.theta[3]) if delay is None else delay,
+        signal=best.target,
+        residual=best.residual,
+    )
+
+
+def _found(table: Regression, delay: float | None, first: float) -> tuple[_Problem, Solution]:
+    """The best prediction, and the problem with the filter that it has for coloured forces."""
     signals = table.signals
     problem = _Problem(
         drive=Drive.of(table, delay),
@@ -193,31 +236,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         rows, target = replace(problem, shape=np.ones(1)).at(best.theta)
         problem = replace(problem, shape=whitener(target - best.weights @ rows))
         best = solve(problem, best.theta)
-    values, jacobian = physical(best, len(table.model.parameters))
-    size, fitted = len(values), int(delay is None)
-    if fitted:  # the delay right after the parameters, before the noise model
-        order = [*range(size), size + 2, size, size + 1, *range(size + 3, len(jacobian))]
-        jacobian = jacobian[order]
-    around = spread(jacobian, best.residual, size + fitted, signal=values[0] * jacobian[0])
-    notes = [
-        f"moving average 1 {best.theta[1]:+.4f} {best.theta[2]:+.4f} "
-        + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
-    ]
-    notes += [] if best.converged else ["the search ended before it settled"]
-    return answer(
-        "innovations",
-        table.model,
-        values,
-        around,
-        delay=float(best.theta[3]) if delay is None else delay,
-        fitted=delay is None,
-        signal=best.target,
-        residual=best.residual,
-        unit="position",
-        mean_speed=table.mean_speed,
-        notes=tuple(notes),
-        leaning=_leaning(table, problem, best, first),
-    )
+    return problem, best
 
 
 def _settled(table: Regression, delay: float) -> Regression:

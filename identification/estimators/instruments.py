@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.answer import answer
+from identification.estimators.answer import Point, answer
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held import Commands, Held
 from identification.estimators.held_response import Coasting, Gain
@@ -24,7 +24,7 @@ from identification.estimators.least_squares import Regression
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.motion import Motion
-from identification.estimators.rows import Kinematics
+from identification.estimators.rows import Kinematics, of_rows
 from identification.estimators.terms import terms
 
 FloatArray = NDArray[np.float64]
@@ -45,6 +45,11 @@ _NUDGE = 0.05
 _UNEXCITED = 1e-6
 
 
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+    """What ``fit`` finds, without intervals."""
+    return _found(table, _source(table), delay, start)
+
+
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by instrumental variables.
 
@@ -58,54 +63,52 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     Returns:
         Estimate with the residual in force, filtered; its first note says which instruments.
     """
-    source = _Simulated(table) if table.signals.reference is None else _Referenced.of(table)
-    size, fits_delay = len(table.model.parameters), delay is None
-    first = start if delay is None else delay
-    best = _improved(table, source, table.solve(first), first, fits_delay=fits_delay)
-    for _ in range(_MOST_ROUNDS):
-        if best.settled:
-            break
-        best = _improved(table, source, best.values, best.delay, fits_delay=fits_delay)
-    force, residual = best.force, best.residual
-    around = spread(
-        best.columns.T, residual, size + fits_delay, signal=force, instruments=best.tests.T
-    )
+    source, fitted = _source(table), delay is None
+    best = _found(table, source, delay, start)
+    size = len(table.model.parameters) + fitted
+    around = spread(best.columns, best.residual, size, signal=best.signal, instruments=best.tests)
     notes = (source.note, table.cut_off.reason)
     return answer(
         "instruments",
         table.model,
-        best.values,
+        best,
         around,
-        delay=best.delay,
-        fitted=fits_delay,
-        signal=force,
-        residual=residual,
+        fitted=fitted,
         unit="force",
         mean_speed=table.mean_speed,
         notes=notes if best.settled else (*notes, "the instruments did not settle"),
     )
 
 
+def _source(table: Regression) -> _Simulated | _Referenced:
+    return _Simulated(table) if table.signals.reference is None else _Referenced.of(table)
+
+
+def _found(
+    table: Regression, source: _Simulated | _Referenced, delay: float | None, start: float
+) -> _Solution:
+    """The solution that its own instruments no longer move."""
+    fits_delay, first = delay is None, start if delay is None else delay
+    best = _improved(table, source, table.solve(first), first, fits_delay=fits_delay)
+    for _ in range(_MOST_ROUNDS):
+        if best.settled:
+            break
+        best = _improved(table, source, best.values, best.delay, fits_delay=fits_delay)
+    return best
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Solution:
-    """Parameters and what they were solved from.
+class _Solution(Point):
+    """A point estimate and what it was solved from.
 
     Attributes:
-        values: shape (p,).
-        delay: s.
-        columns: shape (rows, q); q is p, or p + 1 if the delay is fitted.
-        tests: instruments, shape (rows, q).
-        force: N, shape (rows,).
-        residual: N, shape (rows,).
+        columns: shape (q, rows); q is p, or p + 1 if the delay is fitted.
+        tests: instruments, shape (q, rows).
         settled: whether the last step was short.
     """
 
-    values: FloatArray
-    delay: float
     columns: FloatArray
     tests: FloatArray
-    force: FloatArray
-    residual: FloatArray
     settled: bool
 
 
@@ -119,24 +122,24 @@ def _improved(
 ) -> _Solution:
     """Solved with instruments from the last values and their delay."""
     force, columns = table.force(delay), table.columns
-    tests = _columns(table, source.position(values, delay))
+    tests = source.columns(values, delay)
     last = values
     if fits_delay:
         last = np.append(values, 0.0)
-        columns = np.column_stack((columns, -_slope(table, table.signals.commands, delay)))
-        tests = np.column_stack((tests, -_slope(table, source.commands, delay)))
+        columns = np.vstack((columns, -_slope(table, table.signals.commands, delay)))
+        tests = np.vstack((tests, -_slope(table, source.commands, delay)))
     solved = _solve(tests, columns, force)
-    residual = force - columns @ solved
+    residual = force - solved @ columns
     if fits_delay:
         most = MOST_SAMPLES * table.signals.step
         delay = float(np.clip(delay + solved[-1], 0.0, most))
-    moved = float(np.linalg.norm(columns @ (solved - last)))
+    moved = float(np.linalg.norm((solved - last) @ columns))
     return _Solution(
         values=solved[: values.size],
         delay=delay,
         columns=columns,
         tests=tests,
-        force=force,
+        signal=force,
         residual=residual,
         settled=moved <= _SETTLED * float(np.linalg.norm(residual)),
     )
@@ -158,7 +161,11 @@ class _Simulated:
         """As logged."""
         return self.table.signals.commands
 
-    def position(self, values: FloatArray, delay: float) -> FloatArray:
+    def columns(self, values: FloatArray, delay: float) -> FloatArray:
+        """Instruments, shape (p, rows)."""
+        return _columns(self.table, self._position(values, delay))
+
+    def _position(self, values: FloatArray, delay: float) -> FloatArray:
         """From the start that fits the measured position."""
         drive = Drive.of(self.table, delay)
         # A mass that is not positive has no motion to simulate; without damping it is still one.
@@ -181,9 +188,9 @@ class _Simulated:
 
 @dataclass(frozen=True, slots=True)
 class _Referenced:
-    """What past values of the reference explain of the position and of the force."""
+    """What past values of the reference explain of the columns and of the force."""
 
-    path: FloatArray
+    known: FloatArray
     commands: Commands
 
     @classmethod
@@ -194,22 +201,22 @@ class _Referenced:
         time, sent = _stamps(signals.steps, signals.position.size), signals.commands.sent
         apart = max(_LAG / table.cut_off.frequency, signals.step)
         lags = np.arange(_LAGS) * np.float64(apart)
-        past = _past(signals.reference, time, time, lags)
-        path = _explained(signals.position, past)
+        past = _Past.of(signals.reference, time, time, lags)
+        path = past.explained(signals.position)
         if sent is not None:
-            past = _past(signals.reference, time, sent, lags)
-        force = _explained(signals.commands.value, past)
-        return cls(path, replace(signals.commands, value=force))
+            past = _Past.of(signals.reference, time, sent, lags)
+        force = past.explained(signals.commands.value)
+        return cls(_columns(table, path), replace(signals.commands, value=force))
 
     @property
     def note(self) -> str:
         """Where instruments come from."""
         return "instruments from the logged reference"
 
-    def position(self, values: FloatArray, delay: float) -> FloatArray:
-        """The same whatever the estimate."""
+    def columns(self, values: FloatArray, delay: float) -> FloatArray:
+        """Instruments, shape (p, rows), whatever the estimate."""
         del values, delay
-        return self.path
+        return self.known
 
 
 def _stamps(steps: float | FloatArray, samples: int) -> FloatArray:
@@ -219,41 +226,49 @@ def _stamps(steps: float | FloatArray, samples: int) -> FloatArray:
     return np.arange(samples) * np.float64(steps)
 
 
-def _past(reference: FloatArray, time: FloatArray, at: FloatArray, lags: FloatArray) -> FloatArray:
-    """Values of a reference some lags before the times ``at``, each about its mean.
+@dataclass(frozen=True, slots=True)
+class _Past:
+    """Values of a reference some lags before some times, each about its mean and of unit norm.
 
-    Of unit norm, shape (lags, times).
+    Attributes:
+        values: shape (lags, times).
+        inverse: of their products, as far as the reference excites them, shape (lags, lags).
     """
-    past = np.empty((lags.size, at.size))
-    for row, lag in zip(past, lags, strict=True):
-        row[:] = np.interp(at - lag, time, reference)
-    past -= past.mean(axis=1, keepdims=True)
-    norms = np.linalg.norm(past, axis=1, keepdims=True)
-    past /= np.where(norms > 0, norms, 1.0)
-    return past
 
+    values: FloatArray
+    inverse: FloatArray
 
-def _explained(column: FloatArray, past: FloatArray) -> FloatArray:
-    """What past values of a reference explain of a column."""
-    normal = np.linalg.pinv(past @ past.T, rcond=_UNEXCITED**2, hermitian=True)
-    mean = np.mean(column)
-    return (normal @ (past @ (column - mean))) @ past + mean
+    @classmethod
+    def of(cls, reference: FloatArray, time: FloatArray, at: FloatArray, lags: FloatArray) -> _Past:
+        """Values at ``at`` less each of the lags, s, of a reference known at some times."""
+        past = np.empty((lags.size, at.size))
+        for row, lag in zip(past, lags, strict=True):
+            row[:] = np.interp(at - lag, time, reference)
+        past -= past.mean(axis=1, keepdims=True)
+        norms = np.linalg.norm(past, axis=1, keepdims=True)
+        past /= np.where(norms > 0, norms, 1.0)
+        inverse: FloatArray = np.linalg.pinv(past @ past.T, rcond=_UNEXCITED**2, hermitian=True)
+        return cls(past, inverse)
+
+    def explained(self, column: FloatArray) -> FloatArray:
+        """What they explain of a column, shape (times,)."""
+        mean = np.mean(column)
+        return (self.inverse @ (self.values @ (column - mean))) @ self.values + mean
 
 
 def _slope(table: Regression, commands: Commands, delay: float) -> FloatArray:
     """Derivative of the filtered force by its delay, N/s, shape (rows,)."""
     width = _NUDGE * table.signals.step
     low, high = max(delay - width, 0.0), delay + width
-    early, late = (
-        table.filtered(commands.after(each).times(table.motion.moving)) for each in (low, high)
-    )
-    return (late - early) / (high - low)
+    late, early = (commands.after(each).times(table.motion.moving) for each in (high, low))
+    change = of_rows(late.triangle() - early.triangle())
+    return table.low_pass(change)[table.known :] / (high - low)
 
 
 def _solve(instruments: FloatArray, columns: FloatArray, force: FloatArray) -> FloatArray:
     """Parameters whose residual no instrument sees, shape (p,)."""
-    tests, _ = unit_columns(instruments)
-    unit, norms = unit_columns(columns)
+    tests, _ = unit_columns(instruments.T)
+    unit, norms = unit_columns(columns.T)
     return np.linalg.lstsq(tests.T @ unit, tests.T @ force, rcond=None)[0] / norms
 
 
@@ -266,5 +281,6 @@ def _columns(table: Regression, position: FloatArray) -> FloatArray:
         sense = np.sign(np.diff(position)) * motion.moving
         motion = Motion(direction=Held.constant(sense, signals.steps), moving=motion.moving)
     others = terms(table.model, motion, position, signals.steps).columns
-    columns = [table.low_pass(each)[table.known :] for each in (rows.acceleration, rows.velocity)]
-    return np.stack([*columns, *(table.filtered(each) for each in others)], axis=1)
+    triangles = [of_rows(each.triangle()) for each in others]
+    every = np.stack((rows.acceleration, rows.velocity, *triangles))
+    return table.low_pass(every)[:, table.known :]

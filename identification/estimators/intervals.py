@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.linear import symmetric_inverse
+
 if TYPE_CHECKING:
     # Estimators import this module.
     from identification.estimators.model import Estimate
@@ -186,9 +188,9 @@ def _norms(columns: FloatArray) -> FloatArray:
 
 def _inverse(normal: FloatArray, *, symmetric: bool = True) -> FloatArray:
     """Pseudo-inverse of square matrices, shape (..., p, p); finite for columns alike, too."""
-    return np.asarray(
-        np.linalg.pinv(normal, rcond=_SINGULAR, hermitian=symmetric), dtype=np.float64
-    )
+    if symmetric:
+        return symmetric_inverse(normal, _SINGULAR)
+    return np.asarray(np.linalg.pinv(normal, rcond=_SINGULAR), dtype=np.float64)
 
 
 def half_width(estimate: Estimate, name: str, confidence: float = 0.95) -> float:

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.answer import answer
+from identification.estimators.answer import Point, answer
 from identification.estimators.cut_off import CutOff, choose_cut_off
-from identification.estimators.held import Held, unknown_intervals
+from identification.estimators.held import Held, even_taps, unknown_intervals
 from identification.estimators.intervals import spread
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
@@ -48,10 +48,10 @@ class Regression:
         motion: direction and standstill the friction columns were made from.
         cut_off: of the filter, and why there.
         low_pass: the filter.
-        kinematics: filtered acceleration and velocity, shape (rows, 2).
-        friction: filtered columns of the other terms, shape (rows, p - 2).
-        attenuation: mean square of noise in each column, shape (p,).
+        columns: filtered acceleration, velocity and other terms, in the order of the model's
+            parameters, shape (p, rows).
         mean_speed: s of the model, m/s.
+        logged: force as it was sent, filtered, shape (n - 2·half,); empty if steps are uneven.
         filtered_forces: by delay, s: the last ones made where the device stands as it does here.
     """
 
@@ -61,10 +61,9 @@ class Regression:
     motion: Motion
     cut_off: CutOff
     low_pass: LowPass
-    kinematics: FloatArray
-    friction: FloatArray
-    attenuation: FloatArray
+    columns: FloatArray
     mean_speed: float
+    logged: FloatArray
     filtered_forces: dict[float, FloatArray] = field(default_factory=dict[float, FloatArray])
 
     @classmethod
@@ -72,8 +71,7 @@ class Regression:
         cls, signals: Signals, model: Model, motion: Motion, *, cut_off: CutOff, known: int
     ) -> Regression:
         """Columns of a log; see the attributes."""
-        low_pass = LowPass.at(cut_off.frequency, signals.step)
-        rows = signals.kinematics
+        rows, low_pass = signals.kinematics, LowPass.at(cut_off.frequency, signals.step)
         table = cls(
             signals=signals,
             model=model,
@@ -81,12 +79,11 @@ class Regression:
             motion=motion,
             cut_off=cut_off,
             low_pass=low_pass,
-            kinematics=np.stack(
-                [low_pass(each)[known:] for each in (rows.acceleration, rows.velocity)], axis=1
-            ),
-            friction=np.empty((0, 0)),
-            attenuation=np.empty(0),
+            columns=low_pass(np.stack((rows.acceleration, rows.velocity)))[:, known:],
             mean_speed=0.0,
+            logged=np.empty(0)
+            if isinstance(signals.steps, np.ndarray)
+            else low_pass(signals.commands.value),
         )
         return table._with_terms()
 
@@ -94,11 +91,6 @@ class Regression:
     def first(self) -> int:
         """Sample of the first filtered row."""
         return FIRST + self.low_pass.half + self.known
-
-    @property
-    def columns(self) -> FloatArray:
-        """Shape (rows, p), in the order of the model's parameters."""
-        return np.concatenate((self.kinematics, self.friction), axis=1)
 
     def with_model(self, model: Model) -> Regression:
         """The same log and filter with other terms."""
@@ -135,25 +127,11 @@ class Regression:
 
     def _with_terms(self) -> Regression:
         found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
-        triangles = [of_rows(each.triangle()) for each in found.columns]
-        step, kernel = self.signals.step, self.low_pass.kernel
-        # Noise of a reading, as the second and the central difference pass it on.
-        second = np.convolve(kernel, [1.0, -2.0, 1.0]) / step**2
-        central = np.convolve(kernel, [0.5, 0.0, -0.5]) / step
-        attenuation = np.zeros(len(self.model.parameters))
-        attenuation[:2] = np.sum(second**2), np.sum(central**2)
-        if self.model.directional:
-            attenuation[self.model.parameters.index("damping_asymmetry")] = attenuation[1]
-        return replace(
-            self,
-            friction=(
-                self.low_pass(np.stack(triangles))[:, self.known :].T
-                if triangles
-                else np.empty((len(self.kinematics), 0))
-            ),
-            attenuation=self.signals.noise**2 * attenuation,
-            mean_speed=found.mean_speed,
-        )
+        columns = [self.columns[:2]]
+        if found.columns:
+            triangles = np.stack([of_rows(each.triangle()) for each in found.columns])
+            columns.append(self.low_pass(triangles)[:, self.known :])
+        return replace(self, columns=np.concatenate(columns), mean_speed=found.mean_speed)
 
     def filtered(self, held: Held) -> FloatArray:
         """Rows of a held column, filtered, shape (rows,)."""
@@ -169,7 +147,9 @@ class Regression:
         return self.forces([delay])[0] if kept is None else kept
 
     def forces(self, delays: Sequence[float]) -> FloatArray:
-        """The same for several delays, shape (delays, rows)."""
+        """The filtered force with several delays in s, shape (delays, rows)."""
+        if self.logged.size and np.all(self.motion.moving):
+            return np.stack([self._shifted(delay) for delay in delays])
         known = self.filtered_forces
         missing = [delay for delay in dict.fromkeys(delays) if delay not in known]
         if missing:
@@ -183,19 +163,33 @@ class Regression:
             return found
         return np.stack([known[delay] for delay in delays])
 
+    def _shifted(self, delay: float) -> FloatArray:
+        """The filtered force of a log with even steps in which nothing stands, shape (rows,)."""
+        whole, taps = even_taps(delay, self.signals.step)
+        first, rows = self.known + FIRST - whole, self.columns.shape[1]
+        parts = (self.logged[first - back : first - back + rows] for back in range(len(taps)))
+        return sum((tap * part for tap, part in zip(taps, parts, strict=True)), np.zeros(rows))
+
     def solve(self, delay: float) -> FloatArray:
         """Parameters, shape (p,): least squares, less what noise adds to the squares of columns.
 
         Noise in a column would shrink its parameter (Fuller, Measurement Error Models, 1987,
         section 1.2); its mean square is known from the noise of a reading and the filter.
         """
-        columns = self.columns
-        squares = columns.T @ columns
+        squares = self.columns @ self.columns.T
         norms = np.sqrt(np.diag(squares))
         norms = np.where(norms > 0, norms, 1.0)
-        squares -= np.diag(len(columns) * self.attenuation)
-        right = columns.T @ self.force(delay)
+        squares -= np.diag(self.columns.shape[1] * self._attenuation())
+        right = self.columns @ self.force(delay)
         return np.linalg.lstsq(squares / np.outer(norms, norms), right / norms)[0] / norms
+
+    def _attenuation(self) -> FloatArray:
+        """Mean square of noise of a reading in each column, shape (p,)."""
+        # As the second and the central difference pass it on.
+        acceleration, velocity = self.low_pass.noise_gains(self.signals.step)
+        gains = {"mass": acceleration, "damping": velocity, "damping_asymmetry": velocity}
+        of_columns = [gains.get(name, 0.0) for name in self.model.parameters]
+        return self.signals.noise**2 * np.array(of_columns)
 
     def refined(self, delay: float) -> Regression:
         """The same with the direction of motion from the fitted model."""
@@ -203,6 +197,7 @@ class Regression:
             return self
         signals = self.signals
         applied = self.held_force(delay).mean()
+        smoothed = self.low_pass.continued(signals.speed)
         table, before = self, np.empty(0)
         for _ in range(REFINEMENTS):
             values = dict(zip(self.model.parameters, table.solve(delay), strict=True))
@@ -215,10 +210,10 @@ class Regression:
             before = np.append(before, friction)
             motion = refined(
                 table.motion,
-                signals.speed,
+                smoothed,
                 applied - others(self.model, table.motion, signals.position, signals.steps, values),
                 steps=signals.steps,
-                kernel=self.low_pass.kernel,
+                low_pass=self.low_pass,
                 mass=values["mass"],
                 damping=values["damping"],
                 friction=friction,
@@ -255,6 +250,12 @@ def prepare(
     return table.refined(delay) if refine else table
 
 
+def point(table: Regression, delay: float) -> Point:
+    """What ``fit`` finds, without intervals."""
+    force, values = table.force(delay), table.solve(delay)
+    return Point(values=values, delay=delay, signal=force, residual=force - values @ table.columns)
+
+
 def fit(table: Regression, delay: float) -> Estimate:
     """Mass, damping and friction by filtered least squares.
 
@@ -266,10 +267,9 @@ def fit(table: Regression, delay: float) -> Estimate:
         Estimate with the residual in force, filtered; its notes state the cut-off and what mass
         and damping become at half and at twice of it.
     """
-    force, columns = table.force(delay), table.columns
-    values = table.solve(delay)
-    residual = force - columns @ values
-    around = spread(columns.T, residual, len(values), signal=force)
+    found = point(table, delay)
+    force, residual = found.signal, found.residual
+    around = spread(table.columns, residual, len(table.columns), signal=force)
     low, high = (
         table.at_cut_off(factor * table.cut_off.frequency).solve(delay)
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
@@ -284,12 +284,9 @@ def fit(table: Regression, delay: float) -> Estimate:
     return answer(
         "least-squares",
         table.model,
-        values,
+        found,
         around,
-        delay=delay,
         fitted=False,
-        signal=force,
-        residual=residual,
         unit="force",
         mean_speed=table.mean_speed,
         notes=notes,

@@ -22,6 +22,20 @@ def solve(columns: FloatArray, right: FloatArray) -> FloatArray:
     return np.linalg.lstsq(r, q.T @ right, rcond=None)[0] / norms
 
 
+def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArray:
+    """Pseudo-inverses of symmetric matrices by their eigenvalues, shape (..., p, p).
+
+    Args:
+        matrices: shape (..., p, p).
+        nothing: eigenvalues below this part of the largest, in size, carry nothing but rounding.
+    """
+    values, vectors = np.linalg.eigh(matrices)
+    sizes = np.abs(values)
+    told = sizes > nothing * np.max(sizes, axis=-1, keepdims=True, initial=0.0)
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=told)
+    return (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+
+
 def explained(signal: FloatArray, residual: FloatArray) -> float:
     """Share of the mean square of a signal that is not in the residual; 0 without a signal."""
     power = float(signal @ signal)
@@ -43,7 +57,7 @@ def gauss_newton(
     # A parameter that changes nothing does not move.
     size = np.where(size > 0, size, 1.0)
     right = slopes @ residual / size
-    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=nothing, hermitian=True)
+    inverse = symmetric_inverse(normal / np.outer(size, size), nothing)
     move = inverse @ right
     cost = max(float(residual @ residual), np.finfo(float).tiny)
     return move / size, float(move @ right) * residual.size / cost

@@ -10,13 +10,16 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+Spectra = dict[int, NDArray[np.complex128]]
 
 #: Blocks hold this many rows, or this many kernels, whichever is longer.
 _SHORTEST_BLOCK = 1 << 14
 _KERNELS = 8
 
 
-def overlap_save(columns: FloatArray, kernel: FloatArray) -> FloatArray:
+def overlap_save(
+    columns: FloatArray, kernel: FloatArray, spectra: Spectra | None = None
+) -> FloatArray:
     """Rows with a full set of neighbours, shape (..., n) to (..., n - k + 1).
 
     Each block of rows is convolved in a circle and what wrapped around is left out (overlap-save:
@@ -25,16 +28,21 @@ def overlap_save(columns: FloatArray, kernel: FloatArray) -> FloatArray:
     Args:
         columns: shape (..., n).
         kernel: shape (k,), k at most n; the first weight is that of the newest row.
+        spectra: of this kernel, by length of block; what is not there is added.
     """
     rows, lost = columns.shape[-1], kernel.size - 1
     block = min(_quick(rows), _quick(max(_SHORTEST_BLOCK, _KERNELS * kernel.size)))
     whole = block - lost
     count = -(-(rows - lost) // whole)
+    spectra = {} if spectra is None else spectra
+    if block not in spectra:
+        spectra[block] = np.fft.rfft(kernel, block)
+    if count == 1:
+        return np.fft.irfft(np.fft.rfft(columns, block) * spectra[block], block)[..., lost:rows]
     padded = np.zeros((*columns.shape[:-1], lost + count * whole))
     padded[..., :rows] = columns
     blocks = sliding_window_view(padded, block, axis=-1)[..., ::whole, :]
-    spectrum = np.fft.rfft(blocks) * np.fft.rfft(kernel, block)
-    convolved = np.fft.irfft(spectrum, block)[..., lost:]
+    convolved = np.fft.irfft(np.fft.rfft(blocks) * spectra[block], block)[..., lost:]
     return convolved.reshape(*columns.shape[:-1], count * whole)[..., : rows - lost]
 
 

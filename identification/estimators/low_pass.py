@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.linear_filters import overlap_save
+from identification.estimators.linear_filters import Spectra, overlap_save
 
 FloatArray = NDArray[np.float64]
 
@@ -44,23 +44,40 @@ class LowPass:
     for the filtered rows exactly; rows without a full set of neighbours are not returned.
 
     Attributes:
-        cut_off: Hz, where a sine passes with 1/√2 of its amplitude.
         kernel: weights, shape (2·half + 1,).
+        spectra: of the kernel, by length of block.
     """
 
-    cut_off: float
     kernel: FloatArray
+    spectra: Spectra = field(default_factory=Spectra)
 
     @classmethod
     def at(cls, cut_off: float, step: float) -> LowPass:
-        """The filter for a cut-off in Hz and a sample time in s."""
-        return cls(cut_off=cut_off, kernel=gaussian(width_of(cut_off), step))
+        """The filter for a cut-off in Hz, where a sine keeps 1/√2, and a sample time in s."""
+        return cls(kernel=gaussian(width_of(cut_off), step))
 
     @property
     def half(self) -> int:
         """Rows lost at each end."""
         return self.kernel.size // 2
 
-    def __call__(self, column: FloatArray) -> FloatArray:
-        """The filtered column, shape (..., n) to (..., n - 2·half)."""
-        return overlap_save(column, self.kernel)
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """The filtered columns, shape (..., n) to (..., n - 2·half)."""
+        return overlap_save(columns, self.kernel, self.spectra)
+
+    def continued(self, column: FloatArray) -> FloatArray:
+        """The filtered column, shape (n,); its ends go on by odd reflection, which keeps slopes."""
+        half = self.half
+        if half == 0:
+            return column
+        return self(np.pad(column, half, mode="reflect", reflect_type="odd"))
+
+    def noise_gains(self, step: float) -> tuple[float, float]:
+        """Variance of filtered second and central differences per variance of the readings.
+
+        Args:
+            step: between readings, s; the gains are 1/s⁴ and 1/s².
+        """
+        second = np.convolve(self.kernel, [1.0, -2.0, 1.0]) / step**2
+        central = np.convolve(self.kernel, [0.5, 0.0, -0.5]) / step
+        return float(second @ second), float(central @ central)

@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.shaping import whiteness
+
 FloatArray = NDArray[np.float64]
 Gravity = Literal["none", "proportional", "pendulum"]
 
@@ -72,7 +74,6 @@ class Estimate:
         residual: shape (rows,), in ``residual_unit``.
         residual_unit: "force" (filtered, N) or "position" (m).
         explained: share of the fitted signal's mean square that the model explains, at most 1.
-        whiteness: distance of the residual's cumulated spectrum from white noise, 0 to 1.
         condition: condition number of the unit-norm columns.
         inflation: shape (p,): variance inflation of each parameter by the other columns.
         mean_speed: s of the model, m/s; 0 where friction does not differ by direction.
@@ -93,7 +94,6 @@ class Estimate:
     residual: FloatArray
     residual_unit: str
     explained: float
-    whiteness: float
     condition: float
     inflation: FloatArray
     delay_deviation: float | None = None
@@ -106,6 +106,11 @@ class Estimate:
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of ``values``."""
         return self.model.parameters
+
+    @property
+    def whiteness(self) -> float:
+        """Distance of the residual's cumulated spectrum from white noise, 0 to 1."""
+        return whiteness(self.residual)
 
     def value(self, name: str) -> float:
         """The estimate of one parameter; 0 for a term the model leaves out."""

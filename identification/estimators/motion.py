@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.held import Held
-from identification.estimators.linear_filters import overlap_save
-from identification.estimators.low_pass import REACH, gaussian
+from identification.estimators.low_pass import REACH, LowPass, gaussian
 from identification.estimators.running import running_maximum, running_range
 
 FloatArray = NDArray[np.float64]
@@ -74,7 +73,7 @@ def first_look(
         # Variance of the derivative of a Gaussian kernel of width s: σ²/(4·√π·s³).
         ratio = noise / (CROSSING_ERROR * bend)
         width = min((ratio**2 / (4 * np.sqrt(np.pi))) ** (1 / 3), WIDEST)
-    velocity = _smooth(np.diff(position) / steps, gaussian(width, 1.0))
+    velocity = LowPass(kernel=gaussian(width, 1.0)).continued(np.diff(position) / steps)
     ends = np.concatenate((velocity[:1], (velocity[1:] + velocity[:-1]) / 2, velocity[-1:]))
     even = np.ones(velocity.size)
     turn = _turning(ends[:-1], ends[1:], even, even)
@@ -84,11 +83,11 @@ def first_look(
 
 def refined(
     motion: Motion,
-    measured: FloatArray,
+    smoothed: FloatArray,
     pull: FloatArray,
     *,
     steps: float | FloatArray,
-    kernel: FloatArray,
+    low_pass: LowPass,
     mass: float,
     damping: float,
     friction: float,
@@ -97,30 +96,28 @@ def refined(
 
     The velocity is the model's, integrated from the force, plus the smoothed difference between
     the measured and the model's velocity: slow parts come from the measurement, the bend at a
-    reversal from the model. Both pass through the same kernel, so nothing is shifted. A device
+    reversal from the model. Both pass through the same filter, so nothing is shifted. A device
     that comes to rest while the force cannot overcome friction stands until it can.
 
     Args:
         motion: direction and standstill as known so far.
-        measured: mean velocity of each interval, m/s, shape (n - 1,).
+        smoothed: measured mean velocity of each interval through the filter, m/s, shape (n - 1,).
         pull: mean over each interval of the force less all terms but damping and Coulomb
             friction, N, shape (n - 1,).
         steps: of the log, s: one number, or shape (n - 1,).
-        kernel: symmetric smoothing weights.
+        low_pass: the filter.
         mass: as estimated so far, kg, positive.
         damping: as estimated so far, N·s/m.
         friction: Coulomb friction as estimated so far, N, positive.
     """
-    net = motion.moving * (
-        pull - friction * motion.direction.mean() - damping * _smooth(measured, kernel)
-    )
+    net = motion.moving * (pull - friction * motion.direction.mean() - damping * smoothed)
     mobility = steps / mass
     model = _integral(net * mobility)
-    correction = _smooth(measured - (model[:-1] + model[1:]) / 2, kernel)
+    correction = smoothed - low_pass.continued((model[:-1] + model[1:]) / 2)
     velocity = model + np.concatenate(
         (correction[:1], (correction[1:] + correction[:-1]) / 2, correction[-1:])
     )
-    reach = max(SHORTEST_START, kernel.size // (2 * int(REACH)))
+    reach = max(SHORTEST_START, low_pass.kernel.size // (2 * int(REACH)))
     rest = _rest(velocity[:-1], pull, friction, mobility)
     start, end = _released(velocity, rest, pull, friction, mobility, reach)
     before = np.abs(pull - friction * np.sign(start))
@@ -158,6 +155,8 @@ def _rest(
     # What friction takes from the speed in one interval.
     loss = (friction - sense * pull) * mobility
     used_up = held & (speed <= loss)
+    if not used_up.any():
+        return np.zeros_like(velocity)
     part = 1 - speed / np.where(used_up & (loss > 0), loss, np.inf)
     count = np.concatenate(([0], np.cumsum(used_up)))
     earlier = count[:-1] > count[begin]
@@ -177,6 +176,8 @@ def _released(
     A device starts from rest in the sense of the pull and slowly; noise would guess the sense.
     """
     resting = rest > 0
+    if not resting.any():
+        return velocity[:-1], velocity[1:]
     index = np.arange(rest.size)
     last = np.maximum.accumulate(np.where(resting, index, -1))
     release = np.minimum(last + 1, rest.size - 1)
@@ -225,15 +226,6 @@ def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: Floa
     total = falling + rising
     fraction[turns] = np.where(total > 0, falling / np.where(total > 0, total, 1.0), 1.0)
     return _Turn(early=sign, late=late, fraction=fraction)
-
-
-def _smooth(column: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Convolution of the same length; the ends continue by odd reflection, which keeps slopes."""
-    half = kernel.size // 2
-    if half == 0:
-        return column
-    padded = np.pad(column, half, mode="reflect", reflect_type="odd")
-    return overlap_save(padded, kernel)
 
 
 def _dwelling(position: FloatArray, noise: float, bend: float) -> FloatArray:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators import unlogged
-from identification.estimators.answer import answer
+from identification.estimators.answer import Point, answer
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
-from identification.estimators.linear import unit_columns
+from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.output_error_turns import Fitted, Turns
 from identification.estimators.separable import physical, solve
@@ -98,6 +98,11 @@ class _Problem:
         return np.stack(slopes)
 
 
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+    """What ``fit`` finds, without intervals."""
+    return _point(table, _found(table, delay, start if delay is None else delay), delay)
+
+
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by output error.
 
@@ -111,21 +116,9 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     Returns:
         Estimate with the residual in position.
     """
-    first = start if delay is None else delay
-    projected = _projected(table, delay, first)
-    if not _rubs(table, projected) and not is_coloured(projected.residual):
-        # Nothing is left over, and there is no friction whose turns could be told better.
-        return _estimate(table, projected, delay)
-    found = _turning(table, delay, first) if table.model.coulomb else None
-    doubted = found is None or not _rubs(table, found) or whiteness(found.residual) > _DOUBTED
-    if found is None or (doubted and (not _rubs(table, projected) or projected.cost < found.cost)):
-        found = projected
-    return _estimate(table, found, delay)
-
-
-def _estimate(table: Regression, found: Fitted, delay: float | None) -> Estimate:
-    size, fitted = len(table.model.parameters), int(delay is None)
-    values, jacobian, residual = found.values[:size], found.jacobian, found.residual
+    found = _found(table, delay, start if delay is None else delay)
+    best, size, fitted = _point(table, found, delay), len(table.model.parameters), delay is None
+    values, jacobian, residual = best.values, found.jacobian, found.residual
     around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
     drift = unlogged.covariance(
         jacobian,
@@ -133,22 +126,45 @@ def _estimate(table: Regression, found: Fitted, delay: float | None) -> Estimate
         size + fitted,
         mass=float(values[0]),
         rate=float(values[1] / values[0]),
-        step=float(np.mean(table.signals.steps)),
+        step=table.signals.step,
     )
     around = replace(around, covariance=around.covariance + drift)
-    position = table.signals.position[table.known :]
     return answer(
         "output-error",
         table.model,
-        values,
+        best,
         around,
-        delay=float(found.values[size]) if delay is None else delay,
-        fitted=delay is None,
-        signal=position - np.mean(position),
-        residual=residual,
+        fitted=fitted,
         unit="position",
         mean_speed=table.mean_speed,
         notes=() if found.converged else ("the search ended before it settled",),
+    )
+
+
+def _found(table: Regression, delay: float | None, first: float) -> Fitted:
+    """The better of the fits with the direction of motion as measured, and as simulated."""
+    projected = _projected(table, delay, first)
+    if not table.model.coulomb:
+        return projected
+    if not _rubs(table, projected) and not is_coloured(projected.residual):
+        # Nothing is left over, and there is no friction whose turns could be told better.
+        return projected
+    found = _turning(table, delay, first)
+    if found is None:
+        return projected
+    doubted = not _rubs(table, found) or whiteness(found.residual) > _DOUBTED
+    if doubted and (not _rubs(table, projected) or projected.cost < found.cost):
+        return projected
+    return found
+
+
+def _point(table: Regression, found: Fitted, delay: float | None) -> Point:
+    size, position = len(table.model.parameters), table.signals.position[table.known :]
+    return Point(
+        values=found.values[:size],
+        delay=float(found.values[size]) if delay is None else delay,
+        signal=position - np.mean(position),
+        residual=found.residual,
     )
 
 
@@ -158,7 +174,7 @@ def _rubs(table: Regression, found: Fitted) -> bool:
         return False
     at = table.model.parameters.index("coulomb_friction")
     unit, norms = unit_columns(found.jacobian.T)
-    inverse = np.linalg.pinv(unit.T @ unit, hermitian=True)
+    inverse = symmetric_inverse(unit.T @ unit)
     variance = float(found.residual @ found.residual) / found.residual.size
     return bool(found.values[at] > _RUBBING * np.sqrt(variance * inverse[at, at]) / norms[at])
 

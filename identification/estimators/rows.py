@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Commands
+from identification.estimators.held import Commands, mean_step
 from identification.estimators.noise import position_noise
 from identification.trajectory import Trajectory
 
@@ -40,7 +40,7 @@ class Kinematics:
             position: m, shape (n,).
             steps: of the log, s: one number, or shape (n - 1,).
         """
-        step = float(np.mean(steps))
+        step = mean_step(steps)
         bend = np.diff(np.diff(position) / steps)
         # Mean position of an interval: the chord less what the motion bends away from it.
         between = (steps[1:] + steps[:-1]) / 2 if isinstance(steps, np.ndarray) else steps
@@ -86,7 +86,7 @@ class Signals:
         steps, position, reference = trajectory.steps, trajectory.position, trajectory.reference
         return cls(
             steps=steps,
-            step=float(np.mean(steps)),
+            step=mean_step(steps),
             position=position,
             commands=Commands.of(trajectory.force, steps),
             speed=np.diff(position) / steps,
@@ -102,7 +102,7 @@ class Signals:
         return replace(
             self,
             steps=steps,
-            step=float(np.mean(steps)),
+            step=mean_step(steps),
             position=position,
             commands=self.commands.part(samples),
             speed=self.speed[: samples - 1],

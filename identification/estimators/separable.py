@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.linear import gauss_newton
+from identification.estimators.linear import gauss_newton, symmetric_inverse
 
 FloatArray = NDArray[np.float64]
 
@@ -147,17 +147,14 @@ def _linear(problem: Separable, theta: FloatArray) -> _Linear:
     columns, target = problem.at(theta)
     gram = columns @ columns.T
     size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    inverse = _inverse(gram / np.outer(size, size)) / np.outer(size, size)
+    scale = np.outer(size, size)
+    inverse = symmetric_inverse(gram / scale, _NOTHING) / scale
     weights = inverse @ (columns @ target)
     residual = target - weights @ columns
     for _ in range(_REPEATS):
         weights = weights + inverse @ (columns @ residual)
         residual = target - weights @ columns
     return _Linear(columns, target, inverse, weights, residual)
-
-
-def _inverse(unit: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.pinv(unit, rcond=_NOTHING, hermitian=True), dtype=np.float64)
 
 
 def physical(best: Solution, count: int) -> tuple[FloatArray, FloatArray]:

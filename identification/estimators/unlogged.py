@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.held_response import Push
-from identification.estimators.linear import unit_columns
+from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.linear_filters import recursive
 
 FloatArray = NDArray[np.float64]
@@ -53,7 +53,7 @@ def covariance(
     sums = np.add.reduceat(unit.T, starts, axis=1)
     pushed = _Pushed(mass, max(rate, 0.0), step * rows / parts)
     variance = _variance(sums / counts, np.add.reduceat(residual, starts) / counts, pushed)
-    inverse = np.linalg.pinv(unit.T @ unit, rcond=_NOTHING, hermitian=True)[:keep]
+    inverse = symmetric_inverse(unit.T @ unit, _NOTHING)[:keep]
     moved = pushed.back(inverse @ sums / norms[:keep, None])
     return variance * moved @ moved.T
 

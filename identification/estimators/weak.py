@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.estimators.answer import answer
+from identification.estimators.answer import Point, answer
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
@@ -38,6 +38,13 @@ _CORNERS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 _CHOICES = 2
 
 
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+    """What ``fit`` finds, without intervals."""
+    frequency = _half_power(table)
+    tested = TestedRows.of(table, width_of(frequency), fits_delay=delay is None)
+    return _point(tested, _found(tested, frequency, start if delay is None else delay))
+
+
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by the weak form.
 
@@ -54,19 +61,17 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     """
     frequency = _half_power(table)
     tested = TestedRows.of(table, width_of(frequency), fits_delay=delay is None)
-    first = start if delay is None else delay
-    best = Solution.first(table.solve(first), first)
-    for _ in range(_CHOICES):
-        trials = [tested.improved(best, corner * frequency) for corner in _CORNERS]
-        best = min(trials, key=lambda trial: trial.unlikeliness)
-        best = tested.settled(best)
-    force, residual = best.force, best.residual
+    best = _found(tested, frequency, start if delay is None else delay)
     around = spread(
-        best.columns, residual, len(best.columns), signal=force, instruments=best.instruments
+        best.columns,
+        best.residual,
+        len(best.columns),
+        signal=best.force,
+        instruments=best.instruments,
     )
     # Unlogged forces come back through a controller, and the windows look ahead.
     open_loop_only = best.corner > 0 and delay is None
-    notes = [f"{force.size} test functions, half power at {frequency:.3g} Hz"]
+    notes = [f"{best.force.size} test functions, half power at {frequency:.3g} Hz"]
     if best.corner > 0:
         notes.append(f"unlogged forces rule below {best.corner:.2g} Hz")
     if open_loop_only:
@@ -76,18 +81,40 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     found = answer(
         "weak",
         table.model,
-        best.values,
+        _point(tested, best),
         around,
-        delay=best.delay,
         fitted=delay is None,
-        signal=force,
-        residual=residual,
         unit="force",
         mean_speed=table.mean_speed,
         notes=tuple(notes),
-        scale=tested.scale(best),
     )
     return replace(found, open_loop_only=open_loop_only)
+
+
+def _found(tested: TestedRows, frequency: float, first: float) -> Solution:
+    """The likeliest solution, from least squares at a first delay on.
+
+    Args:
+        tested: rows under test functions.
+        frequency: half-power frequency of those, Hz.
+        first: delay, s.
+    """
+    best = Solution.first(tested.table.solve(first), first)
+    for _ in range(_CHOICES):
+        trials = [tested.improved(best, corner * frequency) for corner in _CORNERS]
+        best = min(trials, key=lambda trial: trial.unlikeliness)
+        best = tested.settled(best)
+    return best
+
+
+def _point(tested: TestedRows, best: Solution) -> Point:
+    scale = tested.scale(best)
+    return Point(
+        values=best.values,
+        delay=best.delay,
+        signal=best.force * scale,
+        residual=best.residual * scale,
+    )
 
 
 def _half_power(table: Regression) -> float:

@@ -28,8 +28,8 @@ MOST_ROWS = 4096
 _FEW_ROWS = 256
 #: Rows at least.
 _FEWEST = 64
-#: Numbers held at once while rows are made, ...
-_CHUNK = 1 << 20
+#: Numbers held at once while rows are made: columns of so many stay in the processor's cache, ...
+_CHUNK = 1 << 15
 #: ... and weighed in all: wide windows of a long log are spread out instead.
 _MOST_WEIGHED = 1 << 22
 #: Half-widths looked at, samples: from windows that barely smooth ...
@@ -124,6 +124,11 @@ def left_over(columns: FloatArray, right: FloatArray) -> FloatArray:
     return right - columns @ solve(columns, right)
 
 
+def even_sizes(rows: int, parts: int) -> IntArray:
+    """Rows of each of some consecutive parts, as equal as may be, shape (parts,)."""
+    return rows // parts + (np.arange(parts) < rows % parts)
+
+
 def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> Balance:
     """Rows with the narrowest window that noise of position does not spoil.
 
@@ -186,17 +191,17 @@ def _rows(
     middle: FloatArray = np.linspace(min(first, last), last, count, dtype=np.float64)
     start: IntArray = np.maximum(np.searchsorted(time, middle - half_width - delay) - 1, 0)
     stop: IntArray = np.searchsorted(time, middle + half_width)
-    longest = int(np.max(stop - start)) + 1
+    longest = min(int(np.max(stop - start)) + 1, time.size - 1)
+    start = np.minimum(start, time.size - 1 - longest)
+    chunks = np.array_split(np.arange(count), 1 + count * longest // _CHUNK)
     parts: list[FloatArray] = []
-    gain = 0.0
-    for chunk in np.array_split(np.arange(count), 1 + count * longest // _CHUNK):
-        index = np.minimum(start[chunk, None] + np.arange(longest + 1), time.size - 1)
-        made, chunk_gain = _weighed(
-            trajectory, index, middle[chunk, None], half_width, delay, bend_only=bend_only
+    for chunk in chunks:
+        index = start[chunk, None] + np.arange(longest + 1)
+        parts.append(
+            _weighed(trajectory, index, middle[chunk, None], half_width, delay, bend_only=bend_only)
         )
-        parts.append(made)
-        gain = max(gain, chunk_gain)
     table = np.concatenate(parts)
+    gain = float(np.median(table[:, 6]))
     # A window over a gap, or one that holds hardly a sample, says nothing.
     good = table[:, 5] <= _LONGEST_INTERVAL * half_width
     if np.count_nonzero(good) < _FEWEST:
@@ -225,46 +230,51 @@ def _weighed(
     delay: float,
     *,
     bend_only: bool,
-) -> tuple[FloatArray, float]:
-    """Rows (force, acceleration, velocity, direction, position, longest interval), noise gain.
+) -> FloatArray:
+    """Rows (force, acceleration, velocity, direction, position, longest interval, noise gain).
 
     The gain is the mean square of the acceleration per mean square of white noise of position.
     """
     stamps, place = trajectory.time[index], trajectory.position[index]
     steps = np.diff(stamps, axis=1)
-    safe = np.where(steps > 0, steps, 1.0)
-    slope = np.diff(place, axis=1) / safe
+    slope = np.diff(place, axis=1) / steps
     shifted = (stamps - middle) / half_width
-    bump = _window(shifted) / half_width
-    bend = -np.diff(bump, axis=1)
-    kernel = np.diff(bend / safe, axis=1, prepend=0.0, append=0.0)
-    gain = float(np.median(np.sum(kernel**2, axis=1)))
-    touched = (shifted[:, 1:] > -1) & (shifted[:, :-1] < 1) & (steps > 0)
-    longest = np.max(np.where(touched, steps, 0.0), axis=1)
-    if bend_only:
-        nothing = np.zeros(len(index))
-        acceleration = np.sum(bend * slope, axis=1)
-        return np.stack((nothing, acceleration, *[nothing] * 3, longest), axis=1), gain
-    area = np.diff(_area(shifted), axis=1)
-    delayed = np.diff(_area(shifted + delay / half_width), axis=1)
-    rows = (
-        np.sum(delayed * trajectory.force[index[:, :-1]], axis=1),
-        np.sum(bend * slope, axis=1),
-        np.sum(area * slope, axis=1),
-        np.sum(area * np.sign(slope), axis=1),
-        np.sum(area * (place[:, :-1] + place[:, 1:]) / 2, axis=1),
-        longest,
-    )
-    return np.stack(rows, axis=1), gain
+    cosine = np.cos(np.pi * shifted)
+    bump = _window(shifted, cosine) / half_width
+    bend = bump[:, :-1] - bump[:, 1:]
+    weight = bend / steps
+    inner = np.diff(weight, axis=1)
+    # Noise of the first and the last reading enters once.
+    gain = np.einsum("ij,ij->i", inner, inner) + weight[:, 0] ** 2 + weight[:, -1] ** 2
+    longest = np.max(steps, axis=1)
+    if np.any(longest > _LONGEST_INTERVAL * half_width):
+        touched = (shifted[:, 1:] > -1) & (shifted[:, :-1] < 1)
+        longest = np.max(steps * touched, axis=1)
+    acceleration = np.einsum("ij,ij->i", bend, slope)
+    nothing = np.zeros(len(index))
+    force = velocity = direction = position = nothing
+    if not bend_only:
+        sine, late = np.sin(np.pi * shifted), delay / half_width
+        turn = np.exp(1j * np.pi * late)
+        later = sine * turn.real + cosine * turn.imag, cosine * turn.real - sine * turn.imag
+        area = np.diff(_area(shifted, sine, cosine), axis=1)
+        delayed = np.diff(_area(shifted + late, *later), axis=1)
+        force = np.einsum("ij,ij->i", delayed, trajectory.force[index[:, :-1]])
+        velocity = np.einsum("ij,ij->i", area, slope)
+        direction = np.einsum("ij,ij->i", area, np.sign(slope))
+        position = np.einsum("ij,ij->i", area, place[:, :-1] + place[:, 1:]) / 2
+    rows = (force, acceleration, velocity, direction, position, longest, gain)
+    return np.stack(rows, axis=1)
 
 
-def _window(u: FloatArray) -> FloatArray:
+def _window(u: FloatArray, cosine: FloatArray) -> FloatArray:
     """(1 + cos πu)²/3 on [-1, 1]: unit area, three continuous derivatives at the ends."""
-    return (1 + np.cos(np.pi * np.clip(u, -1, 1))) ** 2 / 3
+    raised = np.where(np.abs(u) < 1, 1 + cosine, 0.0)
+    return raised * raised / 3
 
 
-def _area(u: FloatArray) -> FloatArray:
-    """Integral of the window from -1."""
-    u = np.clip(u, -1, 1)
-    pi_u = np.pi * u
-    return ((1 + u) * 1.5 + (2 * np.sin(pi_u) + np.sin(2 * pi_u) / 4) / np.pi) / 3
+def _area(u: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArray:
+    """Integral of the window from -1, given sine and cosine of πu."""
+    # sin 2πu/4 is sin πu·cos πu/2.
+    inside = ((1 + u) * 1.5 + sine * (2 + cosine / 2) / np.pi) / 3
+    return np.where(np.abs(u) < 1, inside, u > 0)

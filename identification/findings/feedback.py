@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.linear import solve, unit_columns
-from identification.findings.balance import Balance, left_over
+from identification.findings.balance import Balance
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -53,13 +53,16 @@ def law_of(trajectory: Trajectory, balance: Balance) -> Law:
     columns = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
     weights = solve(columns, balance.force)
     power = float(np.var(balance.force))
-    left = left_over(columns, balance.force)
+    left = balance.force - columns @ weights
+    plant = model = float(np.mean(balance.unexplained() ** 2)) / power
+    if balance.gravity != "none":
+        model = float(np.mean(balance.unexplained(balance.carried) ** 2)) / power
     return Law(
         stiffness=-float(weights[0]),
         damping=-float(weights[1]),
         unexplained=float(np.mean(left**2)) / power,
-        plant_unexplained=float(np.mean(balance.unexplained() ** 2)) / power,
-        model_unexplained=float(np.mean(balance.unexplained(balance.carried) ** 2)) / power,
+        plant_unexplained=plant,
+        model_unexplained=model,
         answer=_answer(trajectory),
     )
 
@@ -74,21 +77,16 @@ def _answer(trajectory: Trajectory) -> float:
     force = trajectory.force[part] - np.mean(trajectory.force[part])
     place = trajectory.position[part] - np.mean(trajectory.position[part])
     rows = force.size - _LAGS
-    past = np.stack(
-        [
-            column[_LAGS - lag : _LAGS - lag + rows]
-            for column in (force, place)
-            for lag in range(1, _LAGS + 1)
-        ],
-        axis=1,
-    )
-    basis = np.linalg.qr(unit_columns(past)[0])[0]
-    news: list[FloatArray] = []
-    for column in (force[_LAGS:], place[_LAGS:]):
-        left = column - basis @ (basis.T @ column)
-        if float(np.std(left)) <= _ROUNDING * float(np.std(column)):
-            return 0.0
-        news.append(left)
-    first, second = news
-    square = float(first @ first) * float(second @ second)
-    return float(first @ second) ** 2 / square if square > 0 else 0.0
+    columns = [
+        column[_LAGS - lag : _LAGS - lag + rows]
+        for column in (force, place)
+        for lag in range(1, _LAGS + 1)
+    ]
+    columns += [force[_LAGS:], place[_LAGS:]]
+    unit, _ = unit_columns(np.stack(columns).T)
+    # Below the diagonal of R nothing is left, so its last columns hold what is new, turned.
+    news: FloatArray = np.asarray(np.linalg.qr(unit, mode="r"), dtype=np.float64)[-2:, -2:]
+    first, both, second = float(news[0, 0]), float(news[0, 1]), float(news[1, 1])
+    if abs(first) <= _ROUNDING or np.hypot(both, second) <= _ROUNDING:
+        return 0.0
+    return both**2 / (both**2 + second**2)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.intervals import half_width
-from identification.estimators.linear import unit_columns
+from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance
+from identification.findings.balance import Balance, even_sizes
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 #: Parts a log is cut into, each left out in turn.
 _PARTS = 4
@@ -34,9 +36,9 @@ _HARMLESS = 0.02
 
 def heldout(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
     """``heldout-misfit``: the device changed while it was logged, or the model is wrong."""
-    missed = [_Blocks.of(balance, chosen, part).miss(part) for part in range(_PARTS)]
+    missed = _misses(balance, chosen)
     worst = int(np.argmax(missed))
-    share = missed[worst] / float(np.std(balance.force))
+    share = float(missed[worst] / np.std(balance.force))
     if share < DOUBTED:
         return ()
     start, span = float(balance.time[0]), float(balance.time[-1] - balance.time[0])
@@ -87,14 +89,57 @@ def stability(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
     )
 
 
+def _misses(balance: Balance, chosen: Estimate) -> FloatArray:
+    """Excess of each part's prediction over its own fit, rms in N, shape (parts,); 0 if chance.
+
+    Only rows of a part that move no faster than the rest count: others are extrapolated.
+    """
+    # A term that the estimate does without would only follow chance where the rest is slow.
+    terms = balance.plant if chosen.model.directional else balance.plant[:, :-1]
+    columns, _ = unit_columns(np.column_stack((terms, balance.carried)))
+    edges = np.cumsum([0, *even_sizes(len(balance), _PARTS * _BLOCKS)])
+    parts = list(pairwise(edges[::_BLOCKS].tolist()))
+    slow = balance.moving
+    for column in (np.abs(balance.acceleration), np.abs(balance.velocity)):
+        fastest = np.array([np.max(column[first:last]) for first, last in parts])
+        for part, (first, last) in enumerate(parts):
+            slow[first:last] &= column[first:last] <= np.max(np.delete(fastest, part))
+    whole = _Blocks.of(columns, balance.force, balance.moving, edges)
+    shown = _Blocks.of(columns, balance.force, slow, edges)
+    inside = np.arange(_PARTS * _BLOCKS) // _BLOCKS
+    return np.array(
+        [
+            _miss(whole.chosen(inside != part), shown.chosen(inside == part))
+            for part in range(_PARTS)
+        ]
+    )
+
+
+def _miss(rest: _Blocks, own: _Blocks) -> float:
+    """What the rest of a log predicts worse of a part than its own fit does, rms in N."""
+    if own.counts.sum() == 0 or rest.counts.sum() == 0:
+        return 0.0
+    square, count = own.normal.sum(axis=0), float(own.counts.sum())
+    fits = [rest.fits(), own.fits()]
+    apart = fits[0][0] - fits[1][0]
+    excess = float(apart @ square @ apart) / count
+    # How far both fits may be off: each without one of its blocks in turn (jackknife).
+    chance = 0.0
+    for fit in fits:
+        change = fit[1:] - fit[0]
+        squares = np.einsum("ij,jk,ik->", change, square, change)
+        chance += float(squares) / count * (1 - 1 / len(change))
+    return float(np.sqrt(excess)) if excess > _SIGMAS**2 * chance else 0.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Blocks:
     """Sums of squares and products of consecutive blocks, from which any part is fitted at once.
 
     Attributes:
-        normal: XᵀX of each block, shape (_PARTS * _BLOCKS, p, p), columns of unit norm.
-        right: Xᵀf, shape (_PARTS * _BLOCKS, p).
-        counts: rows of each, shape (_PARTS * _BLOCKS,).
+        normal: XᵀX of each block, shape (blocks, p, p), columns of unit norm.
+        right: Xᵀf, shape (blocks, p).
+        counts: rows of each, shape (blocks,).
     """
 
     normal: FloatArray
@@ -102,52 +147,29 @@ class _Blocks:
     counts: FloatArray
 
     @classmethod
-    def of(cls, balance: Balance, chosen: Estimate, part: int) -> _Blocks:
-        """With the rows of one part that move no faster than the rest: others are extrapolated."""
-        # A term that the estimate does without would only follow chance where the rest is slow.
-        terms = balance.plant if chosen.model.directional else balance.plant[:, :-1]
-        columns, _ = unit_columns(np.column_stack((terms, balance.carried)))
-        moving = balance.moving
-        split = np.array_split(np.arange(len(balance)), _PARTS * _BLOCKS)
-        rest = np.concatenate([rows for i, rows in enumerate(split) if i // _BLOCKS != part])
-        for column in (balance.acceleration, balance.velocity):
-            moving &= np.abs(column) <= np.max(np.abs(column[rest]))
-        rows = [each[moving[each]] for each in split]
+    def of(
+        cls, columns: FloatArray, force: FloatArray, used: NDArray[np.bool_], edges: IntArray
+    ) -> _Blocks:
+        """Blocks between edges, of the rows used."""
+        table = np.column_stack((columns, force)) * used[:, None]
+        blocks = [table[first:last] for first, last in pairwise(edges.tolist())]
+        squares = np.stack([block.T @ block for block in blocks])
         return cls(
-            normal=np.stack([columns[each].T @ columns[each] for each in rows]),
-            right=np.stack([columns[each].T @ balance.force[each] for each in rows]),
-            counts=np.array([float(each.size) for each in rows]),
+            normal=squares[:, :-1, :-1],
+            right=squares[:, :-1, -1],
+            counts=np.add.reduceat(used, edges[:-1], dtype=np.float64),
         )
 
-    def miss(self, part: int) -> float:
-        """Excess of the prediction's rms over that of the part's own fit, N; 0 if it is chance."""
-        blocks = np.arange(_PARTS * _BLOCKS)
-        inside = blocks // _BLOCKS == part
-        rest, own = self._fit(~inside), self._fit(inside)
-        if self.counts[inside].sum() == 0 or self.counts[~inside].sum() == 0:
-            return 0.0
-        excess = self._square(rest - own, inside)
-        # How far both fits may be off: each without one of its blocks in turn (jackknife).
-        chance = 0.0
-        for whole, used in ((rest, ~inside), (own, inside)):
-            others = 1.0 - np.eye(int(np.count_nonzero(used)))
-            normal = np.tensordot(others, self.normal[used], axes=1)
-            left = _solved(normal, others @ self.right[used]) - whole
-            chance += sum(self._square(change, inside) for change in left) * (1 - 1 / len(left))
-        return float(np.sqrt(excess)) if excess > _SIGMAS**2 * chance else 0.0
-
-    def _fit(self, used: NDArray[np.bool_]) -> FloatArray:
-        """Least squares on some blocks, shape (p,)."""
-        return _solved(self.normal[used].sum(axis=0), self.right[used].sum(axis=0))
-
-    def _square(self, change: FloatArray, shown: NDArray[np.bool_]) -> float:
-        """Mean square of what a change of the parameters does to the force of some blocks, N²."""
-        return float(change @ self.normal[shown].sum(axis=0) @ change) / float(
-            self.counts[shown].sum()
+    def chosen(self, which: NDArray[np.bool_]) -> _Blocks:
+        """Some of the blocks."""
+        return _Blocks(
+            normal=self.normal[which], right=self.right[which], counts=self.counts[which]
         )
 
-
-def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:
-    """Solutions of normal equations, shape (..., p, p) and (..., p), of least norm."""
-    inverse = np.linalg.pinv(normal, hermitian=True)
-    return np.asarray((inverse @ right[..., None])[..., 0], dtype=np.float64)
+    def fits(self) -> FloatArray:
+        """Least squares, of least norm, on all blocks, then without each, shape (1 + blocks, p)."""
+        count = len(self.counts)
+        weights = np.concatenate((np.ones((1, count)), 1.0 - np.eye(count)))
+        inverse = symmetric_inverse(np.tensordot(weights, self.normal, axes=1))
+        solved = inverse @ (weights @ self.right)[..., None]
+        return np.asarray(solved[..., 0], dtype=np.float64)

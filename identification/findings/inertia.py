@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance, left_over
+from identification.findings.balance import Balance, even_sizes, left_over
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -76,21 +76,22 @@ def inertia_of(balance: Balance) -> Inertia | None:
     moving = np.flatnonzero(balance.moving)
     velocity = balance.velocity[moving]
     acceleration, force = balance.acceleration[moving], balance.force[moving]
-    carried = balance.carried[moving]
+    carried, bands = balance.carried[moving], 0
+    columns = np.column_stack((acceleration, force, carried))
     left: list[FloatArray] = []
     told: list[NDArray[np.intp]] = []
     for sense in (1.0, -1.0):
         side = np.flatnonzero(sense * velocity > 0)
         side = side[np.argsort(velocity[side])]
-        for band in np.array_split(side, max(1, min(_BANDS, side.size // _ROWS))):
-            gaining = np.count_nonzero(sense * acceleration[band] > 0)
-            if band.size < _ROWS or min(gaining, band.size - gaining) < _EITHER * band.size:
-                continue
-            line = np.stack((np.ones(band.size), velocity[band] - np.mean(velocity[band])), axis=1)
-            columns = np.column_stack((acceleration[band], force[band], carried[band]))
-            left.append(np.stack([left_over(line, column) for column in columns.T], axis=1))
-            told.append(band)
-    if len(told) < _FEWEST_BANDS:
+        sizes = even_sizes(side.size, max(1, min(_BANDS, side.size // _ROWS)))
+        gaining = _sums(sense * acceleration[side] > 0, sizes)
+        either = np.minimum(gaining, sizes - gaining)
+        tells = (sizes >= _ROWS) & (either >= _EITHER * sizes)
+        bands += np.count_nonzero(tells)
+        kept = np.repeat(tells, sizes)
+        left.append(_levelled(columns[side], velocity[side], sizes)[kept])
+        told.append(side[kept])
+    if bands < _FEWEST_BANDS:
         return None
     table, rows = np.concatenate(left), np.concatenate(told)
     if table.shape[1] > 2:
@@ -113,6 +114,23 @@ def inertia_of(balance: Balance) -> Inertia | None:
         most=float(pull @ pull) / both,
         deviation=float(np.hypot(chance, _SYSTEMATIC * value)),
     )
+
+
+def _sums(rows: FloatArray | NDArray[np.bool_], sizes: NDArray[np.intp]) -> FloatArray:
+    """Sum of the rows of each band, shape (bands, ...)."""
+    if not len(rows):
+        return np.zeros((sizes.size, *rows.shape[1:]))
+    return np.add.reduceat(rows, np.cumsum(sizes) - sizes, axis=0, dtype=np.float64)
+
+
+def _levelled(columns: FloatArray, velocity: FloatArray, sizes: NDArray[np.intp]) -> FloatArray:
+    """Columns less a straight line in velocity in each band, shape (rows, columns)."""
+    both = np.column_stack((velocity, columns))
+    both = both - np.repeat(_sums(both, sizes) / np.maximum(sizes, 1)[:, None], sizes, axis=0)
+    speed, rest = both[:, :1], both[:, 1:]
+    power = _sums(speed * speed, sizes)
+    slopes = _sums(speed * rest, sizes) / np.where(power > 0, power, 1.0)
+    return rest - speed * np.repeat(slopes, sizes, axis=0)
 
 
 def inertia(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.intervals import half_width
-from identification.estimators.linear import solve
+from identification.estimators.linear import solve, unit_columns
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance, left_over
+from identification.findings.balance import Balance
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -98,29 +100,48 @@ def position_force(balance: Balance) -> tuple[float, FloatArray]:
     """
     moving = balance.moving
     powers = powers_of(balance.position)
-    plant = np.column_stack((balance.plant, balance.carried))[moving]
-    both = np.column_stack((plant, powers[moving]))
-    right = balance.force[moving]
-    if len(both) < _PARTS * both.shape[1]:
+    plant = np.column_stack((balance.plant, balance.carried))
+    table, norms = unit_columns(np.column_stack((plant, powers, balance.force))[moving])
+    both, first = table.shape[1] - 1, plant.shape[1]
+    if len(table) < _PARTS * both:
         return 0.0, np.zeros(len(balance))
-    part_of = np.arange(len(both)) * _PARTS // len(both)
-    without = within = 0.0
-    for part in range(_PARTS):
-        rest = part_of != part
-        for columns in (plant, both):
-            weights = solve(columns[rest], right[rest])
-            square = float(np.sum((right - columns @ weights)[~rest] ** 2))
-            if columns is plant:
-                without += square
-            else:
-                within += square
-    force = powers @ solve(both, right)[plant.shape[1] :]
-    left, fuller = (left_over(columns, right) for columns in (plant, both))
+    # R of each part (QR): what any columns leave of the force there is told by it alone.
+    parts: list[FloatArray] = [
+        np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64) for rows in _cut(table)
+    ]
+    every = np.concatenate(parts)
+    without, within = (
+        sum(
+            _left(np.concatenate(parts[:part] + parts[part + 1 :]), count, parts[part])
+            for part in range(_PARTS)
+        )
+        for count in (first, both)
+    )
+    left, fuller = (_left(every, count, every) for count in (first, both))
+    force = powers @ (_solved(every, both) / norms[:both])[first:] * norms[-1]
     kept = max(
         within / without if without > 0 else 1.0,
-        float(fuller @ fuller) / float(left @ left) if np.any(left) else 1.0,
+        fuller / left if left > 0 else 1.0,
     )
     return 1 - kept, force - np.mean(force)
+
+
+def _cut(table: FloatArray) -> list[FloatArray]:
+    """Consecutive parts of a table."""
+    edges = -(-np.arange(_PARTS + 1) * len(table) // _PARTS)
+    return [table[first:last] for first, last in pairwise(edges.tolist())]
+
+
+def _solved(rows: FloatArray, count: int) -> FloatArray:
+    """Weights by which the first columns fit the last one, shape (count,)."""
+    found = np.linalg.lstsq(rows[:, :count], rows[:, -1], rcond=None)[0]
+    return np.asarray(found, dtype=np.float64)
+
+
+def _left(fitted: FloatArray, count: int, shown: FloatArray) -> float:
+    """Sum of squares that the first columns, fitted on some rows, leave of the last on others."""
+    missed = shown[:, -1] - shown[:, :count] @ _solved(fitted, count)
+    return float(missed @ missed)
 
 
 def powers_of(position: FloatArray) -> FloatArray:

@@ -37,8 +37,9 @@ def noise_explains(workshop: Workshop) -> str | None:
     """A sentence if position noise explains what output error leaves, or None.
 
     Gravity is taken at the measured position, and what noise does to it is a force of its own.
+    Where least squares give no positive mass there is nothing to start output error from.
     """
-    if workshop.model.gravity != "none":
+    if workshop.model.gravity != "none" or workshop.fit("least-squares").value("mass") <= 0:
         return None
     simulated = workshop.fit("output-error")
     if not is_coloured(simulated.residual):
@@ -53,12 +54,13 @@ def noise_explains(workshop: Workshop) -> str | None:
     return None
 
 
-def choose(workshop: Workshop, method: str) -> tuple[Estimate, str]:
+def choose(workshop: Workshop, method: str, explained: str | None) -> tuple[Estimate, str]:
     """The estimate to believe and a sentence why.
 
     Args:
         workshop: of one log.
         method: "auto" or a name of estimators.ESTIMATORS.
+        explained: what ``noise_explains`` says of the log.
     """
     regression = workshop.fit("least-squares")
     if method == "least-squares":
@@ -67,14 +69,15 @@ def choose(workshop: Workshop, method: str) -> tuple[Estimate, str]:
         return regression, "least squares, because it gives no positive mass to start others from"
     if method != "auto":
         return workshop.fit(method), f"{method.replace('-', ' ')} as asked"
-    return _under_gravity(workshop) if workshop.model.gravity != "none" else _evident(workshop)
+    if workshop.model.gravity != "none":
+        return _under_gravity(workshop)
+    return _evident(workshop, explained)
 
 
-def _evident(workshop: Workshop) -> tuple[Estimate, str]:
+def _evident(workshop: Workshop, explained: str | None) -> tuple[Estimate, str]:
     """Output error where position noise explains what it leaves, or nearly so."""
-    sentence = noise_explains(workshop)
-    if sentence is not None and not _contradicted_by_instruments(workshop):
-        return workshop.fit("output-error"), f"output error, because {sentence}"
+    if explained is not None and not _contradicted_by_instruments(workshop):
+        return workshop.fit("output-error"), f"output error, because {explained}"
     chosen, reason = robust(workshop, workshop.model)
     simulated = workshop.fit("output-error")
     chance = WHITE_BY_CHANCE / np.sqrt(simulated.residual.size / 2)
@@ -168,7 +171,7 @@ def over_cut_offs(workshop: Workshop, estimate: Estimate) -> Estimate:
     table = workshop.table
     frequency = table.cut_off.frequency
     low, high = (
-        workshop.of_table(table.at_cut_off(factor * frequency), "instruments").values
+        workshop.point(table.at_cut_off(factor * frequency), "instruments").values
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
     )
     leaning = (high - low) / 2

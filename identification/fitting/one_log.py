@@ -70,11 +70,16 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     """
     stated = None if hardware is None else hardware.delay
     part = most_excited(trajectory)
-    workshop, structure = widened(Workshop.of(part, distinguishable(part), stated))
+    workshop, structure = Workshop.of(part, distinguishable(part), stated), None
+    explained = noise_explains(workshop)
+    if explained is None:
+        plain = workshop
+        workshop, structure = widened(plain)
+        explained = None if workshop is plain else noise_explains(workshop)
     regression = workshop.fit("least-squares")
-    chosen, reason = choose(workshop, method)
+    chosen, reason = choose(workshop, method, explained)
     chosen = without_noise(workshop, over_cut_offs(workshop, chosen))
-    curve = _friction_curve(workshop)
+    curve = _friction_curve(workshop) if explained is None else None
     beyond: tuple[Finding, ...] = ()
     if curve is not None:
         from identification.findings.unmodelled import unmodelled
@@ -107,8 +112,8 @@ def _delay(workshop: Workshop, chosen: Estimate) -> Delay | None:
 
 
 def _friction_curve(workshop: Workshop) -> FrictionCurve | None:
-    """What the residual of a log holds beside noise; nothing is spent where noise explains it."""
-    if workshop.fit("least-squares").value("mass") <= 0 or noise_explains(workshop) is not None:
+    """What the residual of a log holds beside noise, where noise does not explain it."""
+    if workshop.fit("least-squares").value("mass") <= 0:
         return None
     from identification.structure.friction_curve import friction_curve
 

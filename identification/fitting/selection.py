@@ -11,7 +11,7 @@ import numpy as np
 from identification.estimators.intervals import half_width
 from identification.estimators.model import Estimate, Gravity, Model
 from identification.estimators.noise import position_noise
-from identification.fitting.choice import noise_explains, robust
+from identification.fitting.choice import robust
 from identification.fitting.workshop import Workshop
 from identification.trajectory import Trajectory
 
@@ -53,7 +53,7 @@ def distinguishable(trajectory: Trajectory) -> Model:
 def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
     """The log with those further terms that pay for themselves, and what the sceptic says.
 
-    Nothing is added where position noise explains all. Otherwise direction-dependent friction and
+    For a log of which position noise does not explain all. Direction-dependent friction and
     gravity are fitted as well, and a term stays if the square of its value over its deviation
     exceeds the logarithm of the number of rows, its price in Schwarz's criterion (Annals of
     Statistics 6, 1978, p. 461), and if sparse regression on resampled halves of the log asks for
@@ -63,8 +63,6 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
     """
     model, trajectory = workshop.model, workshop.trajectory
     plausible = workshop.fit("least-squares").value("mass") > 0
-    if plausible and noise_explains(workshop) is not None:
-        return workshop, None
     gravity: Gravity = "proportional"
     if trajectory.motion == "rotary" and np.ptp(trajectory.position) > WIDE_SWING:
         gravity = "pendulum"
@@ -142,8 +140,9 @@ def without_noise(workshop: Workshop, estimate: Estimate) -> Estimate:
     reduced = replace(model, coulomb=keep["coulomb"], offset=keep["offset"])
     if reduced == model:
         return estimate
-    smaller = workshop.refit(estimate.method, reduced)
-    values = np.array([smaller.value(name) for name in estimate.parameters])
+    smaller = workshop.point(workshop.table.with_model(reduced), estimate.method)
+    left = dict(zip(reduced.parameters, smaller.values.tolist(), strict=True))
+    values = np.array([left.get(name, 0.0) for name in estimate.parameters])
     dropped = [name for name in estimate.parameters if name not in reduced.parameters]
     notes = tuple(
         f"{name} left out: {estimate.value(name):.2g} ± {half_width(estimate, name):.2g}"
@@ -154,6 +153,5 @@ def without_noise(workshop: Workshop, estimate: Estimate) -> Estimate:
         values=values,
         residual=smaller.residual,
         explained=smaller.explained,
-        whiteness=smaller.whiteness,
         notes=estimate.notes + notes,
     )

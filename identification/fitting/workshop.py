@@ -9,6 +9,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from identification.device.quantities import Quantity
+from identification.estimators.answer import Point
 from identification.estimators.delay import Delay, find_delay
 from identification.estimators.drive import MOST_SAMPLES
 from identification.estimators.intervals import NORMAL_95
@@ -22,12 +23,12 @@ _DELAY_STEP = 0.05
 _GIVEN = "least-squares"
 
 
-class _Fit(Protocol):
-    """What every file of estimators has by this name."""
+class _Estimator(Protocol):
+    """What every file of estimators has; least squares alone has to be given a delay."""
 
-    def __call__(
-        self, table: Regression, delay: float | None, *, start: float = 0.0
-    ) -> Estimate: ...
+    def fit(self, table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate: ...
+
+    def point(self, table: Regression, delay: float | None, *, start: float = 0.0) -> Point: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,25 +117,38 @@ class Workshop:
         return self.refit(method, self.model)
 
     def refit(self, method: str, model: Model) -> Estimate:
-        """The same, with other terms."""
+        """The estimate of one method with some terms."""
         if model != self.model:
-            return self.of_table(self.table.with_model(model), method)
+            return self._of_table(self.table.with_model(model), method)
         if method not in self.made:
-            self.made[method] = self.of_table(self.table, method)
+            self.made[method] = self._of_table(self.table, method)
         return self.made[method]
 
-    def of_table(self, table: Regression, method: str) -> Estimate:
-        """The estimate of one method from this log with other terms or another filter."""
-        # Only the estimators that a log needs are loaded.
-        module = import_module(f"identification.estimators.{method.replace('-', '_')}")
-        fit = cast("_Fit", module.fit)
-        if self.stated is None and method != _GIVEN:
-            return fit(table, None, start=self.delay)
-        fixed = fit(table, self.delay)
+    def point(self, table: Regression, method: str) -> Point:
+        """The point estimate of one method from this log with other terms or another filter."""
+        if self._fits_delay(method):
+            return _estimator(method).point(table, None, start=self.delay)
+        return _estimator(method).point(table, self.delay)
+
+    def _fits_delay(self, method: str) -> bool:
+        return self.stated is None and method != _GIVEN
+
+    def _of_table(self, table: Regression, method: str) -> Estimate:
+        """The estimate of one method from this log with other terms."""
+        estimator = _estimator(method)
+        if self._fits_delay(method):
+            return estimator.fit(table, None, start=self.delay)
+        fixed = estimator.fit(table, self.delay)
         if self.doubt == 0:
             return fixed
         # A delay of d looks like an added damping of -m·ω²·d: often most of the interval.
         step = _DELAY_STEP * self.trajectory.sample_time
-        slope = (fit(table, self.delay + step).values - fixed.values) / step
+        slope = (estimator.point(table, self.delay + step).values - fixed.values) / step
         added = self.doubt**2 * np.outer(slope, slope)
         return replace(fixed, covariance=fixed.covariance + added)
+
+
+def _estimator(method: str) -> _Estimator:
+    """The file of one method; only those that a log needs are loaded."""
+    module = import_module(f"identification.estimators.{method.replace('-', '_')}")
+    return cast("_Estimator", module)

@@ -6,11 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError
+from identification.readers.header_units import WORDS, split_name, unit_named
 
 FloatArray = NDArray[np.float64]
 
@@ -20,6 +22,23 @@ _MOST_NAMED = 20
 _LONGEST_QUOTE = 40
 #: The column a table may have without being asked for it.
 _DEFAULT_REFERENCE = "reference"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """What a file holds of a log.
+
+    Attributes:
+        values: columns by role, in the units of the file.
+        names: of these columns in the file, units and all.
+        notes: what had to be understood before the file was a table, in words.
+        in_seconds: time comes from dates or durations, which carry their own unit.
+    """
+
+    values: dict[str, FloatArray]
+    names: dict[str, str]
+    notes: tuple[str, ...] = ()
+    in_seconds: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,12 +53,15 @@ class LogColumns:
         reference: set-point column in the unit of position; None takes a column named
             ``reference`` of a CSV or Parquet file if there is one. MAT and NPZ files hold arrays
             of any meaning, so there it has to be named.
-        time_gain: s per unit of the column, e.g. 0.001.
-        force_gain: e.g. N per volt; negative turns the direction. None takes the column for N
-            (N·m), 1 states that it is.
-        position_gain: e.g. m per count; applies to reference as well. None takes the column for m
-            (rad), 1 states that it is.
+        time_gain: s per unit of the column, e.g. 0.001. None takes the unit in the column's name,
+            else s.
+        force_gain: e.g. N per volt; negative turns the direction. None takes the unit in the
+            column's name, else N (N·m); 1 states that it is.
+        position_gain: e.g. m per count; applies to reference as well. None takes the unit in the
+            column's name, else m (rad); 1 states that it is.
         axis: name of the axis; None means "x".
+        decimal: "comma" or "point", what stands before the decimals of a text file; None takes what
+            its cells leave no doubt about.
 
     Raises:
         InvalidInputError: a gain that is zero, infinite or not a number.
@@ -49,21 +71,11 @@ class LogColumns:
     force: str = "force"
     position: str = "position"
     reference: str | None = None
-    time_gain: float = 1.0
+    time_gain: float | None = None
     force_gain: float | None = None
     position_gain: float | None = None
     axis: str | None = None
-
-    @property
-    def gains(self) -> dict[str, float]:
-        """What the column of each role is multiplied with."""
-        place = 1.0 if self.position_gain is None else self.position_gain
-        return {
-            "time": self.time_gain,
-            "force": 1.0 if self.force_gain is None else self.force_gain,
-            "position": place,
-            "reference": place,
-        }
+    decimal: Literal["comma", "point"] | None = None
 
     @property
     def stated_units(self) -> frozenset[str]:
@@ -95,14 +107,19 @@ def wanted_columns(
             belongs to the log.
 
     Raises:
-        InvalidInputError: names the file does not have; says which it has.
+        InvalidInputError: names the file does not have, with those it has; several columns that
+            may be meant.
     """
-    wanted = {"time": columns.time, "force": columns.force, "position": columns.position}
-    if columns.reference is not None:
-        wanted["reference"] = columns.reference
-    elif table and _DEFAULT_REFERENCE in present:
-        wanted["reference"] = _DEFAULT_REFERENCE
-    missing = {role: name for role, name in wanted.items() if name not in present}
+    asked = {"time": columns.time, "force": columns.force, "position": columns.position}
+    if columns.reference is not None or table:
+        asked["reference"] = columns.reference or _DEFAULT_REFERENCE
+    found = {
+        role: column_for(path, role, name, present, words=table) for role, name in asked.items()
+    }
+    if columns.reference is None and found.get("reference") is None:
+        found.pop("reference", None)
+    wanted = {role: name for role, name in found.items() if name is not None}
+    missing = {role: asked[role] for role, name in found.items() if name is None}
     if missing:
         named = ", ".join(f"'{quoted(name)}'" for name in missing.values())
         listed = ", ".join(quoted(name) for name in present[:_MOST_NAMED])
@@ -110,9 +127,56 @@ def wanted_columns(
         raise InvalidInputError(
             path,
             f"has no column {named}; it has: {listed or 'none'}{more}",
-            "Name the right column with " + ", ".join(f"--{role}" for role in missing),
+            "Name the right column with "
+            + ", ".join(f"--{role}" for role in missing)
+            + _suggested(present, tuple(missing)),
         )
     return wanted
+
+
+def _suggested(present: Sequence[str], missing: Sequence[str]) -> str:
+    """Options that take the columns whose unit is one of what is missing."""
+    found = [
+        f'--{role} "{quoted(name)}"'
+        for role in missing
+        for name in present[:_MOST_NAMED]
+        if unit_named(role, split_name(role, name)[1] or "") is not None
+    ]
+    return f", perhaps {' or '.join(found[:3])}" if found else ""
+
+
+def column_for(
+    path: Path, role: str, asked: str, present: Sequence[str], *, words: bool
+) -> str | None:
+    """The column of a role: of the name asked for, of that with a unit, or of another word for it.
+
+    Args:
+        path: the file, for the message.
+        role: "time", "force", "position" or "reference".
+        asked: name the user gave, or the role itself.
+        present: names in the file.
+        words: whether other words for the role count where the user gave no name.
+
+    Returns:
+        A name in the file; None if there is none.
+
+    Raises:
+        InvalidInputError: several columns may be meant.
+    """
+    if asked in present:
+        return asked
+    stems = {name: split_name(role, name)[0] for name in present}
+    found = [name for name, stem in stems.items() if stem == asked]
+    if not found and words and asked == role and role != "reference":
+        found = [name for name, stem in stems.items() if stem.casefold() in WORDS[role]]
+    if len(found) > 1:
+        raise InvalidInputError(
+            path,
+            f"has several columns that may be the {role}: "
+            + ", ".join(f"'{quoted(name)}'" for name in found[:10]),
+            f'Name the right one, such as --{role} "{quoted(found[0])}"',
+        )
+    return found[0] if found else None
 
 
 def quoted(text: str) -> str:

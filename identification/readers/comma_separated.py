@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import FloatArray, LogColumns, quoted, wanted_columns
-from identification.readers.limits import refuse_long, refuse_packed, refuse_wide
-from identification.readers.recognition import (
-    refuse_encoding,
-    refuse_other_rows,
-    refuse_preamble,
+from identification.readers.columns import (
+    FloatArray,
+    LogColumns,
+    Reading,
+    quoted,
+    wanted_columns,
 )
+from identification.readers.encoding import refuse_zeros
+from identification.readers.limits import refuse_long, refuse_packed, refuse_wide
 
 if TYPE_CHECKING:
     import polars
@@ -26,12 +28,12 @@ _SEPARATORS = ",;\t"
 _NOTHING = b"\xef\xbb\xbf\r\n"
 
 
-def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, FloatArray]:
+def read_csv(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role; empty cells are NaN. Raises InvalidInputError."""
     import polars as pl
 
     refuse_packed(path, content)
-    refuse_encoding(path, content)
+    refuse_zeros(path, content)
     refuse_long(path, content.count(b"\n") - 1)
     header = _header(path, content)
     separator = max(_SEPARATORS, key=lambda mark: header.count(mark.encode()))
@@ -40,6 +42,8 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
     # A header line that begins with # comes from loggers that mark it as a comment.
     shown = [name.strip("# ") for name in stored]
     if not {columns.time, columns.force, columns.position} <= set(shown):
+        from identification.readers.recognition import refuse_preamble
+
         refuse_preamble(path, content, separator, columns)
     wanted = wanted_columns(path, columns, shown, table=True)
     for name in wanted.values():
@@ -54,10 +58,13 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
     try:
         table = _parsed(content, separator, columns=names, schema_overrides=numbers)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError):
+        from identification.readers.recognition import refuse_other_rows
+
         # Ten times slower and larger, but it tells spaces from words and names the cell.
         table = _table(path, content, separator, columns=names)
         refuse_other_rows(path, table)
-    return {role: _numbers(path, table[stored_as[name]], name) for role, name in wanted.items()}
+    values = {role: _numbers(path, table[stored_as[name]], name) for role, name in wanted.items()}
+    return Reading(values=values, names=wanted)
 
 
 def _header(path: Path, content: bytes) -> bytes:

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from identification.errors import Finding, InvalidInputError, LogRefusedError
-from identification.readers import READERS
-from identification.readers.columns import LogColumns, quoted
+from identification.readers import reader_for
+from identification.readers.columns import LogColumns
+from identification.readers.conversion import conversion_of
 from identification.readers.limits import LARGEST_FILE
 from identification.readers.sizes import refuse_sizes
 from identification.trajectory import Motion, Trajectory
@@ -37,8 +38,8 @@ def load_trajectory(
     """Read one log.
 
     Args:
-        path: a .csv file with a header, a .parquet file, a .mat file up to version 7.2 or a .npz
-            file of numpy.savez.
+        path: a .csv, .txt or .tsv file with a header, a .parquet file, a .mat file up to version
+            7.2, a .npz file of numpy.savez, a .xlsx workbook or a .mcap bag of ROS 2.
         columns: names and gains; None means LogColumns().
         motion: "linear" (N, m) or "rotary" (N·m, rad); None leaves it to the hardware.
         axis: name of the axis; None takes ``columns.axis``, then "x".
@@ -55,16 +56,10 @@ def load_trajectory(
     """
     path = Path(path)
     columns = columns or LogColumns()
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        *some, last = READERS
-        raise InvalidInputError(
-            path,
-            f"has the ending '{quoted(path.suffix)}', which is not read",
-            f"Give a log that ends in {', '.join(some)} or {last}",
-        )
+    reader = reader_for(path)
     content = _content(path)
-    found = reader(path, content, columns)
+    reading = reader(path, content, columns)
+    found = reading.values
     digest = "sha256:" + hashlib.sha256(content).hexdigest()
     del content
     lengths = {name: column.size for name, column in found.items()}
@@ -73,8 +68,9 @@ def load_trajectory(
         raise InvalidInputError(
             path, f"has columns of different lengths ({listed})", "Export columns of one length"
         )
-    for role, gain in columns.gains.items():
-        if role in found and (role != "time" or gain != 1):
+    conversion = conversion_of(path, reading, columns, motion)
+    for role, gain in conversion.gains.items():
+        if gain != 1:
             found[role] = found[role] * gain
             found[role].setflags(write=False)  # then it is not copied once more
     trajectory = Trajectory(
@@ -84,11 +80,12 @@ def load_trajectory(
         reference=found.get("reference"),
         axis=axis or columns.axis or "x",
         motion=motion,
-        stated_units=columns.stated_units,
+        stated_units=conversion.stated,
+        read_as=", ".join((*reading.notes, *conversion.notes)),
         source=path.name,
         digest=digest,
     )
-    refuse_clock(trajectory, columns.time)
+    refuse_clock(trajectory, reading.names["time"])
     refuse_sizes(trajectory)
     return trajectory
 

@@ -13,6 +13,7 @@ from identification.errors import InvalidInputError
 from identification.readers.columns import (
     FloatArray,
     LogColumns,
+    Reading,
     first_words,
     quoted,
     wanted_columns,
@@ -28,7 +29,7 @@ _NUMERIC = frozenset(
 )
 
 
-def read_mat(path: Path, content: bytes, columns: LogColumns) -> dict[str, FloatArray]:
+def read_mat(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role. Raises InvalidInputError."""
     import scipy.io
 
@@ -49,7 +50,8 @@ def read_mat(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
                 raise _no_numbers(path, name)
             refuse_shape(path, name, shape)
         stored = reader.loadmat(BytesIO(content), variable_names=list(wanted.values()))
-        return {role: _vector(path, name, stored[name]) for role, name in wanted.items()}
+        values = {role: _vector(path, name, stored[name]) for role, name in wanted.items()}
+        return Reading(values=values, names=wanted)
     except InvalidInputError:
         raise
     except Exception as error:  # noqa: BLE001  # a damaged file trips the parser anywhere

@@ -13,6 +13,7 @@ from identification.errors import InvalidInputError
 from identification.readers.columns import (
     FloatArray,
     LogColumns,
+    Reading,
     first_words,
     quoted,
     wanted_columns,
@@ -21,6 +22,8 @@ from identification.readers.limits import refuse_shape
 
 #: What an array's name ends in inside the archive.
 _ENDING = ".npy"
+#: Kinds of numpy that are durations and dates.
+_MOMENTS = "mM"
 #: Readers of an array's header by the version of the format.
 _HEADERS: dict[tuple[int, int], Any] = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -28,7 +31,7 @@ _HEADERS: dict[tuple[int, int], Any] = {
 }
 
 
-def read_npz(path: Path, content: bytes, columns: LogColumns) -> dict[str, FloatArray]:
+def read_npz(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role; a time of dates or durations becomes seconds. Raises InvalidInputError."""
     try:
         with ZipFile(BytesIO(content)) as archive:
@@ -40,7 +43,10 @@ def read_npz(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
                     raise InvalidInputError(
                         path, f"has two arrays named '{quoted(name)}'", "Rename one of them"
                     )
-            return {role: _column(path, archive, role, name) for role, name in wanted.items()}
+            kinds = {role: _kind(path, archive, role, name) for role, name in wanted.items()}
+            values = {role: _column(archive, name, kinds[role]) for role, name in wanted.items()}
+            moments = kinds["time"].kind in _MOMENTS
+            return Reading(values=values, names=wanted, in_seconds=moments)
     except InvalidInputError:
         raise
     except Exception as error:  # noqa: BLE001  # a damaged file trips the parser anywhere
@@ -51,8 +57,8 @@ def read_npz(path: Path, content: bytes, columns: LogColumns) -> dict[str, Float
         ) from None
 
 
-def _column(path: Path, archive: ZipFile, role: str, name: str) -> FloatArray:
-    """One array, its header read before memory is spent on it."""
+def _kind(path: Path, archive: ZipFile, role: str, name: str) -> np.dtype[Any]:
+    """Type of an array, its header read before memory is spent on it."""
     with archive.open(name + _ENDING) as stream:
         version = np.lib.format.read_magic(stream)
         if version not in _HEADERS:
@@ -62,7 +68,7 @@ def _column(path: Path, archive: ZipFile, role: str, name: str) -> FloatArray:
                 "Save a plain array of float64",
             )
         shape, _, kind = _HEADERS[version](stream)
-    allowed = "iufmM" if role == "time" else "iuf"
+    allowed = "iuf" + _MOMENTS if role == "time" else "iuf"
     if kind.kind not in allowed:
         what = "pickled Python objects" if kind.hasobject else f"of type {quoted(str(kind))}"
         raise InvalidInputError(
@@ -71,9 +77,14 @@ def _column(path: Path, archive: ZipFile, role: str, name: str) -> FloatArray:
             "Save it as an array of float64",
         )
     refuse_shape(path, name, shape)
+    return kind
+
+
+def _column(archive: ZipFile, name: str, kind: np.dtype[Any]) -> FloatArray:
+    """One array of a type that was looked at."""
     with archive.open(name + _ENDING) as stream:
         stored = np.lib.format.read_array(stream, allow_pickle=False).ravel()
-    if kind.kind in "mM":
+    if kind.kind in _MOMENTS:
         return _seconds(stored)
     return np.asarray(stored, dtype=np.float64)
 

@@ -12,6 +12,7 @@ from identification.errors import InvalidInputError
 from identification.readers.columns import (
     FloatArray,
     LogColumns,
+    Reading,
     first_words,
     quoted,
     wanted_columns,
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     import polars
 
 
-def read_parquet(path: Path, content: bytes, columns: LogColumns) -> dict[str, FloatArray]:
+def read_parquet(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role; a time of dates or durations becomes seconds. Raises InvalidInputError."""
     import polars as pl
 
@@ -34,7 +35,11 @@ def read_parquet(path: Path, content: bytes, columns: LogColumns) -> dict[str, F
         rows = pl.scan_parquet(BytesIO(content)).select(pl.len()).collect().item()
         refuse_long(path, rows)
         table = pl.read_parquet(BytesIO(content), columns=list(dict.fromkeys(wanted.values())))
-        return {role: _numbers(table[name]) for role, name in wanted.items()}
+        return Reading(
+            values={role: _numbers(table[name]) for role, name in wanted.items()},
+            names=wanted,
+            in_seconds=_is_moment(types[wanted["time"]]),
+        )
     except InvalidInputError:
         raise
     except (Exception, pl.exceptions.PanicException) as error:  # noqa: BLE001  # damaged anywhere

@@ -45,8 +45,8 @@ def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArra
         return held((samples[1:] + samples[:-1]) / 2)
 
     columns = {
-        "mass": table.kinematics[:, 0],
-        "damping": table.kinematics[:, 1],
+        "mass": table.columns[0],
+        "damping": table.columns[1],
         "force_offset": held(np.ones_like(signals.speed)),
         "coulomb_friction": table.filtered(motion.direction),
         "position_stiffness": between(position),

@@ -155,8 +155,8 @@ def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> Frictio
     forces = Forces(table)
     columns = forces.columns()
     answer = table.force(delay)
-    every = np.concatenate((table.columns, *columns.values()), axis=1)
-    count = table.columns.shape[1]
+    every = np.concatenate((table.columns.T, *columns.values()), axis=1)
+    count = len(table.columns)
     if answer.size < BLOCKS * (every.shape[1] + 1) / 4 or not np.any(answer):
         return None
     own = _in_blocks(every, answer, count, columns)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from tune.certificate.bounds import force_failures, ripple_of, whole_delay
+from tune.certificate.contact import contact_failures
+from tune.certificate.jitter import jitter_failures
 from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import regions_of
-from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
 from tune.documents.profile import Design, ElementProfile
-from tune.documents.scene import LONGEST_FADE, SHORTEST_FADE
 
 #: Margins are looked for up to so much gain and so many samples, and stated in such steps.
 _MOST_GAIN, _MOST_SAMPLES = 1000.0, 10.0
@@ -48,6 +49,8 @@ def recomputed_otherwise(design: Design, name: str) -> Iterator[str]:
     setting = setting_of(design, (name,))
     yield from _wrong_ripple(design, name, setting)
     yield from _wrong_passivity(design, name, setting)
+    yield from contact_failures(design, name)
+    yield from jitter_failures(design, name)
     element = design.elements[name]
     for effect, word in element.limited_by.items():
         if word in {"force", "ripple"} and getattr(element, effect):

@@ -63,7 +63,7 @@ def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: F
         values: one column a point, rows as in `Region.sides`.
         extra: samples of delay on top, one a point.
     """
-    motion, drive, read = _state_space(region, values)
+    motion, drive, read = state_space(region, values)
     step, delay = values[2], values[3]
     late = delay / step + extra
     whole = np.floor(late + 1e-9)
@@ -99,7 +99,11 @@ def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: F
     return Loops(open_, feedback)
 
 
-def _state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(A, B, C) of positions, speeds and, with a lag, the force, from command to encoder.
+
+    Arguments as of `sampled_loops`; shapes (points, states, states), (points, states), (states,).
+    """
     mass, damping, _, _, lag, slope, *rest = values
     points = len(mass)
     hand = np.zeros((3, points))
@@ -134,6 +138,18 @@ def _state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatA
     else:
         drive[:, count:] = force
     return motion, drive, np.pad(encoder, (0, size - count))
+
+
+def held_motion(
+    motion: FloatArray, drive: FloatArray, time: float
+) -> tuple[FloatArray, FloatArray]:
+    """(Φ, Γ) of x after a time of constant force F, Φ·x + Γ·F, for a stack of (A, B)."""
+    size = motion.shape[-1]
+    augmented = np.zeros((len(motion), size + 1, size + 1))
+    augmented[:, :size, :size] = motion
+    augmented[:, :size, size] = drive
+    whole = _exponential(augmented * time)
+    return whole[:, :size, :size], whole[:, :size, size]
 
 
 def _exponential(matrix: FloatArray) -> FloatArray:

@@ -55,11 +55,14 @@ SLOPES = (
     "friction that rises with speed acts as some constant damping between its least and its "
     "largest slope"
 )
+UNEVEN = "steps that vary in length: margins.jitter is assessed at corners of the box, not proved"
 NOT_ASSESSED = (
+    UNEVEN,
     "bounce on a one-sided wall, and sustained oscillation from quantiser and friction: the "
     "simulator's part",
 )
 NOT_ASSESSED_OF_WALLS = (
+    UNEVEN,
     "sustained oscillation from quantiser and friction: the simulator's part",
     "springs whose stiffness or clamp level changes in time; a grip that changes during contact",
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
@@ -137,6 +138,9 @@ def _sentence(effects: Effects | None) -> str:
 
 def _rows(found: Audit) -> list[tuple[str, str, str]]:
     """(what, seen, needed) of everything that was computed."""
+    from tune._audit import ELEMENT
+    from tune.cli.contacts import contact_words, varied
+    from tune.cli.friction_rows import friction_rows
     from tune.cli.tables import UNITS, further_delay
 
     design, margins = found.design, found.margins
@@ -149,6 +153,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
             "-" if math.isnan(found.delay_samples) else further_delay(found.delay_samples),
             f"{design.margin.extra_delay_samples}",
         ),
+        ("steps longer or shorter, assessed", f"by {varied(found.jitter)}", "-"),
         (
             "sustained force",
             f"{found.sustained:.4g} {units['force']}",
@@ -178,6 +183,12 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
         (f"one count through {name}", f"{jump:.3g} {units['force']}", "-")
         for name, jump in found.jumps.items()
     ]
+    wall, speed = found.wall, design.elements[ELEMENT].motion.speed
+    rows += [
+        ("as a wall that only pushes, a free device", words, "-")
+        for words in contact_words(wall, design.device, units, f"{speed:g} {units['speed']}")
+    ]
+    rows += friction_rows(found, units)
     if margins is not None:
         disk = margins.disk
         passive = margins.passivity
@@ -236,12 +247,16 @@ def _numbers(found: Audit) -> dict[str, object]:
         "safe": found.safe,
         "gain_margin": number(found.gain),
         "extra_delay_samples": number(found.delay_samples),
+        "jitter": found.jitter,
         "sustained_force": found.sustained,
         "peak_force": found.peak,
         "ripple": number(found.ripple),
         "vibration": number(found.vibration),
         "vibration_over_threshold": number(found.felt),
         "one_count": found.jumps,
+        "wall": found.wall.model_dump(),
+        "passive_with_encoder": found.quantised and asdict(found.quantised),
+        "limit_cycle": found.cycle and asdict(found.cycle),
         "slowest_decay": number(margins and margins.decay),
         "damping_ratio": number(margins and margins.damping_ratio),
         "phase_margin_degrees": number(margins and margins.phase),

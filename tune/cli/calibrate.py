@@ -12,6 +12,7 @@ from tune.cli.options import (
     Allow,
     Axis,
     Candidates,
+    Decimal,
     DryRun,
     Force,
     ForceGain,
@@ -45,10 +46,11 @@ def calibrate(
     force: Force = "force",
     position: Position = "position",
     reference: Reference = None,
-    time_gain: TimeGain = 1.0,
+    time_gain: TimeGain = None,
     force_gain: ForceGain = None,
     position_gain: PositionGain = None,
     axis: Axis = None,
+    decimal: Decimal = None,
     hardware: HardwareFile = None,
     allow: Allow = None,
     method: MethodOption = "auto",
@@ -73,6 +75,7 @@ def calibrate(
             force_gain=force_gain,
             position_gain=position_gain,
             axis=axis,
+            decimal=decimal,
         )
         wish = wanted(scene, margin)
         found = identified(session, logs, columns, hardware, method, allow or [])

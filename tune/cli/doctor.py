@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tune.cli.identify import read_log
+from tune.cli.identify import read_log, tell_reading
 from tune.cli.options import (
     Allow,
     Axis,
+    Decimal,
     Force,
     ForceGain,
     HardwareFile,
@@ -34,10 +35,11 @@ def doctor(
     force: Force = "force",
     position: Position = "position",
     reference: Reference = None,
-    time_gain: TimeGain = 1.0,
+    time_gain: TimeGain = None,
     force_gain: ForceGain = None,
     position_gain: PositionGain = None,
     axis: Axis = None,
+    decimal: Decimal = None,
     hardware: HardwareFile = None,
     allow: Allow = None,
     json: Json = False,
@@ -63,6 +65,7 @@ def doctor(
             force_gain=force_gain,
             position_gain=position_gain,
             axis=axis,
+            decimal=decimal,
         )
         known = None if hardware is None else load_document(Hardware, hardware)
         findings: list[Finding] = []
@@ -70,8 +73,11 @@ def doctor(
         for path in logs:
             try:
                 with session.progress() as say:
-                    say(f"examining {path.name}")
+                    say(f"reading {path.name}")
                     trajectory = read_log(path, columns, known)
+                tell_reading(session, trajectory)
+                with session.progress() as say:
+                    say(f"examining {path.name}")
                     seen = examine(trajectory, hardware=known, allow=allow or [])
             except LogRefusedError as error:  # the columns are no log at all
                 findings += error.findings

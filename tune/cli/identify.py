@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from tune.cli.options import (
     Allow,
     Axis,
+    Decimal,
     DeviceOut,
     DryRun,
     Force,
@@ -39,10 +40,11 @@ def identify(
     force: Force = "force",
     position: Position = "position",
     reference: Reference = None,
-    time_gain: TimeGain = 1.0,
+    time_gain: TimeGain = None,
     force_gain: ForceGain = None,
     position_gain: PositionGain = None,
     axis: Axis = None,
+    decimal: Decimal = None,
     hardware: HardwareFile = None,
     allow: Allow = None,
     method: MethodOption = "auto",
@@ -65,6 +67,7 @@ def identify(
             force_gain=force_gain,
             position_gain=position_gain,
             axis=axis,
+            decimal=decimal,
         )
         result = identified(session, logs, columns, hardware, method, allow or [])
         if result.device.position_stiffness is not None or result.device.gravity is not None:
@@ -94,6 +97,15 @@ def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Traj
     )
 
 
+def tell_reading(session: Session, *trajectories: Trajectory) -> None:
+    """One line a log that is no plain table in SI units: how it was understood."""
+    for log in trajectories:
+        if log.read_as:
+            session.say(f"{log.source}: read with {log.read_as}")
+            session.understood[log.source] = log.read_as
+            session.details["read_as"] = session.understood
+
+
 def identified(
     session: Session,
     logs: list[Path],
@@ -111,6 +123,8 @@ def identified(
     with session.progress() as say:
         say("reading logs")
         trajectories = [read_log(path, columns, known) for path in logs]
+    tell_reading(session, *trajectories)
+    with session.progress() as say:
         say("identifying")
         result = estimate(trajectories, hardware=known, method=method, allow=allow)
     session.found(result.findings)

@@ -1,4 +1,4 @@
-"""``haptune new``: commented templates to fill in."""
+"""``haptune new``: commented templates to fill in, and a program that plays a planned force."""
 
 from __future__ import annotations
 
@@ -21,6 +21,18 @@ class Kind(StrEnum):
     hardware = "hardware"
     scene = "scene"
     excitation = "excitation"
+    player = "player"
+
+
+class Language(StrEnum):
+    """Languages of the player."""
+
+    c = "c"
+    python = "python"
+
+
+#: Endings of the player's files.
+_ENDINGS = {Language.c: "c", Language.python: "py"}
 
 
 def new(
@@ -31,17 +43,34 @@ def new(
     ] = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("-o", "--output", help="Where to write; default KIND.yaml."),
+        typer.Option(
+            "-o", "--output", help="Where to write; default KIND.yaml, player.c or player.py."
+        ),
+    ] = None,
+    language: Annotated[
+        Optional[Language],  # noqa: UP045
+        typer.Option("--language", help="Of the player; default c."),
     ] = None,
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a commented template of hardware.yaml, scene.yaml or excitation.yaml."""
+    """Write a commented template of hardware.yaml, scene.yaml or excitation.yaml, or a player."""
 
     def action(session: Session) -> None:
         from identification import UsageError, named_devices
 
+        if language is not None and kind is not Kind.player:
+            raise UsageError("--language", f"is of no {kind.value}", "Leave it out")
+        if device is not None and kind is Kind.player:
+            raise UsageError("--device", "fills in no player", "Leave it out")
+        if kind is Kind.player:
+            path = output or Path(f"player.{_ENDINGS[language or Language.c]}")
+            session.target(path)
+            text = template("player", _ENDINGS[language or Language.c])
+            session.write(path, text, dry_run=dry_run)
+            session.say("fill in how your device is read and driven; haptune never drives it")
+            return
         path = output or Path(f"{kind.value}.yaml")
         if device is not None and kind is Kind.scene:
             raise UsageError("--device", "fills in no scene", "Leave it out")
@@ -58,11 +87,11 @@ def new(
     run_command("new", action, as_json=json, quiet=quiet)
 
 
-def template(kind: str) -> str:
+def template(kind: str, ending: str = "yaml") -> str:
     """Text of a template."""
     from importlib.resources import files
 
-    return (files("tune") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
+    return (files("tune") / "templates" / f"{kind}.{ending}").read_text(encoding="utf-8")
 
 
 def excitation_of(name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Literal, Optional
 
 import typer
 
@@ -19,10 +19,18 @@ class MarginChoice(StrEnum):
     firm = "firm"
 
 
-Logs = Annotated[list[Path], typer.Argument(help="Logs of one axis: CSV, Parquet, MAT or NPZ.")]
+Logs = Annotated[
+    list[Path],
+    typer.Argument(help="Logs of one axis: CSV or other text, Parquet, MAT, NPZ, Excel or MCAP."),
+]
 Time = Annotated[str, typer.Option("--time", metavar="COL", help="Column of time, in seconds.")]
 TimeGain = Annotated[
-    float, typer.Option("--time-gain", metavar="X", help="s per unit of the time column.")
+    Optional[float],  # noqa: UP045 - typer reads it at run time
+    typer.Option("--time-gain", metavar="X", help="s per unit of the time column."),
+]
+Decimal = Annotated[
+    Optional[Literal["comma", "point"]],  # noqa: UP045
+    typer.Option("--decimal", help="What stands before decimals in a text file."),
 ]
 Force = Annotated[
     str, typer.Option("--force", metavar="COL", help="Column of the actuator's force.")
@@ -70,6 +78,14 @@ MarginOption = Annotated[
 ]
 Candidates = Annotated[
     bool, typer.Option("--candidates", help="Show all three margins side by side.")
+]
+WhatIf = Annotated[
+    bool,
+    typer.Option(
+        "--what-if",
+        help="Also tune with half the delay, twice the sample rate, a finer encoder and so on: "
+        "what each fact of the hardware costs in perceived steps.",
+    ),
 ]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]

@@ -48,6 +48,7 @@ class Session:
         targets: files that are to be written.
         outputs: files written.
         details: what a command computed, by name; in the JSON result where there is any.
+        understood: by log, how one that is no plain table in SI units was read.
     """
 
     command: str
@@ -57,6 +58,7 @@ class Session:
     targets: list[str] = field(default_factory=list[str])
     outputs: list[str] = field(default_factory=list[str])
     details: dict[str, object] = field(default_factory=dict[str, object])
+    understood: dict[str, str] = field(default_factory=dict[str, str])
 
     def say(self, text: Any) -> None:
         """Print a text or a rich renderable for people."""
@@ -117,13 +119,13 @@ class Session:
             self.say(f"dry run: {path} would be written")
             self.say(text)
             return
-        from identification import write_text
+        from identification import difference_of, write_text
 
         before = path.exists()
-        difference = self._store(path, lambda: write_text(path, text))
-        if difference:
-            self.say(difference)
-            self.say(f"{path} written; the file before is {path}.bak")
+        replaced = self._store(path, lambda: write_text(path, text))
+        if replaced is not None:
+            self.say(difference_of(path, replaced, text))
+            self.say(f"{path} written; the file before is {replaced.backup.name}")
         else:
             self.say(f"{path} {'unchanged' if before else 'written'}")
 

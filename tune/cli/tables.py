@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from tune.cli.contacts import contact_lines, varied
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -54,7 +56,7 @@ def elements_table(profile: SafeProfile) -> Table:
         title=f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}; "
         f"filters: {_filters(profile.loop)}",
         title_justify="left",
-        caption="\n".join(_felt(profile)),
+        caption="\n".join((*_felt(profile), *contact_lines(profile, units), *_uneven(profile))),
         caption_justify="left",
         box=SIMPLE_HEAD,
     )
@@ -85,6 +87,14 @@ def further_delay(samples: float) -> str:
     from tune.optimisation.delays import MOST
 
     return f"≥{MOST}" if samples >= MOST else f"+{samples:g}"
+
+
+def _uneven(profile: SafeProfile) -> Iterator[str]:
+    """How uneven the steps of the loop may be with every element."""
+    found = [each.margins.jitter for each in profile.elements.values()]
+    if found and None not in found:
+        least = min(each or 0.0 for each in found)
+        yield f"each step of the loop may vary by {varied(least)} (assessed, not proved)"
 
 
 def _felt(profile: SafeProfile) -> tuple[str, ...]:

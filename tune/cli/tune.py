@@ -16,6 +16,7 @@ from tune.cli.options import (
     MarginOption,
     ProfileOut,
     Quiet,
+    WhatIf,
 )
 from tune.cli.session import Session, run_command
 
@@ -40,6 +41,7 @@ def tune(
     output: ProfileOut = Path("profile.yaml"),
     margin: MarginOption = None,
     candidates: Candidates = False,
+    what_if: WhatIf = False,
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -52,7 +54,12 @@ def tune(
         session.target(output, scene, Path(device))
         known = load_device(device)
         known.require_stated(subject=device, where=IN_DEVICE)
-        profile = tuned(session, known, wanted(scene, margin), compare=candidates)
+        wish = wanted(scene, margin)
+        profile = tuned(session, known, wish, compare=candidates)
+        if what_if:
+            from tune.cli.what_if import say_what_would_help
+
+            say_what_would_help(session, profile, wish.scene, wish.table)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
 
     run_command("tune", action, as_json=json, quiet=quiet)

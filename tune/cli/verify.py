@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
+from tune.cli.identify import tell_reading
 from tune.cli.options import (
     Axis,
+    Decimal,
     Force,
     ForceGain,
     Json,
@@ -60,10 +62,11 @@ def verify(
     time: Time = "time",
     force: Force = "force",
     position: Position = "position",
-    time_gain: TimeGain = 1.0,
+    time_gain: TimeGain = None,
     force_gain: ForceGain = None,
     position_gain: PositionGain = None,
     axis: Axis = None,
+    decimal: Decimal = None,
     picture: Annotated[
         Optional[Path],  # noqa: UP045
         typer.Option("--picture", help="Where to draw motion and force against them (PNG)."),
@@ -95,12 +98,14 @@ def verify(
             force_gain=force_gain,
             position_gain=position_gain,
             axis=axis,
+            decimal=decimal,
         )
+        trajectory = load_trajectory(
+            log, columns, motion=safe.device.motion, axis=axis or safe.device.axis
+        )
+        tell_reading(session, trajectory)
         with session.progress() as say:
             say(f"comparing {log.name} with {profile.name}")
-            trajectory = load_trajectory(
-                log, columns, motion=safe.device.motion, axis=axis or safe.device.axis
-            )
             seen = verify(safe, trajectory, element=element, gain=gain, release=release)
             others = margins_of_others(safe, seen.delay, say)
             drawing = None if picture is None else verification_picture(safe, seen)

@@ -12,14 +12,13 @@ from pydantic import Field, model_validator
 
 from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
 from tune.documents.certified import Certificate
-from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, EffectName
 from tune.documents.errors import CheckFailedError
 from tune.documents.hand import Hand
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.moments import moments_of, refuse_strange_groups
 from tune.documents.scene import (
     LARGEST,
-    LONGEST_FADE,
     MARGINS,
     SMALLEST,
     Margin,
@@ -51,6 +50,9 @@ class Margins(Document):
             is stable.
         passive: passivity by its own condition; "not-applicable" with a mode, a current lag or a
             part of a sample of delay.
+        jitter: part of the sample time by which each step may be longer or shorter with the loop
+            stable at its own gain, at the corners of the box; assessed, not proved. None in
+            profiles written before it was computed, which `check` refuses.
         absolute_gain: the gain up to which all moments with this element that are one-sided are
             proved absolutely stable, with the extra delay of the margin; None where none is.
     """
@@ -58,6 +60,7 @@ class Margins(Document):
     gain: float
     extra_delay_samples: float
     passive: bool | Literal["not-applicable"]
+    jitter: float | None = None
     absolute_gain: float | None = None
 
 
@@ -80,13 +83,36 @@ class Rendered(Document):
     damping_at_ends: tuple[float, float]
 
 
+class Contact(Document):
+    """What a free device meets that enters an element at the speed of its motion, without a hand.
+
+    Attributes:
+        restitution: (least, largest) speed out over speed in, over the device's box and wherever
+            between two samples the element is reached; friction left out, forces below their
+            limit. Of a one-sided element as it only pushes, of another as it swings once. None
+            without a spring, of an element that fades, and where the device stays too long inside.
+        depth_at_continuous_force: where its spring takes all of the continuous force, m (rad).
+        depth_at_peak_force: likewise of the peak force.
+        force_on_entry: commanded by the first reading inside, at most, N (N·m); an element that
+            fades takes its fade time to it.
+        energy_per_entry: that a mass entered in motion and left at rest, or the other way round,
+            gives a hand, J. None without a mass.
+    """
+
+    restitution: tuple[float, float] | None = None
+    depth_at_continuous_force: float | None = None
+    depth_at_peak_force: float | None = None
+    force_on_entry: float
+    energy_per_entry: float | None = None
+
+
 class ElementProfile(Document):
     """What one element plays; effects that do not act are zero.
 
     ``perceived_steps`` count what is felt of an effect at the motions people make, none where less
-    than nothing is left of the device; ``rendered`` is absent in profiles written before it was
-    computed, which `check` refuses. A ``one_sided`` element pushes only; its force fades in and out
-    over ``fade_time``, s, where 0 lets it be switched at any moment.
+    than nothing is left of the device; ``rendered`` and ``contact`` are absent in profiles written
+    before they were computed, which `check` refuses. A ``one_sided`` element pushes only; its force
+    fades in and out over ``fade_time``, s, where 0 lets it be switched at any moment.
     """
 
     stiffness: float
@@ -98,6 +124,7 @@ class ElementProfile(Document):
     limited_by: dict[EffectName, LimitedBy]
     motion: Motion
     rendered: Rendered | None = None
+    contact: Contact | None = None
     one_sided: bool = False
     fade_time: float = Field(default=0.0, ge=0, le=LONGEST_FADE)
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from identification import Document, load_document
-from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
 from tune.documents.hand import AnyHand
 from tune.documents.moments import moments_of, refuse_strange_groups
 from tune.documents.perception import PerceptionTable, default_table
@@ -21,10 +21,6 @@ MarginName = Literal["conservative", "balanced", "firm"]
 SMALLEST, LARGEST = 1e-9, 1e9
 #: Samples of a moving window; each raises the degree of the loop by one.
 LONGEST_WINDOW = 20
-#: s, over which an element that may pump fades in and out unless something else is stated, and
-#: the least and most that may be.
-FADE_TIME = 0.1
-SHORTEST_FADE, LONGEST_FADE = 0.01, 10.0
 
 
 class Margin(Document):

@@ -9,16 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, rounded
-from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
+from tune.documents.effects import EFFECT_NAMES, FADE_TIME, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
-from tune.documents.scene import FADE_TIME, MARGINS, Scene
+from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import used_filters
 from tune.loop.sampled_plant import WHOLE
+from tune.loop.state_space import corners_of
+from tune.margins.jitter import MOST as MOST_JITTER
+from tune.margins.jitter import jitter_margin
 from tune.margins.passivity import damping_needed
 from tune.optimisation.bounds import force_bound, ripple_bound, stable_bounds
 from tune.optimisation.delays import MOST
 from tune.optimisation.limits import forces_allowed, ripple, stable_points, worst_gain
-from tune.optimisation.problem import Problem
+from tune.optimisation.problem import Moment, Problem
+from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered
 
 if TYPE_CHECKING:
@@ -207,7 +211,7 @@ def element_profile(
             float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
         )
     pumps = bool(values["mass"]) or min(values.values()) < 0
-    wanted = scene.elements[name]
+    wanted, motion = scene.elements[name], scene.motion(name, device.motion)
     return ElementProfile(
         stiffness=values["stiffness"],
         damping=values["damping"],
@@ -217,12 +221,21 @@ def element_profile(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
             extra_delay_samples=late,
             passive=_passive(problem, values),
+            jitter=_jitter(device, problem, moments, sizes),
             absolute_gain=absolute_gain,
         ),
         ripple=None if noise is None else rounded(noise, 4),
         limited_by=limited,
-        motion=scene.motion(name, device.motion),
+        motion=motion,
         rendered=rendered(device, problem.filters, **values),
+        contact=contact(
+            device,
+            problem.region.box,
+            problem.filters,
+            values,
+            speed=motion.speed,
+            one_sided=wanted.one_sided,
+        ),
         one_sided=wanted.one_sided,
         fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
     )
@@ -241,6 +254,19 @@ def _absolute(
         witness_of(each, margin, slack).gain for names, each in absolute.items() if name in names
     ]
     return min(gains, default=None), saturated(problem, absolute)
+
+
+def _jitter(
+    device: Device, problem: Problem, moments: Sequence[Moment], sizes: FloatArray
+) -> float:
+    """How uneven the steps may be in every one of some moments, in parts of the sample time."""
+    places = corners_of(device, problem.region.box)
+    found = MOST_JITTER
+    for moment in moments:
+        felt = problem.effects(moment, sizes)
+        K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
+        found = min(found, jitter_margin(places, problem.filters, (K, B, M)))
+    return rounded(found, 4)
 
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:

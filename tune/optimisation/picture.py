@@ -110,6 +110,9 @@ def _steps(axes: Axes, profile: SafeProfile) -> None:
             steps.append(element.perceived_steps.get(effect, 0.0))
             value: float = getattr(element, effect)
             why = "as wanted" if reason == "wanted" else f"limited by {reason}"
+            bounce = element.contact and element.contact.restitution
+            if effect == "stiffness" and bounce:
+                why += f", gives back {bounce[0]:.2g} to {bounce[1]:.2g} of the speed"
             words.append(f" {value:.4g} {units[effect]}, {why}")
     places = np.arange(len(labels))[::-1]
     axes.barh(places, steps, color="tab:green", alpha=0.6)
@@ -117,5 +120,5 @@ def _steps(axes: Axes, profile: SafeProfile) -> None:
     axes.set_yticks(places, labels)
     for place, step, word in zip(places, steps, words, strict=True):
         axes.text(step, float(place), word, va="center", fontsize=7)
-    axes.set_xlim(0, 1.9 * max([*steps, 1.0]))
+    axes.set_xlim(0, 2.2 * max([*steps, 1.0]))
     axes.set_xlabel("steps a hand can tell apart")

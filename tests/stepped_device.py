@@ -1,0 +1,93 @@
+"""A simulated device behind two calls, read and driven sample by sample in simulated time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from datasets_synthetic.hand import Hand
+from datasets_synthetic.motion import LARGEST_STEP
+from datasets_synthetic.movers import Loads, RigidMover
+from datasets_synthetic.rig import Rig
+from datasets_synthetic.sampling import read_encoder
+from datasets_synthetic.timetable import EvenTimetable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """What goes wrong, and from which sample on; by default nothing ever does.
+
+    Attributes:
+        nan_from: readings are not numbers.
+        read_fails_from: reading raises.
+        write_fails_from: writing raises ...
+        write_fails_times: ... this many times.
+        stop_from: the emergency stop is pressed.
+        late_at: the sample before which the computer sleeps for ``late`` seconds.
+        late: s.
+    """
+
+    nan_from: int = 10**9
+    read_fails_from: int = 10**9
+    write_fails_from: int = 10**9
+    write_fails_times: int = 10**9
+    stop_from: int = 10**9
+    late_at: int = 10**9
+    late: float = 0.0
+
+
+class SteppedDevice:
+    """One rigid device; its clock stands still but for ``wait_until``.
+
+    A force acts, delayed as the rig says, until another is written, however long that takes.
+    """
+
+    def __init__(self, rig: Rig, fault: Fault | None = None, samples: int = 100_000) -> None:
+        zero = np.zeros(1)
+        self._rig, self._fault = rig, fault or Fault()
+        self._mover = RigidMover(rig, Hand(), Loads(device=None, handle=None), zero, zero)
+        self._timetable = EvenTimetable(
+            rig.delay, rig.sample_time, self._mover.rate(), LARGEST_STEP
+        )
+        self._commands = np.zeros(self._timetable.lead + samples)
+        self._failed = 0
+        self._due = 0
+        #: Samples gone by, force written last, and every position that was read.
+        self.sample, self.force = 0, 0.0
+        self.readings: list[float] = []
+
+    def read_position(self) -> float:
+        """The encoder's reading, m (rad)."""
+        if self._due >= self._fault.read_fails_from:
+            raise OSError("the encoder is gone")
+        if self._due >= self._fault.nan_from:
+            return float("nan")
+        (reading,) = read_encoder(self._mover.measured(), self._rig.encoder_resolution)
+        self.readings.append(float(reading))
+        return float(reading)
+
+    def write_force(self, force: float) -> None:
+        """The force from now on, N (N·m)."""
+        fails = self._failed < self._fault.write_fails_times
+        if self._due >= self._fault.write_fails_from and fails:
+            self._failed += 1
+            raise OSError("the amplifier is gone")
+        self.force = force
+
+    def stop_pressed(self) -> bool:
+        """Whether the emergency stop is pressed."""
+        return self._due >= self._fault.stop_from
+
+    def wait_until(self, due: float) -> float:
+        """Let the device move up to a time, s; returns the time it is."""
+        step = float(self._rig.sample_time[0])
+        self._due = round(due / step)
+        late = self._fault.late if self._due == self._fault.late_at else 0.0
+        for sample in range(self.sample, round((due + late) / step)):
+            self._commands[self._timetable.lead + sample] = self.force
+            self._mover.begin(sample)
+            for part in self._timetable.parts(sample):
+                self._mover.move(self._commands.take(part.place), part)
+            self.sample = sample + 1
+        return self.sample * step

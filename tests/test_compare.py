@@ -1,0 +1,149 @@
+"""Two devices or two profiles side by side, and whether the old profile holds on the new device."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from identification import (
+    Device,
+    Hardware,
+    InvalidInputError,
+    UsageError,
+    load_device,
+    load_document,
+    parse_document,
+    to_mapping,
+    to_yaml,
+)
+from tests.commands import haptune
+from tests.true_loops import safe_gain
+from tune import SafeProfile, Scene, compare, optimise
+
+#: A damper whose largest value stability sets, on an actuator that never tires.
+WATER = Scene.model_validate(
+    {
+        "elements": {"water": {"damping": "max"}},
+        "ripple_limit": 1e6,
+        "loop": {"velocity_filter_hz": "none"},
+    }
+)
+STRONG = {"force_limit": {"continuous": 1e6, "peak": 1e6}}
+
+
+def _device(**changes: object) -> Device:
+    content = to_mapping(load_device("homerehab")) | STRONG | changes
+    return parse_document(Device, content, "a device")
+
+
+@pytest.fixture(scope="module")
+def profile() -> SafeProfile:
+    return optimise(_device(), WATER)
+
+
+def test_intervals_that_share_a_value_are_no_change() -> None:
+    old = _device(mass={"value": 3.0, "low": 2.9, "high": 3.1})
+    for value, low, high, beyond in (
+        (3.15, 3.05, 3.25, False),
+        (3.15, 3.1, 3.2, False),
+        (3.2, 3.11, 3.3, True),
+        (2.5, 2.4, 2.6, True),
+    ):
+        new = _device(mass={"value": value, "low": low, "high": high})
+        found = {change.name: change for change in compare(old, new).changes}
+        assert found["mass"].beyond is beyond
+        assert found["mass"].part == pytest.approx(value / 3.0 - 1)
+        assert not found["damping"].beyond
+
+
+def test_what_one_file_alone_states_is_a_change() -> None:
+    found = compare(_device(), _device(current_lag=0.0002))
+    (lag,) = (change for change in found.changes if change.name == "current_lag")
+    assert (lag.old, lag.beyond, lag.part) == (None, True, None)
+    assert found.holds is None
+
+
+def test_a_profile_holds_on_its_own_device_and_on_a_better_one(profile: SafeProfile) -> None:
+    for device in (profile.device, _device(delay=0.0), _device(mass=3.3)):
+        found = compare(profile, device)
+        assert found.holds, found.failures
+        assert found.gain == profile.margin.gain
+
+
+def test_the_gain_kept_on_a_lighter_device_is_where_its_loop_becomes_unstable(
+    profile: SafeProfile,
+) -> None:
+    """The first unstable gain of its worst corner, by roots in many digits."""
+    found = compare(profile, _device(mass=2.4))
+    assert not found.holds
+    assert found.gain is not None
+    dampings = profile.device.simultaneous_box().damping
+    first = min(
+        safe_gain(profile, ("water",), (2.4, b, 0.001), delay) for b in dampings for delay in (1, 2)
+    )
+    assert 0 < found.gain <= first < found.gain + 0.02 * profile.margin.gain
+
+
+def test_kinds_that_cannot_be_compared_are_refused(profile: SafeProfile) -> None:
+    with pytest.raises(UsageError, match="Swap them"):
+        compare(_device(), profile)
+    with pytest.raises(UsageError, match="one motion"):
+        compare(_device(), load_device("knob"))
+
+
+def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
+    profile: SafeProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    Path("lighter.yaml").write_text(to_yaml(to_mapping(_device(mass=2.4))), encoding="utf-8")
+    ended = haptune("compare", "profile.yaml", "lighter.yaml", "--json")
+    assert ended.code == 6
+    details = ended.result["details"]
+    assert details["holds"] is False
+    assert 0 < details["gain"] < profile.margin.gain
+    changed = {each["name"] for each in details["changes"] if each["beyond"]}
+    assert changed == {"mass"}
+    assert "Tune again for it" in ended.err
+    same = haptune("compare", "profile.yaml", "profile.yaml")
+    assert same.code == 0, same.err
+    assert "nothing of the device changed" in same.out
+    assert "holds on the device of profile.yaml" in same.out
+    assert haptune("compare", "lighter.yaml", "knob").code == 2
+    assert haptune("compare", "lighter.yaml", "nowhere.yaml").code == 3
+
+
+def test_serial_date_and_operator_go_from_hardware_to_device(tmp_path: Path) -> None:
+    path = tmp_path / "hardware.yaml"
+    path.write_text("serial: A-17\ndate: 2026-11-22\noperator: Ada L.\n", encoding="utf-8")
+    hardware = load_document(Hardware, path)
+    assert (hardware.serial, hardware.date, hardware.operator) == ("A-17", "2026-11-22", "Ada L.")
+    path.write_text(to_yaml(to_mapping(hardware)), encoding="utf-8")
+    assert load_document(Hardware, path) == hardware
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("date: yesterday", "give a date as year-month-day"),
+        ("date: 2026-11-22T10:00:00", "reads as a datetime"),
+        ("serial: 0012", "put it in quotes"),
+        ("operator: ''", "give one line of text"),
+    ],
+)
+def test_a_nameplate_that_cannot_be_read_says_how(line: str, sentence: str, tmp_path: Path) -> None:
+    path = tmp_path / "hardware.yaml"
+    path.write_text(line + "\n", encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=sentence):
+        load_document(Hardware, path)
+
+
+def test_an_identified_device_keeps_the_nameplate_of_its_hardware() -> None:
+    from datasets_synthetic import bundled
+    from identification import identify, load_trajectory
+
+    log = load_trajectory(bundled("homerehab.csv"))
+    known = Hardware(serial="A-17", date="2026-11-22", operator="Ada", motion="linear")
+    device = identify(log, hardware=known).device
+    assert (device.serial, device.date, device.operator) == ("A-17", "2026-11-22", "Ada")

@@ -1,0 +1,234 @@
+"""What entering an element amounts to: bounces against other means, and forged numbers."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from identification import Device, load_device, quantity
+from tune import SafeProfile, Scene, optimise
+from tune.certificate.contact import contact_failures
+from tune.loop.filters import Filters
+from tune.rendering.contact import contact
+
+#: Stiffness and damping of a wall fit for each named device, and its velocity filter, Hz.
+WALLS: dict[str, tuple[float, float, float | None]] = {
+    "homerehab": (1154.0, 82.0, 72.55),
+    "stylus": (90.0, 1.2, 60.0),
+    "knob": (0.06, 0.0005, None),
+    "emps": (11700.0, 700.0, 100.0),
+}
+
+
+def _exactly(device: Device) -> Device:
+    """The device without intervals."""
+    sides = ("mass", "damping", "sample_time", "delay")
+    return device.model_copy(update={s: quantity(getattr(device, s).value) for s in sides})
+
+
+def _bounce(
+    device: Device,
+    wall: tuple[float, float, float | None],
+    phase: float,
+    *,
+    one_sided: bool,
+    samples: float,
+) -> float:
+    """Speed out over speed in of a rigid device, sample by sample, its motion in closed form.
+
+    The wall is reached ``phase`` of a step before a reading; the speed out is that with which
+    free motion would have left the wall.
+    """
+    (K, B, cutoff), T = wall, device.sample_time.value
+    m, b = device.mass.value, device.damping.value
+    whole, rate = round(samples), b / m
+    pole = math.exp(-2 * math.pi * cutoff * T) if cutoff else 0.0
+
+    def moved(x: float, v: float, force: float, time: float) -> tuple[float, float]:
+        end = force / b
+        left = math.exp(-rate * time)
+        return x + end * time + (v - end) * (1 - left) / rate, end + (v - end) * left
+
+    x, v = moved(0.0, 1.0, 0.0, phase * T)
+    last, speed, sent = x - T, 1.0, [0.0] * whole
+    for _ in range(20_000):
+        speed = pole * speed + (1 - pole) * (x - last) / T
+        last = x
+        force = -(K * x + B * speed)
+        if x <= 0:
+            for each in sent:
+                x, v = moved(x, v, each, T)
+            return -(v + rate * x)
+        sent.append(min(force, 0.0) if one_sided else force)
+        x, v = moved(x, v, sent.pop(0), T)
+    return 0.0
+
+
+@pytest.mark.parametrize("name", WALLS)
+@pytest.mark.parametrize("one_sided", [False, True])
+@pytest.mark.parametrize("damped", [False, True])
+def test_bounces_as_the_motion_does(name: str, one_sided: bool, damped: bool) -> None:
+    """Without intervals the stated range is that of the places between two samples, within 1 %."""
+    device = _exactly(load_device(name))
+    K, B, cutoff = WALLS[name]
+    wall = (K, B if damped else 0.0, cutoff)
+    samples = device.delay.value / device.sample_time.value
+    found = [
+        _bounce(device, wall, phase, one_sided=one_sided, samples=samples)
+        for phase in np.linspace(0.02, 1.0, 25)
+    ]
+    low, high = _stated(device, wall, one_sided=one_sided)
+    assert low <= min(found)
+    assert max(found) <= high
+    assert high - low < 3 * (max(found) - min(found)) + 0.01 * max(found)
+
+
+def _stated(
+    device: Device, wall: tuple[float, float, float | None], *, one_sided: bool
+) -> tuple[float, float]:
+    K, B, cutoff = wall
+    found = contact(
+        device,
+        device.simultaneous_box(),
+        Filters(velocity_filter_hz=cutoff),
+        {"stiffness": K, "damping": B, "mass": 0.0},
+        speed=0.2,
+        one_sided=one_sided,
+    ).restitution
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(
+    ("wall", "one_sided", "about"),
+    [
+        ((1154.0, 0.0, None), True, 0.80),
+        ((6000.0, 0.0, None), True, 0.988),
+        ((1154.0, 82.0, 72.55), False, 0.013),
+        ((1154.0, 82.0, 72.55), True, 0.14),
+    ],
+)
+def test_homerehab_with_one_sample_of_delay(
+    wall: tuple[float, float, float | None], one_sided: bool, about: float
+) -> None:
+    """A damper that may pull takes all but 1 % of the speed, one that only pushes leaves 14 %."""
+    low, high = _stated(_exactly(load_device("homerehab")), wall, one_sided=one_sided)
+    assert low <= about * 1.03
+    assert high >= about * 0.97
+    assert high - low < 0.01
+
+
+def test_every_device_of_the_box_lies_within() -> None:
+    """Corners of the box are extreme: devices drawn from inside bounce no more and no less."""
+    chance = np.random.default_rng(3)
+    for name, wall in WALLS.items():
+        device = load_device(name)
+        box = device.simultaneous_box()
+        for one_sided in (False, True):
+            low, high = _stated(device, wall, one_sided=one_sided)
+            for _ in range(12):
+                drawn = device.model_copy(
+                    update={
+                        "mass": quantity(float(chance.uniform(*box.mass))),
+                        "damping": quantity(float(chance.uniform(*box.damping))),
+                    }
+                )
+                bounce = _bounce(
+                    drawn, wall, float(chance.uniform(0.01, 1)), one_sided=one_sided, samples=1
+                )
+                assert low <= bounce <= high, name
+
+
+def test_with_a_mode_a_lag_and_part_of_a_sample_of_delay() -> None:
+    """In tenths of a step, by scipy's exponential of the mechanism's matrix."""
+    m, b, T, K, B, lag, tenths = 3.0, 10.0, 1e-3, 1500.0, 30.0, 0.002, 13
+    omega, ratio, share = 2 * math.pi * 60.0, 0.02, -0.5
+    motion = np.zeros((6, 6))  # q, mode, speeds, force of the actuator, command
+    motion[0, 2] = motion[1, 3] = 1.0
+    motion[2, [2, 4]] = -b / m, 1 / m
+    motion[3, [1, 3, 4]] = -(omega**2), -2 * ratio * omega, share / m
+    motion[4, [4, 5]] = -1 / lag, 1 / lag
+    step = expm(motion * T / 10)
+    pole = math.exp(-2 * math.pi * 50.0 * T)
+    found: list[float] = []
+    for phase in range(1, 11):
+        x = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+        for _ in range(phase):
+            x = step @ x
+        last, speed, sent, inside, out = x[0] - T, 1.0, [0.0] * tenths, True, 0
+        while out < 200:
+            reading = x[0] + share * x[1]
+            speed = pole * speed + (1 - pole) * (reading - last) / T
+            last, inside = reading, inside and reading > 0
+            out += not inside
+            sent += [min(0.0, -(K * reading + B * speed)) if inside else 0.0] * 10
+            for _ in range(10):
+                x[5] = sent.pop(0)
+                x = step @ x
+        found.append(-(x[2] + b / m * x[0]))
+    mode = {"frequency_hz": 60.0, "damping_ratio": 0.02, "at_encoder": share, "at_handle": 1.0}
+    stated = load_device("homerehab").model_dump(by_alias=True) | {
+        "mass": m,
+        "damping": b,
+        "sample_time": T,
+        "delay": 0.0013,
+        "current_lag": lag,
+        "modes": [mode],
+    }
+    low, high = _stated(Device.model_validate(stated), (K, B, 50.0), one_sided=True)
+    assert low <= min(found)
+    assert max(found) <= high
+    assert high - low < 0.02 * max(found)
+
+
+@functools.cache
+def _tuned() -> SafeProfile:
+    elements: dict[str, Any] = {
+        "wall": {"stiffness": 800.0, "damping": 30.0, "one_sided": True, "speed": 0.3},
+        "cup": {"mass": 1.0, "damping": 10.0},
+    }
+    filters = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
+    scene = Scene.model_validate({"elements": elements, "loop": filters})
+    return optimise(load_device("homerehab"), scene)
+
+
+def test_depth_force_and_energy_are_those_of_the_stated_motion() -> None:
+    wall, cup = (_tuned().elements[name].contact for name in ("wall", "cup"))
+    assert wall is not None
+    assert cup is not None
+    assert wall.depth_at_continuous_force == pytest.approx(14.0 / 800.0, rel=1e-3)
+    assert wall.depth_at_peak_force == pytest.approx(28.0 / 800.0, rel=1e-3)
+    assert wall.force_on_entry == pytest.approx(0.3 * (800.0 * 0.001 + 30.0), rel=1e-3)
+    assert wall.energy_per_entry is None
+    assert cup.restitution is None
+    assert cup.force_on_entry == pytest.approx(0.2 * 10.0, rel=1e-3)
+    assert cup.energy_per_entry == pytest.approx(0.5 * 1.0 * 0.2**2, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "forged"),
+    [
+        ("wall", {"restitution": (0.0, 0.1)}),
+        ("wall", {"restitution": None}),
+        ("wall", {"depth_at_continuous_force": 0.02}),
+        ("wall", {"depth_at_peak_force": None}),
+        ("wall", {"force_on_entry": 9.0}),
+        ("cup", {"energy_per_entry": 0.019}),
+        ("cup", {"restitution": (0.0, 0.0)}),
+    ],
+)
+def test_a_forged_contact_is_found(name: str, forged: dict[str, Any]) -> None:
+    profile = _tuned()
+    assert [*contact_failures(profile, name)] == []
+    element = profile.elements[name]
+    assert element.contact is not None
+    changed = element.model_copy(update={"contact": element.contact.model_copy(update=forged)})
+    false = profile.model_copy(update={"elements": {**profile.elements, name: changed}})
+    failures = [*contact_failures(false, name)]
+    assert failures
+    assert all(each.startswith(f"{name}: contact.{next(iter(forged))}") for each in failures)

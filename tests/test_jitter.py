@@ -1,0 +1,145 @@
+"""How uneven the steps may be: against step sequences that are chosen to do harm, and by chance."""
+
+from __future__ import annotations
+
+import functools
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from datasets_synthetic import Clock, Controller, Rig, simulate
+from identification import load_device
+from tune._audit import audit
+from tune.certificate.jitter import jitter_failures
+from tune.documents.effects import Effects
+from tune.documents.profile import Design
+from tune.loop.filters import Filters
+from tune.loop.state_space import Corner
+from tune.margins.jitter import MOST, jitter_margin
+
+FloatArray = NDArray[np.float64]
+
+T = 0.001
+#: Mass, damping, samples of delay; K, B, M; filters of both, Hz.
+LOOPS = {
+    "spring": (3.0, 10.0, 1, (1154.0, 0.0, 0.0), None, None),
+    "stiff spring": (3.0, 10.0, 1, (6000.0, 0.0, 0.0), None, None),
+    "wall": (3.0, 10.0, 1, (1154.0, 82.0, 0.0), 72.55, None),
+    "late wall": (3.0, 10.0, 2, (1500.0, 50.0, 0.0), 60.0, None),
+    "bare damper": (3.0, 10.0, 1, (0.0, 1246.0, 0.0), None, None),
+    "close to the limit": (3.0, 10.0, 1, (5000.0, 2000.0, 0.0), None, None),
+    "cup": (3.0, 10.0, 1, (0.0, 0.0, 1.47), None, 33.0),
+    "all": (3.0, 10.0, 1, (1000.0, 10.0, 1.0), 30.0, 30.0),
+}
+
+
+def _margin(name: str) -> float:
+    mass, damping, late, values, velocity, acceleration = LOOPS[name]
+    place = Corner(mass=mass, damping=damping, sample_time=T, delay=late * T)
+    filters = Filters(velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
+    return jitter_margin((place,), filters, values)
+
+
+@functools.cache
+def _step(name: str, length: float) -> FloatArray:
+    """The loop's states after one step of so many sample times, by playing it from unit states.
+
+    States are the position and speed, the commands on their way, the last reading, the filtered
+    velocity, the last difference, and the two stages of the filtered acceleration. Positions are
+    taken from that at the beginning of the step.
+    """
+    mass, damping, late, (K, B, M), velocity, acceleration = LOOPS[name]
+    rate, time = damping / mass, length * T
+    poles = [math.exp(-2 * math.pi * f * T) if f else 0.0 for f in (velocity, acceleration)]
+
+    def played(state: FloatArray) -> FloatArray:
+        x, v, *rest = state
+        sent, (last, slow, change, once, twice) = rest[:late], rest[late:]
+        slope = (x - last) / T
+        slow = poles[0] * slow + (1 - poles[0]) * slope
+        once = poles[1] * once + (1 - poles[1]) * (slope - change) / T
+        twice = poles[1] * twice + (1 - poles[1]) * once
+        sent = [-(K * x + B * slow + M * twice), *sent]
+        end, left = sent[-1] / damping, math.exp(-rate * time)
+        moved = x + end * time + (v - end) * (1 - left) / rate
+        return np.array([moved, end + (v - end) * left, *sent[:-1], x, slow, slope, once, twice])
+
+    count = 7 + late
+    return np.array([played(unit) for unit in np.eye(count)]).T
+
+
+def _growth(name: str, lengths: tuple[float, ...]) -> float:
+    """Largest modulus of an eigenvalue, per step, of steps in turn; free motion is left out."""
+    whole = np.eye(len(_step(name, 1.0)))
+    for length in lengths:
+        whole = _step(name, length) @ whole
+    poles = np.sort(np.abs(np.linalg.eigvals(whole)))
+    return float(poles[-1 if LOOPS[name][3][0] else -2]) ** (1 / len(lengths))
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_no_sequence_within_the_margin_does_harm(name: str) -> None:
+    """Every sequence of shortest and longest steps of up to seven in turn, and some by chance."""
+    margin = _margin(name)
+    assert 0.02 < margin <= MOST
+    ends = (1 - margin, 1 + margin)
+    worst = max(_growth(name, turn) for n in range(1, 8) for turn in product(ends, repeat=n))
+    chance = np.random.default_rng(2)
+    worst = max(
+        worst,
+        *(_growth(name, tuple(chance.uniform(*ends, 12).round(6).tolist())) for _ in range(5)),
+    )
+    assert worst < 1
+
+
+@pytest.mark.parametrize(("name", "beyond"), [("stiff spring", 3.0), ("close to the limit", 2.5)])
+def test_beyond_it_some_sequence_does(name: str, beyond: float) -> None:
+    """The margin is sufficient only: harm was found from two to three times of it on."""
+    far = beyond * _margin(name)
+    ends = (1 - far, 1 + far)
+    assert max(_growth(name, turn) for n in range(1, 6) for turn in product(ends, repeat=n)) > 1
+
+
+def test_a_loop_that_is_unstable_at_even_steps_has_none() -> None:
+    place = Corner(mass=3.0, damping=10.0, sample_time=T, delay=T)
+    assert jitter_margin((place,), Filters(), (7000.0, 0.0, 0.0)) == 0
+
+
+def test_the_simulator_settles_with_steps_by_chance_within_the_margin() -> None:
+    """Without a delay, which the simulator counts in seconds."""
+    place = Corner(mass=3.0, damping=10.0, sample_time=T, delay=0.0)
+    values = (8000.0, 150.0, 0.0)
+    margin = jitter_margin((place,), Filters(velocity_filter_hz=60.0), values)
+    chance = np.random.default_rng(5)
+    steps = T * (1 + margin * chance.uniform(-1, 1, 400))
+    steps += T - np.mean(steps)
+    log = simulate(
+        Rig(mass=3.0, damping=10.0, sample_time=T),
+        np.zeros(800),
+        controller=Controller(stiffness=values[0], damping=values[1], velocity_filter_hz=60.0),
+        clock=Clock(steps=tuple(steps.tolist())),
+        position=0.01,
+    )
+    assert np.abs(log.position[0, -100:]).max() < 0.05 * 0.01
+
+
+@functools.cache
+def _design() -> Design:
+    """A spring beyond the force limit, for which nothing is proved."""
+    return audit(load_device("homerehab"), Effects(stiffness=4500.0)).design
+
+
+@pytest.mark.parametrize("part", [0.0, 0.9, 0.99, 1.0, 1.01, 1.1, -1.0, 1e8])
+def test_a_forged_jitter_is_found(part: float) -> None:
+    design = _design()
+    element = design.elements["gains"]
+    said = element.margins.jitter
+    assert said is not None
+    assert 0.02 < said < MOST
+    margins = element.margins.model_copy(update={"jitter": part * said})
+    forged = {"gains": element.model_copy(update={"margins": margins})}
+    failures = [*jitter_failures(design.model_copy(update={"elements": forged}), "gains")]
+    assert bool(failures) == (part != 1)

@@ -1,0 +1,162 @@
+"""Excel workbooks give what the plain CSV gives; written by openpyxl itself."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pytest
+
+from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
+from tests.packed_logs import FORCE, POSITION, ROWS, TIME, csv, refusal
+
+HEADER = ("time", "force", "position")
+SAMPLES = tuple(zip(TIME.tolist(), FORCE.tolist(), POSITION.tolist(), strict=True))
+
+
+def workbook(
+    folder: Path, *rows: Sequence[Any], sheets: Mapping[str, Sequence[Sequence[Any]]] | None = None
+) -> Path:
+    """A workbook of one sheet, or of several by name."""
+    book: Any = openpyxl.Workbook()
+    book.remove(book.active)
+    for name, cells in (sheets or {"Log": rows}).items():
+        sheet = book.create_sheet(name)
+        for row in cells:
+            sheet.append(list(row))
+    path = folder / "log.xlsx"
+    book.save(path)
+    return path
+
+
+def assert_is_the_plain_log(folder: Path, path: Path, words: str, **asked: Any) -> None:
+    plain, log = load_trajectory(csv(folder)), load_trajectory(path, LogColumns(**asked))
+    for (_, found), (_, true) in zip(log.columns(), plain.columns(), strict=True):
+        np.testing.assert_allclose(found, true, rtol=1e-12, atol=1e-15)
+    assert log.read_as == words
+
+
+def test_a_sheet_is_read_as_the_plain_log(tmp_path: Path) -> None:
+    assert_is_the_plain_log(tmp_path, workbook(tmp_path, HEADER, *SAMPLES), "")
+
+
+def test_titles_units_and_empty_rows(tmp_path: Path) -> None:
+    milli = [[1e3 * cell for cell in row] for row in SAMPLES]
+    path = workbook(
+        tmp_path,
+        ("Rig 7", None, datetime(2026, 3, 1)),
+        (),
+        ("time", "force", "pos"),
+        ("ms", "mN", "mm"),
+        *milli,
+        (None, None, None),
+    )
+    words = (
+        "2 lines above the header left out, a row of units, time from 'time [ms]' times 0.001, "
+        "force from 'force [mN]' times 0.001, position from 'pos [mm]' times 0.001"
+    )
+    assert_is_the_plain_log(tmp_path, path, words)
+
+
+def test_the_one_sheet_that_holds_a_log_is_found(tmp_path: Path) -> None:
+    sheets = {"Notes": [("Rig", 7), ("by", "hand")], "Run 1": [HEADER, *SAMPLES]}
+    assert_is_the_plain_log(tmp_path, workbook(tmp_path, sheets=sheets), "sheet 'Run 1'")
+    two = {"Run 1": [HEADER, *SAMPLES], "Run 2": [HEADER, *SAMPLES]}
+    assert "several sheets with the columns of a log: 'Run 1', 'Run 2'" in refusal(
+        workbook(tmp_path, sheets=two)
+    )
+
+
+def test_dates_become_seconds(tmp_path: Path) -> None:
+    start = datetime(2026, 3, 1, 12)
+    rows = [(start + timedelta(milliseconds=k), *SAMPLES[k][1:]) for k in range(ROWS)]
+    path = workbook(tmp_path, ("time [ms]", *HEADER[1:]), *rows)
+    log = load_trajectory(path)
+    # A workbook stores days; Excel and openpyxl keep milliseconds.
+    np.testing.assert_allclose(log.time, TIME, atol=1e-6)
+
+
+def test_text_that_is_a_number_is_one(tmp_path: Path) -> None:
+    rows = [[str(cell) for cell in row] for row in SAMPLES]
+    assert_is_the_plain_log(tmp_path, workbook(tmp_path, HEADER, *rows), "")
+
+
+def test_what_is_no_number_is_named_by_its_row(tmp_path: Path) -> None:
+    rows = [*SAMPLES[:8], (0.008, "late", 0.0), *SAMPLES[9:]]
+    said = refusal(workbook(tmp_path, HEADER, *rows))
+    assert "column 'force' holds 'late' in row 10, which is not a number" in said
+    path = workbook(tmp_path, HEADER, *SAMPLES[:8], (0.008, True, 0.0), *SAMPLES[9:])
+    assert "'True' in row 10" in refusal(path)
+
+
+def test_missing_cells_are_refused_as_such(tmp_path: Path) -> None:
+    path = workbook(tmp_path, HEADER, *SAMPLES[:8], (0.008, None, 0.0), *SAMPLES[9:])
+    assert "non-finite" in refusal(path, kind=LogRefusedError)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([("when", "force", "where"), *SAMPLES], "has no column 'time', 'position'; it has: when"),
+        ([HEADER, ("a", "b", "c"), *SAMPLES], "neither comments nor units"),
+        ([], "no table on any sheet"),
+        ([("time", "current [A]", "position"), *SAMPLES], 'perhaps --force "current [A]"'),
+        ([("time", "force [x]", "position"), *SAMPLES], "Add --force-gain X"),
+    ],
+)
+def test_what_is_no_log_is_named(tmp_path: Path, rows: list[Any], said: str) -> None:
+    assert said in refusal(workbook(tmp_path, *rows))
+
+
+def test_torn_and_damaged_workbooks(tmp_path: Path) -> None:
+    whole = workbook(tmp_path, HEADER, *SAMPLES).read_bytes()
+    torn = tmp_path / "torn.xlsx"
+    for end in (0, 10, 1000, len(whole) - 10):
+        torn.write_bytes(whole[:end])
+        refusal(torn)
+    generator = np.random.default_rng(1)
+    for _ in range(10):
+        content = bytearray(whole)
+        for place in generator.integers(0, len(whole), 4):
+            content[place] ^= int(generator.integers(1, 256))
+        torn.write_bytes(bytes(content))
+        with suppress(InvalidInputError, LogRefusedError):
+            load_trajectory(torn)
+
+
+@pytest.mark.parametrize(
+    ("far", "said"),
+    [
+        (b'<row r="1048576"><c r="A1048576"><v>1</v></c></row>', "1000 empty rows above a cell"),
+        (b'<row r="302"><c r="XFD302"><v>1</v></c></row>', "16384 columns, more than 10000"),
+    ],
+)
+def test_a_cell_far_away_is_refused(tmp_path: Path, far: bytes, said: str) -> None:
+    """A sheet that claims a million rows, or sixteen thousand columns, in a kilobyte."""
+    path = workbook(tmp_path, HEADER, *SAMPLES)
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    sheet = "xl/worksheets/sheet1.xml"
+    members[sheet] = members[sheet].replace(b"</sheetData>", far + b"</sheetData>")
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    assert said in refusal(path)
+
+
+def test_the_extra_names_itself_where_it_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import sys
+
+    path = workbook(tmp_path, HEADER, *SAMPLES)
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    said = refusal(path)
+    assert "openpyxl, which reads them, is not installed" in said
+    assert 'pip install "haptune[excel]"' in said

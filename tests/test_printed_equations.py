@@ -1,0 +1,256 @@
+"""The paper's equations, figures and recommendations as printed, against code and each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+from tests import printed
+from tests.printed import Characteristic, Number, Setting
+from tune import Effects, Filters, Loop, is_stable, largest, least_damping_ratio
+from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.stability.verdict import stable_values
+
+#: HomeRehab and the paper's setting.
+DEVICE: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": 1e-3}
+EVERYTHING: dict[EffectName, float] = {"stiffness": 1000.0, "damping": 10.0, "mass": 1.0}
+POINTS = (mpmath.mpc(2, 1), mpmath.mpc(-1, 3), mpmath.mpc(0, -2), mpmath.mpc(-3, 0))
+DELTAS = (1e-6, 1e-2, 1.0)
+#: Which effects each characteristic equation has.
+PRESENT: dict[str, tuple[Characteristic, tuple[EffectName, ...]]] = {
+    "(4)": (printed.equation_4, ("stiffness",)),
+    "(11)": (printed.equation_11, ("damping",)),
+    "(17)": (printed.equation_17, ("mass",)),
+    "(23)": (printed.equation_23, ("stiffness", "damping")),
+    "(26)": (printed.equation_26, ("damping", "mass")),
+    "(29)": (printed.equation_29, ("stiffness", "mass")),
+    "(37)": (printed.equation_37, ("stiffness", "damping", "mass")),
+}
+
+
+def _setting(effects: tuple[EffectName, ...] = EFFECT_NAMES) -> Setting:
+    """HomeRehab with some of the paper's setting."""
+    K, B, M = (mpmath.mpf(EVERYTHING[name] if name in effects else 0) for name in EFFECT_NAMES)
+    m, b = mpmath.mpf(3), mpmath.mpf(10)
+    return Setting(m=m, b=b, T=mpmath.mpf(0.001), K=K, B=B, M=M)
+
+
+def test_the_printed_plant_1_is_the_held_one_3() -> None:
+    """Its pulse response, summed: a unit force held for one sample moves a mass on a damper."""
+    with mpmath.workdps(printed.DIGITS):
+        s = Setting(m=mpmath.mpf(2), b=mpmath.mpf(30), T=mpmath.mpf("0.05"))
+
+        def stepped(k: int) -> Number:
+            t = k * s.T
+            return t / s.b - s.m / s.b**2 * (1 - mpmath.exp(-s.b * t / s.m)) if k > 0 else 0
+
+        for z in (POINTS[0], POINTS[-1]):
+            pulse = mpmath.fsum((stepped(k) - stepped(k - 1)) / z**k for k in range(1, 200))
+            assert abs(pulse / printed.held_plant(s, z) - 1) < mpmath.mpf("1e-50")
+
+
+def test_delta_2_and_the_dimensionless_effects_10_16_22() -> None:
+    loop = Loop.from_numbers(**DEVICE)
+    alpha, beta, gamma = loop.dimensionless_effects(Effects(**EVERYTHING))
+    assert alpha == pytest.approx(1000.0 * 1e-6 / 3.0, rel=1e-15)
+    assert beta == pytest.approx(10.0 * 1e-3 / 3.0, rel=1e-15)
+    assert gamma == pytest.approx(1.0 / 3.0, rel=1e-15)
+    twin = Loop.dimensionless(float(printed.equation_2(_setting())))
+    coefficients = [
+        each.polynomial(Effects(stiffness=a, damping=b, mass=m))[0]
+        for each, (a, b, m) in ((loop, tuple(EVERYTHING.values())), (twin, (alpha, beta, gamma)))
+    ]
+    np.testing.assert_allclose(coefficients[0], coefficients[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("numbers", printed.FRACTION_AND_POLYNOMIAL)
+def test_fraction_and_polynomial_are_one_equation(numbers: str) -> None:
+    fraction, polynomial, denominator = printed.FRACTION_AND_POLYNOMIAL[numbers]
+    s = _setting()
+    with mpmath.workdps(printed.DIGITS):
+        for z in POINTS:
+            cleared = fraction(s, z) * denominator(s, z)
+            assert abs(polynomial(s, z) / cleared - 1) < mpmath.mpf("1e-45")
+
+
+def test_misprints_of_11_and_17_are_no_such_equation() -> None:
+    """(11) divides by a z - 1 that the difference cancels, (17) lacks the brackets of (18)."""
+    s = _setting()
+    with mpmath.workdps(printed.DIGITS):
+        for z in POINTS:
+            right, wrong = printed.equation_11(s, z), printed.equation_11_as_printed(s, z)
+            assert abs((right - 1) / (wrong - 1) - (z - 1)) < mpmath.mpf("1e-45")
+            assert abs(printed.equation_17(s, z) / printed.equation_17_as_printed(s, z) - 1) > 1e-9
+
+
+@pytest.mark.parametrize("delta", DELTAS)
+@pytest.mark.parametrize("number", PRESENT)
+def test_characteristic_equations_have_the_polynomial_of_the_loop(
+    number: str, delta: float
+) -> None:
+    """z²(z-1)(z-ε) times the equation is the polynomial in w over (1-w)⁴, but for one factor."""
+    equation, names = PRESENT[number]
+    values = {"stiffness": 0.3, "damping": 0.7, "mass": 0.4}
+    coefficients, _ = Loop.dimensionless(delta).polynomial(
+        Effects(**{name: values[name] for name in names})
+    )
+    with mpmath.workdps(printed.DIGITS):
+        ours = [mpmath.mpf(float(c)) for c in coefficients]
+        s = Setting.dimensionless(
+            delta, *(values[name] if name in names else 0.0 for name in EFFECT_NAMES)
+        )
+        factors: list[Number] = []
+        for z in POINTS:
+            w = (z - 1) / (z + 1)
+            full = z**2 * (z - 1) * (z - mpmath.exp(-s.b)) * equation(s, z)
+            value = mpmath.fsum(c * w**power for power, c in enumerate(ours))
+            factors.append(value / (1 - w) ** 4 / full)
+        for factor in factors[1:]:
+            # The polynomial of the loop is in double precision.
+            assert abs(factor / factors[0] - 1) < 1e-12
+
+
+@pytest.mark.parametrize("delta", DELTAS)
+@pytest.mark.parametrize("damping", [0.0, 0.7, -0.2])
+def test_the_coefficients_31_to_35_and_38_to_42_are_those_of_the_loop(
+    delta: float, damping: float
+) -> None:
+    """All five times the same positive number, e^δ·T²b² in the units of the printed ones."""
+    effects = Effects(stiffness=0.3, damping=damping, mass=0.4)
+    ours, sizes = Loop.dimensionless(delta).polynomial(effects)
+    with mpmath.workdps(printed.DIGITS):
+        s = Setting.dimensionless(delta, 0.3, damping, 0.4)
+        c = printed.equations_38_to_42(s)
+        scale = mpmath.exp(s.b) * s.b**2
+        for number, own, size in zip(c, ours, sizes, strict=True):
+            assert abs(number / scale - float(own)) < 1e-14 * size
+        if damping == 0:
+            assert c == printed.equations_31_to_35(s)
+            assert printed.equation_36(s) == printed.equation_43(s)
+
+
+def test_the_series_7_is_wrong_by_a_24th_of_the_fourth_power() -> None:
+    with mpmath.workdps(printed.DIGITS):
+        for delta in (mpmath.mpf("1e-3"), mpmath.mpf("1e-2")):
+            error = mpmath.exp(delta) - (1 + delta + delta**2 / 2 + delta**3 / 6)
+            assert abs(error / delta**4 * 24 - 1) < delta
+
+
+@pytest.mark.parametrize(
+    ("name", "approximate", "slope"),
+    [("stiffness", "2δ", 1 / 6), ("damping", "2", 2 / 3), ("mass", "2", 1 / 3)],
+    ids=["(8), (9)", "(14), (15)", "(20), (21)"],
+)
+def test_approximations_are_low_by_a_part_of_delta(
+    name: EffectName, approximate: str, slope: float
+) -> None:
+    """Exact over approximate upper limit is 1 + slope·δ + O(δ²): never on the unsafe side."""
+    for delta in (1e-5, 1e-4, 1e-3, 1e-2):
+        limit = float(largest(Loop.dimensionless(delta), name))
+        ratio = limit / (2 * delta if approximate == "2δ" else 2)
+        assert ratio > 1
+        assert (ratio - 1) / delta == pytest.approx(slope, abs=delta)
+    everywhere = np.geomspace(1e-6, 100, 400)
+    simple = 2 * everywhere if approximate == "2δ" else 2.0
+    assert np.all(largest(Loop.dimensionless(everywhere), name) > simple)
+
+
+def test_lower_limits_13_is_exact_and_20_low_by_five_sixths_of_delta() -> None:
+    """-b < B to the last digit; the exact lower limit of M is -m(1 + 5δ/6 + O(δ²))."""
+    for delta in (1e-4, 1e-3, 1e-2, 0.1):
+        loop = Loop.dimensionless(delta)
+        low = {name: float(stable_values(loop, name, sign=-1).high[0]) for name in EFFECT_NAMES[1:]}
+        assert low["damping"] == pytest.approx(delta, rel=1e-12)
+        assert (low["mass"] - 1) / delta == pytest.approx(5 / 6, abs=delta)
+
+
+@pytest.mark.parametrize("delta", [1e-3, 1e-2, 0.1, 0.5])
+def test_figures_2_to_4_meet_on_their_axes(delta: float) -> None:
+    """Each boundary of two effects ends on an axis where the limit of one effect alone is."""
+    loop = Loop.dimensionless(delta)
+    alone = {name: float(largest(loop, name)) for name in EFFECT_NAMES}
+    tiny = 1e-9
+    assert float(largest(loop, "stiffness", Effects(damping=0.0))) == pytest.approx(
+        alone["stiffness"], rel=1e-12
+    )
+    for name, other in (("damping", "stiffness"), ("mass", "stiffness"), ("mass", "damping")):
+        inside, outside = (
+            bool(is_stable(loop, Effects(**{name: alone[name] * factor, other: tiny})))
+            for factor in (1 - 1e-3, 1 + 1e-3)
+        )
+        # Beside next to no spring a mass or a damper has the boundary it has alone: figure 2's
+        # abscissa meets (15), figure 4's (21), figure 3's ordinate (21).
+        assert (inside, outside) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("delta", "side"), [(0.01, 2.013), (0.5, 2.83)], ids=["figure 6", "large delta"]
+)
+def test_the_cube_of_side_two_is_one_for_small_delta_only(delta: float, side: float) -> None:
+    """How far the stable region of positive α, β, γ reaches, over a grid of the two others."""
+    loop, grid = Loop.dimensionless(delta), np.linspace(0, 1.2 * side, 61)
+    reach = 0.0
+    for name in EFFECT_NAMES:
+        others = [other for other in EFFECT_NAMES if other != name]
+        first, second = np.meshgrid(grid, grid)
+        ends = stable_values(loop, name, Effects(**dict(zip(others, (first, second), strict=True))))
+        reach = max(reach, float(np.nanmax(ends.high)))
+    assert reach == pytest.approx(side, abs=5e-4 if delta == 0.01 else 5e-3)
+
+
+def test_the_influence_of_small_delta_on_figure_2_is_barely_noticeable() -> None:
+    """Section 2.4: from 0.001 to 0.01 the boundary moves by a fortieth of its height."""
+    beta = np.linspace(0, 2, 200)
+    low, high = (
+        largest(Loop.dimensionless(delta), "stiffness", Effects(damping=beta))
+        for delta in (1e-3, 1e-2)
+    )
+    assert np.max(np.abs(high - low)) < np.max(high) / 35
+
+
+class TestRecommendations:
+    """Section 2.8, on HomeRehab without filter and delay, as the paper judges it."""
+
+    loop = Loop.from_numbers(**DEVICE)
+
+    def test_virtual_mass_is_at_most_double_and_less_beside_damping(self) -> None:
+        damping = np.linspace(0.0, 6000.0, 50)
+        limits = largest(self.loop, "mass", Effects(damping=damping))
+        assert float(largest(self.loop, "mass")) == pytest.approx(2 * 3.0, rel=3e-3)
+        assert np.all(np.diff(limits) < 0)
+
+    def test_filters_lift_the_limit_of_mass_which_the_paper_does_not_consider(self) -> None:
+        filters = Filters(acceleration_filter_hz=50.0)
+        filtered = Loop.from_numbers(**DEVICE, filters=filters)
+        assert float(largest(filtered, "mass")) > 6 * float(largest(self.loop, "mass"))
+
+    def test_a_mass_like_the_devices_own_is_free_of_oscillations_and_near_double_is_not(
+        self,
+    ) -> None:
+        """Least damping ratio 0.18 at M = m, below 0.01 at 1.97 m."""
+        assert 0.17 < self.least_ratio(3.0) < 0.18
+        assert self.least_ratio(5.9) < 0.01
+
+    def test_mass_near_minus_the_devices_own_rings(self) -> None:
+        """Section 2.3: what is left of the inertia is next to nothing, but damped by 0.02."""
+        assert self.least_ratio(-1.5) > 0.2
+        assert self.least_ratio(-3.0) < 0.02
+
+    def least_ratio(self, mass: float) -> float:
+        """By the roots of (18); the code under test must find the same."""
+        delta = 1 / 300
+        e, z = np.exp(-delta), np.poly1d([1.0, 0.0])
+        held = np.poly1d([e - 1 + delta, 1 - (1 + delta) * e]) / delta**2
+        roots = np.asarray((z**2 * (z - e) + mass / 3 * (z - 1) * held).roots, dtype=complex)
+        s = np.log(roots)
+        ratio = float(np.min(-np.real(s) / np.abs(s)))
+        found = float(least_damping_ratio(self.loop, Effects(mass=mass)))
+        assert found == pytest.approx(ratio, rel=1e-6)
+        return ratio
+
+    def test_moderate_damping_and_stiffness_are_far_within_their_limits(self) -> None:
+        assert float(largest(self.loop, "damping")) > 500 * 10.0
+        assert float(largest(self.loop, "stiffness")) > 20 * 1000.0

@@ -1,0 +1,49 @@
+"""What a free device meets that enters an element, and how uneven steps may be, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from identification import Device
+    from tune.documents.profile import Contact, SafeProfile
+
+
+def varied(jitter: float) -> str:
+    """A jitter, which is not looked for beyond `tune.margins.jitter.MOST`."""
+    from tune.margins.jitter import MOST
+
+    return f"{jitter:.0%} or more" if jitter >= MOST else f"{jitter:.1%}"
+
+
+def contact_lines(profile: SafeProfile, units: dict[str, str]) -> tuple[str, ...]:
+    """What a free device meets that enters each element at the speed of its motion."""
+    lines: list[str] = []
+    for name, element in profile.elements.items():
+        if element.contact is not None:
+            speed = f"{element.motion.speed:g} {units['speed']}"
+            parts = contact_words(element.contact, profile.device, units, speed)
+            lines += [f"{name}: {', '.join(parts)}"] if parts else []
+    return ("on entering, without a hand:", *lines) if lines else ()
+
+
+def contact_words(
+    contact: Contact, device: Device, units: dict[str, str], speed: str
+) -> tuple[str, ...]:
+    """Bounce, depths, jolt and energy of one element, those that it has, in words."""
+    bounce, limit = contact.restitution, device.force_limit
+    parts: list[str] = []
+    if bounce is not None:
+        low, high = bounce
+        parts.append(f"gives back {low:.2g} to {high:.2g} of the speed")
+    if limit is not None and contact.depth_at_continuous_force is not None:
+        shallow, deep = contact.depth_at_continuous_force, contact.depth_at_peak_force
+        parts.append(
+            f"{limit.continuous:g} {units['force']} at {shallow:.3g} and {limit.peak:g} "
+            f"{units['force']} at {deep:.3g} {units['length']}"
+        )
+    if contact.force_on_entry:
+        parts.append(f"{contact.force_on_entry:.3g} {units['force']} on entry at {speed}")
+    if contact.energy_per_entry is not None:
+        parts.append(f"up to {contact.energy_per_entry:.2g} J an entry at {speed}")
+    return tuple(parts)

@@ -1,0 +1,186 @@
+"""What entering one element amounts to, in numbers people know: bounce, depth, jolt and energy.
+
+docs/theory.md, 11. They are the element's own, at full gain and below the force limit.
+
+Between entry and exit the sampled loop is linear but for a wall that only pushes, which commands
+nothing while its law would pull. The ratio of speeds so depends on the device and on where between
+two samples the wall is reached, and not on the speed, as long as the force stays below its limit.
+The estimates of velocity and acceleration run outside the wall too: on entry they hold the free
+motion, speed constant and acceleration none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import Box, Device, rounded
+from tune.documents.effects import EffectName
+from tune.documents.profile import Contact
+from tune.loop.filters import Filters
+from tune.loop.state_space import SampledLoop, corners_of
+
+FloatArray = NDArray[np.float64]
+
+#: Samples beyond which half a period of the device on a spring is no bounce off a wall.
+LONGEST_CONTACT = 5_000
+#: Places between two samples at which the wall is reached, evenly up to a whole sample.
+PHASES = 8
+#: Samples after which a device that is still inside has stayed.
+_FOLLOWED = 20_000
+#: Samples computed at once, at least and at most.
+_FEWEST, _MOST = 32, 1024
+#: Digits of a stated number; restitutions are rounded outwards.
+_DIGITS = 4
+
+
+def contact(
+    device: Device,
+    box: Box,
+    filters: Filters,
+    values: Mapping[EffectName, float],
+    *,
+    speed: float,
+    one_sided: bool,
+) -> Contact:
+    """What a free device meets that enters an element.
+
+    Args:
+        device: modes, current lag and force limit are read.
+        box: of everything else of the device.
+        filters: of velocity and acceleration.
+        values: stiffness, damping and mass of the element, N/m, N·s/m, kg.
+        speed: of the entry, m/s.
+        one_sided: the element pushes only.
+    """
+    K, B, M = (values[name] for name in ("stiffness", "damping", "mass"))
+    limit = device.force_limit if K else None
+    fades = bool(M) or B < 0
+    jolt = speed * abs(K * max(box.sample_time) + B)
+    return Contact(
+        restitution=None
+        if fades or not K
+        else _restitution(device, box, filters, K, B, one_sided=one_sided),
+        depth_at_continuous_force=None if limit is None else rounded(limit.continuous / K, _DIGITS),
+        depth_at_peak_force=None if limit is None else rounded(limit.peak / K, _DIGITS),
+        force_on_entry=rounded(jolt, _DIGITS),
+        energy_per_entry=rounded(abs(M) * speed**2 / 2, _DIGITS) if M else None,
+    )
+
+
+def _restitution(
+    device: Device, box: Box, filters: Filters, stiffness: float, damping: float, *, one_sided: bool
+) -> tuple[float, float] | None:
+    """Least and largest over the corners of the box and the places between two samples.
+
+    Between the places computed it is continuous; the largest difference between neighbours is
+    added on both sides. That no device inside the box is beyond its corners is not proved.
+    """
+    half_period = math.pi * math.sqrt(box.mass[1] / stiffness)
+    if half_period > LONGEST_CONTACT * box.sample_time[0]:
+        return None
+    found = np.array(
+        [
+            restitutions(
+                SampledLoop.of(place, filters, (stiffness, damping, 0.0)),
+                one_sided=one_sided,
+                sample_time=place.sample_time,
+                half_period=half_period,
+            )
+            for place in corners_of(device, box)
+        ]
+    )
+    if not np.isfinite(found).all():
+        return None
+    beside = np.abs(np.diff(found, axis=1)).max()
+    least, most = max(0.0, found.min() - beside), found.max() + beside
+    return _outwards(least, -1), _outwards(most, 1)
+
+
+def restitutions(
+    loop: SampledLoop, *, one_sided: bool, sample_time: float, half_period: float
+) -> FloatArray:
+    """Speed out over speed in, for each place between two samples at which the wall is reached.
+
+    Speeds are those of the rigid mass at the wall. Where forces on their way still act on a device
+    that has left, it is the speed with which free motion would have left the wall: v + (b/m)·x
+    does not change in free motion, nor does v + (b/m)·x + τ·F/m while an actuator's force decays.
+
+    Args:
+        loop: of the device with the wall's law.
+        one_sided: the wall only pushes; else its law acts until the device has left.
+        sample_time: T, s.
+        half_period: of the device's mass on the wall's spring, s.
+
+    Returns:
+        Shape (PHASES,); 0 where the device stays inside.
+    """
+    plant = loop.plant
+    phases = np.arange(1, PHASES + 1) / PHASES
+    state = np.zeros((len(loop.read), PHASES))
+    state[: len(plant.drive)] = plant.held(phases * sample_time)[0][:, :, plant.speed].T
+    state[loop.remembered] = loop.moving(loop.read @ state, sample_time)
+    wanted = np.clip(1.1 * half_period / sample_time, _FEWEST, _MOST)
+    count = 1 << int(np.ceil(np.log2(wanted)))
+    acting, idle = _powers(loop.pushed, count), None
+    left = np.zeros(PHASES, dtype=bool)
+    followed = np.zeros(PHASES, dtype=np.intp)
+    while True:
+        left |= loop.read @ state <= 0
+        inside = ~left & (followed < _FOLLOWED)
+        if not inside.any():
+            break
+        pushing = (loop.command @ state < 0) | (not one_sided)
+        for acts in (True, False):
+            chosen = np.flatnonzero(inside & (pushing == acts))
+            if not chosen.size:
+                continue
+            if not acts and idle is None:
+                idle = _powers(loop.free, count)
+            powers = acting if acts or idle is None else idle
+            state[:, chosen], steps = _until_switched(
+                loop, powers, state[:, chosen], acts=acts, one_sided=one_sided
+            )
+            followed[chosen] += steps
+    under_way = loop.under_way.stop - loop.under_way.start
+    gone = (np.linalg.matrix_power(loop.free, under_way) @ state)[: len(plant.drive)]
+    motion = plant.motion[plant.speed]
+    speed = gone[plant.speed] - motion[plant.speed] * gone[0]
+    if plant.lagged:
+        speed -= motion[-1] / plant.motion[-1, -1] * gone[-1]
+    return np.where(left, np.maximum(0.0, -speed), 0.0)
+
+
+def _powers(transition: FloatArray, count: int) -> FloatArray:
+    """A⁰ to A^count, count a power of two; shape (count + 1, states, states)."""
+    size = transition.shape[0]
+    found = np.empty((count + 1, size, size))
+    found[0], found[1] = np.eye(size), transition
+    done = 1
+    while done < count:
+        found[done + 1 : 2 * done + 1] = found[1 : done + 1] @ found[done]
+        done *= 2
+    return found
+
+
+def _until_switched(
+    loop: SampledLoop, powers: FloatArray, state: FloatArray, *, acts: bool, one_sided: bool
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """States at the first sample that is outside or in the other law, and how many it took."""
+    outside = (loop.read @ powers[1:]) @ state <= 0
+    if one_sided:
+        outside |= ((loop.command @ powers[1:]) @ state < 0) != acts
+    switched = outside.any(axis=0)
+    steps = np.where(switched, outside.argmax(axis=0) + 1, len(powers) - 1)
+    return np.einsum("cij,jc->ic", powers[steps], state), steps
+
+
+def _outwards(value: float, side: int) -> float:
+    """The next number of as many digits downwards (-1) or upwards (1)."""
+    if value == 0:
+        return 0.0
+    unit = 10.0 ** (math.floor(math.log10(value)) + 1 - _DIGITS)
+    return rounded(max(0.0, (math.floor if side < 0 else math.ceil)(value / unit) * unit), _DIGITS)

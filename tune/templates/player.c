@@ -1,0 +1,337 @@
+/* Plays a planned force on a device and logs time, force and position. C99 and a POSIX clock.
+ *
+ * Fill in the device below, then:
+ *     cc -std=c99 -O2 -o player player.c -lm
+ *     ./player force.csv log.csv --force 14 --travel 0.1 --speed 1.0
+ * and keep a hand on the emergency stop of the device, which must not depend on this program.
+ *
+ * Row k of force.csv is held from k T on. Each sample the position is read, compared with the limits,
+ * and only then the force is written. Whatever ends the play writes zero force, and the rows up to
+ * there are kept. SI units: N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along
+ * +position. The device starts at rest in the middle of its travel, with no hand on it.
+ */
+#define _POSIX_C_SOURCE 200809L
+#include <errno.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* ------------------------------------------------------------------------- fill in: the device */
+
+/* Read the position in m (rad). Return 0, or anything else if it failed. */
+static int device_read_position(void *context, double *position)
+{
+    (void)context;
+    *position = 0.0;
+    return -1; /* fill in */
+}
+
+/* Apply a force in N (N m) until the next call. Return 0, or anything else if it failed. */
+static int device_write_force(void *context, double force)
+{
+    (void)context;
+    (void)force;
+    return -1; /* fill in */
+}
+
+/* Return 1 while an emergency stop or an enabling switch says that the play must end. */
+static int device_stop_pressed(void *context)
+{
+    (void)context;
+    return 0; /* fill in if the device has one; Ctrl-C stops in any case */
+}
+
+/* ---------------------------------------------------------------------- the player: leave as is */
+
+typedef struct player_device {
+    int (*read_position)(void *context, double *position);
+    int (*write_force)(void *context, double force);
+    int (*stop_pressed)(void *context);
+    double (*wait_until)(void *context, double time); /* s; returns the time it is */
+    void *context;
+} player_device;
+
+typedef struct player_limits {
+    double force;  /* largest |force| in the plan, N (N m) */
+    double travel; /* farthest from the start, m (rad) */
+    double speed;  /* m/s (rad/s) */
+    double ramp;   /* s over which the force fades in and out; 0 if the plan does so itself */
+} player_limits;
+
+typedef struct player_rows {
+    long count;
+    double sample_time; /* s */
+    double *time;       /* s */
+    double *force;      /* N (N m) */
+    double *position;   /* m (rad) */
+} player_rows;
+
+typedef enum player_end {
+    PLAYER_DONE,
+    PLAYER_TOO_FAR,
+    PLAYER_TOO_FAST,
+    PLAYER_STOPPED,
+    PLAYER_NOT_READ,
+    PLAYER_NOT_WRITTEN,
+    PLAYER_LATE,
+    PLAYER_STILL_ON /* the last write of zero failed as well: cut the power */
+} player_end;
+
+static const char *const player_words[] = {
+    "played to the end",
+    "stopped: travel exceeded",
+    "stopped: too fast",
+    "stopped: emergency stop",
+    "stopped: the position could not be read, or is not a number",
+    "stopped: the force could not be written",
+    "stopped: a sample came too late",
+    "ZERO FORCE COULD NOT BE WRITTEN: CUT THE POWER",
+};
+
+/* Speed is a difference over this time, so that one encoder count is no speed, s. */
+#define PLAYER_SPEED_OVER 0.01
+/* A force that was held this much longer than planned ends the play, s; at least ten samples. */
+#define PLAYER_LATEST 0.02
+/* Attempts to write zero. */
+#define PLAYER_ATTEMPTS 3
+
+static volatile sig_atomic_t player_interrupted = 0;
+
+static double player_faded(const player_rows *plan, const player_limits *limits, long k)
+{
+    const double end = (double)(plan->count - 1 - k) * plan->sample_time;
+    const double begin = (double)k * plan->sample_time;
+    const double least = begin < end ? begin : end;
+    return limits->ramp > least ? plan->force[k] * least / limits->ramp : plan->force[k];
+}
+
+static int player_switch_off(const player_device *device)
+{
+    int attempt;
+    for (attempt = 0; attempt < PLAYER_ATTEMPTS; attempt++) {
+        if (device->write_force(device->context, 0.0) == 0) {
+            return 0;
+        }
+    }
+    return -1;
+}
+
+static void player_keep(player_rows *log, double time, double force, double position)
+{
+    log->time[log->count] = time;
+    log->force[log->count] = force;
+    log->position[log->count] = position;
+    log->count++;
+}
+
+/* Plays the plan; the log needs room for one row more than the plan. */
+static player_end player_play(const player_device *device, const player_rows *plan,
+    const player_limits *limits, player_rows *log)
+{
+    const double T = plan->sample_time;
+    const double latest = PLAYER_LATEST > 10.0 * T ? PLAYER_LATEST : 10.0 * T;
+    const long apart = PLAYER_SPEED_OVER > T ? (long)(PLAYER_SPEED_OVER / T + 0.5) : 1;
+    const double began = device->wait_until(device->context, 0.0);
+    player_end end = PLAYER_DONE;
+    double start = 0.0;
+    long k;
+    log->count = 0;
+    log->sample_time = T;
+    for (k = 0; k <= plan->count; k++) {
+        const double due = began + (double)k * T;
+        const double now = device->wait_until(device->context, due);
+        double position = NAN, force;
+        int failed = device->read_position(device->context, &position);
+        if (failed != 0 || !isfinite(position)) {
+            end = PLAYER_NOT_READ;
+            break;
+        }
+        start = k == 0 ? position : start;
+        if (player_interrupted || device->stop_pressed(device->context)) {
+            end = PLAYER_STOPPED;
+        } else if (fabs(position - start) > limits->travel) {
+            end = PLAYER_TOO_FAR;
+        } else if (k >= apart && fabs(position - log->position[k - apart])
+                > limits->speed * (now - began - log->time[k - apart])) {
+            end = PLAYER_TOO_FAST;
+        } else if (now - due > latest) {
+            end = PLAYER_LATE;
+        }
+        /* The row after the last ends it: from then on the force is zero. */
+        force = end == PLAYER_DONE && k < plan->count ? player_faded(plan, limits, k) : 0.0;
+        if (end == PLAYER_DONE && k < plan->count) {
+            if (device->write_force(device->context, force) != 0) {
+                end = PLAYER_NOT_WRITTEN;
+                break;
+            }
+        } else {
+            if (player_switch_off(device) != 0) {
+                end = PLAYER_STILL_ON;
+            }
+            player_keep(log, now - began, 0.0, position);
+            return end;
+        }
+        player_keep(log, now - began, force, position);
+    }
+    return player_switch_off(device) == 0 ? end : PLAYER_STILL_ON;
+}
+
+/* Writes a log as CSV. Returns 0, or -1 if it is not whole. */
+static int player_write(FILE *file, const player_rows *log)
+{
+    long k;
+    fprintf(file, "time,force,position\n");
+    for (k = 0; k < log->count; k++) {
+        fprintf(file, "%.9f,%.12g,%.12g\n", log->time[k], log->force[k], log->position[k]);
+    }
+    return fflush(file) != 0 || ferror(file) ? -1 : 0;
+}
+
+/* Room for a number of rows. Returns 0, or -1 if there is none. */
+static int player_rows_new(player_rows *rows, long room)
+{
+    const size_t size = (size_t)room * sizeof(double);
+    memset(rows, 0, sizeof *rows);
+    rows->time = malloc(size);
+    rows->force = malloc(size);
+    rows->position = malloc(size);
+    return rows->time && rows->force && rows->position ? 0 : -1;
+}
+
+/* Reads time,force. Returns NULL, or what is wrong with the file. */
+static const char *player_load(FILE *file, const player_limits *limits, player_rows *plan)
+{
+    char line[256];
+    long room = 1024;
+    double time, force;
+    if (player_rows_new(plan, room) != 0) {
+        return "needs more memory than there is";
+    }
+    if (!fgets(line, sizeof line, file) || strncmp(line, "time,force", 10) != 0) {
+        return "does not begin with the line time,force";
+    }
+    while (fgets(line, sizeof line, file)) {
+        if (sscanf(line, "%lf,%lf", &time, &force) != 2 || !isfinite(time) || !isfinite(force)) {
+            return "has a row that is not two numbers";
+        }
+        if (fabs(force) > limits->force) {
+            return "holds a force beyond --force";
+        }
+        if (plan->count == room) {
+            double *times = realloc(plan->time, 2 * (size_t)room * sizeof *times);
+            double *forces;
+            plan->time = times ? times : plan->time;
+            forces = realloc(plan->force, 2 * (size_t)room * sizeof *forces);
+            plan->force = forces ? forces : plan->force;
+            if (!times || !forces) {
+                return "needs more memory than there is";
+            }
+            room *= 2;
+        }
+        plan->time[plan->count] = time;
+        plan->force[plan->count++] = force;
+    }
+    if (plan->count < 2) {
+        return "has less than two rows";
+    }
+    plan->sample_time = (plan->time[plan->count - 1] - plan->time[0]) / (double)(plan->count - 1);
+    for (room = 0; room < plan->count; room++) {
+        const double due = plan->time[0] + (double)room * plan->sample_time;
+        if (!(plan->sample_time > 0.0) || fabs(plan->time[room] - due) > 1e-3 * plan->sample_time) {
+            return "has times that are not evenly spaced";
+        }
+    }
+    if (limits->ramp <= 0.0 && (plan->force[0] != 0.0 || plan->force[plan->count - 1] != 0.0)) {
+        return "does not begin and end with zero force; add --ramp SECONDS";
+    }
+    return NULL;
+}
+
+#ifndef PLAYER_WITHOUT_MAIN
+
+static double player_now(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static double player_wait_until(void *context, double time)
+{
+    double left;
+    (void)context;
+    while ((left = time - player_now()) > 0.0) {
+        struct timespec pause;
+        pause.tv_sec = (time_t)left;
+        pause.tv_nsec = (long)(1e9 * (left - (double)pause.tv_sec));
+        nanosleep(&pause, NULL);
+    }
+    return player_now();
+}
+
+static void player_interrupt(int signal_number)
+{
+    (void)signal_number;
+    player_interrupted = 1;
+}
+
+static int player_fail(const char *subject, const char *problem)
+{
+    fprintf(stderr, "player: %s %s\n", subject, problem);
+    return 2;
+}
+
+int main(int argc, char **argv)
+{
+    const player_device device = { device_read_position, device_write_force, device_stop_pressed,
+        player_wait_until, NULL };
+    player_limits limits = { 0.0, 0.0, 0.0, 0.0 };
+    player_rows plan, log;
+    player_end end;
+    FILE *file;
+    const char *problem;
+    int word, lost;
+    for (word = 3; word + 1 < argc; word += 2) {
+        double *limit = strcmp(argv[word], "--force") == 0 ? &limits.force
+            : strcmp(argv[word], "--travel") == 0 ? &limits.travel
+            : strcmp(argv[word], "--speed") == 0 ? &limits.speed
+            : strcmp(argv[word], "--ramp") == 0 ? &limits.ramp
+            : NULL;
+        if (!limit || sscanf(argv[word + 1], "%lf", limit) != 1 || !isfinite(*limit)) {
+            return player_fail(argv[word], "is no limit");
+        }
+    }
+    if (argc < 3 || word != argc || !(limits.force > 0 && limits.travel > 0 && limits.speed > 0)) {
+        return player_fail("usage:",
+            "player force.csv log.csv --force N --travel M --speed M/S [--ramp S]");
+    }
+    if (!(file = fopen(argv[1], "r"))) {
+        return player_fail(argv[1], strerror(errno));
+    }
+    problem = player_load(file, &limits, &plan);
+    fclose(file);
+    if (problem) {
+        return player_fail(argv[1], problem);
+    }
+    if (player_rows_new(&log, plan.count + 1) != 0) {
+        return player_fail(argv[2], "needs more memory than there is");
+    }
+    /* Opened before anything moves: a log that cannot be kept is not played. */
+    if (!(file = fopen(argv[2], "w"))) {
+        return player_fail(argv[2], strerror(errno));
+    }
+    signal(SIGINT, player_interrupt);
+    signal(SIGTERM, player_interrupt);
+    end = player_play(&device, &plan, &limits, &log);
+    lost = player_write(file, &log);
+    if (fclose(file) != 0 || lost != 0) {
+        return player_fail(argv[2], "was not written whole");
+    }
+    fprintf(stderr, "player: %s; %ld rows in %s\n", player_words[end], log.count, argv[2]);
+    return end == PLAYER_DONE ? 0 : 1;
+}
+
+#endif

@@ -1,0 +1,236 @@
+"""Plays a planned force on a device and logs time, force and position. Python 3.9 or newer, alone.
+
+Fill in the device below, then
+    python player.py force.csv log.csv --force 14 --travel 0.1 --speed 1.0
+and keep a hand on the emergency stop of the device, which must not depend on this program.
+
+Row k of force.csv is held from k T on. Each sample the position is read, compared with the limits,
+and only then the force is written. Whatever ends the play writes zero force, and the rows up to
+there are kept. SI units: N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along
++position. The device starts at rest in the middle of its travel, with no hand on it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+#: Speed is a difference over this time, so that one encoder count is no speed, s.
+SPEED_OVER = 0.01
+#: A force that was held this much longer than planned ends the play, s; at least ten samples.
+LATEST = 0.02
+#: Attempts to write zero force.
+ATTEMPTS = 3
+#: Steps further than this part from even are no plan.
+EVEN = 1e-3
+
+
+class Device:
+    """The device: fill in. Anything that fails raises an exception."""
+
+    def read_position(self) -> float:
+        """Position, m (rad)."""
+        raise NotImplementedError("fill in read_position")
+
+    def write_force(self, force: float) -> None:
+        """Apply a force, N (N m), until the next call."""
+        raise NotImplementedError("fill in write_force")
+
+    def stop_pressed(self) -> bool:
+        """Whether an emergency stop or an enabling switch says that the play must end."""
+        return False  # fill in if the device has one; Ctrl-C stops in any case
+
+
+class Clock:
+    """The clock of the system."""
+
+    def wait_until(self, due: float) -> float:
+        """Wait until a time, s, and return the time it is. The last millisecond is not slept."""
+        while (left := due - time.perf_counter()) > 0:
+            if left > 1e-3:
+                time.sleep(left - 1e-3)
+        return time.perf_counter()
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What ends a play.
+
+    Attributes:
+        force: largest |force| in the plan, N (N m).
+        travel: farthest from the start, m (rad).
+        speed: m/s (rad/s).
+        ramp: s over which the force fades in and out; 0 if the plan does so itself.
+    """
+
+    force: float
+    travel: float
+    speed: float
+    ramp: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Forces, N (N m), each held for a sample time, s."""
+
+    sample_time: float
+    forces: list[float]
+
+    def faded(self, sample: int, ramp: float) -> float:
+        """The force of a sample, faded in and out over a ramp, s."""
+        least = min(sample, len(self.forces) - 1 - sample) * self.sample_time
+        return self.forces[sample] * (least / ramp if ramp > least else 1.0)
+
+
+@dataclass
+class Played:
+    """What was played: rows of time, force and position, and how it ended.
+
+    Attributes:
+        rows: the force of each is held until the next; the last is zero.
+        end: "" if it was played to the end, else why it stopped.
+        switched_off: whether zero force was written at the end.
+    """
+
+    rows: list[tuple[float, float, float]] = field(default_factory=list[tuple[float, float, float]])
+    end: str = ""
+    switched_off: bool = False
+
+    def text(self) -> str:
+        """The log as CSV."""
+        lines = [f"{when:.9f},{force:.12g},{place:.12g}" for when, force, place in self.rows]
+        return "\n".join(["time,force,position", *lines]) + "\n"
+
+
+class Interrupt:
+    """Set by Ctrl-C and by a request to end, instead of breaking off between read and write."""
+
+    def __init__(self) -> None:
+        self.came = False
+
+    def __call__(self, *_: object) -> None:
+        """Remember a signal."""
+        self.came = True
+
+
+def load_plan(path: Path, limits: Limits) -> Plan:
+    """The plan in a file of time,force. Raises ValueError where it cannot be played."""
+    header, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
+    if header.strip() != "time,force":
+        raise ValueError(f"{path} does not begin with the line time,force")
+    rows = [tuple(float(cell) for cell in line.split(",")) for line in lines if line.strip()]
+    if len(rows) < 2 or any(len(row) != 2 or not all(map(math.isfinite, row)) for row in rows):
+        raise ValueError(f"{path} has no rows of two numbers")
+    times, forces = ([row[column] for row in rows] for column in (0, 1))
+    step = (times[-1] - times[0]) / (len(rows) - 1)
+    uneven = (abs(when - times[0] - k * step) > EVEN * step for k, when in enumerate(times))
+    if step <= 0 or any(uneven):
+        raise ValueError(f"{path} has times that are not evenly spaced")
+    if max(map(abs, forces)) > limits.force:
+        raise ValueError(f"{path} holds a force of {max(map(abs, forces)):g}, beyond --force")
+    if limits.ramp <= 0 and (forces[0] or forces[-1]):
+        raise ValueError(f"{path} does not begin and end with zero force; add --ramp SECONDS")
+    return Plan(step, forces)
+
+
+def play(
+    device: Device,
+    plan: Plan,
+    limits: Limits,
+    clock: Clock | None = None,
+    interrupt: Interrupt | None = None,
+) -> Played:
+    """Play a plan within limits. Whatever happens, zero force is written in the end."""
+    played = Played()
+    try:
+        _play(device, plan, limits, clock or Clock(), interrupt or Interrupt(), played)
+    except BaseException as error:
+        played.end = f"stopped: {type(error).__name__}: {error}"
+        if not isinstance(error, (Exception, KeyboardInterrupt)):
+            raise
+    finally:
+        played.switched_off = played.switched_off or _switch_off(device)
+    return played
+
+
+def _play(
+    device: Device, plan: Plan, limits: Limits, clock: Clock, interrupt: Interrupt, played: Played
+) -> None:
+    step, count = plan.sample_time, len(plan.forces)
+    apart = max(1, round(SPEED_OVER / step))
+    latest = max(LATEST, 10 * step)
+    began = clock.wait_until(0.0)
+    for sample in range(count + 1):
+        now = clock.wait_until(began + sample * step) - began
+        place = device.read_position()
+        if not math.isfinite(place):
+            played.end = "stopped: the position is not a number"
+            return
+        start = played.rows[0][2] if played.rows else place
+        before = played.rows[sample - apart] if sample >= apart else (now, 0.0, place)
+        if interrupt.came or device.stop_pressed():
+            played.end = "stopped: emergency stop"
+        elif abs(place - start) > limits.travel:
+            played.end = "stopped: travel exceeded"
+        elif abs(place - before[2]) > limits.speed * (now - before[0]):
+            played.end = "stopped: too fast"
+        elif now - sample * step > latest:
+            played.end = "stopped: a sample came too late"
+        # The row after the last ends the play: from then on the force is zero.
+        if played.end or sample == count:
+            played.switched_off = _switch_off(device)
+            played.rows.append((now, 0.0, place))
+            return
+        force = plan.faded(sample, limits.ramp)
+        device.write_force(force)
+        played.rows.append((now, force, place))
+
+
+def _switch_off(device: Device) -> bool:
+    """Write zero force, more than once if need be; whether it was taken."""
+    for _ in range(ATTEMPTS):
+        try:
+            device.write_force(0.0)
+        except Exception:  # noqa: BLE001, S112 - another attempt is all there is
+            continue
+        return True
+    return False
+
+
+def main(device: Device) -> int:
+    """Play a file and keep the log; 0 if played to the end, 1 if stopped, 2 if not begun."""
+    parser = argparse.ArgumentParser(description="Play a planned force and log the motion.")
+    parser.add_argument("plan", type=Path)
+    parser.add_argument("log", type=Path)
+    for name in ("force", "travel", "speed"):
+        parser.add_argument(f"--{name}", type=float, required=True)
+    parser.add_argument("--ramp", type=float, default=0.0)
+    given = parser.parse_args()
+    limits = Limits(given.force, given.travel, given.speed, given.ramp)
+    try:
+        plan = load_plan(given.plan, limits)
+        # Opened before anything moves: a log that cannot be kept is not played.
+        log = given.log.open("w", encoding="utf-8")
+    except (OSError, ValueError) as error:
+        sys.stderr.write(f"player: {error}\n")
+        return 2
+    interrupt = Interrupt()
+    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
+    with log:
+        played = play(device, plan, limits, interrupt=interrupt)
+        log.write(played.text())
+    end = played.end or "played to the end"
+    if not played.switched_off:
+        end += "; ZERO FORCE COULD NOT BE WRITTEN: CUT THE POWER"
+    sys.stderr.write(f"player: {end}; {len(played.rows)} rows in {given.log}\n")
+    return 1 if played.end or not played.switched_off else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Device()))

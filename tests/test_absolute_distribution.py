@@ -18,7 +18,7 @@ from tune.stability.multipliers import find_multiplier
 from tune.stability.responses import Responses
 from tune.stability.verdict import largest
 
-_DEVICES = 300
+_DEVICES = 100
 _ONE = Effects(stiffness=1.0)
 _SPRING = Setting(
     stiffness=1.0, damping=0.0, mass=0.0, velocity_filter_hz=None, acceleration_filter_hz=None
@@ -67,7 +67,7 @@ def _parts(axis: Axis) -> tuple[float, bool]:
         mass=(axis.mass, axis.mass),
         damping=(axis.damping, axis.damping),
         sample_time=(axis.sample_time, axis.sample_time),
-        delay=(axis.delay_samples * axis.sample_time,) * 2,
+        delay=(axis.delay_samples * axis.sample_time, axis.delay_samples * axis.sample_time),
         current_lag=(axis.lag, axis.lag),
         modes=boxes,
     )
@@ -78,13 +78,17 @@ def _parts(axis: Axis) -> tuple[float, bool]:
 
 @pytest.mark.long
 def test_a_one_sided_spring_has_nearly_all_of_the_linear_limit() -> None:
-    """Of lightly damped modes much less: no more was found with any taps."""
+    """Less where friction stops the device within a sample, and of lightly damped modes."""
     rng = np.random.default_rng(41)
     parts: dict[str, list[float]] = {"rigid": [], "lag": [], "mode": []}
     proved: list[bool] = []
+    braked: list[bool] = []
     for _ in range(_DEVICES):
         for kind, found in parts.items():
-            part, shown = _parts(_drawn(rng, kind))
+            axis = _drawn(rng, kind)
+            part, shown = _parts(axis)
+            if kind == "rigid":
+                braked.append(axis.damping * axis.sample_time > axis.mass)
             found.append(part)
             proved.append(shown)
     for kind, found in parts.items():
@@ -92,7 +96,8 @@ def test_a_one_sided_spring_has_nearly_all_of_the_linear_limit() -> None:
         print(kind, np.round(low, 4), np.round(np.sort(found)[:8], 3))
     print("proved", np.mean(proved))
     assert np.max([np.max(found) for found in parts.values()]) < 1 + 1e-3
-    assert np.min(parts["rigid"]) > 0.95
-    assert np.min(parts["lag"]) > 0.95
+    assert np.min(np.array(parts["rigid"])[~np.array(braked)]) > 0.98
+    assert np.min(parts["rigid"]) > 0.75
+    assert np.min(parts["lag"]) > 0.98
     assert np.median(parts["mode"]) > 0.99
     assert np.mean(proved) > 0.99

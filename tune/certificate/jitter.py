@@ -14,11 +14,10 @@ from itertools import product
 import numpy as np
 
 from tune.certificate.forms import FloatArray
-from tune.certificate.point import Setting
+from tune.certificate.point import Setting, setting_of
 from tune.certificate.polynomial import law_of
-from tune.certificate.posed import regions_of, setting_of
 from tune.certificate.precision import precision
-from tune.certificate.region import Region
+from tune.certificate.region import Region, regions_of
 from tune.certificate.sampled import held_motion, state_space
 from tune.documents.profile import Design
 

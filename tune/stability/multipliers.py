@@ -32,6 +32,8 @@ _LADDER = (1, 2, 3, 5, 7, 11, 13, 17, 23, 31, 47, 67, 97)
 _WORTH, _ROUNDS = 3e-4, 6
 #: Steps of a line search by the golden section, each of which takes away a third: to 5e-4.
 _STEPS = 16
+#: Parts of the first of two taps to begin with; so many of the best are looked at everywhere.
+_PROPORTIONS, _SHORTLIST = (0.2, 0.5, 0.8), 6
 #: Natural logarithm of the factor within which a constant is looked for.
 _REACH = 3.0
 #: Frequencies at which the inverse gain comes within this part of the largest are searched again.
@@ -160,13 +162,12 @@ class _Points:
 
 
 def _best(points: _Points) -> _Trial:
-    """Single taps, then mixtures; constants first tied to the taps, then moved by themselves."""
+    """The best of some pairs of taps, then mixtures; constants tied to them, then moved too."""
     if not points.sizes[0].any():
         start = _Trial(np.zeros((1, len(_LADDER))), np.ones(1), np.ones(1))
         return _constants_moved(points.critical(start), start)
     ladder = np.array(_LADDER, dtype=np.float64)
-    alone = _Trial(np.eye(len(ladder)), ladder, ladder**2)
-    best = alone.chosen(int(np.argmin(points.most(alone))))
+    best = _best_pair(points, ladder)
     value = points.most(best)[0]
     for _ in range(_ROUNDS):
         before = value
@@ -178,6 +179,30 @@ def _best(points: _Points) -> _Trial:
         if not value < before * (1 - _WORTH) or value <= 0:
             break
     return best
+
+
+def _best_pair(points: _Points, ladder: FloatArray) -> _Trial:
+    """The best of all taps and pairs of taps in a few proportions.
+
+    From the best single tap alone no other may help, where two others together would.
+    """
+    alone = np.eye(len(ladder))
+    weights = np.concatenate(
+        [alone]
+        + [
+            part * alone[i] + (1 - part) * alone[j]
+            for i, j in (pair[:, None] for pair in np.transpose(np.triu_indices(len(ladder), 1)))
+            for part in _PROPORTIONS
+        ]
+    )
+    slopes = weights @ ladder
+    trial = _Trial(weights, slopes, slopes**2)
+    singles = _Trial(alone, ladder, ladder**2)
+    order = np.argsort(points.most(singles))[:_SHORTLIST]
+    few = points.critical(_Trial(alone[order], ladder[order], ladder[order] ** 2))
+    short = np.argsort(few.most(trial), kind="stable")[:_SHORTLIST]
+    shortlist = _Trial(weights[short], slopes[short], slopes[short] ** 2)
+    return shortlist.chosen(int(np.argmin(points.most(shortlist))))
 
 
 def _tap_added(points: _Points, start: _Trial) -> _Trial:

@@ -1,0 +1,308 @@
+"""Walls, dampers and masses as they are played, on devices integrated exactly between samples.
+
+Force is held from sample to sample, so a device with lag, one vibration mode and a hand moves by
+the matrix exponential of its equations of motion: there is no step size. Members run side by side.
+Nothing of the loops, estimators or simulators under test is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Given = TypeVar("Given", "Axis", "Law")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """Devices, each field a scalar or of shape (members,), SI.
+
+    A mode m·q̈ + 2ζΩm·q̇ + mΩ²q moves the encoder, where the force acts, by ``at_encoder`` and the
+    hand by ``at_handle``. ``lag`` is the time constant of the actuator; all members have one, or
+    none.
+    """
+
+    mass: float | Array
+    damping: float | Array
+    sample_time: float | Array = 1e-3
+    delay_samples: float | Array = 0.0
+    stiffness: float | Array = 0.0
+    lag: float | Array = 0.0
+    mode_hz: float | Array = 50.0
+    mode_damping: float | Array = 0.05
+    at_encoder: float | Array = 0.0
+    at_handle: float | Array = 0.0
+    hand_mass: float | Array = 0.0
+    hand_damping: float | Array = 0.0
+    hand_stiffness: float | Array = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """What the controller plays, each field a scalar or of shape (members,).
+
+    Force is -clamp(K·φ(y) + θ₁·B·v + θ₂·M·a). ``wall`` plays -clamp(max(0, K·y + θ₁·B·v + θ₂·M·a))
+    while y > 0 and nothing outside.
+
+    Attributes:
+        stiffness: K, slope of φ.
+        damping: B.
+        mass: M.
+        velocity_pole: of the filter behind the backward difference.
+        acceleration_pole: of the two filters behind two backward differences.
+        one_sided: φ is zero for y < 0.
+        slot: m, φ is zero up to here.
+        wall: pushes only, and only inside.
+        peak: N, of the clamp.
+    """
+
+    stiffness: float | Array = 0.0
+    damping: float | Array = 0.0
+    mass: float | Array = 0.0
+    velocity_pole: float | Array = 0.0
+    acceleration_pole: float | Array = 0.0
+    one_sided: float | Array = 0.0
+    slot: float | Array = 0.0
+    wall: float | Array = 0.0
+    peak: float | Array = np.inf
+
+
+def stacked(given: Given, members: int) -> Given:
+    """Every field with shape (members,)."""
+    return type(given)(
+        **{
+            each.name: np.broadcast_to(np.asarray(getattr(given, each.name), float), members)
+            for each in fields(given)
+        }
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """Of all members: plant (members, n), forces under way (members, L), the rest (members,).
+
+    Attributes:
+        plant: positions, then velocities, then the force behind the lag.
+        forces: commanded, the latest first.
+        last: reading.
+        speed: estimate of the velocity.
+        first: velocity behind the first filter of the acceleration.
+        second: estimate of the acceleration.
+        waiting: periods missed since the last reading.
+    """
+
+    plant: Array
+    forces: Array
+    last: Array
+    speed: Array
+    first: Array
+    second: Array
+    waiting: NDArray[np.intp]
+
+    def flat(self) -> Array:
+        """One row a member, of all that the next sample depends on."""
+        estimates = [self.last, self.speed, self.first, self.second]
+        return np.concatenate([self.plant, self.forces, np.stack(estimates, axis=1)], axis=1)
+
+
+class Gate(Protocol):
+    """Opens dampers and masses: θ₁ and θ₂ in [0, 1], each of shape (members,), at sample k."""
+
+    def __call__(self, k: int, bench: Bench, damper: Array, inertia: Array) -> tuple[Array, Array]:
+        """Told B·v and M·a of this sample; ``bench.state`` is still that before it."""
+        ...
+
+
+def open_gate(k: int, bench: Bench, damper: Array, inertia: Array) -> tuple[Array, Array]:
+    """Everything is felt all the time."""
+    return np.ones_like(damper), np.ones_like(inertia)
+
+
+class Bench:
+    """Devices under their laws, one sample after another.
+
+    Attributes:
+        axis: the devices.
+        law: what is played on them.
+        members: how many.
+        places: of forces under way that are kept; more than the longest delay.
+        state: where they are.
+    """
+
+    def __init__(self, axis: Axis, law: Law, members: int = 1, *, places: int = 0) -> None:
+        self.axis, self.law, self.members = stacked(axis, members), stacked(law, members), members
+        self.time = np.asarray(self.axis.sample_time)
+        self._delay = np.asarray(self.axis.delay_samples)
+        self.places = places or int(np.max(self._delay)) + 3
+        self._matrix, self._drive, push, self.reading = _moving(self.axis)
+        self.motion, self._fall = _held(self._matrix, push, self.time)
+        self._on_time = self.arriving(0.0)
+        self.start(0.0, 0.0)
+
+    def start(self, position: float | Array, velocity: float | Array) -> None:
+        """Free and unforced until now, with the estimates of such a motion."""
+        zero = np.zeros(self.members)
+        v = zero + velocity
+        plant = np.zeros(self.reading.shape)
+        plant[:, 0] = position
+        plant[:, self.reading.shape[1] // 2] = v
+        self.state = State(
+            plant=plant,
+            forces=np.zeros((self.members, self.places)),
+            last=plant[:, 0] - v * self.time,
+            speed=v,
+            first=v,
+            second=zero,
+            waiting=np.zeros(self.members, dtype=np.intp),
+        )
+
+    def arriving(self, late: float | Array) -> Array:
+        """What every force under way does over one sample if it comes so many samples later."""
+        delay = self._delay + late
+        whole = np.floor(delay + 1e-12).astype(int)
+        part = np.clip(delay - whole, 0.0, None) * self.time
+        early = _held(self._matrix, self._drive, part)[1]
+        after, fresh = _held(self._matrix, self._drive, self.time - part)
+        into = np.zeros((self.members, self.motion.shape[1], self.places))
+        row = np.arange(self.members)
+        into[row, :, whole] = fresh
+        into[row, :, whole + 1] += np.einsum("ijk,ik->ij", after, early)
+        return into
+
+    def pace(self) -> Array:
+        """Velocity at the encoder."""
+        count = self.motion.shape[1] // 2
+        plant = self.state.plant
+        return np.einsum("ij,ij->i", self.reading[:, :count], plant[:, count : 2 * count])
+
+    def command(self, y: Array, damper: Array, inertia: Array) -> Array:
+        """Force asked for."""
+        law = self.law
+        side = np.where(law.one_sided, 0.0, np.minimum(y + law.slot, 0.0))
+        spring = law.stiffness * (np.maximum(y - law.slot, 0.0) + side)
+        inside = np.where(y > 0, np.maximum(law.stiffness * y + damper + inertia, 0.0), 0.0)
+        total = np.where(law.wall, inside, spring + damper + inertia)
+        return -np.clip(total, -law.peak, law.peak)
+
+    def step(
+        self,
+        k: int,
+        gate: Gate = open_gate,
+        *,
+        push: float | Array = 0.0,
+        arriving: Array | None = None,
+        missed: Mask | None = None,
+    ) -> Array:
+        """Goes on by one sample; returns the force commanded, shape (members,).
+
+        Args:
+            k: number of the sample, for the gate.
+            gate: of dampers and masses.
+            push: N at the hand, until the next sample.
+            arriving: as `arriving`, where a sample comes later than the device's own delay.
+            missed: members whose controller misses this period: the force before stands, and the
+                next reading is joined to the last by a straight line.
+        """
+        s, gone = self.state, np.zeros(self.members, dtype=bool) if missed is None else missed
+        y = np.einsum("ij,ij->i", self.reading, s.plant)
+        speed, first, second = self._estimates(y)
+        gates = gate(k, self, self.law.damping * speed, self.law.mass * second)
+        damper, inertia = gates[0] * self.law.damping * speed, gates[1] * self.law.mass * second
+        force = np.where(gone, s.forces[:, 0], self.command(y, damper, inertia))
+        forces = np.concatenate([force[:, None], s.forces[:, :-1]], axis=1)
+        plant = (
+            np.einsum("ijk,ik->ij", self.motion, s.plant)
+            + np.einsum("ijk,ik->ij", self._on_time if arriving is None else arriving, forces)
+            + self._fall * np.broadcast_to(push, self.members)[:, None]
+        )
+        self.state = State(
+            plant=plant,
+            forces=forces,
+            last=np.where(gone, s.last, y),
+            speed=np.where(gone, s.speed, speed),
+            first=np.where(gone, s.first, first),
+            second=np.where(gone, s.second, second),
+            waiting=np.where(gone, s.waiting + 1, 0),
+        )
+        return force
+
+    def _estimates(self, y: Array) -> tuple[Array, Array, Array]:
+        """Velocity, velocity behind one filter of the acceleration, acceleration."""
+        s, p, q = self.state, self.law.velocity_pole, self.law.acceleration_pole
+        rate = (y - s.last) / ((1 + s.waiting) * self.time)
+        speed, first, second = s.speed, s.first, s.second
+        for passed in range(1 + int(np.max(s.waiting))):
+            now = passed <= s.waiting
+            before = first
+            speed = np.where(now, p * speed + (1 - p) * rate, speed)
+            first = np.where(now, q * first + (1 - q) * rate, first)
+            turned = q * second + (1 - q) * (first - before) / self.time
+            second = np.where(now, turned, second)
+        return speed, first, second
+
+
+def _moving(axis: Axis) -> tuple[Array, Array, Array, Array]:
+    """Equations of motion: states, what a force does to them, what a push does, what is read."""
+    count = 2 if np.any(axis.at_encoder) or np.any(axis.at_handle) else 1
+    one = np.ones_like(axis.mass)
+    moved = np.stack([one, np.asarray(axis.at_encoder)], axis=1)[:, :count]
+    held = np.stack([one, np.asarray(axis.at_handle)], axis=1)[:, :count]
+    turn = 2 * np.pi * axis.mode_hz
+
+    def matrix(rigid: Array, mode: Array, hand: Array) -> Array:
+        found = held[:, :, None] * held[:, None, :] * hand[:, None, None]
+        for place, own in enumerate((rigid, mode)[:count]):
+            found[:, place, place] += own
+        return found
+
+    inverse = np.linalg.inv(matrix(axis.mass, axis.mass, axis.hand_mass))
+    mode = 2 * axis.mode_damping * turn * axis.mass
+    damping = matrix(axis.damping, mode, axis.hand_damping)
+    stiffness = matrix(axis.stiffness, axis.mass * turn**2, axis.hand_stiffness)
+    lagged = bool(np.any(axis.lag))
+    order = 2 * count + lagged
+    moving, slow = slice(0, count), slice(count, 2 * count)
+    motion = np.zeros((one.size, order, order))
+    drive, push, reading = (np.zeros((one.size, order)) for _ in range(3))
+    motion[:, moving, slow] = np.eye(count)
+    motion[:, slow, moving] = -inverse @ stiffness
+    motion[:, slow, slow] = -inverse @ damping
+    at_encoder = np.einsum("ijk,ik->ij", inverse, moved)
+    push[:, slow] = np.einsum("ijk,ik->ij", inverse, held)
+    reading[:, moving] = moved
+    if lagged:
+        motion[:, slow, -1] = at_encoder
+        motion[:, -1, -1] = -1 / axis.lag
+        drive[:, -1] = 1 / axis.lag
+    else:
+        drive[:, slow] = at_encoder
+    return motion, drive, push, reading
+
+
+def _held(motion: Array, drive: Array, span: Array) -> tuple[Array, Array]:
+    """Motion over a span, and what a force held over it adds."""
+    members, order = drive.shape
+    both = np.zeros((members, order + 1, order + 1))
+    both[:, :order, :order] = motion
+    both[:, :order, order] = drive
+    grown = exponential(both * span[:, None, None])
+    return grown[:, :order, :order], grown[:, :order, order]
+
+
+def exponential(matrices: Array) -> Array:
+    """Of every matrix of a stack: Taylor's series of a small part of it, squared back."""
+    size = float(np.max(np.sum(np.abs(matrices), axis=2), initial=0.0))
+    halvings = max(0, int(np.ceil(np.log2(max(size, 1e-300) / 0.25))))
+    small = matrices / 2.0**halvings
+    grown = term = np.broadcast_to(np.eye(matrices.shape[1]), matrices.shape)
+    for power in range(1, 14):
+        term = term @ small / power
+        grown = grown + term
+    for _ in range(halvings):
+        grown = grown @ grown
+    return grown

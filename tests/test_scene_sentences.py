@@ -31,6 +31,22 @@ FILES: tuple[tuple[tuple[str, ...], str], ...] = (
     (("wall.speed", "greater than", "-1"), "elements: {wall: {stiffness: max, speed: -1}}"),
     (("wall.penetration", "less than"), "elements: {wall: {stiffness: max, penetration: 1e12}}"),
     (("wall.priority", "valid integer"), "elements: {wall: {stiffness: max, priority: high}}"),
+    (("cup", "one_sided is for walls"), "elements: {cup: {damping: 3.0, one_sided: true}}"),
+    (
+        ("wall", "only pushes", "an element of their own"),
+        "elements: {wall: {stiffness: max, mass: max, one_sided: true}}",
+    ),
+    (
+        ("wall", "only pushes", "negative effect"),
+        "elements: {wall: {stiffness: max, damping: min, one_sided: true}}",
+    ),
+    (
+        ("wall", "fade_time 0.2 has nothing to fade", "leave it out"),
+        "elements: {wall: {stiffness: max, damping: 3.0, fade_time: 0.2}}",
+    ),
+    (("cup.fade_time", "equal to 0.01"), "elements: {cup: {mass: max, fade_time: 0.001}}"),
+    (("cup.fade_time", "equal to 10"), "elements: {cup: {mass: max, fade_time: 11}}"),
+    (("wall.one_sided", "boolean"), "elements: {wall: {stiffness: max, one_sided: left}}"),
     (("hand", "free-to-rigid", "3"), WALL + "hand: 3"),
     (("hand.damping: is missing", "hand.stiffness: is missing"), WALL + "hand: {mass: 1}"),
     (("hand", "must not be negative", "-1"), WALL + "hand: {mass: -1, damping: 1, stiffness: 1}"),

@@ -10,6 +10,7 @@ from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting
 from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.profile import Design, ElementProfile
+from tune.documents.scene import LONGEST_FADE, SHORTEST_FADE
 
 #: Margins are looked for up to so much gain and so many samples, and stated in such steps.
 _MOST_GAIN, _MOST_SAMPLES = 1000.0, 10.0
@@ -32,6 +33,7 @@ def inconsistent(design: Design, name: str) -> Iterator[str]:
     element = design.elements[name]
     yield from _wrong_keys(name, element)
     yield from _wrong_margins(design, name)
+    yield from _wrong_play(name, element)
     felt = element.rendered
     if felt is None:
         yield f"{name}: rendered is missing. Tune again"
@@ -95,6 +97,19 @@ def _wrong_margins(design: Design, name: str) -> Iterator[str]:
             )
         elif abs(value / step - round(value / step)) > _WHOLE * max(1, value / step):
             yield f"{name}: margins.{claim} says {value:.12g}, which is no multiple of {step:g}"
+
+
+def _wrong_play(name: str, element: ElementProfile) -> Iterator[str]:
+    """A fade that is missing or has nothing to fade, and a wall that would pull."""
+    if element.fades and not SHORTEST_FADE <= element.fade_time <= LONGEST_FADE:
+        yield (
+            f"{name}: fade_time says {element.fade_time:g} s, an element with mass or a negative "
+            f"effect fades over {SHORTEST_FADE:g} to {LONGEST_FADE:g} s. Tune again"
+        )
+    if element.fade_time and not element.fades:
+        yield f"{name}: fade_time says {element.fade_time:g} s, but nothing in it fades"
+    if element.one_sided and element.fades:
+        yield f"{name}: one_sided pushes only, but a mass or a negative effect acts"
 
 
 def _wrong_ripple(design: Design, name: str, setting: Setting | None) -> Iterator[str]:

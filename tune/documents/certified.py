@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from identification import Document
 
 
@@ -67,6 +69,49 @@ class HandBox(Document):
     stiffness: tuple[float, float]
 
 
+class Tap(Document):
+    """weight·(1 - z^-samples) in a multiplier."""
+
+    samples: int = Field(ge=1)
+    weight: float = Field(gt=0)
+
+
+class Multiplier(Document):
+    """A causal multiplier of Zames and Falb, with a constant for each sector that is gated.
+
+    M(z) = constant + Σ weight·(1 - z^-samples) multiplies the condition on a monotone spring.
+
+    Attributes:
+        constant: zero where nothing holds the position of the device, above zero where it is held.
+        taps: in rising order of samples.
+        damping: λ of a damper that is switched at any moment, in sample times; None for none.
+        mass: the same of a mass, in squares of a sample time.
+    """
+
+    constant: float = Field(default=0.0, ge=0)
+    taps: tuple[Tap, ...] = ()
+    damping: float | None = Field(default=None, gt=0)
+    mass: float | None = Field(default=None, gt=0)
+
+
+class AbsoluteStability(Document):
+    """What one moment is proved for beside its linear loop: one-sided, saturated, switched.
+
+    Attributes:
+        gain: every gain in (0, gain].
+        extra_delay_samples: on top of the device's delay, any part of it.
+        free: the multiplier for devices whose position nothing holds; None where there are none.
+        held: the multiplier for devices held by a spring of their own, of friction or of a hand.
+        covers: in words.
+    """
+
+    gain: float
+    extra_delay_samples: float
+    free: Multiplier | None = None
+    held: Multiplier | None = None
+    covers: tuple[str, ...]
+
+
 class Certificate(Document):
     """What was re-checked, how, over which region, and what it takes for granted.
 
@@ -87,6 +132,8 @@ class Certificate(Document):
         points: judged one by one in many digits.
         cells: excluded one by one, of which the proof is made.
         interior: by moment; nothing but "proved" is ever written.
+        absolute_stability: by moment, for those that are one-sided or may reach the clamp; None where
+            there are none.
         worst: found by search over all moments.
         assumes: what the proof takes for granted.
         not_assessed: what it leaves out.
@@ -110,6 +157,7 @@ class Certificate(Document):
     points: int
     cells: int
     interior: dict[str, Literal["proved"]]
+    absolute_stability: dict[str, AbsoluteStability] | None = None
     worst: WorstPoint
     assumes: tuple[str, ...]
     not_assessed: tuple[str, ...]

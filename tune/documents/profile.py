@@ -19,6 +19,7 @@ from tune.documents.loop_profile import LoopProfile
 from tune.documents.moments import moments_of, refuse_strange_groups
 from tune.documents.scene import (
     LARGEST,
+    LONGEST_FADE,
     MARGINS,
     SMALLEST,
     Margin,
@@ -80,7 +81,8 @@ class ElementProfile(Document):
 
     ``perceived_steps`` count what is felt of an effect at the motions people make, none where less
     than nothing is left of the device; ``rendered`` is absent in profiles written before it was
-    computed, which `check` refuses.
+    computed, which `check` refuses. A ``one_sided`` element pushes only; its force fades in and out
+    over ``fade_time``, s, where 0 lets it be switched at any moment.
     """
 
     stiffness: float
@@ -92,6 +94,13 @@ class ElementProfile(Document):
     limited_by: dict[EffectName, LimitedBy]
     motion: Motion
     rendered: Rendered | None = None
+    one_sided: bool = False
+    fade_time: float = Field(default=0.0, ge=0, le=LONGEST_FADE)
+
+    @property
+    def fades(self) -> bool:
+        """Whether it may not be switched: with mass or a negative effect it could pump."""
+        return bool(self.mass) or min(self.stiffness, self.damping) < 0
 
     def sizes(self) -> str:
         """The effects that act, in SI units, as one phrase."""

@@ -21,6 +21,10 @@ MarginName = Literal["conservative", "balanced", "firm"]
 SMALLEST, LARGEST = 1e-9, 1e9
 #: Samples of a moving window; each raises the degree of the loop by one.
 LONGEST_WINDOW = 20
+#: s, over which an element that may pump fades in and out unless something else is stated, and
+#: the least and most that may be.
+FADE_TIME = 0.1
+SHORTEST_FADE, LONGEST_FADE = 0.01, 10.0
 
 
 class Margin(Document):
@@ -119,6 +123,9 @@ class Element(Document):
     An effect that is not named is zero and costs nothing. Motions bound the forces: K·penetration,
     |B|·speed and |M|·acceleration. Where one is not given the scene's default for linear or rotary
     axes holds (0.01 m, 0.2 m/s, 2 m/s²; 0.1 rad, 2 rad/s, 20 rad/s²).
+
+    A ``one_sided`` element is a wall: it pushes out of itself and never pulls. An element with mass
+    or with a negative effect is never switched: its force fades in and out over ``fade_time``, s.
     """
 
     model_config = ConfigDict(
@@ -132,6 +139,8 @@ class Element(Document):
     speed: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     acceleration: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     priority: int = Field(default=1, ge=1)
+    one_sided: bool = False
+    fade_time: float | None = Field(default=None, ge=SHORTEST_FADE, le=LONGEST_FADE)
 
     @model_validator(mode="after")
     def _something(self) -> Element:
@@ -139,7 +148,24 @@ class Element(Document):
             raise ValueError("names no effect; give stiffness, damping or mass")
         if self.stiffness is not None and self.stiffness.sign < 0:
             raise ValueError("a negative stiffness is never stable; leave it out")
+        if self.one_sided and self.stiffness is None:
+            raise ValueError("one_sided is for walls; give it a stiffness, or leave one_sided out")
+        if self.one_sided and self.fades:
+            raise ValueError(
+                "a one_sided wall only pushes, and a mass or a negative effect pulls as well; give "
+                "those an element of their own, felt together with it"
+            )
+        if self.fade_time is not None and not self.fades:
+            raise ValueError(
+                f"fade_time {self.fade_time:g} has nothing to fade: only a mass and negative "
+                "effects fade; leave it out"
+            )
         return self
+
+    @property
+    def fades(self) -> bool:
+        """Whether it fades in and out: elements with mass or with a negative effect do."""
+        return self.mass is not None or any(wish.sign < 0 for wish in self.wishes().values())
 
     def wishes(self) -> dict[EffectName, Wish]:
         """The effects asked for."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identification import Device, rounded
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
-from tune.documents.scene import MARGINS, Scene
+from tune.documents.scene import FADE_TIME, MARGINS, Scene
 from tune.loop.filters import used_filters
 from tune.loop.sampled_plant import WHOLE
 from tune.margins.passivity import damping_needed
@@ -200,6 +200,8 @@ def element_profile(
         late = max(
             float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
         )
+    pumps = bool(values["mass"]) or min(values.values()) < 0
+    wanted = scene.elements[name]
     return ElementProfile(
         stiffness=values["stiffness"],
         damping=values["damping"],
@@ -214,6 +216,8 @@ def element_profile(
         limited_by=limited,
         motion=scene.motion(name, device.motion),
         rendered=rendered(device, problem.filters, **values),
+        one_sided=wanted.one_sided,
+        fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
     )
 
 

@@ -1,0 +1,243 @@
+"""The multiplier that proves the largest gain, found by line searches alone.
+
+The gain that a multiplier proves is quasiconcave in its weights and constants (for a fixed gain the
+condition is a linear matrix inequality in them), and one or two taps reach it to a per cent: a
+delay of d samples and half a sample of hold asks for a tap of 2d + 1 samples. So no solver is
+called: single taps first, then the best is mixed with each other one, then the constants.
+
+G. Zames and P. L. Falb, "Stability conditions for systems with monotone and slope-restricted
+nonlinearities", SIAM J. Control 6(1), 1968; discrete: J. C. Willems and R. W. Brockett, "Some new
+rearrangement inequalities having application in stability analysis", IEEE TAC 13(5), 1968.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.documents.certified import Multiplier, Tap
+from tune.documents.effects import Effects
+from tune.stability.absolute import absolute_gain
+from tune.stability.responses import Responses
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Delays of the taps that are tried, in samples.
+_LADDER = (1, 2, 3, 4, 5, 6, 7, 9, 11, 13, 17, 23, 31, 45, 63, 91)
+#: Mixing ends when a round gains less than this, relative, or after so many rounds.
+_WORTH, _ROUNDS = 3e-4, 6
+#: Steps of a line search by the golden section, each of which takes away a third: to 5e-4.
+_STEPS = 16
+#: Natural logarithm of the factor within which a constant is looked for.
+_REACH = 3.0
+#: Frequencies at which the inverse gain comes within this part of the largest are searched again.
+_NEAR = 0.3
+#: Constants of M tried on a device that is held, largest first; the gain may fall by this part.
+_CONSTANTS = 10.0 ** -np.arange(1, 8)
+_GIVEN_UP = 1e-3
+_GOLDEN = (np.sqrt(5) - 1) / 2
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """Candidates side by side: weights (candidates, taps), constants (candidates,)."""
+
+    weights: FloatArray
+    damping: FloatArray
+    mass: FloatArray
+
+    def chosen(self, which: int) -> _Trial:
+        return _Trial(*(part[which : which + 1] for part in (self.weights, *self.constants)))
+
+    @property
+    def constants(self) -> tuple[FloatArray, FloatArray]:
+        return self.damping, self.mass
+
+
+def find_multiplier(responses: Responses, effects: Effects) -> Multiplier | None:
+    """The multiplier with which `absolute_gain` over all loops is largest, nearly.
+
+    Args:
+        responses: of the loops, all free or all held.
+        effects: stiffness that is one-sided or saturates, damping and mass that are switched at
+            any moment; each a positive number or absent, one of them at least present.
+
+    Returns:
+        None where no gain at all can be proved.
+    """
+    points = _Points.of(responses, effects)
+    multiplier = _as_multiplier(_best(points), effects)
+    if responses.held and effects.stiffness is not None:
+        multiplier = _with_constant(multiplier, responses, effects)
+    gain = float(np.min(absolute_gain(responses, effects, multiplier)))
+    return multiplier if gain > 0 else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Points:
+    """Where the condition is asked for: one axis of all loops and frequencies.
+
+    Attributes:
+        real, imag: of 1 - z^-i for each tap of the ladder, (taps, points).
+        plant: G over T²/m, (points,).
+        velocity, acceleration: estimates over position.
+        sizes: α, β, γ at each point; 0 for an absent effect.
+    """
+
+    real: FloatArray
+    imag: FloatArray
+    plant: ComplexArray
+    velocity: ComplexArray
+    acceleration: ComplexArray
+    sizes: FloatArray
+
+    @classmethod
+    def of(cls, responses: Responses, effects: Effects) -> _Points:
+        shape = responses.position.shape
+        turn = np.array(_LADDER)[:, None] * np.broadcast_to(responses.angle, shape).reshape(-1)
+        values = [effects.stiffness, effects.damping, effects.mass]
+        given = np.array([0.0 if value is None else float(np.asarray(value)) for value in values])
+        sizes = (responses.scales * given[:, None])[:, :, None] * np.ones(shape)
+        return cls(
+            real=2 * np.sin(turn / 2) ** 2,
+            imag=np.sin(turn),
+            plant=responses.position.reshape(-1),
+            velocity=responses.velocity.reshape(-1),
+            acceleration=responses.acceleration.reshape(-1),
+            sizes=sizes.reshape(3, -1),
+        )
+
+    def only(self, which: NDArray[np.bool_]) -> _Points:
+        return _Points(
+            real=self.real[:, which],
+            imag=self.imag[:, which],
+            plant=self.plant[which],
+            velocity=self.velocity[which],
+            acceleration=self.acceleration[which],
+            sizes=self.sizes[:, which],
+        )
+
+    def inverse(self, trial: _Trial) -> FloatArray:
+        """1/gain of each candidate at each point, (candidates, points)."""
+        alpha, beta, gamma = self.sizes
+        factors: list[tuple[FloatArray, ComplexArray]] = []
+        with np.errstate(all="ignore"):
+            if alpha.any():
+                real = trial.weights @ self.real
+                factors.append((alpha / real, real + 1j * (trial.weights @ self.imag)))
+            for size, constant, estimate in (
+                (beta, trial.damping, self.velocity),
+                (gamma, trial.mass, self.acceleration),
+            ):
+                if size.any():
+                    factors.append((size / constant[:, None], constant[:, None] * estimate))
+            total = sum(w * (p.real * self.plant.real - p.imag * self.plant.imag) for w, p in factors)
+            square = self.plant.real**2 + self.plant.imag**2
+            mixed: FloatArray | float = 0.0
+            for i, (w, p) in enumerate(factors):
+                for v, q in factors[:i]:
+                    apart = p - q
+                    mixed = mixed + w * v * square * (apart.real**2 + apart.imag**2)
+            root = -total if len(factors) == 1 else (np.sqrt(total * total + mixed) - total) / 2
+        return np.where(np.isnan(root), np.inf, root)
+
+    def most(self, trial: _Trial) -> FloatArray:
+        """The largest over the points, of each candidate."""
+        return self.inverse(trial).max(axis=1)
+
+    def critical(self, trial: _Trial) -> _Points:
+        """Where one of the candidates comes near its largest."""
+        values = self.inverse(trial)
+        most = np.max(values, axis=1, keepdims=True)
+        near = values > np.where(np.isfinite(most) & (most > 0), _NEAR * most, -np.inf)
+        return self.only(near.any(axis=0))
+
+
+def _best(points: _Points) -> _Trial:
+    """Single taps, then mixtures; constants tied to where they match at low frequency, then free."""
+    if not points.sizes[0].any():
+        start = _Trial(np.zeros((1, len(_LADDER))), np.ones(1), np.ones(1))
+        return _constants_moved(points.critical(start), start)
+    ladder = np.array(_LADDER, dtype=np.float64)
+    alone = _Trial(np.eye(len(ladder)), ladder, ladder**2)
+    best = alone.chosen(int(np.argmin(points.most(alone))))
+    value = points.most(best)[0]
+    for _ in range(_ROUNDS):
+        before = value
+        for improved in (_constants_moved, _tap_added):
+            trial = improved(points.critical(best), best)
+            tried = points.most(trial)[0]
+            if tried < value:
+                best, value = trial, tried
+        if not value < before * (1 - _WORTH) or value <= 0:
+            break
+    return best
+
+
+def _tap_added(points: _Points, start: _Trial) -> _Trial:
+    """Mixed with the tap of the ladder that lowers the inverse gain most."""
+    ladder = np.array(_LADDER, dtype=np.float64)
+    others = np.eye(len(ladder))
+    slope = float(start.weights[0] @ ladder)
+
+    def mixed(part: FloatArray) -> _Trial:
+        weights = (1 - part)[:, None] * start.weights + part[:, None] * others
+        grown = weights @ ladder / slope
+        return _Trial(weights, start.damping * grown, start.mass * grown)
+
+    part = _least(lambda part: points.most(mixed(part)), np.zeros(len(ladder)), np.ones(len(ladder)))
+    trial = mixed(part)
+    return trial.chosen(int(np.argmin(points.most(trial))))
+
+
+def _constants_moved(points: _Points, start: _Trial) -> _Trial:
+    """The constant of the damper, then that of the mass, where there is one."""
+    for place, name in ((1, "damping"), (2, "mass")):
+        if points.sizes[place].any():
+            base = start
+
+            def moved(power: FloatArray, base: _Trial = base, name: str = name) -> _Trial:
+                return replace(base, **{name: getattr(base, name) * np.exp(power)})
+
+            reach = np.array([_REACH])
+            start = moved(_least(lambda power, moved=moved: points.most(moved(power)), -reach, reach))
+    return start
+
+
+def _least(
+    value: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Where quasiconvex functions are least, side by side, by the golden section."""
+    for _ in range(_STEPS):
+        left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        lower = value(left) <= value(right)
+        low, high = np.where(lower, low, left), np.where(lower, right, high)
+    return (low + high) / 2
+
+
+def _as_multiplier(trial: _Trial, effects: Effects) -> Multiplier:
+    taps = tuple(
+        Tap(samples=samples, weight=float(weight))
+        for samples, weight in zip(_LADDER, trial.weights[0], strict=True)
+        if weight > 0
+    )
+    return Multiplier(
+        taps=taps,
+        damping=None if effects.damping is None else float(trial.damping[0]),
+        mass=None if effects.mass is None else float(trial.mass[0]),
+    )
+
+
+def _with_constant(multiplier: Multiplier, responses: Responses, effects: Effects) -> Multiplier:
+    """With the largest constant that costs nearly nothing: a device that is held asks for one."""
+    gain = float(np.min(absolute_gain(responses, effects, multiplier)))
+    slope = sum(tap.weight * tap.samples for tap in multiplier.taps)
+    for part in _CONSTANTS:
+        trial = multiplier.model_copy(update={"constant": float(slope * part)})
+        if np.min(absolute_gain(responses, effects, trial)) >= gain * (1 - _GIVEN_UP):
+            break
+    return trial

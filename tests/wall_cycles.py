@@ -2,9 +2,9 @@
 
 A spring F = -φ(y) with slope in [0, K] can play the forces f over one period of readings y exactly
 when f and y - f/K, sorted alike, never fall. A damper gated by θ in [0, 1] can play u beside a
-velocity v exactly when u lies between 0 and B·v. Once the order of the readings and the signs of the
-velocities are guessed, from a sine, all of this is linear in the forces: a solution is a wall and a
-gate under which the device never comes to rest, no matter what proof says so.
+velocity v exactly when u lies between 0 and B·v. Once the order of the readings and the signs of
+the velocities are guessed, from a sine, all of this is linear in the forces: a solution is a wall
+and a gate under which the device never comes to rest, no matter what proof says so.
 """
 
 from __future__ import annotations
@@ -81,15 +81,14 @@ def cycle(bench: Bench, member: int, gain: float, guess: Guess) -> Cycle | None:
     spring = np.zeros_like(sorted_reading)
     spring[np.arange(count), rank] = 1.0
     below = [np.diff(spring, axis=0), np.diff(sorted_reading - spring / K, axis=0)]
-    sums = [np.concatenate([[spring[-1] - spring[0]], []])] if False else [spring[-1] - spring[0]]
+    sums = [spring[-1] - spring[0]]
     number = 0
     main = int(np.argmin(np.abs(z - np.exp(1j * turn))))
     for size, transfer in ((B, speed), (M, acceleration)):
         if size <= 0:
             continue
         number += 1
-        transfer = np.where(free, 0.0, transfer)
-        estimate = size * _circulant(transfer) @ rows
+        estimate = size * _circulant(np.where(free, 0.0, transfer)) @ rows
         lead = np.angle(transfer[main]) + guess.lead
         sign = np.where((sine * np.exp(1j * lead)).real >= 0, 1.0, -1.0)[:, None]
         own = np.zeros_like(rows)

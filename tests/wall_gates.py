@@ -8,13 +8,12 @@ when the product of its matrices has an eigenvalue outside the unit circle.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tests.wall_play import Array, Bench, State
-
-Pattern = NDArray[np.bool_]
 
 
 def transitions(bench: Bench, damper: float, inertia: float) -> Array:
@@ -43,27 +42,88 @@ def unflattened(like: State, flat: Array) -> State:
     )
 
 
+def gated(bench: Bench) -> Array:
+    """`transitions` with every gate of what there is shut and open, shape (choices, members, n, n).
+
+    Everything shut comes first.
+    """
+    levels = [
+        (0.0, 1.0) if np.any(size) else (0.0,) for size in (bench.law.damping, bench.law.mass)
+    ]
+    return np.stack([transitions(bench, *both) for both in product(*levels)])
+
+
 def growth(matrices: Array, pattern: NDArray[np.intp]) -> float:
-    """Growth a sample under a periodic pattern of indices into the matrices, shape (c, n, n)."""
-    product = np.eye(matrices.shape[1])
+    """Growth a sample under a periodic pattern of indices into matrices, (choices, n, n)."""
+    total = np.eye(matrices.shape[1])
     for each in pattern:
-        product = matrices[each] @ product
-    return float(np.max(np.abs(np.linalg.eigvals(product)))) ** (1 / len(pattern))
+        total = matrices[each] @ total
+    return float(np.max(np.abs(np.linalg.eigvals(total)))) ** (1 / len(pattern))
 
 
-def chased(matrices: Array, *, samples: int) -> NDArray[np.intp]:
-    """Pattern that at every sample lifts the slowest-dying swing of the first matrix the most."""
-    values, vectors = np.linalg.eig(matrices[0].T)
-    swinging = np.abs(values) * (np.abs(values.imag) > 1e-9)
-    left = vectors[:, int(np.argmax(swinging))]
-    state = np.real(left)
-    found = np.empty(samples, dtype=np.intp)
+def chased(matrices: Array, watched: Array, *, samples: int) -> NDArray[np.intp]:
+    """Gates that at every sample lift one swing as far as they can, shape (samples, members).
+
+    Args:
+        matrices: as `gated`.
+        watched: loops whose slowest-dying swing is lifted, shape (members, n, n).
+        samples: for which this goes on.
+    """
+    values, vectors = np.linalg.eig(np.swapaxes(watched, 1, 2))
+    slow = np.argmax(np.abs(values) * (np.abs(values.imag) > 1e-9), axis=1)
+    row = np.arange(len(slow))
+    left = vectors[row, :, slow]
+    state = left.real + 0.0
+    pattern = np.empty((samples, len(row)), dtype=np.intp)
     for k in range(samples):
-        nexts = matrices @ state
-        found[k] = int(np.argmax(np.abs(nexts @ left)))
-        state = nexts[found[k]]
-        state /= np.linalg.norm(state)
+        following = (matrices @ state[:, :, None])[..., 0]
+        pattern[k] = np.argmax(np.abs(np.einsum("cmi,mi->cm", following, left)), axis=0)
+        state = following[pattern[k], row]
+        state /= np.linalg.norm(state, axis=1, keepdims=True)
+    return pattern
+
+
+def square_wave(matrices: Array, spans: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The pattern of two choices in turn, each for one of the spans, that grows most."""
+    powers = np.stack([[np.linalg.matrix_power(each, int(k)) for k in spans] for each in matrices])
+    best, found = -1.0, np.zeros(2, dtype=np.intp)
+    for one, other in combinations(range(len(matrices)), 2):
+        both = powers[other][None] @ powers[one][:, None]
+        sizes = np.max(np.abs(np.linalg.eigvals(both)), axis=-1)
+        sizes = sizes ** (1 / (spans[:, None] + spans[None]))
+        first, second = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
+        if sizes[first, second] > best:
+            best = float(sizes[first, second])
+            found = np.repeat([one, other], [spans[first], spans[second]])
     return found
+
+
+def pumped(bench: Bench, *, samples: int = 3000, longest: int = 400) -> Array:
+    """Largest growth a sample that a periodic gate was found to give, shape (members,).
+
+    Gates chase the swing of the loop with everything shut, and of that with everything open, or
+    are square waves; what becomes periodic is improved sample by sample.
+    """
+    matrices = gated(bench)
+    found = np.max(np.abs(np.linalg.eigvals(matrices)), axis=(0, 2))
+    spans = np.unique(np.geomspace(1, longest / 2, 24).astype(int))
+    for watched in (None, matrices[0], matrices[-1]):
+        patterns = None if watched is None else chased(matrices, watched, samples=samples)
+        for member in np.flatnonzero(found < 1):
+            if patterns is None:
+                pattern = square_wave(matrices[:, member], spans)
+            else:
+                late = patterns[samples // 2 :, member]
+                pattern = late[-period_of(late, longest) :]
+            found[member] = max(found[member], improved(matrices[:, member], pattern)[0])
+    return found
+
+
+def period_of(pattern: NDArray[np.intp], longest: int) -> int:
+    """The shift under which a pattern changes least, the shortest of equals."""
+    shifts = range(2, min(longest, len(pattern) // 2))
+    changes = [float(np.mean(pattern[each:] != pattern[:-each])) for each in shifts]
+    return shifts[int(np.argmin(changes))]
 
 
 def improved(matrices: Array, pattern: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
@@ -79,8 +139,8 @@ def improved(matrices: Array, pattern: NDArray[np.intp]) -> tuple[float, NDArray
         for k in reversed(range(count)):
             after[k] = after[k + 1] @ matrices[pattern[k]]
         # All patterns that differ in one sample, (count, choices).
-        products = after[1:, None] @ matrices[None] @ before[:-1, None]
-        sizes = np.max(np.abs(np.linalg.eigvals(products)), axis=-1) ** (1 / count)
+        grown = after[1:, None] @ matrices[None] @ before[:-1, None]
+        sizes = np.max(np.abs(np.linalg.eigvals(grown)), axis=-1) ** (1 / count)
         place = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
         if sizes[place] <= best * (1 + 1e-12):
             return best, pattern

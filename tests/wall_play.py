@@ -13,6 +13,8 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.held_motion import held_motion
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Given = TypeVar("Given", "Axis", "Law")
@@ -46,13 +48,14 @@ class Axis:
 class Law:
     """What the controller plays, each field a scalar or of shape (members,).
 
-    Force is -clamp(K·φ(y) + θ₁·B·v + θ₂·M·a). ``wall`` plays -clamp(max(0, K·y + θ₁·B·v + θ₂·M·a))
-    while y > 0 and nothing outside.
+    Force is -clamp(K·φ(y) + θ₁·B·v + θ₂·M·a) - N·a. ``wall`` plays
+    -clamp(max(0, K·y + θ₁·B·v + θ₂·M·a)) while y > 0 and nothing outside.
 
     Attributes:
         stiffness: K, slope of φ.
         damping: B.
         mass: M.
+        steady_mass: N, never switched and outside wall and clamp.
         velocity_pole: of the filter behind the backward difference.
         acceleration_pole: of the two filters behind two backward differences.
         one_sided: φ is zero for y < 0.
@@ -64,6 +67,7 @@ class Law:
     stiffness: float | Array = 0.0
     damping: float | Array = 0.0
     mass: float | Array = 0.0
+    steady_mass: float | Array = 0.0
     velocity_pole: float | Array = 0.0
     acceleration_pole: float | Array = 0.0
     one_sided: float | Array = 0.0
@@ -139,8 +143,9 @@ class Bench:
         self.time = np.asarray(self.axis.sample_time)
         self._delay = np.asarray(self.axis.delay_samples)
         self.places = places or int(np.max(self._delay)) + 3
-        self._matrix, self._drive, push, self.reading = _moving(self.axis)
-        self.motion, self._fall = _held(self._matrix, push, self.time)
+        self.mechanism = Mechanism.of(self.axis)
+        self._matrix, self._drive, push, self.reading = _moving(self.axis, self.mechanism)
+        self.motion, self._fall = held_motion(self._matrix, push, self.time)
         self._on_time = self.arriving(0.0)
         self.start(0.0, 0.0)
 
@@ -166,8 +171,8 @@ class Bench:
         delay = self._delay + late
         whole = np.floor(delay + 1e-12).astype(int)
         part = np.clip(delay - whole, 0.0, None) * self.time
-        early = _held(self._matrix, self._drive, part)[1]
-        after, fresh = _held(self._matrix, self._drive, self.time - part)
+        early = held_motion(self._matrix, self._drive, part)[1]
+        after, fresh = held_motion(self._matrix, self._drive, self.time - part)
         into = np.zeros((self.members, self.motion.shape[1], self.places))
         row = np.arange(self.members)
         into[row, :, whole] = fresh
@@ -213,11 +218,12 @@ class Bench:
         speed, first, second = self._estimates(y)
         gates = gate(k, self, self.law.damping * speed, self.law.mass * second)
         damper, inertia = gates[0] * self.law.damping * speed, gates[1] * self.law.mass * second
-        force = np.where(gone, s.forces[:, 0], self.command(y, damper, inertia))
+        steady = self.law.steady_mass * second
+        force = np.where(gone, s.forces[:, 0], self.command(y, damper, inertia) - steady)
         forces = np.concatenate([force[:, None], s.forces[:, :-1]], axis=1)
         plant = (
-            np.einsum("ijk,ik->ij", self.motion, s.plant)
-            + np.einsum("ijk,ik->ij", self._on_time if arriving is None else arriving, forces)
+            (self.motion @ s.plant[:, :, None])[:, :, 0]
+            + ((self._on_time if arriving is None else arriving) @ forces[:, :, None])[:, :, 0]
             + self._fall * np.broadcast_to(push, self.members)[:, None]
         )
         self.state = State(
@@ -246,35 +252,60 @@ class Bench:
         return speed, first, second
 
 
-def _moving(axis: Axis) -> tuple[Array, Array, Array, Array]:
+@dataclass(frozen=True, kw_only=True)
+class Mechanism:
+    """Device, mode and hand: mass, damping and stiffness, each (members, c, c), for c coordinates.
+
+    Attributes:
+        moved: what of the coordinates the encoder reads and the force drives, (members, c).
+        held: what of them the hand moves with.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    moved: Array
+    held: Array
+
+    @classmethod
+    def of(cls, axis: Axis) -> Mechanism:
+        """Of fields of shape (members,); with a coordinate of the mode where any has one."""
+        count = 2 if np.any(axis.at_encoder) or np.any(axis.at_handle) else 1
+        one = np.ones_like(axis.mass)
+        held = np.stack([one, np.asarray(axis.at_handle)], axis=1)[:, :count]
+        turn = 2 * np.pi * axis.mode_hz
+
+        def matrix(rigid: Array, mode: Array, hand: Array) -> Array:
+            found = held[:, :, None] * held[:, None, :] * hand[:, None, None]
+            for place, own in enumerate((rigid, mode)[:count]):
+                found[:, place, place] += own
+            return found
+
+        mode = 2 * axis.mode_damping * turn * axis.mass
+        return cls(
+            mass=matrix(axis.mass, axis.mass, axis.hand_mass),
+            damping=matrix(axis.damping, mode, axis.hand_damping),
+            stiffness=matrix(axis.stiffness, axis.mass * turn**2, axis.hand_stiffness),
+            moved=np.stack([one, np.asarray(axis.at_encoder)], axis=1)[:, :count],
+            held=held,
+        )
+
+
+def _moving(axis: Axis, mechanism: Mechanism) -> tuple[Array, Array, Array, Array]:
     """Equations of motion: states, what a force does to them, what a push does, what is read."""
-    count = 2 if np.any(axis.at_encoder) or np.any(axis.at_handle) else 1
-    one = np.ones_like(axis.mass)
-    moved = np.stack([one, np.asarray(axis.at_encoder)], axis=1)[:, :count]
-    held = np.stack([one, np.asarray(axis.at_handle)], axis=1)[:, :count]
-    turn = 2 * np.pi * axis.mode_hz
-
-    def matrix(rigid: Array, mode: Array, hand: Array) -> Array:
-        found = held[:, :, None] * held[:, None, :] * hand[:, None, None]
-        for place, own in enumerate((rigid, mode)[:count]):
-            found[:, place, place] += own
-        return found
-
-    inverse = np.linalg.inv(matrix(axis.mass, axis.mass, axis.hand_mass))
-    mode = 2 * axis.mode_damping * turn * axis.mass
-    damping = matrix(axis.damping, mode, axis.hand_damping)
-    stiffness = matrix(axis.stiffness, axis.mass * turn**2, axis.hand_stiffness)
+    members, count = mechanism.moved.shape
+    inverse = np.linalg.inv(mechanism.mass)
     lagged = bool(np.any(axis.lag))
     order = 2 * count + lagged
     moving, slow = slice(0, count), slice(count, 2 * count)
-    motion = np.zeros((one.size, order, order))
-    drive, push, reading = (np.zeros((one.size, order)) for _ in range(3))
+    motion = np.zeros((members, order, order))
+    drive, push, reading = (np.zeros((members, order)) for _ in range(3))
     motion[:, moving, slow] = np.eye(count)
-    motion[:, slow, moving] = -inverse @ stiffness
-    motion[:, slow, slow] = -inverse @ damping
-    at_encoder = np.einsum("ijk,ik->ij", inverse, moved)
-    push[:, slow] = np.einsum("ijk,ik->ij", inverse, held)
-    reading[:, moving] = moved
+    motion[:, slow, moving] = -inverse @ mechanism.stiffness
+    motion[:, slow, slow] = -inverse @ mechanism.damping
+    at_encoder = np.einsum("ijk,ik->ij", inverse, mechanism.moved)
+    push[:, slow] = np.einsum("ijk,ik->ij", inverse, mechanism.held)
+    reading[:, moving] = mechanism.moved
     if lagged:
         motion[:, slow, -1] = at_encoder
         motion[:, -1, -1] = -1 / axis.lag
@@ -282,27 +313,3 @@ def _moving(axis: Axis) -> tuple[Array, Array, Array, Array]:
     else:
         drive[:, slow] = at_encoder
     return motion, drive, push, reading
-
-
-def _held(motion: Array, drive: Array, span: Array) -> tuple[Array, Array]:
-    """Motion over a span, and what a force held over it adds."""
-    members, order = drive.shape
-    both = np.zeros((members, order + 1, order + 1))
-    both[:, :order, :order] = motion
-    both[:, :order, order] = drive
-    grown = exponential(both * span[:, None, None])
-    return grown[:, :order, :order], grown[:, :order, order]
-
-
-def exponential(matrices: Array) -> Array:
-    """Of every matrix of a stack: Taylor's series of a small part of it, squared back."""
-    size = float(np.max(np.sum(np.abs(matrices), axis=2), initial=0.0))
-    halvings = max(0, int(np.ceil(np.log2(max(size, 1e-300) / 0.25))))
-    small = matrices / 2.0**halvings
-    grown = term = np.broadcast_to(np.eye(matrices.shape[1]), matrices.shape)
-    for power in range(1, 14):
-        term = term @ small / power
-        grown = grown + term
-    for _ in range(halvings):
-        grown = grown @ grown
-    return grown

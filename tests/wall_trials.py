@@ -55,16 +55,19 @@ class Gates:
         if self._swing is not None:
             left, lift = self._swing
             lifts = (np.conj(np.einsum("ij,ij->i", left, bench.state.flat())) * lift).real
-        choices = [
-            np.ones_like(forces),
-            np.zeros_like(forces),
-            self._open,
-            (turn < self._duty) * 1.0,
-            draw,
-            (forces * bench.pace() > 0) * 1.0,
-            (forces * lifts > 0) * 1.0,
-        ]
-        found = np.choose(self._kind, choices)
+        pace = bench.pace()
+        found = np.choose(
+            self._kind,
+            [
+                1.0,
+                0.0,
+                self._open,
+                turn < self._duty,
+                draw,
+                forces * pace > 0,
+                forces * lifts > 0,
+            ],
+        )
         return found[0], found[1]
 
 
@@ -82,22 +85,44 @@ def _swing(bench: Bench) -> tuple[NDArray[np.complex128], NDArray[np.complex128]
     return left, lift * np.conj(value)
 
 
-def energy(bench: Bench, push: float | Array) -> Array:
-    """J, of the rigid mass at the encoder's speed, in the spring and under the push, above rest.
+class Energy:
+    """J, of device, mode, hand and spring above where a constant push lets them rest.
 
-    The clamp is taken for a clamp of the spring: the potential of what pulls the device back. Hands
-    and modes keep some that is not counted.
+    Args:
+        bench: the members.
+        push: N at the hand, from outside into a wall from y = 0, shape (members,).
     """
-    law, y = bench.law, bench.state.plant[:, 0]
-    both = np.where(np.asarray(law.one_sided) + law.wall > 0, 0.0, 1.0)
-    # A spring keeps part of the potential; what the push pays is counted outside the walls.
-    depth = np.maximum(y - law.slot, 0.0) + both * np.maximum(-y - law.slot, 0.0)
-    bend = np.asarray(law.peak) / np.where(law.stiffness == 0, 1.0, law.stiffness)
-    within = np.minimum(depth, bend)
-    kept = law.stiffness * within * (depth - within / 2)
-    paid = np.broadcast_to(push, bench.members) * y
-    lowest = -(np.square(push) / np.where(law.stiffness == 0, np.inf, 2 * law.stiffness)) - push * law.slot
-    return bench.axis.mass * bench.pace() ** 2 / 2 + kept - paid - lowest
+
+    def __init__(self, bench: Bench, push: Array) -> None:
+        parts, law = bench.mechanism, bench.law
+        count, order = parts.moved.shape[1], bench.reading.shape[1]
+        self._form = np.zeros((bench.members, order, order))
+        self._form[:, :count, :count] = parts.stiffness / 2
+        self._form[:, count : 2 * count, count : 2 * count] = parts.mass / 2
+        self._paid = np.zeros((bench.members, order))
+        self._paid[:, :count] = push[:, None] * parts.held
+        one_sided = (np.asarray(law.one_sided) > 0) | (np.asarray(law.wall) > 0)
+        self._below = np.where(one_sided, 0.0, 1.0)
+        # A spring yields from here on.
+        self._bend = law.peak / np.maximum(law.stiffness, np.finfo(float).tiny)
+        spring = np.asarray(law.stiffness)[:, None, None]
+        stiffness = parts.stiffness + spring * parts.moved[:, :, None] * parts.moved[:, None, :]
+        # Without any spring nothing may push, and any positive number will do.
+        alone = np.where(push == 0, 1.0, 0.0)[:, None, None]
+        sunk = np.linalg.solve(
+            stiffness + alone * np.eye(count), (push[:, None] * parts.held)[:, :, None]
+        )[:, :, 0]
+        self._rest = push * np.einsum("ij,ij->i", parts.held, sunk) / 2
+
+    def __call__(self, bench: Bench) -> Array:
+        """Now, shape (members,)."""
+        law, plant = bench.law, bench.state.plant
+        y = np.einsum("ij,ij->i", bench.reading, plant)
+        depth = np.maximum(y - law.slot, 0.0) + self._below * np.maximum(-y - law.slot, 0.0)
+        within = np.minimum(depth, self._bend)
+        kept = law.stiffness * within * (depth - within / 2)
+        moving = (self._form @ plant[:, :, None])[:, :, 0] - self._paid
+        return np.einsum("ij,ij->i", moving, plant) + kept + self._rest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +130,7 @@ class Played:
     """How the members moved.
 
     Attributes:
-        energies: J, as `energy`, largest in each part of the run, shape (WINDOWS, members).
+        energies: J, as `Energy`, largest in each part of the run, shape (WINDOWS, members).
         contacts: how often each entered y > 0.
         ratio: largest energy from one entry to the next over that before, the largest of a run.
         largest_force: N, commanded.
@@ -144,7 +169,8 @@ def play(
         missed: chance that a period is missed, never two in a row.
         generator: of what is random.
     """
-    members = bench.members
+    members, pushes = bench.members, np.broadcast_to(push, bench.members)
+    energy = Energy(bench, np.asarray(pushes))
     late = bench.arriving(lateness) if lateness else None
     on_time = bench.arriving(0.0)
     energies = np.zeros((WINDOWS, members))
@@ -159,7 +185,7 @@ def play(
         if missed:
             gone = (generator.random(members) < missed) & (bench.state.waiting == 0)
         force = bench.step(k, gates, push=push, arriving=arriving, missed=gone)
-        held = energy(bench, push)
+        held = energy(bench)
         part = k * WINDOWS // samples
         energies[part] = np.maximum(energies[part], held)
         inside = bench.state.last > 0

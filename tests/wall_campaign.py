@@ -8,15 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.wall_axis import Axis
 from tests.wall_devices import Moment, joined
 from tests.wall_gates import transitions
-from tests.wall_play import Array, Axis, Bench, Law
+from tests.wall_play import Array, Bench, Law
 from tests.wall_trials import KINDS, Gates, Played, play
 
 #: What the spring of a member is.
 SHAPES = ("two-sided", "one-sided", "wall", "slot")
 #: m/s, of every member at the start: forces without a clamp or a push grow in proportion to it.
 START = 1.0
+#: How much longer what grows is played again, and how often at most.
+LONGER, FEWER = (8, 40), 16
 #: Members side by side, so that their matrices stay near the processor.
 _BLOCK = 2048
 
@@ -135,6 +138,28 @@ def _block(
         generator=generator,
     )
     return play(bench, gates, samples=samples, push=push, generator=generator)
+
+
+def growing(
+    moments: Sequence[Moment], gains: Sequence[float], *, repeats: int, samples: int, seed: int
+) -> list[int]:
+    """Places of the moments whose motion grows, also in runs longer by `LONGER`.
+
+    A swing that hardly dies out is not seen at its highest in every part of a short run.
+    """
+    left = list(range(len(moments)))
+    for turn, longer in enumerate((1, *LONGER)):
+        if not left:
+            break
+        found = run(
+            [moments[k] for k in left],
+            [gains[k] for k in left],
+            repeats=repeats if turn == 0 else min(repeats, FEWER),
+            samples=samples * longer,
+            seed=seed + turn,
+        )
+        left = [k for k, grows in zip(left, found.grows.any(axis=1), strict=True) if grows]
+    return left
 
 
 def linear_growth(moment: Moment, gain: float, *, damper: float, inertia: float) -> float:

@@ -66,60 +66,48 @@ def cycle(bench: Bench, member: int, gain: float, guess: Guess) -> Cycle | None:
     K, B, M = (
         gain * float(np.asarray(each)[member]) for each in (law.stiffness, law.damping, law.mass)
     )
-    turn = 2 * np.pi * guess.turns / count
     z = np.exp(2j * np.pi * np.arange(count) / count)
-    free = np.isclose(z, 1.0)
-    z[free] = np.exp(1e-3j)  # left out below
-    plant, speed, acceleration = responses(bench, member, z)
-    plant[free] = 0.0  # the mean of the force is zero, that of the reading is anything
-    reading = -_circulant(plant)
-    sine = np.exp(1j * (turn * np.arange(count) + guess.phase))
-    rank = np.argsort(sine.real, kind="stable")
-    channels = 1 + (B > 0) + (M > 0)
-    rows = np.tile(reading, channels)
-    sorted_reading = rows[rank]
-    spring = np.zeros_like(sorted_reading)
-    spring[np.arange(count), rank] = 1.0
-    below = [np.diff(spring, axis=0), np.diff(sorted_reading - spring / K, axis=0)]
-    sums = [spring[-1] - spring[0]]
-    number = 0
-    main = int(np.argmin(np.abs(z - np.exp(1j * turn))))
-    for size, transfer in ((B, speed), (M, acceleration)):
-        if size <= 0:
-            continue
-        number += 1
-        estimate = size * _circulant(np.where(free, 0.0, transfer)) @ rows
-        lead = np.angle(transfer[main]) + guess.lead
-        sign = np.where((sine * np.exp(1j * lead)).real >= 0, 1.0, -1.0)[:, None]
-        own = np.zeros_like(rows)
-        own[np.arange(count), number * count + np.arange(count)] = 1.0
-        below += [sign * own, sign * (estimate - own)]
-        sums.append(np.sum(sign * own, axis=0))
+    z[0] = np.exp(1e-3j)  # the mean of the force is zero, that of the reading anything
+    plant, speed, acceleration = (
+        np.where(np.arange(count) > 0, each, 0.0) for each in responses(bench, member, z)
+    )
+    gates = [each for each in ((1, B, speed), (2, M, acceleration)) if each[1] > 0]
+    rows = np.tile(-_circulant(plant), 1 + len(gates))
+    sine = np.exp(
+        1j * (2 * np.pi * guess.turns / count * np.arange(count) + guess.phase),
+    )
+    order = np.argsort(np.real(sine), kind="stable")
+    own = np.eye(rows.shape[1])
+    spring = own[order]
+    below = [np.diff(spring, axis=0), np.diff(rows[order] - spring / K, axis=0)]
+    size = spring[-1] - spring[0]
+    for place, (_, limit, transfer) in enumerate(gates, start=1):
+        lead = np.angle(transfer[guess.turns]) + guess.lead
+        sign = np.where(np.real(sine * np.exp(1j * lead)) >= 0, 1.0, -1.0)[:, None]
+        force = own[place * count : (place + 1) * count]
+        below += [sign * force, sign * (limit * _circulant(transfer) @ rows - force)]
+        size = size + np.sum(sign * force, axis=0)
     matrix = np.concatenate(below)
-    scale = np.max(np.abs(matrix), axis=1, keepdims=True)
     found = linprog(
         np.zeros(matrix.shape[1]),
-        A_ub=-matrix / scale,
+        A_ub=-matrix / np.max(np.abs(matrix), axis=1, keepdims=True),
         b_ub=np.zeros(len(matrix)),
-        A_eq=np.stack([np.ones(matrix.shape[1]), np.sum(sums, axis=0)]),
+        A_eq=np.stack([np.ones(matrix.shape[1]), size]),
         b_eq=[0.0, 1.0],
         bounds=(None, None),
         method="highs",
     )
-    if found.status != 0:
+    if found.x is None:
         return None
     forces = np.zeros((3, count))
-    forces[0] = found.x[:count]
-    place = count
-    for number, size in ((1, B), (2, M)):
-        if size > 0:
-            forces[number] = found.x[place : place + count]
-            place += count
+    parts = np.split(found.x, 1 + len(gates))
+    for which, part in zip((0, *(each[0] for each in gates)), parts, strict=True):
+        forces[which] = part
     return Cycle(reading=rows @ found.x, spring=forces[0], damper=forces[1], inertia=forces[2])
 
 
 def _circulant(transfer: Complex) -> Array:
     """Periodic convolution with a response given at the roots of unity."""
-    impulse = np.fft.ifft(transfer).real
+    impulse = np.real(np.fft.ifft(transfer))
     count = len(transfer)
     return impulse[(np.arange(count)[:, None] - np.arange(count)[None, :]) % count]

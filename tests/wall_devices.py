@@ -7,7 +7,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from tests.wall_play import Array, Axis, Law
+from tests.wall_axis import Axis
+from tests.wall_play import Array, Law
 from tune.documents.effects import Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop

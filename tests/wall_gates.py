@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from tests.wall_play import Array, Bench, State
 
+Complex = NDArray[np.complex128]
+
 
 def transitions(bench: Bench, damper: float, inertia: float) -> Array:
     """What one sample does to `State.flat` of every member, shape (members, n, n)."""
@@ -61,6 +63,14 @@ def growth(matrices: Array, pattern: NDArray[np.intp]) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(total)))) ** (1 / len(pattern))
 
 
+def slowest_swing(matrices: Array) -> tuple[Complex, Complex]:
+    """Left eigenvectors of the slowest-dying swings, (members, n), and their eigenvalues."""
+    values, vectors = np.linalg.eig(np.swapaxes(matrices, 1, 2))
+    slow = np.argmax(np.abs(values) * (np.abs(np.imag(values)) > 1e-9), axis=1)
+    row = np.arange(len(slow))
+    return vectors[row, :, slow], values[row, slow]
+
+
 def chased(matrices: Array, watched: Array, *, samples: int) -> NDArray[np.intp]:
     """Gates that at every sample lift one swing as far as they can, shape (samples, members).
 
@@ -69,11 +79,9 @@ def chased(matrices: Array, watched: Array, *, samples: int) -> NDArray[np.intp]
         watched: loops whose slowest-dying swing is lifted, shape (members, n, n).
         samples: for which this goes on.
     """
-    values, vectors = np.linalg.eig(np.swapaxes(watched, 1, 2))
-    slow = np.argmax(np.abs(values) * (np.abs(values.imag) > 1e-9), axis=1)
-    row = np.arange(len(slow))
-    left = vectors[row, :, slow]
-    state = left.real + 0.0
+    left, _ = slowest_swing(watched)
+    row = np.arange(len(left))
+    state = np.real(left)
     pattern = np.empty((samples, len(row)), dtype=np.intp)
     for k in range(samples):
         following = (matrices @ state[:, :, None])[..., 0]

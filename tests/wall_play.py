@@ -13,35 +13,11 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.held_motion import held_motion
+from tests.wall_axis import Axis, Mechanism, equations_of_motion, held_motion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Given = TypeVar("Given", "Axis", "Law")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Axis:
-    """Devices, each field a scalar or of shape (members,), SI.
-
-    A mode m·q̈ + 2ζΩm·q̇ + mΩ²q moves the encoder, where the force acts, by ``at_encoder`` and the
-    hand by ``at_handle``. ``lag`` is the time constant of the actuator; all members have one, or
-    none.
-    """
-
-    mass: float | Array
-    damping: float | Array
-    sample_time: float | Array = 1e-3
-    delay_samples: float | Array = 0.0
-    stiffness: float | Array = 0.0
-    lag: float | Array = 0.0
-    mode_hz: float | Array = 50.0
-    mode_damping: float | Array = 0.05
-    at_encoder: float | Array = 0.0
-    at_handle: float | Array = 0.0
-    hand_mass: float | Array = 0.0
-    hand_damping: float | Array = 0.0
-    hand_stiffness: float | Array = 0.0
+Given = TypeVar("Given", Axis, "Law")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +120,9 @@ class Bench:
         self._delay = np.asarray(self.axis.delay_samples)
         self.places = places or int(np.max(self._delay)) + 3
         self.mechanism = Mechanism.of(self.axis)
-        self._matrix, self._drive, push, self.reading = _moving(self.axis, self.mechanism)
+        self._matrix, self._drive, push, self.reading = equations_of_motion(
+            self.axis, self.mechanism
+        )
         self.motion, self._fall = held_motion(self._matrix, push, self.time)
         self._on_time = self.arriving(0.0)
         self.start(0.0, 0.0)
@@ -250,66 +228,3 @@ class Bench:
             turned = q * second + (1 - q) * (first - before) / self.time
             second = np.where(now, turned, second)
         return speed, first, second
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mechanism:
-    """Device, mode and hand: mass, damping and stiffness, each (members, c, c), for c coordinates.
-
-    Attributes:
-        moved: what of the coordinates the encoder reads and the force drives, (members, c).
-        held: what of them the hand moves with.
-    """
-
-    mass: Array
-    damping: Array
-    stiffness: Array
-    moved: Array
-    held: Array
-
-    @classmethod
-    def of(cls, axis: Axis) -> Mechanism:
-        """Of fields of shape (members,); with a coordinate of the mode where any has one."""
-        count = 2 if np.any(axis.at_encoder) or np.any(axis.at_handle) else 1
-        one = np.ones_like(axis.mass)
-        held = np.stack([one, np.asarray(axis.at_handle)], axis=1)[:, :count]
-        turn = 2 * np.pi * axis.mode_hz
-
-        def matrix(rigid: Array, mode: Array, hand: Array) -> Array:
-            found = held[:, :, None] * held[:, None, :] * hand[:, None, None]
-            for place, own in enumerate((rigid, mode)[:count]):
-                found[:, place, place] += own
-            return found
-
-        mode = 2 * axis.mode_damping * turn * axis.mass
-        return cls(
-            mass=matrix(axis.mass, axis.mass, axis.hand_mass),
-            damping=matrix(axis.damping, mode, axis.hand_damping),
-            stiffness=matrix(axis.stiffness, axis.mass * turn**2, axis.hand_stiffness),
-            moved=np.stack([one, np.asarray(axis.at_encoder)], axis=1)[:, :count],
-            held=held,
-        )
-
-
-def _moving(axis: Axis, mechanism: Mechanism) -> tuple[Array, Array, Array, Array]:
-    """Equations of motion: states, what a force does to them, what a push does, what is read."""
-    members, count = mechanism.moved.shape
-    inverse = np.linalg.inv(mechanism.mass)
-    lagged = bool(np.any(axis.lag))
-    order = 2 * count + lagged
-    moving, slow = slice(0, count), slice(count, 2 * count)
-    motion = np.zeros((members, order, order))
-    drive, push, reading = (np.zeros((members, order)) for _ in range(3))
-    motion[:, moving, slow] = np.eye(count)
-    motion[:, slow, moving] = -inverse @ mechanism.stiffness
-    motion[:, slow, slow] = -inverse @ mechanism.damping
-    at_encoder = np.einsum("ijk,ik->ij", inverse, mechanism.moved)
-    push[:, slow] = np.einsum("ijk,ik->ij", inverse, mechanism.held)
-    reading[:, moving] = mechanism.moved
-    if lagged:
-        motion[:, slow, -1] = at_encoder
-        motion[:, -1, -1] = -1 / axis.lag
-        drive[:, -1] = 1 / axis.lag
-    else:
-        drive[:, slow] = at_encoder
-    return motion, drive, push, reading

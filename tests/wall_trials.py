@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.wall_gates import transitions
+from tests.wall_gates import Complex, slowest_swing, transitions
 from tests.wall_play import Array, Bench, Mask
 
 #: What a gate does. ``power`` opens while the force of the element feeds the device, ``swing``
@@ -55,30 +55,24 @@ class Gates:
         if self._swing is not None:
             left, lift = self._swing
             lifts = (np.conj(np.einsum("ij,ij->i", left, bench.state.flat())) * lift).real
-        pace = bench.pace()
-        found = np.choose(
-            self._kind,
-            [
-                1.0,
-                0.0,
-                self._open,
-                turn < self._duty,
-                draw,
-                forces * pace > 0,
-                forces * lifts > 0,
-            ],
-        )
+        choices: list[Array | Mask] = [
+            np.ones_like(forces),
+            np.zeros_like(forces),
+            self._open,
+            turn < self._duty,
+            draw,
+            forces * bench.pace() > 0,
+            forces * lifts > 0,
+        ]
+        found = np.select([self._kind == which for which in range(len(KINDS))], choices)
         return found[0], found[1]
 
 
-def _swing(bench: Bench) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _swing(bench: Bench) -> tuple[Complex, Complex]:
     """Left eigenvectors of the slowest-dying swings, and what a force adds to each, turned back."""
     law = replace(bench.law, one_sided=0.0, slot=0.0, wall=0.0, peak=np.inf)
     linear = Bench(bench.axis, law, bench.members, places=bench.places)
-    values, vectors = np.linalg.eig(np.swapaxes(transitions(linear, 0.0, 0.0), 1, 2))
-    slow = np.argmax(np.abs(values) * (np.abs(values.imag) > 1e-9), axis=1)
-    row = np.arange(bench.members)
-    left, value = vectors[row, :, slow], values[row, slow]
+    left, value = slowest_swing(transitions(linear, 0.0, 0.0))
     force = bench.arriving(0.0)[:, :, 0]
     width = force.shape[1]
     lift = np.einsum("ij,ij->i", left[:, :width], force) + left[:, width]

@@ -16,7 +16,7 @@ from identification import (
 from tests.fleet_hardware import data_sheet, log_of
 from tests.simulated.fleet import Fleet, random_devices
 from tests.true_loops import judged, safe_gain
-from tune.certificate.certify import regions_of, setting_of
+from tune.certificate.posed import regions_of, setting_of
 from tune.certificate.proof import Claim
 from tune.certificate.worst import worst_point
 from tune.documents.errors import NoFeasibleEffectError

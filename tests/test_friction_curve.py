@@ -42,8 +42,8 @@ from tests.simulated.friction_rigs import (
 from tests.true_loops import judged
 from tests.unlimited import BOUNDLESS
 from tune import SafeProfile, Scene, optimise
-from tune.certificate.certify import regions_of
 from tune.certificate.check import check_content
+from tune.certificate.posed import regions_of
 from tune.documents.errors import NoFeasibleEffectError
 
 WALL = Scene.model_validate(

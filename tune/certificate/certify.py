@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Literal
 
@@ -13,12 +13,21 @@ import numpy as np
 from tune.certificate.bounds import force_failures, passivity_failures, ripple_failures
 from tune.certificate.felt import felt_failures
 from tune.certificate.point import Point, Setting
+from tune.certificate.posed import regions_of, setting_of
 from tune.certificate.proof import Claim, prove
 from tune.certificate.refusal import refuse_unbalanced
-from tune.certificate.region import HandRegion, ModeRegion, Region
-from tune.certificate.words import METHOD, assumptions, not_assessed
+from tune.certificate.region import Region
+from tune.certificate.switched import Witnesses, is_asked_for, judge_switched
+from tune.certificate.words import assumptions, method, not_assessed
 from tune.certificate.worst import Worst, worst_point
-from tune.documents.certified import Certificate, HandBox, ModeBox, ModePlace, WorstPoint
+from tune.documents.certified import (
+    AbsoluteStability,
+    Certificate,
+    HandBox,
+    ModeBox,
+    ModePlace,
+    WorstPoint,
+)
 from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design
 
@@ -46,16 +55,20 @@ class _Findings:
     failures: list[str]
     unstable: list[WorstPoint] = field(default_factory=list[WorstPoint])
     worst: tuple[tuple[str, ...], float, Worst] | None = None
+    absolute: dict[str, AbsoluteStability] = field(default_factory=dict[str, AbsoluteStability])
     points: int = 0
     cells: int = 0
 
 
-def certify(design: Design, most_cells: int | None = None) -> Certificate:
+def certify(
+    design: Design, most_cells: int | None = None, witnesses: Witnesses | None = None
+) -> Certificate:
     """Prove a design stable in its whole box, and look for a point that says otherwise.
 
     Args:
         design: uncertified.
         most_cells: for one moment, fewer than MOST_CELLS where less would be asked for instead.
+        witnesses: multipliers for the moments that are one-sided; a wrong one proves nothing.
 
     Raises:
         CheckFailedError: with every failure, each naming elements, point and reason.
@@ -82,6 +95,15 @@ def certify(design: Design, most_cells: int | None = None) -> Certificate:
         if not all(proved):
             # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
             continue
+        if is_asked_for(design, moment):
+            outcome = judge_switched(
+                design, moment, setting, regions, witnesses or {}, most_cells or MOST_CELLS
+            )
+            found.cells += outcome.cells
+            if outcome.proved is None:
+                found.failures.append(outcome.failure or "")
+                continue
+            found.absolute[" + ".join(moment)] = outcome.proved
         interior[" + ".join(moment)] = "proved"
         found.failures += ripple_failures(design, moment, setting)
         found.failures += passivity_failures(design, moment, setting, bare)
@@ -92,60 +114,6 @@ def certify(design: Design, most_cells: int | None = None) -> Certificate:
     if found.worst is None:
         raise CheckFailedError(("the profile plays no effect at all",))
     return _certificate(design, found, interior)
-
-
-def regions_of(design: Design) -> tuple[Region, ...]:
-    """The device alone, held by its friction before it slides, and both in the box of hands."""
-    device = design.device
-    box = device.simultaneous_box()
-    lag = device.current_lag
-    bare = Region(
-        mass=box.mass,
-        damping=box.damping,
-        sample_time=box.sample_time,
-        delay=box.delay,
-        modes=tuple(
-            ModeRegion(
-                frequency_hz=(mode.frequency_hz.low, mode.frequency_hz.high),
-                damping_ratio=(mode.damping_ratio.low, mode.damping_ratio.high),
-                at_encoder=mode.at_encoder,
-                at_handle=mode.at_handle,
-            )
-            for mode in device.modes
-        ),
-        current_lag=(0.0, 0.0) if lag is None else (lag.low, lag.high),
-        position_stiffness=box.position_stiffness,
-    )
-    alone = (bare,)
-    held = device.presliding_stiffness
-    if held is not None:
-        low, high = box.position_stiffness
-        alone += (replace(bare, position_stiffness=(low + held.low, high + held.high)),)
-    if design.hand is None:
-        return alone
-    hand = HandRegion(
-        mass=(design.hand.mass.low, design.hand.mass.high),
-        damping=(design.hand.damping.low, design.hand.damping.high),
-        stiffness=(design.hand.stiffness.low, design.hand.stiffness.high),
-    )
-    return (*alone, *(replace(each, hand=hand) for each in alone))
-
-
-def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:
-    """The sum of effects of some elements; None if nothing acts."""
-    chosen = [design.elements[name] for name in moment]
-    totals = [
-        sum(getattr(element, effect) for element in chosen)
-        for effect in ("stiffness", "damping", "mass")
-    ]
-    if not any(totals):
-        return None
-    return Setting(
-        stiffness=totals[0],
-        damping=totals[1],
-        mass=totals[2],
-        **design.loop.filter_settings(),
-    )
 
 
 def _longest(design: Design, region: Region) -> float:
@@ -237,7 +205,7 @@ def _certificate(
     region, hand = regions[0], regions[-1].hand
     held = None if design.device.presliding_stiffness is None else regions[1].position_stiffness
     return Certificate(
-        method=METHOD,
+        method=method(design),
         confidence=0.999,
         mass=region.mass,
         damping=region.damping,
@@ -260,6 +228,7 @@ def _certificate(
         points=found.points,
         cells=found.cells,
         interior=interior,
+        absolute_stability=found.absolute or None,
         worst=_place(moment, gain, worst.point, worst.verdict.radius),
         assumes=assumptions(design),
         not_assessed=not_assessed(design),

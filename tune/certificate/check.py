@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from identification import Device, to_mapping
-from tune.certificate.certify import certify, setting_of
+from tune.certificate.certify import certify
 from tune.certificate.differences import differences
 from tune.certificate.elements import recomputed_otherwise
 from tune.certificate.point import ModePoint, Point
+from tune.certificate.posed import setting_of
 from tune.certificate.roots import judge
 from tune.certificate.stated import form_failures, stated_failures
 from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint
@@ -75,7 +76,7 @@ def check_content(
         own = differences(to_mapping(device), to_mapping(profile.device), "device")
         failures += [each.words("the device given", "the profile") for each in own]
     try:
-        fresh = certify(profile)
+        fresh = certify(profile, witnesses=profile.certificate.absolute_stability)
     except CheckFailedError as error:
         raise CheckFailedError((*error.failures, *failures), error.points) from None
     for name in profile.elements:
@@ -95,7 +96,7 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
     for moment in fresh.interior:
         if moment not in stated.interior:
             yield f"certificate.interior does not say that {moment} is proved. Tune again"
-    for name in ("method", "assumes", "not_assessed"):
+    for name in ("method", "assumes", "not_assessed", "absolute_stability"):
         if getattr(stated, name) != getattr(fresh, name):
             yield f"certificate.{name} is not what haptune says of such a profile. Tune again"
     for name in _CLAIMED:
@@ -106,6 +107,15 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
         seen, said = _flat(getattr(fresh, name)), _flat(getattr(stated, name))
         if len(seen) != len(said) or not np.allclose(seen, said, rtol=_AGREE, atol=0):
             yield f"certificate.{name} is not what device and hand of the file give"
+    for name, element in profile.elements.items():
+        gains = [
+            proved.gain
+            for moment, proved in (fresh.absolute_stability or {}).items()
+            if name in moment.split(" + ")
+        ]
+        seen, said = min(gains, default=None), element.margins.absolute_gain
+        if said != seen:
+            yield f"{name}: margins.absolute_gain says {said}, the certificate proves {seen}"
     yield from _worst_differs(profile, fresh)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from tune.certificate.bounds import force_failures, ripple_of, whole_delay
-from tune.certificate.certify import regions_of, setting_of
 from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting
+from tune.certificate.posed import regions_of, setting_of
 from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.profile import Design, ElementProfile
 from tune.documents.scene import LONGEST_FADE, SHORTEST_FADE

@@ -41,18 +41,49 @@ class Response:
     rising: FloatArray | None = None
 
 
-def respond(theta: Form, mechanism: Mechanism, setting: Setting) -> Response:
-    """The loop over cells of θ in [0, π] and of the mechanism."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampledPlant:
+    """The plant under a held force, N/D, or N/(s·D) where nothing holds the position; s = jθ.
+
+    Attributes:
+        numerator: N.
+        denominator: D.
+        whole: D, or s·D.
+        aliases: what sampling folds onto θ of P(S)/S.
+        half_sinc: sinc(θ/2).
+    """
+
+    numerator: Form
+    denominator: Form
+    whole: Form
+    aliases: Form
+    half_sinc: Form
+
+
+def sampled_plant(theta: Form, mechanism: Mechanism) -> SampledPlant:
+    """The plant over cells of θ in [0, π] and of the mechanism."""
     scaled = Scaled.of(mechanism)
     s = theta * 1j
     numerator, denominator = scaled.plant(s)
     whole = denominator if mechanism.held else denominator * s
-    half_sinc = _sinc(theta * 0.5)
+    half_sinc = sinc(theta * 0.5)
     held_force = half_sinc * (theta * (mechanism.delay + 0.5)).turn()
     aliases = scaled.folded(theta, mechanism.delay)
-    seen = held_force * (numerator + whole * s * aliases)
-    per_step = inverse(mechanism.sample_time)
-    rate = _rate(theta, half_sinc, mechanism.sample_time, per_step, setting)
+    return SampledPlant(
+        numerator=held_force * (numerator + whole * s * aliases),
+        denominator=denominator,
+        whole=whole,
+        aliases=aliases,
+        half_sinc=half_sinc,
+    )
+
+
+def respond(theta: Form, mechanism: Mechanism, setting: Setting) -> Response:
+    """The loop over cells of θ in [0, π] and of the mechanism."""
+    plant = sampled_plant(theta, mechanism)
+    s = theta * 1j
+    seen, denominator, whole = plant.numerator, plant.denominator, plant.whole
+    rate = rate_of(theta, plant.half_sinc, mechanism.sample_time, setting)
     if setting.stiffness:
         law = s * rate + setting.stiffness
     elif mechanism.held:
@@ -68,12 +99,12 @@ def respond(theta: Form, mechanism: Mechanism, setting: Setting) -> Response:
     if mechanism.free_and_rigid:
         # N = (K + jθ·rate)·sinc·e^(-jφ)·(1 + jθ·D·aliases) with φ = θ(x + 1/2): the imaginary part
         # of what K is multiplied by is not below -φ - θ·|D·aliases|.
-        late = most(mechanism.delay + 0.5) + most(whole) * most(aliases)
+        late = most(mechanism.delay + 0.5) + most(whole) * most(plant.aliases)
         rising = least_real(seen * rate) - setting.stiffness * late
     return Response(fixed=whole, varied=varied, start=denominator * 1j, rising=rising)
 
 
-def _sinc(angle: Form) -> Form:
+def sinc(angle: Form) -> Form:
     """sin(x)/x of a real form."""
     x = angle.centre.real
     small = np.abs(x) < 1e-4
@@ -90,14 +121,15 @@ def _sinc(angle: Form) -> Form:
     return angle.of_real(value, slope, 1 / 3)
 
 
-def _rate(theta: Form, half_sinc: Form, step: Term, per_step: Term, setting: Setting) -> Term:
+def rate_of(theta: Form, half_sinc: Form, step: Term, setting: Setting) -> Term:
     """(B·velocity + M·acceleration)/(jθ) per position."""
+    per_step = inverse(step)
     difference = (theta * 0.5).turn() * half_sinc
     rate: Term = 0.0
     if setting.damping:
         if setting.velocity_window_samples:
             angle = theta * (setting.velocity_window_samples / 2)
-            estimate = _sinc(angle) * angle.turn()
+            estimate = sinc(angle) * angle.turn()
         else:
             estimate = difference * _low_pass(
                 theta,

@@ -19,6 +19,20 @@ ASSUMES = (
     "Coulomb friction gives no damping",
     "everything within its interval, in any combination, and constant while the loop runs",
 )
+#: What is said instead where some moments are proved absolutely stable.
+LINEAR_ELSEWHERE = (
+    "a linear loop, but for moments with absolute_stability: forces stay below the limit, the "
+    "force of saturation is not relied on"
+)
+SLOW_ELSEWHERE = (
+    "elements and gains change slowly against the loop; of moments with absolute_stability springs "
+    "may push on one side only or be cut at a constant force, and damping may be switched, at any "
+    "moment; masses and negative effects fade slowly and are not cut"
+)
+_ASSUMES_WITH_WALLS = (ASSUMES[0], LINEAR_ELSEWHERE, SLOW_ELSEWHERE, *ASSUMES[3:])
+MULTIPLIER = (
+    "; absolute stability by the stated multipliers, their condition shown in every cell of the box"
+)
 NO_HAND = "no hand: the device alone"
 WITH_HAND = (
     "the device alone, and with any hand within the intervals: a mass, a damper and a spring to a "
@@ -43,6 +57,10 @@ SLOPES = (
 NOT_ASSESSED = (
     "bounce on a one-sided wall, and sustained oscillation from quantiser and friction: the "
     "simulator's part",
+)
+NOT_ASSESSED_OF_WALLS = (
+    "sustained oscillation from quantiser and friction: the simulator's part",
+    "springs whose stiffness or clamp level changes in time; a grip that changes during contact",
 )
 
 
@@ -72,7 +90,7 @@ def assumptions(design: Design) -> tuple[str, ...]:
     """What the proof takes for granted."""
     device = design.device
     return (
-        *ASSUMES,
+        *(ASSUMES if not _walls(design) else _ASSUMES_WITH_WALLS),
         *taken_on_trust(device),
         NO_HAND if design.hand is None else WITH_HAND,
         *(() if device.slope_at_zero == 0 else (SPRUNG,)),
@@ -92,7 +110,17 @@ def _held(device: Device) -> tuple[str, ...]:
 
 def not_assessed(design: Design) -> tuple[str, ...]:
     """What the proof leaves out."""
-    return _uncovered(design) + NOT_ASSESSED
+    return _uncovered(design) + (NOT_ASSESSED_OF_WALLS if _walls(design) else NOT_ASSESSED)
+
+
+def method(design: Design) -> str:
+    """How it was proved."""
+    return METHOD + (MULTIPLIER if _walls(design) else "")
+
+
+def _walls(design: Design) -> bool:
+    """Whether some moment is proved absolutely stable."""
+    return any(element.one_sided for element in design.elements.values())
 
 
 def _uncovered(design: Design) -> tuple[str, ...]:

@@ -132,8 +132,7 @@ class Certificate(Document):
         points: judged one by one in many digits.
         cells: excluded one by one, of which the proof is made.
         interior: by moment; nothing but "proved" is ever written.
-        absolute_stability: by moment, for those that are one-sided or may reach the clamp; None where
-            there are none.
+        absolute_stability: by moment, for those that push on one side only; None where none does.
         worst: found by search over all moments.
         assumes: what the proof takes for granted.
         not_assessed: what it leaves out.

@@ -31,6 +31,7 @@ LimitedBy = Literal[
     "stability",
     "gain-margin",
     "delay-margin",
+    "saturation",
     "force",
     "ripple",
     "wanted",
@@ -50,11 +51,14 @@ class Margins(Document):
             is stable.
         passive: passivity by its own condition; "not-applicable" with a mode, a current lag or a
             part of a sample of delay.
+        absolute_gain: the gain up to which all moments with this element that are one-sided are
+            proved absolutely stable, with the extra delay of the margin; None where none is.
     """
 
     gain: float
     extra_delay_samples: float
     passive: bool | Literal["not-applicable"]
+    absolute_gain: float | None = None
 
 
 class Rendered(Document):

@@ -8,13 +8,14 @@ from dataclasses import asdict, replace
 from identification import Device, as_stored
 from tune.certificate.refusal import refusal_of
 from tune.certificate.words import note_of_dropped, skipped_parts
+from tune.documents.certified import AbsoluteStability
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.hand import hand_of
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.moments import groups_of
 from tune.documents.perception import PerceptionTable, default_table
 from tune.documents.profile import Design, MarginProfile, PerceptionProfile, SafeProfile
-from tune.documents.scene import Scene
+from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import Filters
 from tune.optimisation.climb import SAME
 from tune.optimisation.cutoffs import choose_filters
@@ -22,6 +23,7 @@ from tune.optimisation.delays import Felt, extra_delays
 from tune.optimisation.describe import element_profile
 from tune.optimisation.problem import Job
 from tune.optimisation.region import Spot
+from tune.optimisation.saturation import witness_of
 from tune.optimisation.solve import Solved, groups, solve
 
 Progress = Callable[[str], None]
@@ -66,11 +68,11 @@ def optimise(
     job = Job.of(as_stored(device), scene, table or default_table())
     filters = choose_filters(job, say)
     for attempt in range(_MOST_ATTEMPTS + 1):
-        design = _proposed(job, filters, say)
+        design, witnesses = _proposed(job, filters, say)
         say("certifying")
         try:
             last = attempt == _MOST_ATTEMPTS or job.slack == SLACK[-1]
-            certificate = certify(design, None if last else _CELLS)
+            certificate = certify(design, None if last else _CELLS, witnesses)
         except CheckFailedError as error:
             warned = _warned(job, error)
             if warned is None or attempt == _MOST_ATTEMPTS:
@@ -82,8 +84,10 @@ def optimise(
     raise AssertionError("the last attempt returns or raises")
 
 
-def _proposed(job: Job, filters: Filters, say: Progress) -> Design:
-    """The largest effects of every group, as they will be stored."""
+def _proposed(
+    job: Job, filters: Filters, say: Progress
+) -> tuple[Design, dict[str, AbsoluteStability]]:
+    """The largest effects of every group, and what proves its one-sided moments, as stored."""
     solutions: list[Solved] = []
     together = groups(job.scene)
     for number, elements in enumerate(together, start=1):
@@ -92,7 +96,13 @@ def _proposed(job: Job, filters: Filters, say: Progress) -> Design:
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
     if all(not solved.problem.unknowns for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
-    return as_stored(design_of(job, filters, solutions, dropped))
+    margin = MARGINS[job.scene.margin]
+    witnesses = {
+        " + ".join(names): as_stored(witness_of(found, margin, job.slack))
+        for solved in solutions
+        for names, found in solved.absolute.items()
+    }
+    return as_stored(design_of(job, filters, solutions, dropped)), witnesses
 
 
 def _warned(job: Job, error: CheckFailedError) -> Job | None:
@@ -137,7 +147,15 @@ def design_of(
     delays = dict(zip(names, extra_delays(felt), strict=True))
     elements = {
         name: element_profile(
-            device, scene, solved.problem, solved.sizes, name, solved.dropped, delays, job.slack
+            device,
+            scene,
+            solved.problem,
+            solved.sizes,
+            name,
+            solved.dropped,
+            delays,
+            job.slack,
+            solved.absolute,
         )
         for solved in solutions
         for name in scene.elements

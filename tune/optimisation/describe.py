@@ -19,6 +19,7 @@ from tune.optimisation.bounds import force_bound, ripple_bound, stable_bounds
 from tune.optimisation.delays import MOST
 from tune.optimisation.limits import forces_allowed, ripple, stable_points, worst_gain
 from tune.optimisation.problem import Problem
+from tune.optimisation.saturation import AllFound, saturated, witness_of
 from tune.rendering.rendered import rendered
 
 FloatArray = NDArray[np.float64]
@@ -161,6 +162,7 @@ def element_profile(
     dropped: dict[str, str],
     delays: Mapping[tuple[str, ...], float],
     slack: float,
+    absolute: AllFound,
 ) -> ElementProfile:
     """The profile entry of one element, every number computed from the written sizes.
 
@@ -173,6 +175,7 @@ def element_profile(
         dropped: reasons by label.
         delays: extra samples each moment bears, by its elements.
         slack: part of its margins that is not claimed, where a proof came too close to the edge.
+        absolute: gains of the moments that are one-sided.
     """
     values = dict.fromkeys(EFFECT_NAMES, 0.0)
     steps: dict[EffectName, float] = {}
@@ -180,13 +183,14 @@ def element_profile(
         effect: "not-perceptible" for effect in EFFECT_NAMES if f"{name}.{effect}" in dropped
     }
     own = [index for index, unknown in enumerate(problem.unknowns) if unknown.element == name]
+    bound = saturated(problem, absolute)
     for index, word in zip(own, bindings(problem, sizes, own), strict=True):
         unknown = problem.unknowns[index]
         values[unknown.effect] = unknown.sign * float(sizes[index])
         counted = unknown.steps(float(sizes[index]))
         if np.isfinite(counted):
             steps[unknown.effect] = rounded(counted, 4)
-        limited[unknown.effect] = word
+        limited[unknown.effect] = "saturation" if index in bound else word
     moments = [m for m in problem.moments if name in m.elements and any(m.members)]
     gains = [worst_gain(problem, m, sizes, late=False) for m in moments]
     alone = [m for m in problem.moments if m.elements == (name,)]
@@ -211,6 +215,14 @@ def element_profile(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
             extra_delay_samples=late,
             passive=_passive(problem, values),
+            absolute_gain=min(
+                (
+                    witness_of(found, MARGINS[scene.margin], slack).gain
+                    for names, found in absolute.items()
+                    if name in names
+                ),
+                default=None,
+            ),
         ),
         ripple=None if noise is None else rounded(noise, 4),
         limited_by=limited,

@@ -40,11 +40,13 @@ class Moment:
         elements: names.
         members: indices of unknowns, for K, B and M.
         reach: (penetration, speed, acceleration) for each unknown, in the order of ``members``.
+        one_sided: one of the elements pushes only: the moment must be absolutely stable.
     """
 
     elements: tuple[str, ...]
     members: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
     reach: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+    one_sided: bool = False
 
     @property
     def lone(self) -> int | None:
@@ -257,4 +259,5 @@ def _moment(
             tuple(motions[unknowns[i].element].speed for i in b),
             tuple(motions[unknowns[i].element].acceleration for i in m),
         ),
+        one_sided=any(scene.elements[name].one_sided for name in subset),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from tune.optimisation.climb import SAME, climb, closed_form
 from tune.optimisation.describe import bindings, reasons_for_nothing
 from tune.optimisation.limits import allowed
 from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.saturation import AllFound, Found, all_found, taken_back
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +38,7 @@ class Solved:
         dropped: reason by label of every effect that was left out.
         method: what found the answer.
         disagreement: of the solvers, relative.
+        absolute: gains of the moments that are one-sided.
     """
 
     problem: Problem
@@ -44,6 +46,7 @@ class Solved:
     dropped: dict[str, str]
     method: str = "as given"
     disagreement: float = 0.0
+    absolute: AllFound = field(default_factory=dict[tuple[str, ...], Found])
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
@@ -65,7 +68,15 @@ def solve(
     *,
     second_opinion: bool = True,
 ) -> Solved:
-    """Tune one group; effects that no hand can tell from nothing are dropped, worst first."""
+    """Tune one group; effects that no hand can tell from nothing are dropped, worst first.
+
+    Args:
+        job: device and scene.
+        elements: of one group.
+        filters: cut-offs.
+        second_opinion: by another solver, and of one-sided moments by their absolute stability; to
+            compare cut-offs neither is asked for.
+    """
     dropped: dict[str, str] = {}
     while True:
         problem = pose(job, elements=elements, filters=filters, gone=frozenset(dropped))
@@ -89,6 +100,19 @@ def solve(
             dropped |= reason
             continue
         sizes = settled(problem, answer.sizes)
+        absolute: AllFound = {}
+        if second_opinion and any(moment.one_sided for moment in problem.moments):
+            sizes = np.array([_floor_digits(float(x)) for x in taken_back(problem, sizes)])
+            short = {
+                unknown.label: f"as a one-sided wall {size:.4g} is proved stable at most"
+                for unknown, size in zip(problem.unknowns, sizes, strict=True)
+                if size < unknown.low
+            }
+            if short:
+                _refuse_broken_ranges(problem, short)
+                dropped |= short
+                continue
+            absolute = all_found(problem, sizes)
         faint = _faint(problem, sizes)
         if faint:
             dropped |= faint
@@ -99,6 +123,7 @@ def solve(
             dropped=dropped,
             method=" and ".join(answer.methods) or "start",
             disagreement=answer.disagreements,
+            absolute=absolute,
         )
 
 

@@ -26,8 +26,8 @@ from tune.stability.responses import Responses
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-#: Rounds in which the worst frequency of each loop is closed in on, and points in each.
-_ZOOMS, _ZOOM_POINTS = 3, 9
+#: Rounds in which the highest peaks of each loop are closed in on, how many, and points in each.
+_ZOOMS, _PEAKS, _ZOOM_POINTS = 3, 6, 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,17 +67,20 @@ def gain_slopes(responses: Responses, effects: Effects, multiplier: Multiplier) 
     frequency.
     """
     inverse = _inverse_gain(responses, effects, multiplier)
-    rows = np.arange(len(inverse))
     angle = np.broadcast_to(responses.angle, inverse.shape)
+    low, high = _around_peaks(inverse, angle)
+    near = responses
     for _ in range(_ZOOMS):
-        worst = np.argmax(inverse, axis=1)
-        low = angle[rows, np.maximum(worst - 1, 0)]
-        high = angle[rows, np.minimum(worst + 1, inverse.shape[1] - 1)]
-        angle = np.linspace(low, high, _ZOOM_POINTS, axis=1)
+        parts = np.linspace(low, high, _ZOOM_POINTS, axis=-1)
+        angle = parts.reshape(len(parts), -1)
         near = responses.at_each(angle)
         inverse = _inverse_gain(near, effects, multiplier)
-        responses = near
-    sectors = _Sectors.of(responses, effects, multiplier)
+        peaks = inverse.reshape(parts.shape)
+        worst = np.argmax(peaks, axis=-1)[..., None]
+        low = np.take_along_axis(parts, np.maximum(worst - 1, 0), axis=-1)[..., 0]
+        high = np.take_along_axis(parts, np.minimum(worst + 1, _ZOOM_POINTS - 1), axis=-1)[..., 0]
+    sectors = _Sectors.of(near, effects, multiplier)
+    rows = np.arange(len(inverse))
     worst = np.argmax(inverse, axis=1)
     most = inverse[rows, worst]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -86,6 +89,19 @@ def gain_slopes(responses: Responses, effects: Effects, multiplier: Multiplier) 
     found = np.zeros((3, len(rows)))
     found[list(sectors.which)] = np.where(most > 0, slopes, 0.0)
     return GainSlopes(gain=gain, slopes=found)
+
+
+def _around_peaks(inverse: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(lower, upper) neighbours of the highest peaks of each loop, (loops, peaks)."""
+    edge = np.full((len(inverse), 1), -np.inf)
+    padded = np.hstack([edge, inverse, edge])
+    peak = (inverse >= padded[:, :-2]) & (inverse >= padded[:, 2:])
+    order = np.argsort(np.where(peak, inverse, -np.inf), axis=1)[:, -_PEAKS:]
+    last = inverse.shape[1] - 1
+    return (
+        np.take_along_axis(angle, np.maximum(order - 1, 0), axis=1),
+        np.take_along_axis(angle, np.minimum(order + 1, last), axis=1),
+    )
 
 
 def _inverse_gain(responses: Responses, effects: Effects, multiplier: Multiplier) -> FloatArray:
@@ -109,7 +125,9 @@ class _Sectors:
     @classmethod
     def of(cls, responses: Responses, effects: Effects, multiplier: Multiplier) -> _Sectors:
         size = np.abs(responses.position)
-        which, weights, factors, estimates = [], [], [], []
+        which: list[int] = []
+        weights: list[FloatArray] = []
+        products: list[ComplexArray] = []
         for place, (value, constant, estimate) in enumerate(
             (
                 (effects.stiffness, None, np.ones_like(responses.position)),
@@ -120,17 +138,15 @@ class _Sectors:
             if value is None:
                 continue
             which.append(place)
-            estimates.append(estimate)
             if place == 0:
                 factor = multiplier_at(multiplier, responses.angle)
             else:
                 assert constant is not None, "the multiplier has no constant for an effect"
-                factor = np.full(responses.angle.shape, complex(constant))
-            factors.append(factor)
+                factor: ComplexArray = np.full(responses.angle.shape, complex(constant))
+            products.append(factor * estimate)
             scaled = responses.scales[place] * float(np.asarray(value))
             with np.errstate(divide="ignore"):
                 weights.append(scaled[:, None] / factor.real)
-        products = [factor * estimate for factor, estimate in zip(factors, estimates, strict=True)]
         own = [w * (p * responses.position).real for w, p in zip(weights, products, strict=True)]
         mixed = {
             (i, j): weights[i] * weights[j] * (size * np.abs(products[i] - products[j])) ** 2

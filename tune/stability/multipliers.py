@@ -26,8 +26,8 @@ from tune.stability.responses import Responses
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-#: Delays of the taps that are tried, in samples.
-_LADDER = (1, 2, 3, 4, 5, 6, 7, 9, 11, 13, 17, 23, 31, 45, 63, 91)
+#: Delays of the taps that are tried, in samples: primes, so that no two vanish at one frequency.
+_LADDER = (1, 2, 3, 5, 7, 11, 13, 17, 23, 31, 47, 67, 97)
 #: Mixing ends when a round gains less than this, relative, or after so many rounds.
 _WORTH, _ROUNDS = 3e-4, 6
 #: Steps of a line search by the golden section, each of which takes away a third: to 5e-4.
@@ -36,9 +36,9 @@ _STEPS = 16
 _REACH = 3.0
 #: Frequencies at which the inverse gain comes within this part of the largest are searched again.
 _NEAR = 0.3
-#: Constants of M tried on a device that is held, largest first; the gain may fall by this part.
-_CONSTANTS = 10.0 ** -np.arange(1, 8)
-_GIVEN_UP = 1e-3
+#: Parts tried of what keeps M from vanishing, largest first; the gain may fall by so much for it.
+_PARTS = 10.0 ** -np.arange(1.0, 7.0, 0.5)
+_GIVEN_UP = 2e-3
 _GOLDEN = (np.sqrt(5) - 1) / 2
 
 
@@ -71,8 +71,8 @@ def find_multiplier(responses: Responses, effects: Effects) -> Multiplier | None
     """
     points = _Points.of(responses, effects)
     multiplier = _as_multiplier(_best(points), effects)
-    if responses.held and effects.stiffness is not None:
-        multiplier = _with_constant(multiplier, responses, effects)
+    if effects.stiffness is not None:
+        multiplier = _strict(multiplier, responses, effects)
     gain = float(np.min(absolute_gain(responses, effects, multiplier)))
     return multiplier if gain > 0 else None
 
@@ -111,7 +111,7 @@ class _Points:
             sizes=sizes.reshape(3, -1),
         )
 
-    def only(self, which: NDArray[np.bool_]) -> _Points:
+    def only(self, which: NDArray[np.bool_] | np.bool_) -> _Points:
         return _Points(
             real=self.real[:, which],
             imag=self.imag[:, which],
@@ -135,7 +135,9 @@ class _Points:
             ):
                 if size.any():
                     factors.append((size / constant[:, None], constant[:, None] * estimate))
-            total = sum(w * (p.real * self.plant.real - p.imag * self.plant.imag) for w, p in factors)
+            total = sum(
+                w * (p.real * self.plant.real - p.imag * self.plant.imag) for w, p in factors
+            )
             square = self.plant.real**2 + self.plant.imag**2
             mixed: FloatArray | float = 0.0
             for i, (w, p) in enumerate(factors):
@@ -154,11 +156,11 @@ class _Points:
         values = self.inverse(trial)
         most = np.max(values, axis=1, keepdims=True)
         near = values > np.where(np.isfinite(most) & (most > 0), _NEAR * most, -np.inf)
-        return self.only(near.any(axis=0))
+        return self.only(np.any(near, axis=0))
 
 
 def _best(points: _Points) -> _Trial:
-    """Single taps, then mixtures; constants tied to where they match at low frequency, then free."""
+    """Single taps, then mixtures; constants first tied to the taps, then moved by themselves."""
     if not points.sizes[0].any():
         start = _Trial(np.zeros((1, len(_LADDER))), np.ones(1), np.ones(1))
         return _constants_moved(points.critical(start), start)
@@ -189,7 +191,9 @@ def _tap_added(points: _Points, start: _Trial) -> _Trial:
         grown = weights @ ladder / slope
         return _Trial(weights, start.damping * grown, start.mass * grown)
 
-    part = _least(lambda part: points.most(mixed(part)), np.zeros(len(ladder)), np.ones(len(ladder)))
+    part = _least(
+        lambda part: points.most(mixed(part)), np.zeros(len(ladder)), np.ones(len(ladder))
+    )
     trial = mixed(part)
     return trial.chosen(int(np.argmin(points.most(trial))))
 
@@ -204,7 +208,9 @@ def _constants_moved(points: _Points, start: _Trial) -> _Trial:
                 return replace(base, **{name: getattr(base, name) * np.exp(power)})
 
             reach = np.array([_REACH])
-            start = moved(_least(lambda power, moved=moved: points.most(moved(power)), -reach, reach))
+            start = moved(
+                _least(lambda power, moved=moved: points.most(moved(power)), -reach, reach)
+            )
     return start
 
 
@@ -232,12 +238,24 @@ def _as_multiplier(trial: _Trial, effects: Effects) -> Multiplier:
     )
 
 
-def _with_constant(multiplier: Multiplier, responses: Responses, effects: Effects) -> Multiplier:
-    """With the largest constant that costs nearly nothing: a device that is held asks for one."""
-    gain = float(np.min(absolute_gain(responses, effects, multiplier)))
+def _strict(multiplier: Multiplier, responses: Responses, effects: Effects) -> Multiplier:
+    """With as much of what keeps it from vanishing as costs nearly nothing.
+
+    Taps of 3 and 6 samples vanish together at θ = 2π/3, where a proof would then have nothing to
+    show; a tap of one sample does not below 2π. A device that is held asks for a constant.
+    """
     slope = sum(tap.weight * tap.samples for tap in multiplier.taps)
-    for part in _CONSTANTS:
-        trial = multiplier.model_copy(update={"constant": float(slope * part)})
-        if np.min(absolute_gain(responses, effects, trial)) >= gain * (1 - _GIVEN_UP):
+    taps = {tap.samples: tap.weight for tap in multiplier.taps}
+    least = float(np.min(absolute_gain(responses, effects, multiplier))) * (1 - _GIVEN_UP)
+    trial = multiplier
+    for part in _PARTS:
+        weights = dict(sorted((taps | {1: taps.get(1, 0.0) + slope * part}).items()))
+        trial = multiplier.model_copy(
+            update={
+                "taps": tuple(Tap(samples=i, weight=weight) for i, weight in weights.items()),
+                "constant": float(slope * part) if responses.held else 0.0,
+            }
+        )
+        if np.min(absolute_gain(responses, effects, trial)) >= least:
             break
     return trial

@@ -121,7 +121,7 @@ def _grid(loop: Loop) -> FloatArray:
     denominator = loop.transfer.plant_denominator
     drop = 0 if loop.held else 1
     lower = denominator[drop:-1] / denominator[-1]
-    roots = companion_roots(lower) if len(lower) else np.zeros((0, 1), complex)
+    roots = companion_roots(lower)
     size = np.abs(roots)
     slow = float(np.min(size, initial=_MOST))
     least = min(_MOST, max(_LEAST, _SLOWEST * slow))
@@ -144,7 +144,7 @@ def _ratio(top: FloatArray, bottom: FloatArray, angle: FloatArray) -> ComplexArr
 
 def _value(polynomial: FloatArray, sine: FloatArray, cosine: FloatArray) -> ComplexArray:
     """cos^degree(θ/2) times the polynomial: even and odd powers apart."""
-    shape = np.broadcast_shapes(polynomial.shape[1:] + (1,), sine.shape)
+    shape = np.broadcast_shapes((*polynomial.shape[1:], 1), sine.shape)
     even, odd = np.zeros(shape), np.zeros(shape)
     degree = len(polynomial) - 1
     for power, row in enumerate(polynomial):

@@ -158,7 +158,9 @@ def growing(
             samples=samples * longer,
             seed=seed + turn,
         )
-        left = [k for k, grows in zip(left, found.grows.any(axis=1), strict=True) if grows]
+        left = [
+            k for k, grows in zip(left, np.any(found.grows, axis=1).tolist(), strict=True) if grows
+        ]
     return left
 
 

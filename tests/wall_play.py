@@ -7,7 +7,7 @@ Nothing of the loops, estimators or simulators under test is used.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -191,28 +191,29 @@ class Bench:
             missed: members whose controller misses this period: the force before stands, and the
                 next reading is joined to the last by a straight line.
         """
-        s, gone = self.state, np.zeros(self.members, dtype=bool) if missed is None else missed
+        s, law = self.state, self.law
         y = np.einsum("ij,ij->i", self.reading, s.plant)
         speed, first, second = self._estimates(y)
-        gates = gate(k, self, self.law.damping * speed, self.law.mass * second)
-        damper, inertia = gates[0] * self.law.damping * speed, gates[1] * self.law.mass * second
-        steady = self.law.steady_mass * second
-        force = np.where(gone, s.forces[:, 0], self.command(y, damper, inertia) - steady)
+        damper, inertia = law.damping * speed, law.mass * second
+        gates = gate(k, self, damper, inertia)
+        force = self.command(y, gates[0] * damper, gates[1] * inertia) - law.steady_mass * second
+        state = replace(
+            s,
+            last=y,
+            speed=speed,
+            first=first,
+            second=second,
+            waiting=np.zeros(self.members, dtype=np.intp),
+        )
+        if missed is not None:
+            force, state = np.where(missed, s.forces[:, 0], force), _missing(missed, s, state)
         forces = np.concatenate([force[:, None], s.forces[:, :-1]], axis=1)
         plant = (
             (self.motion @ s.plant[:, :, None])[:, :, 0]
             + ((self._on_time if arriving is None else arriving) @ forces[:, :, None])[:, :, 0]
             + self._fall * np.broadcast_to(push, self.members)[:, None]
         )
-        self.state = State(
-            plant=plant,
-            forces=forces,
-            last=np.where(gone, s.last, y),
-            speed=np.where(gone, s.speed, speed),
-            first=np.where(gone, s.first, first),
-            second=np.where(gone, s.second, second),
-            waiting=np.where(gone, s.waiting + 1, 0),
-        )
+        self.state = replace(state, plant=plant, forces=forces)
         return force
 
     def _estimates(self, y: Array) -> tuple[Array, Array, Array]:
@@ -221,10 +222,24 @@ class Bench:
         rate = (y - s.last) / ((1 + s.waiting) * self.time)
         speed, first, second = s.speed, s.first, s.second
         for passed in range(1 + int(np.max(s.waiting))):
-            now = passed <= s.waiting
-            before = first
-            speed = np.where(now, p * speed + (1 - p) * rate, speed)
-            first = np.where(now, q * first + (1 - q) * rate, first)
-            turned = q * second + (1 - q) * (first - before) / self.time
-            second = np.where(now, turned, second)
+            then = speed, first, second
+            speed = rate + p * (speed - rate)
+            first = rate + q * (first - rate)
+            turn = (first - then[1]) / self.time
+            second = turn + q * (second - turn)
+            if passed:
+                now = passed <= s.waiting
+                speed, first, second = (
+                    np.where(now, new, old)
+                    for new, old in zip((speed, first, second), then, strict=True)
+                )
         return speed, first, second
+
+
+def _missing(missed: Mask, before: State, now: State) -> State:
+    """The estimates before, for members whose period was missed."""
+    kept = {
+        name: np.where(missed, getattr(before, name), getattr(now, name))
+        for name in ("last", "speed", "first", "second")
+    }
+    return replace(now, **kept, waiting=np.where(missed, before.waiting + 1, 0))

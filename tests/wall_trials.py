@@ -40,32 +40,40 @@ class Gates:
         generator: np.random.Generator,
     ) -> None:
         self._period, self._duty, self._generator = period, duty, generator
-        self._kind = np.broadcast_to(kind, (2, bench.members))
+        self._of_kind = {int(each): np.flatnonzero(kind == each) for each in np.unique(kind)}
         self._open = np.ones((2, bench.members))
         self._phase = generator.random((2, bench.members))
-        self._swing = _swing(bench) if np.any(kind == KINDS.index("swing")) else None
+        self._swing = _swing(bench)
 
     def __call__(self, k: int, bench: Bench, damper: Array, inertia: Array) -> tuple[Array, Array]:
         """θ of dampers and masses."""
         forces = -np.stack([damper, inertia])
-        draw = self._generator.random(forces.shape)
-        self._open = np.where(draw < 1 / self._period, 1 - self._open, self._open)
-        turn = (k / self._period + self._phase) % 1.0
-        lifts = np.zeros(bench.members)
-        if self._swing is not None:
-            left, lift = self._swing
-            lifts = (np.conj(np.einsum("ij,ij->i", left, bench.state.flat())) * lift).real
-        choices: list[Array | Mask] = [
-            np.ones_like(forces),
-            np.zeros_like(forces),
-            self._open,
-            turn < self._duty,
-            draw,
-            forces * bench.pace() > 0,
-            forces * lifts > 0,
-        ]
-        found = np.select([self._kind == which for which in range(len(KINDS))], choices)
+        found = np.ones_like(forces)
+        for kind, members in self._of_kind.items():
+            found[:, members] = self._opened(KINDS[kind], members, k, bench, forces[:, members])
         return found[0], found[1]
+
+    def _opened(
+        self, kind: str, members: NDArray[np.intp], k: int, bench: Bench, forces: Array
+    ) -> Array | Mask | float:
+        """θ of the members whose gates are of one kind."""
+        if kind in {"open", "shut"}:
+            return 1.0 if kind == "open" else 0.0
+        if kind == "power":
+            return forces * bench.pace()[members] > 0
+        if kind == "swing":
+            left, lift = self._swing
+            along = np.einsum("ij,ij->i", left[members], bench.state.flat()[members])
+            return forces * np.real(np.conj(along) * lift[members]) > 0
+        period = self._period[members]
+        if kind == "periodic":
+            return (k / period + self._phase[:, members]) % 1.0 < self._duty[members]
+        draw = self._generator.random(forces.shape)
+        if kind == "levels":
+            return draw
+        turned = np.where(draw < 1 / period, 1 - self._open[:, members], self._open[:, members])
+        self._open[:, members] = turned
+        return turned
 
 
 def _swing(bench: Bench) -> tuple[Complex, Complex]:

@@ -29,13 +29,14 @@ if TYPE_CHECKING:
     )
     from datasets_synthetic.simulation import simulate
     from datasets_synthetic.vibration import Vibration
-    from datasets_synthetic.wall import Wall
+    from datasets_synthetic.wall import Element, Wall
 
 __all__ = [
     "SCENARIOS",
     "Bounces",
     "Clock",
     "Controller",
+    "Element",
     "Excitation",
     "Faults",
     "Hand",
@@ -77,7 +78,7 @@ _HOMES = {
     "scenarios": "SCENARIOS Scenario run run_batch scenario_named",
     "simulation": "simulate",
     "vibration": "Vibration",
-    "wall": "Wall",
+    "wall": "Element Wall",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

@@ -17,8 +17,8 @@ from datasets_synthetic.simulation import simulate
 
 FloatArray = NDArray[np.float64]
 
-#: Growth of the energy from one contact to the next that is taken for none: what the friction of a
-#: fraction of a sample, between the wall and the reading that finds it, may make of it.
+#: Growth of the energy over that of every contact before that is taken for none: what the friction
+#: of a fraction of a sample, between the wall and the reading that finds it, may make of it.
 GROWTH = 0.01
 #: Counts of travel that an encoder may hide: energy below what the push and the spring do over
 #: them is not counted.
@@ -33,8 +33,8 @@ class Bounces:
         time: of the sample that found each contact, s.
         energy: of motion and springs on reaching the wall, J, the work of the push taken off.
         floor: energy within the resolution of the encoder, J.
-        grows: whether a contact had more energy than the one before it, by more than ``GROWTH``
-            and the floor; also where the motion became infinite.
+        grows: whether a contact had more energy than any before it, by more than ``GROWTH`` and
+            the floor; also where the motion became infinite.
         recording: of all of it.
     """
 
@@ -49,11 +49,11 @@ class Bounces:
         return np.sqrt(2 * self.energy[member] / mass)
 
     def largest_ratio(self, member: int = 0) -> float:
-        """Largest energy of a contact, less the floor, over that of the one before; 0 for none."""
+        """Largest energy of a contact, less the floor, over the most of any before; 0 for none."""
         energy = self.energy[member]
         if energy.size < 2:
             return 0.0
-        return float(np.max((energy[1:] - self.floor[member]) / energy[:-1]))
+        return float(np.max((energy[1:] - self.floor[member]) / _largest_before(energy)))
 
 
 def bounce(
@@ -101,12 +101,12 @@ def bounce(
         )
         net = pushed - column(rig.force_offset)
         count = _COUNTS * column(rig.encoder_resolution)
-        floor = np.abs(net) * count + 0.5 * np.abs(column(controller.stiffness)) * count**2
+        floor = np.abs(net) * count + 0.5 * np.abs(column(controller.total_stiffness())) * count**2
         found = [contacts(recording, member, place[member], net[member]) for member in range(batch)]
     energy = tuple(each for _, each in found)
     grows = [
         not np.all(np.isfinite(recording.position[member]))
-        or bool(np.any(each[1:] > (1 + GROWTH) * each[:-1] + floor[member]))
+        or bool(np.any(each[1:] > (1 + GROWTH) * _largest_before(each) + floor[member]))
         for member, each in enumerate(energy)
     ]
     return Bounces(
@@ -116,6 +116,11 @@ def bounce(
         grows=np.array(grows),
         recording=recording,
     )
+
+
+def _largest_before(energy: FloatArray) -> FloatArray:
+    """Most energy of all contacts before each but the first, J."""
+    return np.maximum.accumulate(energy)[:-1]
 
 
 def contacts(

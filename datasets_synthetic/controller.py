@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.members import chosen
-from datasets_synthetic.wall import Wall
+from datasets_synthetic.wall import Element, Wall
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -31,6 +31,7 @@ class Controller:
         velocity_window_samples: n samples over which the velocity is (q[k] - q[k-n])/(n·T) instead
             of the backward difference, without any filter; 1 is the backward difference itself.
         wall: where the effects act, or None for everywhere.
+        beside: elements that act with them, one-sided or fading.
 
     Velocity is the backward difference (z-1)/(T·z) and acceleration its square, each through its
     low-pass: (1-a)·z/(z-a) with a = exp(-2π·fc·T), or (1-t+p)·z²/(z²-t·z+p) with the poles
@@ -47,6 +48,7 @@ class Controller:
     filter_damping_ratio: float | FloatArray = 1.0
     velocity_window_samples: int | IntArray = 1
     wall: Wall | None = None
+    beside: tuple[Element, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("velocity_filter_order", "acceleration_filter_order"):
@@ -68,7 +70,12 @@ class Controller:
     def size(self) -> int:
         """Number of members the effects describe."""
         sizes = [np.size(getattr(self, name)) for name in _FIELDS]
-        return max(sizes + ([] if self.wall is None else self.wall.sizes()))
+        sizes += [] if self.wall is None else self.wall.sizes()
+        return max(sizes + [size for each in self.beside for size in each.sizes()])
+
+    def total_stiffness(self) -> FloatArray:
+        """K of all that acts at once, N/m (N·m/rad)."""
+        return sum((np.asarray(each.stiffness) for each in self.beside), np.asarray(self.stiffness))
 
     def members(self, which: NDArray[np.intp]) -> Controller:
         """The effects of these members; a value that all share stays one value."""
@@ -77,7 +84,8 @@ class Controller:
         }
         fields |= {name: fields[name].astype(np.int64) for name in _WHOLE}
         wall = None if self.wall is None else self.wall.members(which)
-        return replace(self, wall=wall, **fields)  # pyright: ignore[reportArgumentType]
+        beside = tuple(each.members(which) for each in self.beside)
+        return replace(self, wall=wall, beside=beside, **fields)  # pyright: ignore[reportArgumentType]
 
 
 _WHOLE = ("velocity_filter_order", "acceleration_filter_order", "velocity_window_samples")

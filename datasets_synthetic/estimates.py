@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 class Estimates(Protocol):
@@ -16,10 +15,6 @@ class Estimates(Protocol):
 
     def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Velocity (m/s) and acceleration (m/s²) after this reading (m)."""
-        ...
-
-    def restart(self, where: BoolArray, reading: FloatArray) -> None:
-        """As if these members had rested at this reading until now."""
         ...
 
 
@@ -56,15 +51,6 @@ class FirstOrderEstimates:
         self._acceleration = pole * self._acceleration + (1 - pole) * change_of_slope
         self._slope = slope
         return self._velocity, self._acceleration
-
-    def restart(self, where: BoolArray, reading: FloatArray) -> None:
-        """As if these members had rested at this reading until now."""
-        if self._last is None:
-            return  # the first reading does the same for all
-        self._last = np.where(where, reading, self._last)
-        self._velocity, self._slope, self._acceleration = (
-            np.where(where, 0.0, past) for past in (self._velocity, self._slope, self._acceleration)
-        )
 
 
 class SectionEstimates:
@@ -117,18 +103,6 @@ class SectionEstimates:
         )
         self._change = change
         return self._velocity[0], self._acceleration[0]
-
-    def restart(self, where: BoolArray, reading: FloatArray) -> None:
-        """As if these members had rested at this reading until now."""
-        if self._last is None:
-            return  # the first reading does the same for all
-        self._last = np.where(where, reading, self._last)
-        self._past[:, where] = reading[where]
-        self._change = np.where(where, 0.0, self._change)
-        self._velocity, self._acceleration = (
-            (np.where(where, 0.0, now), np.where(where, 0.0, before))
-            for now, before in (self._velocity, self._acceleration)
-        )
 
     def _mean_slope(self, reading: FloatArray) -> FloatArray:
         """(reading - reading n samples ago)/(n·T)."""

@@ -14,48 +14,50 @@ from datasets_synthetic.estimates import (
     section,
 )
 from datasets_synthetic.members import per_member
+from datasets_synthetic.wall import ElementAtWork
 
 FloatArray = NDArray[np.float64]
 
 
 class ControlLaw:
-    """A Controller at work: one call a sample, remembering what its filters need."""
+    """A Controller at work: one call a sample, remembering what its filters need.
 
-    __slots__ = ("_controller", "_estimates", "_inside", "_place", "_start")
+    The estimates of velocity and acceleration follow every reading, inside a wall and outside.
+    """
+
+    __slots__ = ("_beside", "_controller", "_estimates", "_last", "_place", "_start")
 
     def __init__(self, controller: Controller, sample_time: FloatArray) -> None:
         """Sample time in s, shape (batch,)."""
         self._controller = controller
         self._estimates = _estimates(controller, sample_time)
+        self._beside = [ElementAtWork(each, sample_time) for each in controller.beside]
+        self._last: FloatArray | None = None
         wall = controller.wall
         self._place = None if wall is None else per_member(wall.place, sample_time.size)
-        #: Where the spring is relaxed.
+        #: Where the springs are relaxed.
         self._start = (
-            None if self._place is None else np.where(np.isinf(self._place), 0.0, self._place)
+            0.0 if self._place is None else np.where(np.isinf(self._place), 0.0, self._place)
         )
-        self._inside = np.zeros(sample_time.shape, dtype=bool)
 
     def force(self, reading: FloatArray) -> FloatArray:
         """-(K·q + B·velocity + M·acceleration) for this sample's reading (m), N, shape (batch,).
 
-        With a wall q is counted from it, and there is no force outside.
+        With a wall q is counted from it, and there is no force outside but of what fades out;
+        what stands beside the controller's own effects is added.
         """
-        gains, wall = self._controller, self._controller.wall
-        if wall is None or self._place is None or self._start is None:
-            return self._pull(gains.stiffness * reading, reading)
-        inside = reading > self._place
-        if wall.restarts:
-            self._estimates.restart(inside & ~self._inside, reading)
-            self._inside = inside
-        force = self._pull(gains.stiffness * (reading - self._start), reading)
-        if wall.unilateral:
-            force = np.minimum(force, 0.0)
-        return np.where(inside, force, 0.0)
-
-    def _pull(self, spring: FloatArray, reading: FloatArray) -> FloatArray:
         gains = self._controller
         velocity, acceleration = self._estimates.update(reading)
-        return -(spring + gains.damping * velocity + gains.mass * acceleration)
+        depth = reading - self._start
+        inside = None if self._place is None else reading > self._place
+        force = -(gains.stiffness * depth + gains.damping * velocity + gains.mass * acceleration)
+        if inside is not None:
+            force = np.where(inside, force, 0.0)
+        moved = np.zeros_like(reading) if self._last is None else reading - self._last
+        self._last = reading
+        for each in self._beside:
+            force = force + each.force(depth, velocity, acceleration, moved, inside)
+        return force
 
 
 def _estimates(controller: Controller, sample_time: FloatArray) -> Estimates:

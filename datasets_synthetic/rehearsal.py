@@ -5,6 +5,7 @@ What is played is in trials.py; here it is judged.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ from datasets_synthetic.trials import (
     play_falls,
     play_freely,
 )
+from datasets_synthetic.wall import ADVERSE, OPEN, RANDOM
 
 FloatArray = NDArray[np.float64]
 
@@ -33,8 +35,11 @@ FloatArray = NDArray[np.float64]
 _LONGER = 3
 #: Force that keeps oscillating may be this part of the force limit unless another is stated.
 _FORCE = 0.01
-#: Counts that keep oscillating unless others are stated.
-_COUNTS = 3.0
+#: Counts that keep oscillating unless others are stated, and so many times more where a gate chops
+#: the force of a damper.
+_COUNTS, _GATED = 3.0, 10.0
+#: What a trial says of a gate.
+_GATES = {OPEN: "", RANDOM: ", damper gated at random", ADVERSE: ", damper gated against it"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +93,7 @@ def rehearse(
     controller: Controller,
     *,
     hand: Hand | None = None,
+    others: Sequence[Rig] = (),
     duration: float = 3.0,
     reach: float | FloatArray | None = None,
     push: float | FloatArray | None = None,
@@ -98,14 +104,17 @@ def rehearse(
     """Plays the standard trials of every controller of a batch on one device, in every condition.
 
     Conditions are hands off and, if a hand is given, held; with the Coulomb friction of the device
-    and, because it may be less than thought, without any. All of it is one run; the controllers
-    with anything not at rest in the end, and only those, are played again for longer.
+    and, because it may be less than thought, without any; other devices without any; and, where
+    one-sided elements have damping, that damping shut and open at random and against the device.
+    All of it is one run; the controllers with anything not at rest in the end, and only those, are
+    played again for longer.
 
     Args:
         rig: the truth, one device.
         controller: effects and filters, numbers or shape (batch,); about zero for the first four
-            trials, behind a one-sided wall (its own, or one that may pull) for the falls.
+            trials, behind a wall (its own, or one at zero) for the falls.
         hand: that holds the handle, or None for hands off only.
+        others: devices with the same modes and sample time that this one may be as well.
         duration: of each trial, s; three times as long where anything is not at rest by then.
         reach: displacement of the release and height of the fall, m (rad), a number or shape
             (batch,); None for 1000 counts.
@@ -125,7 +134,7 @@ def rehearse(
             limit nor a push.
     """
     sizes = Sizes.of(rig, controller.size(), reach=reach, push=push, duration=duration)
-    conditions = conditions_of(rig, hand)
+    conditions = conditions_of(rig, hand, others, controller)
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
     pushed = bool(np.any(rig.force_offset) or np.any(rig.stiffness))
     allowed = [Allowed(counts=counts_allowed, force=float(f), pushed=pushed) for f in force]
@@ -138,8 +147,10 @@ def rehearse(
         fallen = play_falls(law, conditions, part, samples, seed)
         for place, member in enumerate(left):
             count = float(sizes.count[member])
-            found[member] = _endings(free, place, left.size, count, allowed[member])
-            found[member] += _after_falls(fallen, place, left.size, count, allowed[member])
+            limit = float(sizes.limit[member])
+            own = [_allowed(each, allowed[member], limit) for each in conditions]
+            found[member] = _endings(free, place, left.size, count, own)
+            found[member] += _after_falls(fallen, place, left.size, count, own)
         left = np.array([k for k in left if not all(end.at_rest for end in found[k])], np.intp)
         if not left.size:
             break
@@ -150,19 +161,32 @@ def rehearse(
     )
 
 
+def _allowed(condition: Condition, allowed: Allowed, limit: float) -> Allowed:
+    """What may be left in a condition: with a gate, whatever force it makes of a few counts."""
+    if condition.gate == OPEN:
+        return allowed
+    return replace(allowed, counts=_GATED * allowed.counts, force=2 * limit)
+
+
 def _endings(
-    recording: Recording, place: int, batch: int, count: float, allowed: Allowed
+    recording: Recording, place: int, batch: int, count: float, allowed: Sequence[Allowed]
 ) -> list[Ending]:
-    """What became of the trials of one controller of a batch."""
+    """What became of the trials of one controller of a batch, what is allowed by condition."""
+    found: list[Ending] = []
     own = slice(place, None, batch)
-    return endings(recording.position[own], recording.force[own], count, allowed)
+    rows = range(len(recording.position[own]))
+    for kind in dict.fromkeys(allowed):
+        ends = endings(recording.position[own], recording.force[own], count, kind)
+        found = found or ends
+        found = [ends[row] if allowed[row % len(allowed)] == kind else found[row] for row in rows]
+    return found
 
 
 def _after_falls(
-    falls: Bounces, place: int, batch: int, count: float, allowed: Allowed
+    falls: Bounces, place: int, batch: int, count: float, allowed: Sequence[Allowed]
 ) -> list[Ending]:
-    """The same of its falls, judged by their contacts too."""
-    pushed = replace(allowed, pushed=True)
+    """What became of its falls, judged by their contacts too."""
+    pushed = [replace(each, pushed=True) for each in allowed]
     members = range(place, falls.recording.batch, batch)
     ends = _endings(falls.recording, place, batch, count, pushed)
     return [_with_contacts(end, falls, k) for k, end in zip(members, ends, strict=True)]
@@ -176,13 +200,18 @@ def _with_contacts(ending: Ending, falls: Bounces, member: int) -> Ending:
     return replace(
         ending,
         verdict="diverges",
-        reason=f"a contact with the wall had {ratio:.3g} times the energy of the one before",
+        reason=f"a contact with the wall had {ratio:.3g} times the energy of any before",
     )
 
 
 def _trial(name: TrialName, condition: Condition, ending: Ending) -> Trial:
     where = "held" if condition.held else "hands off"
     where += "" if condition.rubbing else ", without friction"
+    where += _GATES[condition.gate]
+    if condition.other:
+        rig = condition.rig
+        where += f", at {rig.mass[0]:.4g} of mass, {rig.damping[0]:.4g} of damping and a delay of "
+        where += f"{rig.delay[0]:.3g} s"
     return Trial(
         name=name,
         held=condition.held,

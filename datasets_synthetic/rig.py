@@ -141,6 +141,17 @@ class Rig:
         """Number of devices."""
         return self.mass.size
 
+    @classmethod
+    def batch_of(cls, rigs: Sequence[Rig]) -> Rig:
+        """Devices with the same modes, one after the other, as one batch named after the first."""
+        columns = {
+            name: np.concatenate([np.atleast_1d(getattr(rig, name)) for rig in rigs])
+            for name in _COLUMNS
+        }
+        members = np.zeros(len(rigs), dtype=np.intp)
+        modes = tuple(mode.members(members) for mode in rigs[0].modes)
+        return replace(rigs[0], **columns, modes=modes)
+
     def members(self, which: Sequence[int] | NDArray[np.intp]) -> Rig:
         """The devices at these indices, as a batch of their own."""
         chosen = np.asarray(which)

@@ -2,9 +2,9 @@
 
 All of them run with the quantiser, friction, delay, force limit, modes and lag of the device: let
 go from a displacement, a push and its release, a push beyond the force limit, a start within a few
-counts where friction and quantiser may sustain an oscillation, and falls into a one-sided wall from
-afar and from near. Of a batch, trials are the outermost, conditions the next, controllers the
-innermost.
+counts where friction and quantiser may sustain an oscillation, and falls from afar and from near
+into a wall, where one-sided elements only push and others fade if they have to. Of a batch, trials
+are the outermost, conditions the next, controllers the innermost.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from datasets_synthetic.members import per_member
 from datasets_synthetic.recording import Recording
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import simulate
-from datasets_synthetic.wall import Wall
+from datasets_synthetic.wall import ADVERSE, OPEN, RANDOM, Wall
 
 FloatArray = NDArray[np.float64]
 TrialName = Literal["release", "push", "sustained push", "small start", "wall", "near wall"]
@@ -45,11 +45,21 @@ _RELEASE, _RISE = 0.25, 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """A device and the hand on it, in which every trial is played."""
+    """A device, the hand on it and the gate of its dampers, in which every trial is played.
+
+    Attributes:
+        rig: one device.
+        hand: on it.
+        held: whether there is a hand.
+        other: whether it is another device than the one that is rehearsed on.
+        gate: of the dampers of one-sided elements, OPEN, RANDOM or ADVERSE.
+    """
 
     rig: Rig
     hand: Hand
     held: bool
+    other: bool = False
+    gate: int = OPEN
 
     @property
     def rubbing(self) -> bool:
@@ -117,13 +127,36 @@ class Sizes:
         )
 
 
-def conditions_of(rig: Rig, hand: Hand | None) -> list[Condition]:
-    """With friction, if there is any, and without; each hands off and, if a hand is given, held."""
-    rigs = [rig]
-    if rig.coulomb_friction[0] > 0:
-        rigs.append(replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0))
+def conditions_of(
+    rig: Rig, hand: Hand | None, others: Sequence[Rig], controller: Controller
+) -> list[Condition]:
+    """With friction, if there is any, and without; each hands off and, if a hand is given, held.
+
+    Other devices are played without friction; gates without friction and hands off.
+    """
+    bare = [_oiled(each) for each in (rig, *others)]
     hands = [(Hand(), False)] + ([] if hand is None else [(hand, True)])
-    return [Condition(rig=some, hand=on, held=held) for some in rigs for on, held in hands]
+    rubbing = [rig] if rig.coulomb_friction[0] > 0 else []
+    found = [
+        Condition(rig=some, hand=on, held=held)
+        for some in (*rubbing, bare[0])
+        for on, held in hands
+    ]
+    found += [
+        Condition(rig=some, hand=on, held=held, other=True)
+        for some in bare[1:]
+        for on, held in hands
+    ]
+    if any(each.one_sided and np.any(each.damping) for each in controller.beside):
+        found += [
+            Condition(rig=bare[0], hand=Hand(), held=False, gate=gate) for gate in (RANDOM, ADVERSE)
+        ]
+    return found
+
+
+def _oiled(rig: Rig) -> Rig:
+    """The device without Coulomb friction."""
+    return replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0)
 
 
 def named(conditions: Sequence[Condition]) -> list[tuple[TrialName, Condition]]:
@@ -150,7 +183,7 @@ def play_freely(
     return simulate(
         _rigs(conditions, _OPEN, sizes.batch),
         np.zeros(samples),
-        controller=replace(_laws(controller, _OPEN * len(conditions), sizes.batch), wall=None),
+        controller=replace(_laws(controller, conditions, _OPEN, sizes.batch), wall=None),
         hand=_hands(conditions, _OPEN, sizes.batch),
         position=start,
         velocity=_each([none, none, none, speed], len(conditions)),
@@ -171,7 +204,7 @@ def play_falls(
     behind = replace(controller, wall=controller.wall or Wall())
     return bounce(
         _rigs(conditions, times, sizes.batch),
-        _laws(behind, times * len(conditions), sizes.batch),
+        _laws(behind, conditions, times, sizes.batch),
         push=_each([_FALL * sizes.limit] * times, len(conditions)),
         drop=_each([sizes.reach, sizes.near], len(conditions)),
         hand=_hands(conditions, times, sizes.batch),
@@ -185,21 +218,21 @@ def _each(trials: Sequence[FloatArray], conditions: int) -> FloatArray:
     return np.repeat(np.stack(trials)[:, None], conditions, axis=1).ravel()
 
 
-def _laws(controller: Controller, times: int, batch: int) -> Controller:
-    """The controllers in turn, so many times, as one batch."""
-    return controller.members(np.tile(np.arange(batch), times))
+def _laws(
+    controller: Controller, conditions: Sequence[Condition], times: int, batch: int
+) -> Controller:
+    """The controllers in turn for every condition, so many times, as one batch."""
+    laws = controller.members(np.tile(np.arange(batch), times * len(conditions)))
+    gate = np.tile(np.repeat([each.gate for each in conditions], batch), times)
+    beside = tuple(replace(e, gate=gate) if e.one_sided else e for e in laws.beside)
+    return replace(laws, beside=beside)
 
 
 def _rigs(conditions: Sequence[Condition], trials: int, batch: int) -> Rig:
     """The devices, each for every controller in turn, so many times, as one batch."""
-    frictions = [float(each.rig.coulomb_friction[0]) for each in conditions]
-    askew = [float(each.rig.coulomb_asymmetry[0]) for each in conditions]
-    members = np.zeros(trials * len(conditions) * batch, dtype=np.intp)
-    return replace(
-        conditions[0].rig.members(members),
-        coulomb_friction=np.tile(np.repeat(frictions, batch), trials),
-        coulomb_asymmetry=np.tile(np.repeat(askew, batch), trials),
-    )
+    places = np.tile(np.repeat(np.arange(len(conditions)), batch), trials)
+    rigs = [each.rig for each in conditions]
+    return Rig.batch_of(rigs).members(places)
 
 
 def _hands(conditions: Sequence[Condition], trials: int, batch: int) -> Hand:

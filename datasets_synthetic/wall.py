@@ -1,4 +1,4 @@
-"""A one-sided wall: effects that act on one side of a place only."""
+"""A wall: where effects act, and elements that come and go there in a way of their own."""
 
 from __future__ import annotations
 
@@ -10,27 +10,26 @@ from numpy.typing import NDArray
 from datasets_synthetic.members import chosen
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: What a gate does to a damper: nothing, shuts and opens at random, or acts against the device:
+#: shut where the damper would take energy, open where its lag makes it give some.
+OPEN, RANDOM, ADVERSE = 0, 1, 2
+#: Chance that a random gate changes in a sample.
+_CHANGES = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wall:
-    """Effects act while the reading is above ``place``; numbers, or arrays of shape (batch,).
+    """Effects act while the reading is above ``place``; a number, or an array of shape (batch,).
 
-    The spring is relaxed at ``place``; outside there is no force.
+    The springs are relaxed at ``place``; outside there is no force but of what still fades out.
 
     Attributes:
         place: m (rad); -inf lets the effects act everywhere, about zero.
-        unilateral: the wall never pulls: its force is kept from being positive.
-        restarts: at the sample that finds the reading inside for the first time the estimates of
-            velocity and acceleration start from rest there, so that entering makes no jump of
-            force. They then take the speed of entering for an acceleration: a virtual mass M is
-            hit like a mass at rest and gives the momentum -M·v, a negative one kicks the handle
-            on. False lets the estimates follow the readings outside too.
     """
 
     place: float | FloatArray = 0.0
-    unilateral: bool = False
-    restarts: bool = True
 
     def sizes(self) -> list[int]:
         """Number of members each field describes."""
@@ -39,3 +38,107 @@ class Wall:
     def members(self, which: NDArray[np.intp]) -> Wall:
         """The walls of these members."""
         return replace(self, place=chosen(self.place, which))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Element:
+    """Effects beside a controller's own; numbers, or arrays of shape (batch,).
+
+    Attributes:
+        stiffness: K, N/m (N·m/rad).
+        damping: B, N·s/m (N·m·s/rad).
+        mass: M, kg (kg·m²).
+        one_sided: behind a wall its force is kept from pulling.
+        fade_time: s, over which its force fades in and out at a wall; 0 switches it at once.
+        gate: of its damping: OPEN, RANDOM or ADVERSE.
+    """
+
+    stiffness: float | FloatArray = 0.0
+    damping: float | FloatArray = 0.0
+    mass: float | FloatArray = 0.0
+    one_sided: bool = False
+    fade_time: float | FloatArray = 0.0
+    gate: int | IntArray = OPEN
+
+    def sizes(self) -> list[int]:
+        """Number of members each field describes."""
+        return [np.size(getattr(self, name)) for name in _FIELDS]
+
+    def members(self, which: NDArray[np.intp]) -> Element:
+        """The elements of these members; a value that all share stays one value."""
+        fields = {name: chosen(getattr(self, name), which) for name in _FIELDS}
+        gate = fields.pop("gate").astype(np.int64)
+        return replace(self, gate=gate, **fields)  # pyright: ignore[reportArgumentType]
+
+
+_FIELDS = ("stiffness", "damping", "mass", "fade_time", "gate")
+
+
+class ElementAtWork:
+    """One element, remembering how far it is faded in and whether its gates are open."""
+
+    __slots__ = (
+        "_adverse",
+        "_always",
+        "_element",
+        "_fades",
+        "_level",
+        "_open",
+        "_random",
+        "_source",
+        "_step",
+    )
+
+    def __init__(self, element: Element, sample_time: FloatArray) -> None:
+        """Sample time in s, shape (batch,)."""
+        self._element = element
+        fade = np.broadcast_to(np.asarray(element.fade_time, dtype=np.float64), sample_time.shape)
+        self._fades = bool(np.any(fade > 0))
+        #: Change of the level in a sample.
+        self._step = sample_time / np.maximum(fade, sample_time)
+        self._level = np.zeros(sample_time.shape)
+        gate = np.broadcast_to(np.asarray(element.gate), sample_time.shape)
+        self._always, self._random, self._adverse = (
+            gate == kind for kind in (OPEN, RANDOM, ADVERSE)
+        )
+        self._source = np.random.default_rng(0)  # one gate for all members, whatever the batch
+        self._open = True
+
+    def force(
+        self,
+        depth: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        moved: FloatArray,
+        inside: NDArray[np.bool_] | None,
+    ) -> FloatArray:
+        """Force (N) of this sample, shape (batch,).
+
+        Args:
+            depth: of the reading, m.
+            velocity: estimated, m/s.
+            acceleration: estimated, m/s².
+            moved: change of the reading since the last sample, m.
+            inside: where the reading is behind the wall; None without one: all acts fully.
+        """
+        element = self._element
+        pull = element.damping * velocity
+        if not self._always.all():
+            pull = pull * self._gates(velocity, moved)
+        force = -(element.stiffness * depth + pull + element.mass * acceleration)
+        if inside is None:
+            return force
+        if element.one_sided:
+            force = np.minimum(force, 0.0) * inside
+        if not self._fades:
+            return force * inside
+        change = np.where(inside, self._step, -self._step)
+        self._level = np.minimum(np.maximum(self._level + change, 0.0), 1.0)
+        return self._level * force
+
+    def _gates(self, velocity: FloatArray, moved: FloatArray) -> NDArray[np.bool_]:
+        """Which dampers act."""
+        if self._source.random() < _CHANGES:
+            self._open = not self._open
+        gives = velocity * moved < 0
+        return self._always | (self._adverse & gives) | (self._random & self._open)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import shutil
 import subprocess
 from collections.abc import Iterable, Mapping
@@ -10,33 +11,50 @@ from pathlib import Path
 
 import pytest
 
-STATUS = "OK NOT_TOGETHER NOT_ENTERED NOT_FINITE BAD_GAIN STALE LATE".split()  # noqa: SIM905
+STATUS = (
+    "OK",
+    "WAITING",
+    "NOT_TOGETHER",
+    "NOT_ENTERED",
+    "NO_SIDE",
+    "NOT_FINITE",
+    "BAD_GAIN",
+    "STALE",
+    "GLITCH",
+    "LATE",
+)
 FLAGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 
-#: Reads "R elements period position rest" and "F elements period position gain".
-_DRIVER = """\
+#: One guard behind functions that a foreign program can call.
+_DOOR = """\
 #include "haptune_guard.h"
-#include <stdio.h>
 
-int main(void)
+static haptune_guard guard;
+
+void door_init(void);
+int door_reset(uint64_t elements, double rest, int side);
+double door_force(
+    uint64_t elements, uint32_t period, double position, double gain, uint32_t *counts);
+
+void door_init(void)
 {
-    static haptune_guard guard;
-    char call;
-    unsigned long long elements;
-    unsigned long period;
-    double position, last;
     haptune_init(&guard);
-    while (scanf(" %c %llu %lu %lf %lf", &call, &elements, &period, &position, &last) == 5) {
-        double force = 0.0;
-        if (call == 'R') {
-            haptune_reset(&guard, elements, (uint32_t)period, position, last);
-        } else {
-            force = haptune_force(&guard, elements, (uint32_t)period, position, last);
-        }
-        printf("%d %d %lu %.17g\\n", (int)guard.status, guard.clamped,
-            (unsigned long)guard.missed, force);
-    }
-    return 0;
+}
+
+int door_reset(uint64_t elements, double rest, int side)
+{
+    return (int)haptune_reset(&guard, elements, rest, side);
+}
+
+double door_force(
+    uint64_t elements, uint32_t period, double position, double gain, uint32_t *counts)
+{
+    const double force = haptune_force(&guard, elements, period, position, gain);
+    counts[0] = (uint32_t)guard.status;
+    counts[1] = (uint32_t)guard.clamped;
+    counts[2] = guard.missed;
+    counts[3] = guard.glitches;
+    return force;
 }
 """
 
@@ -46,57 +64,81 @@ class Reply:
     """What one call left behind."""
 
     status: str
-    clamped: bool
-    missed: int
-    force: float
+    force: float = 0.0
+    clamped: bool = False
+    missed: int = 0
+    glitches: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Call:
-    """A reset (``last`` is where springs rest) or a force (``last`` is the gain)."""
+class Enter:
+    """haptune_reset."""
 
-    kind: str
+    elements: int
+    rest: float
+    side: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Push:
+    """haptune_force."""
+
     elements: int
     period: int
     position: float
-    last: float
+    gain: float
 
 
-def enter(elements: int, period: int, position: float, rest: float = 0.0) -> Call:
+def enter(elements: int, rest: float = 0.0, side: int = 0) -> Enter:
     """haptune_reset."""
-    return Call(kind="R", elements=elements, period=period, position=position, last=rest)
+    return Enter(elements=elements, rest=rest, side=side)
 
 
-def push(elements: int, period: int, position: float, gain: float = 1.0) -> Call:
+def push(elements: int, period: int, position: float, gain: float = 1.0) -> Push:
     """haptune_force."""
-    return Call(kind="F", elements=elements, period=period, position=position, last=gain)
+    return Push(elements=elements, period=period, position=position, gain=gain)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Guard:
-    """A compiled guard; every run begins with haptune_init."""
+    """A compiled guard, called in this process."""
 
-    program: Path
-
-    def run(self, calls: Iterable[Call]) -> list[Reply]:
-        """The reply to each call."""
-        text = "".join(
-            f"{c.kind} {c.elements} {c.period} {c.position!r} {c.last!r}\n" for c in calls
-        )
-        done = subprocess.run(
-            [self.program], input=text, capture_output=True, text=True, check=True, timeout=20
-        )
-        rows = [line.split() for line in done.stdout.splitlines()]
-        assert len(rows) == text.count("\n")
-        return [
-            Reply(
-                status=STATUS[int(row[0])],
-                clamped=row[1] == "1",
-                missed=int(row[2]),
-                force=float(row[3]),
-            )
-            for row in rows
+    def __init__(self, library: Path) -> None:
+        self._door = ctypes.CDLL(str(library))
+        self._door.door_reset.argtypes = [ctypes.c_uint64, ctypes.c_double, ctypes.c_int]
+        self._door.door_force.argtypes = [
+            ctypes.c_uint64,
+            ctypes.c_uint32,
+            ctypes.c_double,
+            ctypes.c_double,
+            ctypes.c_void_p,
         ]
+        self._door.door_force.restype = ctypes.c_double
+        self._counts = (ctypes.c_uint32 * 4)()
+
+    def start(self) -> None:
+        """haptune_init."""
+        self._door.door_init()
+
+    def call(self, call: Enter | Push) -> Reply:
+        """The reply to one call."""
+        if isinstance(call, Enter):
+            return Reply(status=STATUS[self._door.door_reset(call.elements, call.rest, call.side)])
+        force = self._door.door_force(
+            call.elements, call.period, call.position, call.gain, self._counts
+        )
+        status, clamped, missed, glitches = self._counts
+        return Reply(
+            status=STATUS[status],
+            force=force,
+            clamped=clamped == 1,
+            missed=missed,
+            glitches=glitches,
+        )
+
+    def run(self, calls: Iterable[Enter | Push]) -> list[Reply]:
+        """The replies to some calls after haptune_init."""
+        self.start()
+        return [self.call(each) for each in calls]
 
 
 def compiler(*names: str) -> str:
@@ -115,12 +157,11 @@ def write(files: Mapping[str, str], folder: Path) -> None:
 
 def built(files: Mapping[str, str], folder: Path) -> Guard:
     """Compile without a single warning."""
-    write({**files, "driver.c": _DRIVER}, folder)
+    write({**files, "door.c": _DOOR}, folder)
     cc = compiler("cc", "gcc", "clang")
-    subprocess.run(
-        [cc, *FLAGS, "driver.c", "haptune_guard.c", "-o", "driver"], cwd=folder, check=True
-    )
-    return Guard(program=folder / "driver")
+    shared = ["-shared", "-fPIC", "door.c", "haptune_guard.c", "-o", "guard.so"]
+    subprocess.run([cc, *FLAGS, *shared], cwd=folder, check=True)
+    return Guard(folder / "guard.so")
 
 
 def compiles(folder: Path, *flags: str) -> str:

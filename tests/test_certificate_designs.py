@@ -11,8 +11,9 @@ from tests.random_boxes import safe_gain as limit_of_corners
 from tune import Scene, optimise
 from tune.certificate.certify import certify
 from tune.certificate.check import check
+from tune.certificate.point import setting_of
 from tune.certificate.polynomial import Point
-from tune.certificate.posed import regions_of, setting_of
+from tune.certificate.region import regions_of
 from tune.certificate.roots import judge
 from tune.certificate.words import NO_HAND, WITH_HAND
 from tune.documents.errors import CheckFailedError

@@ -78,7 +78,7 @@ def test_ros2_parameters_are_what_they_seem(name: str) -> None:
     text = export(profile, "ros2")["haptune_params.yaml"]
     parameters = _ros2(text)
     for leaf in _leaves(parameters):
-        assert type(leaf) in {int, float, str, list}
+        assert type(leaf) in {bool, int, float, str, list}
         if isinstance(leaf, list):
             assert leaf
             assert {type(item) for item in leaf} == {str}  # pyright: ignore[reportUnknownVariableType]
@@ -86,7 +86,9 @@ def test_ros2_parameters_are_what_they_seem(name: str) -> None:
     for line in text.splitlines():
         value = line.partition(": ")[2]
         if value and not line.startswith("#"):
-            assert re.fullmatch(r'"[^"]*"|\[("[^"]*"(, )?)+\]|\d+|-?\d+\.\d+(e[+-]\d+)?', value)
+            assert re.fullmatch(
+                r'"[^"]*"|\[("[^"]*"(, )?)+\]|\d+|-?\d+\.\d+(e[+-]\d+)?|true|false', value
+            )
     for element, stored in parameters["elements"].items():
         told = profile.elements[element]
         assert stored == {
@@ -94,6 +96,8 @@ def test_ros2_parameters_are_what_they_seem(name: str) -> None:
             "stiffness": told.stiffness,
             "damping": told.damping,
             "mass": told.mass,
+            "one_sided": False,
+            "fade_time": 0.1 if element == "cup" else 0.0,
         }
         assert all(type(stored[effect]) is float for effect in ("stiffness", "damping", "mass"))
     assert parameters["digest"] == profile.digest
@@ -108,7 +112,9 @@ def test_json_states_the_coefficients_of_the_poles(name: str) -> None:
     content = json.loads(export(profile, "json")["haptune_profile.json"])
     assert content["digest"] == profile.digest
     assert content["moments"] == [["wall"], ["cup"], ["rubber"], ["wall", "cup"]]
-    assert content["elements"]["wall"] == {"stiffness": 500.0, "damping": 10.0, "mass": 0.0}
+    sizes = {"stiffness": 500.0, "damping": 10.0, "mass": 0.0}
+    assert content["elements"]["wall"] == {**sizes, "one_sided": False, "fade_time": 0.0}
+    assert content["elements"]["cup"]["fade_time"] == 0.1
     assert content["force_limit"] == {"continuous": 14.0, "peak": 28.0}
     assert content["margin"] == {"name": "balanced", "gain": 2.0, "extra_delay_samples": 1}
     assert content["assumes"] == list(profile.certificate.assumes)
@@ -175,7 +181,7 @@ int main()
     }
     haptune::Axis axis(chai3d::cVector3d{0.0, 1.0, 0.0});
     double place = axis.along(chai3d::cVector3d{5.0, 0.002, 5.0});
-    axis.enter(HAPTUNE_ELEMENT_WALL, 0, place, 0.001);
+    axis.enter(HAPTUNE_ELEMENT_WALL, 0.001, 0);
     chai3d::cVector3d force = axis.force(HAPTUNE_ELEMENT_WALL, 0, place);
     std::printf("%g %g %g %d\\n", force.x, force.y, force.z, (int)axis.status());
 }

@@ -10,7 +10,7 @@ import pytest
 from identification import load_device, quantity, to_mapping
 from tune.certificate import felt
 from tune.certificate.felt import felt_failures
-from tune.certificate.posed import setting_of
+from tune.certificate.point import setting_of
 from tune.documents.profile import Design, SafeProfile
 from tune.documents.scene import Scene
 from tune.optimisation._optimise import optimise

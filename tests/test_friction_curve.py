@@ -43,7 +43,7 @@ from tests.true_loops import judged
 from tests.unlimited import BOUNDLESS
 from tune import SafeProfile, Scene, optimise
 from tune.certificate.check import check_content
-from tune.certificate.posed import regions_of
+from tune.certificate.region import regions_of
 from tune.documents.errors import NoFeasibleEffectError
 
 WALL = Scene.model_validate(

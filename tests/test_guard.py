@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from datasets_synthetic import Controller
+from datasets_synthetic import Controller, Element, Wall
 from datasets_synthetic.law import ControlLaw
+from tests.entered_scenes import scene_on
 from tests.exported import LOOPS, STEP, Array, changed, poles, tuned
 from tests.guard import FLAGS, Guard, built, compiler, compiles, enter, push, write
+from tests.played_law import PlayedLaw
 from tests.unlimited import BOUNDLESS
 from tune import SafeProfile
 from tune.exporters import export
@@ -57,139 +59,139 @@ def forces(profile: SafeProfile, name: str, place: Array, rest: float) -> Array:
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_the_guard_runs_the_certified_law(tmp_path: Path, name: str) -> None:
-    profile = changed(**LOOPS[name])
-    device = profile.device.model_copy(update={"force_limit": BOUNDLESS})
-    profile = profile.model_copy(update={"device": device})
+    profile = unlimited(changed(**LOOPS[name]))
     guard = built(export(profile, "c"), tmp_path)
     place = movement()
     both = WALL | CUP
-    calls = [enter(both, 0, float(place[0]), 0.001)]
-    calls += [push(both, k, float(x)) for k, x in enumerate(place)]
+    calls = [enter(both, 0.001), *(push(both, k, float(x)) for k, x in enumerate(place))]
     replies = guard.run(calls)[1:]
     assert {(reply.status, reply.missed, reply.clamped) for reply in replies} == {("OK", 0, False)}
     found = np.array([reply.force for reply in replies])
 
-    wanted = forces(profile, "wall", place, 0.001) + forces(profile, "cup", place, 0.001)
+    level = np.minimum(np.arange(1, place.size + 1) * STEP / 0.1, 1)
+    cup = forces(profile, "cup", place, 0.001)
+    wanted = forces(profile, "wall", place, 0.001) + level * cup
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
+    law = ControlLaw(simulated(profile), np.array([STEP]))
+    played = np.array([law.force(np.array([x]))[0] for x in place]) + 500.0 * 0.001
+    full = level == 1
+    np.testing.assert_allclose(found[full], played[full], rtol=0, atol=1e-12 * np.abs(wanted).max())
+
+
+def unlimited(profile: SafeProfile) -> SafeProfile:
+    """The profile of a device whose force nothing limits, so that no reading is too far either."""
+    device = profile.device.model_copy(update={"force_limit": BOUNDLESS})
+    return profile.model_copy(update={"device": device})
+
+
+def simulated(profile: SafeProfile) -> Controller:
+    """Wall and cup as the simulator plays them, about zero."""
     loop = profile.loop
-    law = ControlLaw(
-        Controller(
-            stiffness=500.0,
-            damping=10.0,
-            mass=profile.elements["cup"].mass,
-            velocity_filter_hz=loop.velocity_filter_hz or np.inf,
-            acceleration_filter_hz=loop.acceleration_filter_hz or np.inf,
-            velocity_filter_order=loop.velocity_filter_order,
-            acceleration_filter_order=loop.acceleration_filter_order,
-            filter_damping_ratio=loop.filter_damping_ratio,
-            velocity_window_samples=loop.velocity_window_samples or 1,
-        ),
-        np.array([STEP]),
+    return Controller(
+        stiffness=500.0,
+        damping=10.0,
+        mass=profile.elements["cup"].mass,
+        velocity_filter_hz=loop.velocity_filter_hz or np.inf,
+        acceleration_filter_hz=loop.acceleration_filter_hz or np.inf,
+        velocity_filter_order=loop.velocity_filter_order,
+        acceleration_filter_order=loop.acceleration_filter_order,
+        filter_damping_ratio=loop.filter_damping_ratio,
+        velocity_window_samples=loop.velocity_window_samples or 1,
     )
-    simulated = np.array([law.force(np.array([x]))[0] for x in place]) + 500.0 * 0.001
-    np.testing.assert_allclose(found, simulated, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
-def test_filters_start_from_rest_on_contact_and_each_element_on_its_own(guard: Guard) -> None:
-    place = movement(60)
-    calls = [enter(CUP, 0, float(place[0]))]
-    calls += [push(CUP, k, float(place[k])) for k in range(30)]
-    calls += [enter(WALL, 30, float(place[30]), 0.002)]
-    calls += [push(WALL | CUP, k, float(place[k])) for k in range(30, 60)]
-    found = [
-        reply.force for call, reply in zip(calls, guard.run(calls), strict=True) if call.kind == "F"
-    ]
-    wanted = forces(tuned(), "cup", place, 0.0)
-    wanted[30:] += forces(tuned(), "wall", place[30:], 0.002)
-    assert abs(wanted).max() < 28.0
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * abs(wanted).max())
-    # 0.1 mm into a spring of 500 N/m: neither B/T nor M/T² of the way there is in the first force.
-    replies = guard.run([enter(WALL | CUP, 7, 0.0001), push(WALL | CUP, 7, 0.0001)])
-    assert replies[1].force == pytest.approx(-0.05, rel=1e-12)
+def test_the_simulator_plays_what_the_law_in_plain_python_plays() -> None:
+    """Wall, water and cup of a profile: entered, left and entered again, together and at once."""
+    profile = scene_on("homerehab")
+    names = ("wall", "water", "cup")
+    loop = profile.loop
+    assert loop.velocity_filter_hz is not None
+    assert loop.acceleration_filter_hz is not None
+    wall, water, cup = (profile.elements[name] for name in names)
+    controller = Controller(
+        damping=water.damping,
+        velocity_filter_hz=loop.velocity_filter_hz,
+        acceleration_filter_hz=loop.acceleration_filter_hz,
+        wall=Wall(),
+        beside=(
+            Element(stiffness=wall.stiffness, damping=wall.damping, one_sided=True),
+            Element(mass=cup.mass, fade_time=cup.fade_time),
+        ),
+    )
+    time = np.arange(700) * STEP
+    place = 0.006 * np.sin(2 * np.pi * 2.3 * time) - 0.002
+    law = PlayedLaw(profile)
+    touched = {"wall": (0.0, -1), "water": (0.0, -1), "cup": (0.0, -1)}
+    wanted = [law.force(touched if x > 0 else {}, x) for x in place.tolist()]
+    assert 5 < np.abs(wanted).max() < 28
+    simulator = ControlLaw(controller, np.array([STEP]))
+    played = [float(simulator.force(np.array([x]))[0]) for x in place]
+    np.testing.assert_allclose(played, wanted, atol=1e-11)
+
+
+def test_whatever_is_touched_the_guard_plays_the_same_law_in_python(guard: Guard) -> None:
+    """Elements come and go at random, now and then a period is missed."""
+    source = np.random.default_rng(7)
+    place = movement(3000)
+    law, guard_calls, wanted = PlayedLaw(tuned()), [], []
+    sets = {0: (), WALL: ("wall",), CUP: ("cup",), WALL | CUP: ("wall", "cup")}
+    guard.start()
+    elements, last = 0, -1
+    for k, x in enumerate(place.tolist()):
+        if source.random() < 0.03:
+            elements = int(source.choice(list(sets)))
+            guard.call(enter(elements, 0.002))
+        if k - last == 1 and source.random() < 0.1:
+            continue
+        guard_calls.append(guard.call(push(elements, k, x)))
+        wanted.append(law.force(dict.fromkeys(sets[elements], (0.002, 0)), x, k - last))
+        last = k
+    assert {reply.status for reply in guard_calls} == {"OK"}
+    assert guard_calls[-1].missed > 100
+    largest = np.abs(wanted).max()
+    assert 2 < largest < 28
+    np.testing.assert_allclose(
+        [reply.force for reply in guard_calls], wanted, rtol=0, atol=1e-12 * largest
+    )
+
+
+def test_what_fades_out_goes_on_and_what_is_not_certified_with_it_waits(guard: Guard) -> None:
+    """Cup and rubber are not certified together, wall and cup are."""
+    place = movement(400)
+    cup, wall = forces(tuned(), "cup", place, 0.0), forces(tuned(), "wall", place, 0.0)
+    touched = [CUP] * 150 + [WALL | RUBBER & 0] * 50 + [RUBBER] * 200
+    guard.start()
+    guard.call(enter(WALL | CUP | RUBBER))
+    found = [guard.call(push(e, k, float(place[k]))) for k, e in enumerate(touched)]
+    level = np.clip(np.minimum(np.arange(1, 401), 250 - np.arange(1, 401)) / 100, 0, 1)
+    rubber = -700.0 * place
+    # The wall ends at once, the cup fades for a tenth of a second, and only then is there rubber.
+    wanted = level * cup
+    wanted[150:200] += wall[150:200]
+    wanted[249:] += rubber[249:]
+    np.testing.assert_allclose([reply.force for reply in found], wanted, rtol=0, atol=1e-11)
+    assert [reply.status for reply in found] == ["OK"] * 200 + ["WAITING"] * 49 + ["OK"] * 151
 
 
 def test_the_gain_scales_and_the_peak_clamps(guard: Guard) -> None:
     replies = guard.run(
         [
-            enter(RUBBER, 5, 0.01),
+            enter(RUBBER),
             push(RUBBER, 5, 0.01),
             push(RUBBER, 6, 0.01, 0.25),
             push(RUBBER, 7, 0.01, 0.0),
-            push(RUBBER, 8, 1.0),
-            push(RUBBER, 9, -1.0),
-            push(RUBBER, 10, 1.0, 0.01),
-            push(0, 11, 1.0),
+            push(0, 8, 0.01),
         ]
     )[1:]
-    assert [reply.force for reply in replies] == pytest.approx([-7, -1.75, 0, -28, 28, -7, 0])
-    assert [reply.clamped for reply in replies] == [False, False, False, True, True, False, False]
-    assert {reply.status for reply in replies} == {"OK"}
-
-
-@pytest.mark.parametrize(
-    ("elements", "period", "position", "gain", "status"),
-    [
-        (WALL | RUBBER, 5, 0.001, 1.0, "NOT_TOGETHER"),
-        (WALL | CUP | RUBBER, 5, 0.001, 1.0, "NOT_TOGETHER"),
-        (8, 5, 0.001, 1.0, "NOT_TOGETHER"),
-        (WALL | 1 << 63, 5, 0.001, 1.0, "NOT_TOGETHER"),
-        (RUBBER, 5, 0.001, 1.0, "NOT_ENTERED"),
-        (WALL, 5, float("nan"), 1.0, "NOT_FINITE"),
-        (WALL, 5, float("-inf"), 1.0, "NOT_FINITE"),
-        (WALL, 5, 1e308, 1.0, "NOT_FINITE"),
-        (WALL, 5, 0.001, float("nan"), "BAD_GAIN"),
-        (WALL, 5, 0.001, 1.0000001, "BAD_GAIN"),
-        (WALL, 5, 0.001, -0.1, "BAD_GAIN"),
-        (WALL, 4, 0.001, 1.0, "STALE"),
-        (WALL, 3, 0.001, 1.0, "LATE"),
-        (WALL, 7, 0.001, 1.0, "LATE"),
-    ],
-)
-def test_whatever_is_not_certified_gives_no_force_and_a_reason(
-    guard: Guard, elements: int, period: int, position: float, gain: float, status: str
-) -> None:
-    good = [enter(WALL | CUP, 4, 0.001), push(WALL | CUP, 4, 0.001)]
-    replies = guard.run([*good, push(elements, period, position, gain)])
-    assert replies[1].force == -0.5
-    assert (replies[2].status, replies[2].force) == (status, 0.0)
-
-
-def test_a_missed_period_is_bridged_and_two_end_the_contact(guard: Guard) -> None:
-    assert tuned().certificate.extra_delay_samples == 1
-    line = [0.0001 * k for k in range(9)]
-    seen = [0, 1, 2, 3, 5, 6, 8]
-    calls = [enter(WALL, 0, line[0]), *(push(WALL, k, line[k]) for k in seen)]
-    replies = guard.run(calls)[1:]
-    wanted = forces(tuned(), "wall", np.array(line), 0.0)[seen]
-    assert [reply.force for reply in replies] == pytest.approx(list(wanted), rel=1e-12)
-    assert replies[-1].missed == 2
-
-    # A reading that is no number, or seen before, is a missed period too.
-    for bad in (push(WALL, 4, float("nan")), push(WALL, 3, line[3])):
-        calls[1:] = [push(WALL, k, line[k]) for k in (0, 1, 2, 3)] + [bad]
-        calls.append(push(WALL, 5, line[5]))
-        replies = guard.run(calls)
-        assert replies[-2].force == 0.0
-        assert replies[-1].force == pytest.approx(wanted[4], rel=1e-12)
-        calls += [push(WALL, 8, line[8]), push(WALL, 9, line[8])]
-        calls += [enter(WALL, 10, line[8]), push(WALL, 10, line[8])]
-        replies = guard.run(calls)
-        assert [r.status for r in replies[-4:]] == ["LATE", "NOT_ENTERED", "OK", "OK"]
-        assert [r.force for r in replies[-4:]] == pytest.approx([0, 0, 0, -500 * line[8]])
-
-
-def test_periods_may_wrap_and_a_contact_may_not_begin_without_a_position(guard: Guard) -> None:
-    last = 2**32 - 1
-    replies = guard.run([enter(WALL, last, 0.001), push(WALL, last, 0.001), push(WALL, 0, 0.001)])
-    assert [reply.status for reply in replies] == ["OK"] * 3
-    assert replies[-1].force == -0.5
-    for position, rest in ((float("nan"), 0.0), (0.0, float("inf"))):
-        replies = guard.run(
-            [enter(WALL, 0, 0.0), enter(WALL, 1, position, rest), push(WALL, 1, 0.001)]
-        )
-        assert [reply.status for reply in replies] == ["OK", "NOT_FINITE", "NOT_ENTERED"]
-    assert guard.run([enter(8, 0, 0.0)])[0].status == "NOT_TOGETHER"
+    assert [reply.force for reply in replies] == pytest.approx([-7, -1.75, 0, 0])
+    for place in (1.0, -1.0):
+        replies = guard.run([enter(RUBBER), push(RUBBER, 0, place), push(RUBBER, 1, place, 0.01)])[
+            1:
+        ]
+        assert [reply.force for reply in replies] == pytest.approx([-28 * place, -7 * place])
+        assert [reply.clamped for reply in replies] == [True, False]
+        assert {reply.status for reply in replies} == {"OK"}
 
 
 def test_files_of_two_profiles_and_fast_math_do_not_compile(tmp_path: Path) -> None:
@@ -209,7 +211,7 @@ double NAME(double position)
 {
     haptune_guard guard;
     haptune_init(&guard);
-    haptune_reset(&guard, HAPTUNE_ELEMENT_WALL, 0, position, 0.0);
+    haptune_reset(&guard, HAPTUNE_ELEMENT_WALL, 0.0, 0);
     return haptune_force(&guard, HAPTUNE_ELEMENT_WALL, 0, position, 1.0);
 }
 """

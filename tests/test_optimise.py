@@ -9,8 +9,8 @@ import pytest
 
 from identification import Device, load_device, quantity
 from tests.unlimited import BOUNDLESS, UNLIMITED
+from tune.certificate.point import setting_of
 from tune.certificate.polynomial import Point
-from tune.certificate.posed import setting_of
 from tune.certificate.roots import judge
 from tune.documents.effects import EffectName, Effects
 from tune.documents.perception import default_table

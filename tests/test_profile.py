@@ -16,8 +16,9 @@ from tests.commands import haptune
 from tune import CheckFailedError, Scene, check, damping_needed, load_profile, optimise
 from tune.certificate.bounds import passivity_failures
 from tune.certificate.passivity import passive
+from tune.certificate.point import setting_of
 from tune.certificate.polynomial import Setting
-from tune.certificate.posed import regions_of, setting_of
+from tune.certificate.region import regions_of
 from tune.documents.profile import SafeProfile, digest_of
 
 #: The digit in a name is in a key, those of the device are in numbers, text and exponents.

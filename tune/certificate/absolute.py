@@ -22,10 +22,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.cells import Cells, Claim, Proof, as_form, cover, mechanism_of, terms_of
 from tune.certificate.forms import ComplexArray, FloatArray, Form, Term, least_real
 from tune.certificate.mechanism import Mechanism
 from tune.certificate.point import Setting
+from tune.certificate.proof import Cells, Claim, Proof, as_form, cover, mechanism_of, terms_of
 from tune.certificate.region import Region
 from tune.certificate.response import rate_of, sampled_plant, sinc
 from tune.documents.certified import Multiplier

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Literal
@@ -12,12 +12,10 @@ import numpy as np
 
 from tune.certificate.bounds import force_failures, passivity_failures, ripple_failures
 from tune.certificate.felt import felt_failures
-from tune.certificate.point import Point, Setting
-from tune.certificate.posed import regions_of, setting_of
+from tune.certificate.point import Point, Setting, setting_of
 from tune.certificate.proof import Claim, prove
 from tune.certificate.refusal import refuse_unbalanced
-from tune.certificate.region import Region
-from tune.certificate.switched import Witnesses, is_asked_for, judge_switched
+from tune.certificate.region import Region, regions_of
 from tune.certificate.words import assumptions, method, not_assessed
 from tune.certificate.worst import Worst, worst_point
 from tune.documents.certified import (
@@ -61,7 +59,9 @@ class _Findings:
 
 
 def certify(
-    design: Design, most_cells: int | None = None, witnesses: Witnesses | None = None
+    design: Design,
+    most_cells: int | None = None,
+    witnesses: Mapping[str, AbsoluteStability] | None = None,
 ) -> Certificate:
     """Prove a design stable in its whole box, and look for a point that says otherwise.
 
@@ -95,7 +95,9 @@ def certify(
         if not all(proved):
             # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
             continue
-        if is_asked_for(design, moment):
+        if any(design.elements[name].one_sided for name in moment):
+            from tune.certificate.switched import judge_switched
+
             outcome = judge_switched(
                 design, moment, setting, regions, witnesses or {}, most_cells or MOST_CELLS
             )

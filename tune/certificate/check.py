@@ -13,8 +13,7 @@ from identification import Device, to_mapping
 from tune.certificate.certify import certify
 from tune.certificate.differences import differences
 from tune.certificate.elements import recomputed_otherwise
-from tune.certificate.point import ModePoint, Point
-from tune.certificate.posed import setting_of
+from tune.certificate.point import ModePoint, Point, setting_of
 from tune.certificate.roots import judge
 from tune.certificate.stated import form_failures, stated_failures
 from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint

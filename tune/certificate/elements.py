@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 
 from tune.certificate.bounds import force_failures, ripple_of, whole_delay
 from tune.certificate.passivity import damping_for_passivity
-from tune.certificate.point import Setting
-from tune.certificate.posed import regions_of, setting_of
+from tune.certificate.point import Setting, setting_of
+from tune.certificate.region import regions_of
 from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.profile import Design, ElementProfile
 from tune.documents.scene import LONGEST_FADE, SHORTEST_FADE

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tune.documents.certified import HandPlace
+from tune.documents.profile import Design
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,3 +118,20 @@ class Setting:
     acceleration_filter_order: int = 2
     filter_damping_ratio: float = 1.0
     velocity_window_samples: int | None = None
+
+
+def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:
+    """The sum of effects of some elements; None if nothing acts."""
+    chosen = [design.elements[name] for name in moment]
+    totals = [
+        sum(getattr(element, effect) for element in chosen)
+        for effect in ("stiffness", "damping", "mass")
+    ]
+    if not any(totals):
+        return None
+    return Setting(
+        stiffness=totals[0],
+        damping=totals[1],
+        mass=totals[2],
+        **design.loop.filter_settings(),
+    )

@@ -16,8 +16,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tune.certificate.forms import FloatArray, Form, Term, inverse, least_real, most
+from tune.certificate.forms import ROUNDING, FloatArray, Form, Term, inverse, least_real, most
 from tune.certificate.mechanism import Mechanism, Scaled
 from tune.certificate.point import Setting
 
@@ -102,6 +103,49 @@ def respond(theta: Form, mechanism: Mechanism, setting: Setting) -> Response:
         late = most(mechanism.delay + 0.5) + most(whole) * most(plant.aliases)
         rising = least_real(seen * rate) - setting.stiffness * late
     return Response(fixed=whole, varied=varied, start=denominator * 1j, rising=rising)
+
+
+def at_ends(response: Response, low: FloatArray, high: FloatArray) -> tuple[Form, Form]:
+    """D + s·N at both end gains; D with its zero at θ = 0 taken out where the lower gain is 0."""
+    fixed, varied, start = response.fixed, response.varied, response.start
+    top = fixed + varied * high
+    above = fixed + varied * low
+    none = low == 0
+    bottom = Form(
+        np.where(none, start.centre, above.centre),
+        np.where(none, start.slopes, above.slopes),
+        np.where(none, start.real, above.real),
+        np.where(none, start.imag, above.imag),
+    )
+    return bottom, top
+
+
+def one_sided(bottom: Form, top: Form) -> NDArray[np.bool_]:
+    """Both forms strictly on the same side of some line through zero.
+
+    The best line runs along an edge of one of the two sets, or square to one of the centres.
+    """
+    excluded = np.zeros(bottom.centre.shape, dtype=np.bool_)
+    middle = bottom.centre / np.abs(bottom.centre) + top.centre / np.abs(top.centre)
+    normals = [bottom.centre, top.centre, middle]
+    normals += [1j * slope for form in (bottom, top) for slope in form.slopes]
+    for normal in normals:
+        unit = normal / np.abs(normal)
+        # Turned so that the centres are on the positive side.
+        unit = unit * np.where((np.conj(unit) * middle).real < 0, -1, 1)
+        clear = np.minimum(_clearance(bottom, unit), _clearance(top, unit))
+        excluded |= clear > 0
+    return excluded
+
+
+def _clearance(form: Form, unit: NDArray[np.complex128]) -> FloatArray:
+    """Least distance from the line through zero with this normal; nan where there is no normal."""
+    across, along = unit.real, unit.imag
+    centre = across * form.centre.real + along * form.centre.imag
+    slopes = np.sum(np.abs(across * form.slopes.real + along * form.slopes.imag), axis=0)
+    rest = np.abs(across) * form.real + np.abs(along) * form.imag
+    size = np.abs(form.centre) + np.sum(np.abs(form.slopes), axis=0)
+    return centre - slopes - rest - ROUNDING * size
 
 
 def sinc(angle: Form) -> Form:

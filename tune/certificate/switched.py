@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
-from tune.certificate.cells import Claim, Proof
 from tune.certificate.point import Setting
-from tune.certificate.proof import prove
+from tune.certificate.proof import Claim, Proof, prove
 from tune.certificate.region import Region
 from tune.certificate.roots import judge
 from tune.documents.certified import AbsoluteStability, Multiplier
@@ -31,11 +30,6 @@ class Outcome:
     cells: int = 0
     failure: str | None = None
     proved: AbsoluteStability | None = None
-
-
-def is_asked_for(design: Design, moment: tuple[str, ...]) -> bool:
-    """Whether a moment must be absolutely stable: one of its elements pushes only."""
-    return any(design.elements[name].one_sided for name in moment)
 
 
 def judge_switched(

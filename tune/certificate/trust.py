@@ -33,6 +33,11 @@ TAKEN_ON_TRUST = (
     Trusted(key="ripple_limit", reason="as asked for; that no moment exceeds it is recomputed"),
     Trusted(key="perception", reason="how finely hands tell; the steps it gives are recomputed"),
     Trusted(key="elements.*.motion", reason="how deep, fast and hard the hand moves"),
+    Trusted(key="elements.*.one_sided", reason="as asked for; that nothing in it pulls is checked"),
+    Trusted(
+        key="elements.*.fade_time",
+        reason="as asked for; that all that must not be switched fades is checked",
+    ),
     Trusted(key="elements.*.margins.gain", reason="that no more could be proved"),
     Trusted(key="elements.*.margins.extra_delay_samples", reason="that no more could be proved"),
     Trusted(

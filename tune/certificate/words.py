@@ -12,10 +12,11 @@ METHOD = (
     "points isolated in 400-bit balls; a search for the worst point found none that contradicts"
 )
 ASSUMES = (
-    "constant sample time within its interval; a missed deadline counts as one extra sample",
+    "constant sample time within its interval; a missed period holds the force, is bridged by a "
+    "straight line and counts as one extra sample of delay",
     "a linear loop: forces stay below the limit, the force of saturation is not relied on",
     "elements and gains change slowly against the loop; switching is not part of the proof",
-    "the controller runs the very filters named, reset on contact",
+    "the controller runs the very filters named, on every reading of the axis",
     "Coulomb friction gives no damping",
     "everything within its interval, in any combination, and constant while the loop runs",
 )

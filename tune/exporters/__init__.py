@@ -11,6 +11,7 @@ from typing import Literal, get_args
 from tune.documents.profile import SafeProfile
 from tune.exporters.c_guard import c_files
 from tune.exporters.chai3d import chai3d_files
+from tune.exporters.law import fade_step
 from tune.exporters.plain import plain_files
 from tune.exporters.ros2 import ros2_files
 
@@ -36,7 +37,10 @@ def export(profile: SafeProfile, target: Target) -> dict[str, str]:
 
     Raises:
         UnstatedError: facts of the device that nobody stated.
-        InvalidInputError: the profile does not fit the target.
+        InvalidInputError: the profile does not fit the target, or does not say how what must not be
+            switched fades.
     """
     profile.device.require_stated()
+    for element in profile.elements.values():
+        fade_step(element, profile.loop.sample_time)
     return _WRITERS[target](profile)

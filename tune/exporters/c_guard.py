@@ -12,7 +12,8 @@ from tune.documents.profile import ElementProfile, SafeProfile
 from tune.exporters.c_header import HEADER
 from tune.exporters.c_source import SOURCE
 from tune.exporters.heading import digest, force_limit, heading, short, unit_of_force
-from tune.exporters.law import Section, law_of
+from tune.exporters.largest_change import change_words, largest_change
+from tune.exporters.law import Section, fade_step, law_of
 from tune.exporters.names import block_comment, identifiers, inside_comment
 
 #: Bits of the set of elements that the guard is given.
@@ -65,6 +66,7 @@ def _values(profile: SafeProfile) -> dict[str, str]:
     words = macros(profile)
     places = {name: index for index, name in enumerate(profile.elements)}
     sets = sorted({bits(moment, places) for moment in profile.moments()})
+    change = largest_change(profile)
     limit, force, sealed = force_limit(profile), unit_of_force(profile), digest(profile)
     groups = [" | ".join(words[name] for name in group) for group in profile.together]
     return {
@@ -74,6 +76,8 @@ def _values(profile: SafeProfile) -> dict[str, str]:
         "sample_time": number(law.sample_time),
         "extra_delay": str(int(seal.extra_delay_samples)),
         "window": str(law.window),
+        "change": number(change),
+        "change_words": inside_comment(change_words(profile)),
         "elements": "".join(
             f"#define {words[name]} (UINT64_C(1) << {places[name]}) /* {_plain(name)} */\n"
             for name in profile.elements
@@ -89,7 +93,7 @@ def _values(profile: SafeProfile) -> dict[str, str]:
         "acceleration_words": _words(profile.loop, "acceleration"),
         "acceleration": _section(law.acceleration),
         "played": "".join(
-            f"    {{{_effects(element)}}}, /* {_plain(name)} */\n"
+            f"    {{{_effects(element, law.sample_time)}}}, /* {_plain(name)} */\n"
             for name, element in profile.elements.items()
         ),
         "known": f"0x{(1 << len(places)) - 1:x}",
@@ -110,8 +114,9 @@ def _section(section: Section) -> str:
     return ", ".join(number(value) for value in (section.t, section.p, section.gain))
 
 
-def _effects(element: ElementProfile) -> str:
-    return ", ".join(number(value) for value in (element.stiffness, element.damping, element.mass))
+def _effects(element: ElementProfile, sample_time: float) -> str:
+    sizes = ", ".join(number(each) for each in (element.stiffness, element.damping, element.mass))
+    return f"{sizes}, {element.one_sided:d}, {number(fade_step(element, sample_time))}"
 
 
 def _words(loop: LoopProfile, which: str) -> str:

@@ -28,6 +28,9 @@ extern "C" {
 #define HAPTUNE_EXTRA_DELAY ${extra_delay}u
 /* Readings that a velocity looks back. */
 #define HAPTUNE_WINDOW ${window}
+/* ${length} a period: farther from the straight line through the last two no reading can be.
+ * ${change_words} */
+#define HAPTUNE_LARGEST_CHANGE ${change}
 
 /* Elements; sets of them are joined by |. */
 ${elements}
@@ -36,51 +39,69 @@ ${together} */
 
 typedef enum {
     HAPTUNE_OK = 0,
+    HAPTUNE_WAITING,      /* not certified with what still fades out: what is new waits for that */
     HAPTUNE_NOT_TOGETHER, /* this set is not certified as a sum, or holds an unknown element */
-    HAPTUNE_NOT_ENTERED,  /* no haptune_reset since the start, or since a fault */
+    HAPTUNE_NOT_ENTERED,  /* no haptune_reset since the start, or since contacts were ended */
+    HAPTUNE_NO_SIDE,      /* a wall that pushes only was given no side */
     HAPTUNE_NOT_FINITE,   /* a reading, or what comes out, is no finite number */
     HAPTUNE_BAD_GAIN,     /* gain is not in [0, 1] */
     HAPTUNE_STALE,        /* the reading of this period was used before */
+    HAPTUNE_GLITCH,       /* the device cannot have moved so far: the reading is not used */
     HAPTUNE_LATE          /* more periods missed than are certified: reset to go on */
 } haptune_status;
 
-/* What one element remembers of the readings. */
+/* Velocity and acceleration of the axis; they run on whether or not anything is touched. */
 typedef struct {
-    int entered;
-    uint32_t period; /* of the last reading */
+    int started;
+    uint32_t period; /* of the last good reading */
     unsigned oldest; /* place of the oldest reading in past */
     double past[HAPTUNE_WINDOW];
-    double last;
-    double slope;
+    double last, slope;
+    double earlier, earlier_slope; /* one period before */
     double velocity[2]; /* now, and one reading before */
     double acceleration[2];
+} haptune_estimate;
+
+/* One element. */
+typedef struct {
+    int entered;
+    int side;
     double rest;
+    double level; /* 0 to 1: how far it is faded in */
 } haptune_contact;
 
 /* One for each axis and loop; written by the functions below alone. */
 typedef struct {
     haptune_status status; /* of the last call */
     int clamped;           /* 1 where the last force was cut at the limit */
-    uint32_t missed;       /* periods without a good reading so far, for diagnosis */
+    uint32_t missed;       /* periods that were bridged so far, for diagnosis */
+    uint32_t glitches;     /* readings that were not used because the device cannot move so */
+    uint32_t waiting;      /* calls since the last good reading */
+    double force;          /* of the last call, held where a reading is missed */
+    haptune_estimate axis;
     haptune_contact contacts[${count}];
 } haptune_guard;
 
-/* Before anything else: no element is entered. */
+/* Before anything else: nothing was read and no element is entered. */
 HAPTUNE_API void haptune_init(haptune_guard *guard);
 
 /*
- * When elements are entered, in the period of their first force: their filters start as if the
- * device had rested at position (${length}) until now; rest (${length}) is where their springs give
- * no force. Other elements keep what they remember.
+ * When elements are entered, before their first force: rest (${length}) is where their springs give
+ * no force. Of elements that push only, rest is the face of the wall: side > 0 pushes towards
+ * growing positions, the wall lying below rest, side < 0 the other way; others take any side.
  */
 HAPTUNE_API haptune_status haptune_reset(
-    haptune_guard *guard, uint64_t elements, uint32_t period, double position, double rest);
+    haptune_guard *guard, uint64_t elements, double rest, int side);
 
 /*
- * The force (${force}) of a set of elements, every period while they are touched. 0.0 wherever
- * guard->status is not HAPTUNE_OK. Nothing is allocated; the time it takes is bounded.
+ * The force (${force}) of a set of elements. Called every period, with 0 where nothing is touched,
+ * so that velocity and acceleration are known when something is. Nothing is allocated; the time it
+ * takes is bounded.
  *
- * elements: any set certified above; 0 gives no force.
+ * A reading that is missed, is used twice, is no number or cannot be gives the force of the call
+ * before; what else is wrong gives 0.0. guard->status says which.
+ *
+ * elements: any set certified above. What leaves the set fades out first if it has to.
  * period:   number of the period in which the position was read, one more each period; it may wrap.
  * position: ${length}, where the device was certified: at the encoder.
  * gain:     0 to 1, for ramps and fades, slow against the loop; every gain in (0, ${gain}] is

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-SOURCE = """\
+from tune.exporters.c_estimate import ESTIMATE
+
+_HEAD = """\
 ${heading}
 /*
- * The certified control law, evaluated in this order for each element, T the sample time:
+ * The certified control law, T being the sample time. Of the axis, from every reading y:
  *
  *   d = (y[k] - y[k-1]) / T
  *   v = (tv v[k-1] - pv v[k-2]) + gv u,  u = (y[k] - y[k-n]) / (n T)
  *   a = (ta a[k-1] - pa a[k-2]) + ga u,  u = (d[k] - d[k-1]) / T
- *   F = -((K (y - rest) + B v) + M a)
  *
- * summed over the elements, multiplied by the gain, cut at the peak force. A period without a good
- * reading gives no force; the next good one moves the filters along the straight line between the
- * two, and more than HAPTUNE_EXTRA_DELAY such periods in a row end the contact. The certificate
- * counts each as one sample of delay.
+ * Of each element F = -((K (y - rest) + B v) + M a); an element that pushes only gives none outside
+ * its wall, and none that would pull. F is multiplied by the level to which the element is faded
+ * in; then they are summed, multiplied by the gain, and cut at the peak force.
+ *
+ * A period without a good reading holds the force before it; the next good reading moves the
+ * filters along the straight line between the two, and more than HAPTUNE_EXTRA_DELAY such periods
+ * in a row end every contact. The certificate counts each as one sample of delay.
  */
 #include "haptune_guard.h"
 
@@ -37,6 +41,8 @@ typedef struct {
 
 typedef struct {
     double stiffness, damping, mass;
+    int one_sided; /* 1: it pushes only */
+    double fade;   /* change of its level in a period; 1 switches it at once */
 } effects;
 
 /* velocity: ${velocity_words} */
@@ -69,7 +75,31 @@ static int certified(uint64_t elements)
             return 1;
         }
     }
-    return 0;
+    return elements == 0;
+}
+
+static int entered(const haptune_guard *guard, uint64_t elements)
+{
+    unsigned index;
+    for (index = 0; index < COUNT; index++) {
+        if ((elements & bit(index)) && !guard->contacts[index].entered) {
+            return 0;
+        }
+    }
+    return 1;
+}
+"""
+
+_LAW = """\
+static double no_force(haptune_guard *guard, haptune_status reason)
+{
+    unsigned index;
+    for (index = 0; index < COUNT; index++) {
+        guard->contacts[index].level = 0.0;
+    }
+    guard->status = reason;
+    guard->force = 0.0;
+    return guard->force;
 }
 
 static void end_contacts(haptune_guard *guard, uint64_t elements)
@@ -78,81 +108,45 @@ static void end_contacts(haptune_guard *guard, uint64_t elements)
     for (index = 0; index < COUNT; index++) {
         if (elements & bit(index)) {
             guard->contacts[index].entered = 0;
+            guard->contacts[index].level = 0.0;
         }
     }
 }
 
-/* Why there is no force this time; HAPTUNE_OK where there is one. */
-static haptune_status examine(
-    haptune_guard *guard, uint64_t elements, uint32_t period, double position, double gain)
+static double force_of(const effects *effect, const haptune_contact *contact,
+    const haptune_estimate *axis)
+{
+    const double force = -((effect->stiffness * (axis->last - contact->rest)
+        + effect->damping * axis->velocity[0]) + effect->mass * axis->acceleration[0]);
+    if (effect->one_sided
+        && (!(contact->side * (contact->rest - axis->last) > 0.0) || contact->side * force < 0.0)) {
+        return 0.0;
+    }
+    return force;
+}
+
+/* A level some periods later, on its way to 1 where the element is wanted and to 0 where not. */
+static double faded(const effects *effect, double level, int wanted, uint32_t steps)
+{
+    const double change = effect->fade * steps;
+    if (wanted) {
+        return level + change < 1.0 ? level + change : 1.0;
+    }
+    return level > change ? level - change : 0.0;
+}
+
+/* Elements that give a force some periods later, if only these are wanted until then. */
+static uint64_t acting(const haptune_guard *guard, uint64_t elements, uint32_t steps)
 {
     unsigned index;
-    uint32_t steps;
-    uint32_t longest = 1;
-    if (!certified(elements)) {
-        return HAPTUNE_NOT_TOGETHER;
-    }
-    if (!(gain >= 0.0 && gain <= 1.0)) {
-        return HAPTUNE_BAD_GAIN;
-    }
-    if (!isfinite(position)) {
-        return HAPTUNE_NOT_FINITE;
-    }
+    uint64_t found = 0;
     for (index = 0; index < COUNT; index++) {
-        if (!(elements & bit(index))) {
-            continue;
+        const int wanted = (elements & bit(index)) != 0;
+        if (faded(&played[index], guard->contacts[index].level, wanted, steps) > 0.0) {
+            found |= bit(index);
         }
-        if (!guard->contacts[index].entered) {
-            return HAPTUNE_NOT_ENTERED;
-        }
-        steps = period - guard->contacts[index].period;
-        if (steps == 0) {
-            return HAPTUNE_STALE;
-        }
-        longest = steps > longest ? steps : longest;
     }
-    if (longest - 1 > HAPTUNE_EXTRA_DELAY) {
-        end_contacts(guard, elements);
-        return HAPTUNE_LATE;
-    }
-    guard->missed += longest - 1;
-    return HAPTUNE_OK;
-}
-
-static void run_section(const section *filter, double *state, double input)
-{
-    const double output = (filter->t * state[0] - filter->p * state[1]) + filter->g * input;
-    state[1] = state[0];
-    state[0] = output;
-}
-
-static void read_position(haptune_contact *contact, double position)
-{
-    const double slope = (position - contact->last) / HAPTUNE_SAMPLE_TIME;
-    const double mean = (position - contact->past[contact->oldest])
-        / (HAPTUNE_WINDOW * HAPTUNE_SAMPLE_TIME);
-    run_section(&velocity_filter, contact->velocity, mean);
-    run_section(&acceleration_filter, contact->acceleration,
-        (slope - contact->slope) / HAPTUNE_SAMPLE_TIME);
-    contact->past[contact->oldest] = position;
-    contact->oldest = (contact->oldest + 1) % HAPTUNE_WINDOW;
-    contact->last = position;
-    contact->slope = slope;
-}
-
-static double pull(
-    const effects *effect, haptune_contact *contact, uint32_t period, double position)
-{
-    const double before = contact->last;
-    const uint32_t steps = period - contact->period;
-    uint32_t step;
-    for (step = 1; step < steps; step++) {
-        read_position(contact, before + (position - before) * step / steps);
-    }
-    read_position(contact, position);
-    contact->period = period;
-    return -((effect->stiffness * (position - contact->rest)
-        + effect->damping * contact->velocity[0]) + effect->mass * contact->acceleration[0]);
+    return found;
 }
 
 HAPTUNE_API void haptune_init(haptune_guard *guard)
@@ -160,42 +154,42 @@ HAPTUNE_API void haptune_init(haptune_guard *guard)
     guard->status = HAPTUNE_OK;
     guard->clamped = 0;
     guard->missed = 0;
+    guard->glitches = 0;
+    guard->waiting = 0;
+    guard->force = 0.0;
+    start(&guard->axis, 0, 0.0, 0.0);
+    guard->axis.started = 0;
     end_contacts(guard, UINT64_MAX);
 }
 
 HAPTUNE_API haptune_status haptune_reset(
-    haptune_guard *guard, uint64_t elements, uint32_t period, double position, double rest)
+    haptune_guard *guard, uint64_t elements, double rest, int side)
 {
     unsigned index;
-    unsigned place;
     haptune_contact *contact;
-    end_contacts(guard, elements);
+    guard->status = HAPTUNE_OK;
     if (elements & ~known) {
         guard->status = HAPTUNE_NOT_TOGETHER;
-        return guard->status;
-    }
-    if (!isfinite(position) || !isfinite(rest)) {
+    } else if (!isfinite(rest)) {
         guard->status = HAPTUNE_NOT_FINITE;
+    }
+    for (index = 0; index < COUNT; index++) {
+        if ((elements & bit(index)) && played[index].one_sided && side == 0) {
+            guard->status = HAPTUNE_NO_SIDE;
+        }
+    }
+    if (guard->status != HAPTUNE_OK) {
+        end_contacts(guard, elements);
         return guard->status;
     }
     for (index = 0; index < COUNT; index++) {
-        if (!(elements & bit(index))) {
-            continue;
+        if (elements & bit(index)) {
+            contact = &guard->contacts[index];
+            contact->entered = 1;
+            contact->side = (side > 0) - (side < 0);
+            contact->rest = rest;
         }
-        contact = &guard->contacts[index];
-        contact->entered = 1;
-        contact->period = period - 1u;
-        contact->oldest = 0;
-        for (place = 0; place < HAPTUNE_WINDOW; place++) {
-            contact->past[place] = position;
-        }
-        contact->last = position;
-        contact->slope = 0.0;
-        contact->velocity[0] = contact->velocity[1] = 0.0;
-        contact->acceleration[0] = contact->acceleration[1] = 0.0;
-        contact->rest = rest;
     }
-    guard->status = HAPTUNE_OK;
     return guard->status;
 }
 
@@ -204,30 +198,51 @@ HAPTUNE_API double haptune_force(
 {
     unsigned index;
     double force = 0.0;
+    const uint32_t steps = guard->axis.started ? period - guard->axis.period : 1;
     guard->clamped = 0;
-    guard->status = HAPTUNE_OK;
-    if (elements == 0) {
-        return 0.0;
+    guard->status = read_position(guard, steps, period, position);
+    if (guard->status == HAPTUNE_LATE) {
+        end_contacts(guard, UINT64_MAX);
+        return no_force(guard, HAPTUNE_LATE);
     }
-    guard->status = examine(guard, elements, period, position, gain);
     if (guard->status != HAPTUNE_OK) {
-        return 0.0;
+        return guard->force;
+    }
+    if (!certified(elements)) {
+        return no_force(guard, HAPTUNE_NOT_TOGETHER);
+    }
+    if (!(gain >= 0.0 && gain <= 1.0)) {
+        return no_force(guard, HAPTUNE_BAD_GAIN);
+    }
+    if (!entered(guard, elements)) {
+        return no_force(guard, HAPTUNE_NOT_ENTERED);
+    }
+    if (!certified(acting(guard, elements, steps))) {
+        elements &= acting(guard, 0, 0);
+        guard->status = HAPTUNE_WAITING;
     }
     for (index = 0; index < COUNT; index++) {
-        if (elements & bit(index)) {
-            force += pull(&played[index], &guard->contacts[index], period, position);
+        haptune_contact *contact = &guard->contacts[index];
+        const int wanted = (elements & bit(index)) != 0;
+        contact->level = faded(&played[index], contact->level, wanted, steps);
+        if (contact->level > 0.0) {
+            force += contact->level * force_of(&played[index], contact, &guard->axis);
         }
     }
     force *= gain;
     if (!isfinite(force)) {
-        end_contacts(guard, elements);
-        guard->status = HAPTUNE_NOT_FINITE;
-        return 0.0;
+        return no_force(guard, HAPTUNE_NOT_FINITE);
     }
-    if (force > peak_force || force < -peak_force) {
-        force = force > 0.0 ? peak_force : -peak_force;
+    if (force > peak_force) {
         guard->clamped = 1;
+        force = peak_force;
+    } else if (force < -peak_force) {
+        guard->clamped = 1;
+        force = -peak_force;
     }
+    guard->force = force;
     return force;
 }
 """
+
+SOURCE = f"{_HEAD}\n{ESTIMATE}\n{_LAW}"

@@ -59,19 +59,20 @@ public:
         haptune_init(&m_guard);
     }
 
-    // Position along the axis, for enter and force.
+    // Position along the axis, for force.
     double along(const chai3d::cVector3d& position) const
     {
         return m_direction.dot(position);
     }
 
-    // When elements are entered: position and rest along the axis.
-    haptune_status enter(std::uint64_t elements, std::uint32_t period, double position, double rest)
+    // When elements are entered: where their springs rest along the axis, and to which side walls
+    // push, 1 along the direction and -1 against it.
+    haptune_status enter(std::uint64_t elements, double rest, int side)
     {
-        return haptune_reset(&m_guard, elements, period, position, rest);
+        return haptune_reset(&m_guard, elements, rest, side);
     }
 
-    // ${what} of a certified set of elements, zero where status() is not HAPTUNE_OK.
+    // ${what} of a certified set of elements. Every period, with 0 where none is touched.
     chai3d::cVector3d force(
         std::uint64_t elements, std::uint32_t period, double position, double gain = 1.0)
     {

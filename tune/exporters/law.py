@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from identification import InvalidInputError
 from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import ElementProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +61,21 @@ def law_of(loop: LoopProfile) -> Law:
             loop.acceleration_filter_hz, loop.acceleration_filter_order, ratio, step
         ),
     )
+
+
+def fade_step(element: ElementProfile, sample_time: float) -> float:
+    """Change of the level of an element in one period, s; 1 switches it at once.
+
+    Raises:
+        InvalidInputError: it has to fade, and the profile does not say over which time.
+    """
+    if element.fades and not element.fade_time:
+        raise InvalidInputError(
+            "profile",
+            "an element with mass or a negative effect has no fade_time, and must not be switched",
+            "Tune again",
+        )
+    return min(1.0, sample_time / element.fade_time) if element.fade_time else 1.0
 
 
 def _section(cutoff: float | None, order: int, ratio: float, step: float) -> Section:

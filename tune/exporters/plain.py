@@ -8,7 +8,18 @@ from typing import Any
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import SafeProfile
 from tune.exporters.heading import digest, force_limit
+from tune.exporters.largest_change import largest_change
 from tune.exporters.law import Section, law_of
+
+#: The law in words, where it is not exported as code.
+LAW = (
+    "F = -(stiffness*(y - rest) + damping*v + mass*a) for each element; one that is one_sided "
+    "gives none outside its wall and never pulls; each fades in and out over its fade_time, s; the "
+    "sum over the elements of one moment is cut at the peak force. x[k] = (t*x[k-1] - p*x[k-2]) + "
+    "g*u[k] for both filters, which run on every reading of the axis. A reading farther than "
+    "largest_change times the periods passed from the straight line through the last two, like one "
+    "that is missing, holds the force and is bridged by a straight line"
+)
 
 
 def plain_files(profile: SafeProfile) -> dict[str, str]:
@@ -35,12 +46,14 @@ def plain_files(profile: SafeProfile) -> dict[str, str]:
                 "stiffness": element.stiffness,
                 "damping": element.damping,
                 "mass": element.mass,
+                "one_sided": element.one_sided,
+                "fade_time": element.fade_time,
             }
             for name, element in profile.elements.items()
         },
         "moments": [list(moment) for moment in profile.moments()],
-        "law": "F = -(stiffness*y + damping*v + mass*a), summed over the elements of one moment; "
-        "x[k] = (t*x[k-1] - p*x[k-2]) + g*u[k] for both filters, reset on contact",
+        "largest_change": largest_change(profile),
+        "law": LAW,
         "assumes": list(seal.assumes),
         "not_assessed": list(seal.not_assessed),
     }

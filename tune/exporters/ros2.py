@@ -7,9 +7,10 @@ from typing import Any, cast
 
 from tune.documents.profile import SafeProfile
 from tune.exporters.heading import digest, force_limit, heading
+from tune.exporters.largest_change import largest_change
 from tune.exporters.law import law_of
 from tune.exporters.names import hash_comment, identifiers, quoted
-from tune.exporters.plain import filter_of
+from tune.exporters.plain import LAW, filter_of
 
 #: Letters of a name; the parser of ROS 2 takes texts of up to 256 bytes.
 _LONGEST_TEXT = 60
@@ -35,6 +36,7 @@ def ros2_files(profile: SafeProfile) -> dict[str, str]:
         "velocity": filter_of(profile.loop, "velocity", law.velocity),
         "acceleration": filter_of(profile.loop, "acceleration", law.acceleration),
     }
+    parameters["largest_change"] = largest_change(profile)
     parameters["force_limit"] = {"continuous": limit.continuous, "peak": limit.peak}
     parameters["elements"] = {
         keys[name]: {
@@ -42,6 +44,8 @@ def ros2_files(profile: SafeProfile) -> dict[str, str]:
             "stiffness": element.stiffness,
             "damping": element.damping,
             "mass": element.mass,
+            "one_sided": element.one_sided,
+            "fade_time": element.fade_time,
         }
         for name, element in profile.elements.items()
     }
@@ -53,9 +57,8 @@ def ros2_files(profile: SafeProfile) -> dict[str, str]:
     head = (
         *heading(profile),
         "",
-        "SI units. F = -(stiffness*y + damping*v + mass*a); filters x[k] = (t*x[k-1] - p*x[k-2]) + "
-        "g*u[k], reset on contact. Elements of one group of 'together', and any subset of it, may "
-        "act at once; no other sums are certified.",
+        f"SI units. {LAW}. Elements of one group of 'together', and any subset of it, may act at "
+        "once; no other sums are certified.",
     )
     body = "\n".join(_lines({"haptune": {"ros__parameters": parameters}}, ""))
     return {"haptune_params.yaml": hash_comment(head) + body + "\n"}
@@ -76,5 +79,7 @@ def _scalar(value: float | str | list[str]) -> str:
         return f"[{', '.join(_scalar(item) for item in value)}]"
     if isinstance(value, str):
         return quoted(value)
+    if isinstance(value, bool):
+        return str(value).lower()
     text = repr(value)
     return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -23,7 +23,6 @@ from tune.optimisation.delays import Felt, extra_delays
 from tune.optimisation.describe import element_profile
 from tune.optimisation.problem import Job
 from tune.optimisation.region import Spot
-from tune.optimisation.saturation import witness_of
 from tune.optimisation.solve import Solved, groups, solve
 
 Progress = Callable[[str], None]
@@ -96,13 +95,21 @@ def _proposed(
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
     if all(not solved.problem.unknowns for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
+    return as_stored(design_of(job, filters, solutions, dropped)), _witnesses(job, solutions)
+
+
+def _witnesses(job: Job, solutions: Sequence[Solved]) -> dict[str, AbsoluteStability]:
+    """What proves the moments that are one-sided, by their elements."""
+    found = {names: one for solved in solutions for names, one in solved.absolute.items()}
+    if not found:
+        return {}
+    from tune.optimisation.saturation import witness_of
+
     margin = MARGINS[job.scene.margin]
-    witnesses = {
-        " + ".join(names): as_stored(witness_of(found, margin, job.slack))
-        for solved in solutions
-        for names, found in solved.absolute.items()
+    return {
+        " + ".join(names): as_stored(witness_of(one, margin, job.slack))
+        for names, one in found.items()
     }
-    return as_stored(design_of(job, filters, solutions, dropped)), witnesses
 
 
 def _warned(job: Job, error: CheckFailedError) -> Job | None:

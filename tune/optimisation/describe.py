@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,10 @@ from tune.optimisation.bounds import force_bound, ripple_bound, stable_bounds
 from tune.optimisation.delays import MOST
 from tune.optimisation.limits import forces_allowed, ripple, stable_points, worst_gain
 from tune.optimisation.problem import Problem
-from tune.optimisation.saturation import AllFound, saturated, witness_of
 from tune.rendering.rendered import rendered
+
+if TYPE_CHECKING:
+    from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]
 
@@ -183,7 +185,7 @@ def element_profile(
         effect: "not-perceptible" for effect in EFFECT_NAMES if f"{name}.{effect}" in dropped
     }
     own = [index for index, unknown in enumerate(problem.unknowns) if unknown.element == name]
-    bound = saturated(problem, absolute)
+    absolute_gain, bound = _absolute(problem, absolute, scene, name, slack)
     for index, word in zip(own, bindings(problem, sizes, own), strict=True):
         unknown = problem.unknowns[index]
         values[unknown.effect] = unknown.sign * float(sizes[index])
@@ -215,14 +217,7 @@ def element_profile(
             gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
             extra_delay_samples=late,
             passive=_passive(problem, values),
-            absolute_gain=min(
-                (
-                    witness_of(found, MARGINS[scene.margin], slack).gain
-                    for names, found in absolute.items()
-                    if name in names
-                ),
-                default=None,
-            ),
+            absolute_gain=absolute_gain,
         ),
         ripple=None if noise is None else rounded(noise, 4),
         limited_by=limited,
@@ -231,6 +226,21 @@ def element_profile(
         one_sided=wanted.one_sided,
         fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
     )
+
+
+def _absolute(
+    problem: Problem, absolute: AllFound, scene: Scene, name: str, slack: float
+) -> tuple[float | None, frozenset[int]]:
+    """(gain claimed of all one-sided moments with an element, unknowns that have no more left)."""
+    if not absolute:
+        return None, frozenset()
+    from tune.optimisation.saturation import saturated, witness_of
+
+    margin = MARGINS[scene.margin]
+    gains = [
+        witness_of(each, margin, slack).gain for names, each in absolute.items() if name in names
+    ]
+    return min(gains, default=None), saturated(problem, absolute)
 
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,9 @@ from tune.optimisation.climb import SAME, climb, closed_form
 from tune.optimisation.describe import bindings, reasons_for_nothing
 from tune.optimisation.limits import allowed
 from tune.optimisation.problem import Job, Problem, pose
-from tune.optimisation.saturation import AllFound, Found, all_found, taken_back
+
+if TYPE_CHECKING:
+    from tune.optimisation.saturation import AllFound, Found
 
 FloatArray = NDArray[np.float64]
 
@@ -46,7 +49,7 @@ class Solved:
     dropped: dict[str, str]
     method: str = "as given"
     disagreement: float = 0.0
-    absolute: AllFound = field(default_factory=dict[tuple[str, ...], Found])
+    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "Found"])
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
@@ -102,6 +105,8 @@ def solve(
         sizes = settled(problem, answer.sizes)
         absolute: AllFound = {}
         if second_opinion and any(moment.one_sided for moment in problem.moments):
+            from tune.optimisation.saturation import all_found, taken_back
+
             sizes = np.array([_floor_digits(float(x)) for x in taken_back(problem, sizes)])
             short = {
                 unknown.label: f"as a one-sided wall {size:.4g} is proved stable at most"

@@ -37,7 +37,7 @@ _REACH = 3.0
 #: Frequencies at which the inverse gain comes within this part of the largest are searched again.
 _NEAR = 0.3
 #: Parts tried of what keeps M from vanishing, largest first; the gain may fall by so much for it.
-_PARTS = 10.0 ** -np.arange(1.0, 7.0, 0.5)
+_PARTS = 10.0 ** -np.arange(1.0, 5.5, 0.5)
 _GIVEN_UP = 2e-3
 _GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -246,16 +246,14 @@ def _strict(multiplier: Multiplier, responses: Responses, effects: Effects) -> M
     """
     slope = sum(tap.weight * tap.samples for tap in multiplier.taps)
     taps = {tap.samples: tap.weight for tap in multiplier.taps}
-    least = float(np.min(absolute_gain(responses, effects, multiplier))) * (1 - _GIVEN_UP)
-    trial = multiplier
+    trials: list[Multiplier] = []
     for part in _PARTS:
         weights = dict(sorted((taps | {1: taps.get(1, 0.0) + slope * part}).items()))
-        trial = multiplier.model_copy(
-            update={
-                "taps": tuple(Tap(samples=i, weight=weight) for i, weight in weights.items()),
-                "constant": float(slope * part) if responses.held else 0.0,
-            }
-        )
-        if np.min(absolute_gain(responses, effects, trial)) >= least:
-            break
-    return trial
+        more = {
+            "taps": tuple(Tap(samples=i, weight=weight) for i, weight in weights.items()),
+            "constant": float(slope * part) if responses.held else 0.0,
+        }
+        trials.append(multiplier.model_copy(update=more))
+    gains = [float(np.min(absolute_gain(responses, effects, trial))) for trial in trials]
+    least = max(gains) * (1 - _GIVEN_UP)
+    return next(trial for trial, gain in zip(trials, gains, strict=True) if gain >= least)

@@ -1,0 +1,186 @@
+"""Elements entered, left and disturbed on a moving device, through the compiled guard."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from tests.entered import Run, played
+from tests.entered_scenes import SCENES, scene_on, stated_sum
+from tests.guard import Guard, built, enter, push
+from tune import SafeProfile
+from tune.exporters import export
+from tune.exporters.largest_change import largest_change
+
+ELEMENTS = [(device, name) for device, scene in SCENES.items() for name in scene]
+#: Periods before an element is reached.
+BEFORE = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """A profile and its compiled guard."""
+
+    profile: SafeProfile
+    guard: Guard
+
+    def bit(self, name: str) -> int:
+        """The set of one element."""
+        return 1 << list(self.profile.elements).index(name)
+
+    def noise(self, name: str) -> float:
+        """Force that one count of the encoder may make of an element, N (N·m)."""
+        element, loop = self.profile.elements[name], self.profile.loop
+        resolution, step = self.profile.device.encoder_resolution, loop.sample_time
+        assert resolution is not None
+        assert loop.velocity_filter_hz is not None
+        assert loop.acceleration_filter_hz is not None
+        quick, slow = (
+            1 - math.exp(-2 * math.pi * hz * step)
+            for hz in (loop.velocity_filter_hz, loop.acceleration_filter_hz)
+        )
+        sizes = (
+            abs(element.stiffness)
+            + abs(element.damping) * quick / step
+            + abs(element.mass) * (slow / step) ** 2
+        )
+        return sizes * resolution.value
+
+    def entry(self, name: str, wrong: dict[int, float] | None = None) -> Run:
+        """One element reached from below at the stated speed."""
+        element, device = self.profile.elements[name], self.profile.device
+        speed, step = element.motion.speed, self.profile.loop.sample_time
+        early = speed * math.exp(device.damping.value / device.mass.value * BEFORE * step)
+        start = -device.mass.value / device.damping.value * (early - speed)
+        return played(
+            self.guard,
+            self.profile,
+            lambda _, reading: self.bit(name) if reading > 0 else 0,
+            place=start,
+            speed=early,
+            periods=BEFORE + 500,
+            faces={self.bit(name): (0.0, -1)},
+            wrong=wrong,
+        )
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Played]:
+    found: dict[str, Played] = {}
+    for name in SCENES:
+        profile = scene_on(name)
+        guard = built(export(profile, "c"), tmp_path_factory.mktemp(name))
+        found[name] = Played(profile=profile, guard=guard)
+    return found
+
+
+@pytest.mark.parametrize(("device", "name"), ELEMENTS)
+def test_an_element_is_entered_without_a_blow(
+    scenes: dict[str, Played], device: str, name: str
+) -> None:
+    """Within the stated sum and the peak from the first period on, and no speed is gained."""
+    scene = scenes[device]
+    run, element = scene.entry(name), scene.profile.elements[name]
+    first = int(np.argmax(run.touched))
+    speed = element.motion.speed
+    assert run.speed[first] == pytest.approx(speed, rel=0.02)
+    limit = scene.profile.device.force_limit
+    assert limit is not None
+    counts = scene.noise(name)
+    shallow = np.abs(run.place) <= element.motion.penetration
+    assert np.abs(run.force).max() <= limit.peak
+    assert np.abs(run.force[shallow]).max() <= 1.02 * stated_sum(element) + 2 * counts
+    slows = scene.profile.device.damping.value / scene.profile.device.mass.value * speed
+    at_once = abs(element.stiffness) * speed * 1e-3  # a period deep, as that is
+    at_once += abs(element.damping) * speed + abs(element.mass) * slows
+    at_once *= 0.01 if element.fades else 1.0
+    assert np.abs(run.force[first]) <= 1.05 * at_once + 2 * counts
+    assert np.abs(run.speed[first:]).max() <= 1.01 * run.speed[first]
+    assert set(run.statuses[BEFORE - 20 :]) == {"OK"}
+
+
+@pytest.mark.parametrize("device", SCENES)
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_wall_never_pulls(scenes: dict[str, Played], device: str, side: int) -> None:
+    """Pushed in and then pulled out with the continuous force, from either side."""
+    scene = scenes[device]
+    limit = scene.profile.device.force_limit
+    assert limit is not None
+    wall = scene.bit("wall")
+    for pull in (0.0, 0.3 * limit.continuous):
+        run = played(
+            scene.guard,
+            scene.profile,
+            lambda _, __: wall,
+            place=-side * 0.5 * scene.profile.elements["wall"].motion.penetration,
+            speed=0.0,
+            periods=300,
+            faces={wall: (0.0, side)},
+            push_of_hand=side * pull,
+        )
+        pushes = side * run.force
+        assert pushes.min() >= 0
+        assert pushes.max() > 0.2 * limit.continuous
+        assert side * run.place[-1] > 0  # it has left
+        assert not np.any(run.force[side * run.place > 0.001 * abs(run.place[0])][1:])
+
+
+def test_a_wall_needs_a_side(scenes: dict[str, Played]) -> None:
+    scene = scenes["homerehab"]
+    wall = scene.bit("wall")
+    replies = scene.guard.run([enter(wall), push(wall, 0, -0.001)])
+    assert [reply.status for reply in replies] == ["NO_SIDE", "NOT_ENTERED"]
+
+
+@pytest.mark.parametrize("device", SCENES)
+def test_one_wrong_reading_never_makes_more_force_than_the_stated_sum(
+    scenes: dict[str, Played], device: str
+) -> None:
+    """0.6 mm at any time on HomeRehab, elsewhere half as much again as the device can move."""
+    scene = scenes[device]
+    jump = 6e-4 if device == "homerehab" else 1.5 * largest_change(scene.profile)
+    assert jump > 1.2 * largest_change(scene.profile)
+    for name, element in scene.profile.elements.items():
+        for at in (BEFORE - 1, BEFORE, BEFORE + 1, BEFORE + 7, BEFORE + 150):
+            for size in (jump, -jump):
+                run = scene.entry(name, {at: size})
+                assert run.statuses[at] == "GLITCH"
+                assert set(run.statuses[at + 1 :]) == {"OK"}
+                shallow = np.abs(run.place) <= element.motion.penetration
+                most = 1.02 * stated_sum(element) + 2 * scene.noise(name)
+                assert np.abs(run.force[shallow]).max() <= most
+
+
+@pytest.mark.parametrize("in_a_row", [True, False])
+@pytest.mark.parametrize("device", SCENES)
+def test_a_tenth_of_the_periods_missed_leaves_every_element_quiet(
+    scenes: dict[str, Played], device: str, in_a_row: bool
+) -> None:
+    """Held at its rest, let go: the force of the last fifth stays below 3 ripple limits.
+
+    Two periods missed in a row end the contact, and the program enters it again.
+    """
+    scene = scenes[device]
+    source = np.random.default_rng(3)
+    periods = 4000
+    missed = source.random(periods) < 0.1
+    if not in_a_row:
+        missed[1:] &= ~missed[:-1]
+    limit = 3 * (0.1 if scene.profile.device.motion == "linear" else 0.005)
+    for name, element in scene.profile.elements.items():
+        one = scene.bit(name)
+        run = played(
+            scene.guard,
+            scene.profile,
+            lambda _, __, one=one: one,
+            place=-0.1 * element.motion.penetration,
+            speed=0.0,
+            periods=periods,
+            faces={one: (0.0, 1)},
+            missed=frozenset(np.flatnonzero(missed).tolist()),
+        )
+        assert np.abs(run.force[-periods // 5 :]).max() < limit
+        assert ("LATE" in run.statuses) == in_a_row

@@ -1,0 +1,161 @@
+"""What the C guard does about wrong calls, missed periods and readings that cannot be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification import InvalidInputError
+from tests.exported import changed, tuned
+from tests.guard import Guard, Reply, built, enter, push
+from tests.played_law import PlayedLaw
+from tune.exporters import export
+from tune.exporters.largest_change import largest_change
+
+WALL, CUP, RUBBER = 1, 2, 4
+
+
+@pytest.fixture(scope="module")
+def guard(tmp_path_factory: pytest.TempPathFactory) -> Guard:
+    return built(export(tuned(), "c"), tmp_path_factory.mktemp("guard"))
+
+
+@pytest.mark.parametrize(
+    ("elements", "gain", "status"),
+    [
+        (WALL | RUBBER, 1.0, "NOT_TOGETHER"),
+        (WALL | CUP | RUBBER, 1.0, "NOT_TOGETHER"),
+        (8, 1.0, "NOT_TOGETHER"),
+        (WALL | 1 << 63, 1.0, "NOT_TOGETHER"),
+        (RUBBER, 1.0, "NOT_ENTERED"),
+        (WALL, float("nan"), "BAD_GAIN"),
+        (WALL, 1.0000001, "BAD_GAIN"),
+        (WALL, -0.1, "BAD_GAIN"),
+    ],
+)
+def test_whatever_is_not_certified_gives_no_force_and_a_reason(
+    guard: Guard, elements: int, gain: float, status: str
+) -> None:
+    calls = [enter(WALL | CUP), push(WALL | CUP, 4, 0.001), push(elements, 5, 0.001, gain)]
+    replies = guard.run([*calls, push(WALL, 6, 0.001)])
+    assert replies[1].force == -0.5
+    assert (replies[2].status, replies[2].force) == (status, 0.0)
+    assert (replies[3].status, replies[3].force) == ("OK", -0.5)
+
+
+@pytest.mark.parametrize(
+    ("period", "position", "status"),
+    [
+        (5, float("nan"), "NOT_FINITE"),
+        (5, float("-inf"), "NOT_FINITE"),
+        (5, 1e308, "GLITCH"),
+        (4, 0.001, "STALE"),
+    ],
+)
+def test_a_reading_that_is_missed_holds_the_force_and_two_end_the_contact(
+    guard: Guard, period: int, position: float, status: str
+) -> None:
+    assert tuned().certificate.extra_delay_samples == 1
+    begin = [enter(WALL), push(WALL, 4, 0.001)]
+    replies = guard.run([*begin, push(WALL, period, position), push(WALL, 6, 0.001)])[1:]
+    assert [reply.status for reply in replies] == ["OK", status, "OK"]
+    assert [reply.force for reply in replies] == [-0.5] * 3
+    assert replies[-1].missed == 1
+    assert replies[-1].glitches == (status == "GLITCH")
+
+    bad = [push(WALL, period, position), push(WALL, period + (period > 4), position)]
+    replies = guard.run([*begin, *bad, push(WALL, 7, 0.001), push(WALL, 8, 0.001)])[2:]
+    assert [reply.status for reply in replies[:2]] == [status, "LATE"]
+    assert replies[2].status in {"LATE", "NOT_ENTERED"}
+    assert replies[3].status == "NOT_ENTERED"
+    assert [reply.force for reply in replies] == [-0.5, 0, 0, 0]
+
+
+@pytest.mark.parametrize("period", [3, 7, 2**31])
+def test_more_missed_periods_than_are_certified_end_every_contact(
+    guard: Guard, period: int
+) -> None:
+    begin = [enter(WALL | CUP), push(WALL | CUP, 4, 0.001)]
+    replies = guard.run(
+        [
+            *begin,
+            push(WALL, period, 0.001),
+            push(WALL, period + 1, 0.001),
+            enter(WALL),
+            push(WALL, period + 2, 0.001),
+        ]
+    )[2:]
+    assert [reply.status for reply in replies] == ["LATE", "NOT_ENTERED", "OK", "OK"]
+    assert [reply.force for reply in replies] == [0, 0, 0, -0.5]
+
+
+def test_after_a_gap_velocity_goes_on_from_the_line_over_it(guard: Guard) -> None:
+    """A contact that begins right after it is played as if nothing had been missed."""
+    line = [0.0001 * k for k in range(60)]
+    seen = [*range(20), *range(40, 60)]
+    guard.start()
+    replies: list[Reply] = []
+    for k in seen:
+        guard.call(enter(WALL, line[k]))
+        replies.append(guard.call(push(WALL, k, line[k])))
+    assert [reply.status for reply in replies] == ["OK"] * 20 + ["LATE"] + ["OK"] * 19
+    law = PlayedLaw(tuned())
+    wanted = [law.force({"wall": (place, 0)}, place) for place in line][-19:]
+    # What the filter had not yet caught up with when the gap began is all that differs.
+    lag = np.exp(-2 * np.pi * 50 * 1e-3 * np.arange(41, 60))
+    np.testing.assert_allclose([reply.force for reply in replies[21:]], wanted, atol=1.0 * lag[0])
+
+
+def test_periods_may_wrap(guard: Guard) -> None:
+    last = 2**32 - 1
+    replies = guard.run([enter(WALL), push(WALL, last, 0.001), push(WALL, 0, 0.001)])[1:]
+    assert [(reply.status, reply.force) for reply in replies] == [("OK", -0.5)] * 2
+
+
+def test_a_contact_needs_a_place_and_a_wall_a_side(guard: Guard) -> None:
+    for rest in (float("nan"), float("inf")):
+        replies = guard.run([enter(WALL), enter(WALL, rest), push(WALL, 1, 0.001)])
+        assert [reply.status for reply in replies] == ["OK", "NOT_FINITE", "NOT_ENTERED"]
+    assert guard.run([enter(8)])[0].status == "NOT_TOGETHER"
+
+
+def test_faster_than_the_device_can_move_is_a_glitch_and_fast_motion_is_none(
+    guard: Guard,
+) -> None:
+    """A jump, from rest or on the way, is bridged; steady motion at any speed is none."""
+    allowed = largest_change(tuned())
+    assert allowed == pytest.approx((0.2 + 28 / 3 * 1e-3) * 1e-3 + 12e-6, rel=0.02)
+    for speed in (0.0, 0.2, 2.0):
+        steady = [speed * 1e-3 * k for k in range(20)]
+        for jump, glitches in ((0.9 * allowed, 0), (1.1 * allowed, 1), (-6e-4, 1)):
+            places = [*steady[:10], steady[10] + jump, *steady[11:]]
+            guard.start()
+            replies = [guard.call(push(0, k, place)) for k, place in enumerate(places)]
+            begun = replies[9].glitches  # a start at full speed looks like one
+            assert [reply.status for reply in replies[5:10]] == ["OK"] * 5
+            assert replies[-1].glitches - begun == glitches
+            assert (replies[10].status == "GLITCH") == bool(glitches)
+            assert {reply.status for reply in replies[11:]} == {"OK"}
+
+
+def test_an_encoder_that_jumps_for_good_ends_the_contact_and_is_followed_again(
+    guard: Guard,
+) -> None:
+    guard.start()
+    guard.call(enter(WALL))
+    before = [guard.call(push(WALL, k, 0.001)) for k in range(10)]
+    after = [guard.call(push(WALL, k, 0.004)) for k in range(10, 20)]
+    assert {reply.force for reply in before} == {-0.5}
+    assert [reply.status for reply in after[:2]] == ["GLITCH", "LATE"]
+    assert [reply.force for reply in after] == [-0.5] + [0.0] * 9
+    guard.call(enter(WALL))
+    assert guard.call(push(WALL, 20, 0.004)).status == "OK"
+
+
+def test_a_fade_that_the_profile_does_not_state_is_not_exported() -> None:
+    cup = tuned().elements["cup"].model_copy(update={"fade_time": 0.0})
+    profile = changed()
+    profile = profile.model_copy(update={"elements": {**profile.elements, "cup": cup}})
+    for target in ("c", "chai3d", "json", "ros2"):
+        with pytest.raises(InvalidInputError, match="no fade_time"):
+            export(profile, target)

@@ -1,0 +1,79 @@
+"""What the commands rehearse of a profile: every moment as it is played, on devices it may be."""
+
+from __future__ import annotations
+
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from datasets_synthetic import Controller, Rehearsal, Rig
+from identification import SlopeRange, quantity
+from tests.exported import tuned
+from tune import SafeProfile
+from tune.cli.rehearse import refuse_restless
+
+
+def rehearsed(profile: SafeProfile) -> tuple[Rig, Controller, dict[str, Any]]:
+    """What the simulator is asked to play."""
+    settled = Rehearsal(trials=())
+    with mock.patch(
+        "datasets_synthetic.rehearse", side_effect=lambda _, law, **__: [settled] * law.size()
+    ) as played:
+        refuse_restless(profile, lambda _: None)
+    played.assert_called_once()
+    return *played.call_args.args, dict(played.call_args.kwargs)
+
+
+def profile_with(**device: Any) -> SafeProfile:
+    """Wall, cup and rubber, the wall one-sided, on HomeRehab with these facts."""
+    elements = dict(tuned().elements)
+    elements["wall"] = elements["wall"].model_copy(update={"one_sided": True})
+    changed = tuned().device.model_copy(update=device)
+    return tuned().model_copy(update={"elements": elements, "device": changed})
+
+
+def test_every_moment_is_played_with_its_walls_and_its_fades() -> None:
+    """Wall, cup, rubber, and wall with cup."""
+    _, law, _ = rehearsed(profile_with())
+    cup = tuned().elements["cup"].mass
+    np.testing.assert_array_equal(law.stiffness, [0, 0, 700, 0])
+    walls, fading = law.beside
+    assert walls.one_sided
+    assert not fading.one_sided
+    for element, name, wanted in (
+        (walls, "stiffness", [500, 0, 0, 500]),
+        (walls, "damping", [10, 0, 0, 10]),
+        (fading, "mass", [0, cup, 0, cup]),
+        (fading, "fade_time", [0, 0.1, 0, 0.1]),
+    ):
+        np.testing.assert_array_equal(getattr(element, name), wanted)
+
+
+def test_corners_of_the_box_are_played_with_the_extra_delay() -> None:
+    profile = profile_with()
+    box = profile.device.simultaneous_box()
+    rig, _, options = rehearsed(profile)
+    assert (rig.mass[0], rig.damping[0], rig.delay[0]) == (3.0, 10.0, 0.001)
+    corners = [(each.mass[0], each.damping[0], each.delay[0]) for each in options["others"]]
+    late = pytest.approx(0.002)
+    (light, heavy), (least, most) = box.mass, box.damping
+    assert corners == [(light, least, late), (heavy, least, late), (light, most, late)]
+
+
+def test_slopes_of_friction_and_its_stiffness_are_among_the_devices_played() -> None:
+    profile = profile_with(
+        damping_slope=SlopeRange(low=4.0, high=30.0),
+        presliding_stiffness=SlopeRange(low=10.0, high=200.0),
+        damping=quantity(10.0),
+    )
+    _, _, options = rehearsed(profile)
+    assert [each.damping[0] for each in options["others"]] == [4.0, 4.0, 30.0, 10.0]
+    assert [each.stiffness[0] for each in options["others"]] == [0, 0, 0, 200.0]
+
+
+def test_nothing_that_fades_or_pushes_only_costs_nothing() -> None:
+    wall = tuned().elements["wall"]
+    _, law, _ = rehearsed(tuned().model_copy(update={"elements": {"wall": wall}, "together": ()}))
+    assert law.beside == ()

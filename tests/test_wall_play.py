@@ -12,7 +12,7 @@ from tests.exact_axis import Axis as ExactAxis
 from tests.exact_axis import closed_loop
 from tests.wall_axis import Axis, exponential
 from tests.wall_cycles import Cycle, Guess, cycle
-from tests.wall_gates import pumped, transitions
+from tests.wall_gates import faded, pumped, transitions
 from tests.wall_play import Array, Bench, Law
 from tests.wall_trials import KINDS, Gates, Played, play
 
@@ -199,6 +199,19 @@ def test_nothing_grows_where_it_is_proved() -> None:
     assert not calm.any()
     assert np.max(found.ratio[:120]) < 1
     assert np.mean(wild) > 0.1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("gain", "seconds", "pumps"), [(1, 0.1, False), (2, 0.1, True), (2, 0.3, False)]
+)
+def test_a_mass_faded_too_fast_pumps(gain: float, seconds: float, pumps: bool) -> None:
+    """5.17 kg beside 238 N/m: a fade is slow from about a quarter of its swing on, 0.26 s."""
+    level = np.linspace(0, 1, 41)
+    slow = float(np.exp(-2 * np.pi * 5 * T))
+    law = Law(stiffness=238.0 * gain, steady_mass=5.17 * gain * level, acceleration_pole=slow)
+    bench = Bench(with_delay(1.0), law, level.size)
+    assert (faded(bench, round(seconds / T), 1000) > 1) == pumps
 
 
 @pytest.mark.long

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import product
 
 import numpy as np
 
 from tests.wall_axis import Axis
 from tests.wall_play import Array, Law
+from tune import SafeProfile
 from tune.documents.effects import Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
@@ -128,6 +130,40 @@ def draw_moment(generator: np.random.Generator, kind: str) -> Moment:
     )
     filters = Filters(velocity_filter_hz=slow, acceleration_filter_hz=slower)
     return Moment(axis=axis, law=law, kind=kind, filters=filters)
+
+
+def certified_corners(
+    profile: SafeProfile, elements: tuple[str, ...]
+) -> tuple[list[Moment], list[float]]:
+    """Corners of the certified box, at every delay and at all and a part of the certified gain.
+
+    A rigid device without a hand; springs and dampers only.
+    """
+    certificate = profile.certificate
+    assert certificate is not None
+    assert certificate.absolute_stability is not None
+    stated = certificate.absolute_stability[" + ".join(elements)]
+    chosen = [profile.elements[name] for name in elements]
+    T = profile.loop.sample_time
+    velocity, acceleration = profile.loop.velocity_filter_hz, profile.loop.acceleration_filter_hz
+    law = Law(
+        stiffness=sum(each.stiffness for each in chosen),
+        damping=sum(each.damping for each in chosen),
+        velocity_pole=0.0 if velocity is None else float(np.exp(-2 * np.pi * velocity * T)),
+    )
+    low, high = certificate.delay_samples
+    delays = (low, *(high + part * stated.extra_delay_samples for part in (0.0, 0.5, 1.0)))
+    moments = [
+        Moment(
+            axis=Axis(mass=m, damping=b, sample_time=T, delay_samples=delay),
+            law=law,
+            kind="spring and damper",
+            filters=Filters(velocity_filter_hz=velocity, acceleration_filter_hz=acceleration),
+        )
+        for m, b, delay in product(certificate.mass, certificate.damping, delays)
+    ]
+    gains = [stated.gain, 0.3 * stated.gain]
+    return [each for each in moments for _ in gains], gains * len(moments)
 
 
 def joined(given: Sequence[Axis] | Sequence[Law], repeats: int) -> dict[str, Array]:

@@ -154,3 +154,26 @@ def improved(matrices: Array, pattern: NDArray[np.intp]) -> tuple[float, NDArray
             return best, pattern
         best = float(sizes[place])
         pattern[place[0]] = place[1]
+
+
+def faded(bench: Bench, samples: int, longest: int) -> float:
+    """Largest growth a sample while the law fades from the first member's to the last's and back.
+
+    Each fade takes about so many samples through all members in turn; between fades either end is
+    held for as long as pumps most, up to ``longest`` samples.
+    """
+    matrices = transitions(bench, 0.0, 0.0)
+    between, step = matrices[1:-1], max(1, samples // (bench.members - 1))
+    up = down = np.eye(matrices.shape[1])
+    for each in between:
+        up = np.linalg.matrix_power(each, step) @ up
+    for each in between[::-1]:
+        down = np.linalg.matrix_power(each, step) @ down
+    spans = np.unique(np.geomspace(1, longest, 30).astype(int))
+    shut, full = (
+        np.stack([np.linalg.matrix_power(matrices[end], int(span)) for span in spans])
+        for end in (0, -1)
+    )
+    period = (down @ full)[None] @ (up @ shut)[:, None]
+    sizes = np.max(np.abs(np.linalg.eigvals(period)), axis=-1)
+    return float(np.max(sizes ** (1 / (spans[:, None] + spans + 2 * step * len(between)))))

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tests.wall_axis import Axis
 from tests.wall_devices import Moment, joined
 from tests.wall_gates import transitions
-from tests.wall_play import Array, Bench, Law
+from tests.wall_play import Array, Bench, Law, Mask
 from tests.wall_trials import KINDS, Gates, Played, play
 
 #: What the spring of a member is.
@@ -22,24 +21,6 @@ START = 1.0
 LONGER, FEWER = (8, 40), 16
 #: Members side by side, so that their matrices stay near the processor.
 _BLOCK = 2048
-
-
-@dataclass(frozen=True, kw_only=True)
-class Campaign:
-    """What was played, each of shape (moments, repeats).
-
-    Attributes:
-        grows: whether energy was larger in the last part than in the one before.
-        left: energy of the last part over that of the first.
-        gate: index in `KINDS`.
-        shape: index in `SHAPES`.
-    """
-
-    grows: NDArray[np.bool_]
-    left: Array
-    ratio: Array
-    gate: NDArray[np.intp]
-    shape: NDArray[np.intp]
 
 
 def structure(moment: Moment) -> tuple[bool, bool]:
@@ -55,40 +36,19 @@ def run(
     repeats: int,
     samples: int,
     seed: int,
-    floor: float = 0.0,
-) -> Campaign:
-    """Every moment at its gain, ``repeats`` times, gates, walls, clamps and pushes by chance."""
-    count = len(moments)
-    found = {
-        "grows": np.zeros((count, repeats), dtype=bool),
-        "left": np.zeros((count, repeats)),
-        "ratio": np.zeros((count, repeats)),
-        "gate": np.zeros((count, repeats), dtype=np.intp),
-        "shape": np.zeros((count, repeats), dtype=np.intp),
-    }
+) -> Mask:
+    """Which plays grow, (moments, repeats), with gates, walls, clamps and pushes by chance."""
+    grows = np.zeros((len(moments), repeats), dtype=bool)
     generator = np.random.default_rng((seed, 11))
-    kinds = sorted({structure(each) for each in moments})
-    for kind in kinds:
+    for kind in sorted({structure(each) for each in moments}):
         chosen = [k for k, each in enumerate(moments) if structure(each) == kind]
         size = max(1, _BLOCK // repeats)
         for first in range(0, len(chosen), size):
             part = chosen[first : first + size]
-            played = _block(
-                [moments[k] for k in part],
-                np.repeat([gains[k] for k in part], repeats),
-                repeats,
-                samples,
-                generator,
-                found,
-                np.asarray(part),
-            )
-            shape = (len(part), repeats)
-            found["grows"][part] = played.grows(floor).reshape(shape)
-            with np.errstate(all="ignore"):
-                left = played.energies[-1] / played.energies[0]
-            found["left"][part] = left.reshape(shape)
-            found["ratio"][part] = played.ratio.reshape(shape)
-    return Campaign(**found)
+            gain = np.repeat([gains[k] for k in part], repeats)
+            played = _block([moments[k] for k in part], gain, repeats, samples, generator)
+            grows[part] = played.grows().reshape(len(part), repeats)
+    return grows
 
 
 def _block(
@@ -97,16 +57,12 @@ def _block(
     repeats: int,
     samples: int,
     generator: np.random.Generator,
-    found: dict[str, NDArray[np.generic]],
-    rows: NDArray[np.intp],
 ) -> Played:
     members = len(moments) * repeats
     axis = Axis(**joined([each.axis for each in moments], repeats))
     law = Law(**joined([each.law for each in moments], repeats))
     shape = generator.integers(0, len(SHAPES), members)
     gate = generator.integers(0, len(KINDS), members)
-    found["gate"][rows] = gate.reshape(len(rows), repeats)
-    found["shape"][rows] = shape.reshape(len(rows), repeats)
     K, M = gain * law.stiffness, axis.mass + axis.hand_mass
     sided = (shape == 1) | (shape == 2)
     flight = 10 ** generator.uniform(0.5, 2.3, members) * axis.sample_time
@@ -151,16 +107,14 @@ def growing(
     for turn, longer in enumerate((1, *LONGER)):
         if not left:
             break
-        found = run(
+        grows = run(
             [moments[k] for k in left],
             [gains[k] for k in left],
             repeats=repeats if turn == 0 else min(repeats, FEWER),
             samples=samples * longer,
             seed=seed + turn,
         )
-        left = [
-            k for k, grows in zip(left, np.any(found.grows, axis=1).tolist(), strict=True) if grows
-        ]
+        left = [left[k] for k in np.flatnonzero(np.any(grows, axis=1))]
     return left
 
 

@@ -133,21 +133,16 @@ class Played:
 
     Attributes:
         energies: J, as `Energy`, largest in each part of the run, shape (WINDOWS, members).
-        contacts: how often each entered y > 0.
         ratio: largest energy from one entry to the next over that before, the largest of a run.
-        largest_force: N, commanded.
     """
 
     energies: Array
-    contacts: NDArray[np.intp]
     ratio: Array
-    largest_force: Array
 
-    def grows(self, floor: float = 0.0) -> Mask:
+    def grows(self) -> Mask:
         """Members with more energy in the last part of the run than in the part before it."""
         first, before, last = self.energies[0], self.energies[-2], self.energies[-1]
-        calm = last <= (1 + floor) * before
-        return ~(calm | (last <= ENDED * first))
+        return ~((last <= before) | (last <= ENDED * first))
 
 
 def play(
@@ -176,8 +171,7 @@ def play(
     late = bench.arriving(lateness) if lateness else None
     on_time = bench.arriving(0.0)
     energies = np.zeros((WINDOWS, members))
-    contacts = np.zeros(members, dtype=np.intp)
-    now, before, ratio, largest = (np.zeros(members) for _ in range(4))
+    now, before, ratio = (np.zeros(members) for _ in range(3))
     was_inside = np.zeros(members, dtype=bool)
     for k in range(samples):
         arriving = None
@@ -186,7 +180,7 @@ def play(
         gone = None
         if missed:
             gone = (generator.random(members) < missed) & (bench.state.waiting == 0)
-        force = bench.step(k, gates, push=push, arriving=arriving, missed=gone)
+        bench.step(k, gates, push=push, arriving=arriving, missed=gone)
         held = energy(bench)
         part = k * WINDOWS // samples
         energies[part] = np.maximum(energies[part], held)
@@ -196,7 +190,5 @@ def play(
         ratio = np.maximum(ratio, np.where(counts, now / np.where(counts, before, 1.0), 0.0))
         before = np.where(entered, now, before)
         now = np.where(entered, held, np.maximum(now, held))
-        contacts += entered
         was_inside = inside
-        largest = np.maximum(largest, np.abs(force))
-    return Played(energies=energies, contacts=contacts, ratio=ratio, largest_force=largest)
+    return Played(energies=energies, ratio=ratio)

@@ -16,8 +16,9 @@ from tests.wall_play import Bench
 from tune import Scene, optimise
 from tune.stability.responses import Responses
 
-#: Gains are found in doubles at the worst frequencies seen: the proof takes off more.
-SHAVED = 1e-6
+#: Gains are found at the worst frequencies of a grid: up to 2e-6 above a linear limit was seen, and
+#: what is tuned keeps 2e-3 from them.
+SHAVED = 1e-5
 
 
 def proved_moments(count: int, seed: int) -> tuple[list[Moment], list[float]]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import cast
 
-from identification import Device, parse_document, to_mapping
+from identification import Device, Quantity, parse_document, quantity, to_mapping
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.perception import PerceptionTable
 from tune.documents.profile import SafeProfile
@@ -61,7 +62,7 @@ def what_if(
     Raises:
         UnstatedError, NoFeasibleEffectError, CheckFailedError: of the device as it is.
     """
-    say = progress or (lambda _: None)
+    say = progress or _silent
     known = profile or optimise(device, scene, table=table, progress=say)
     found: list[Alternative] = []
     for change, content in _changed(device):
@@ -103,22 +104,27 @@ def _changed(device: Device) -> Iterator[tuple[str, Content]]:
             key for key in ("damping", "damping_slope", "damping_by_direction") if key in content
         ]
         yield words, content | {key: _scaled(content[key], factor) for key in keys}
-    modes = content.get("modes")
-    if isinstance(modes, list):
-        for place, mode in enumerate(device.modes):
-            better = [*modes]
-            better[place] = {
-                **modes[place],
-                "damping_ratio": _scaled(modes[place]["damping_ratio"], 2),
-            }
-            yield (
-                f"the mode at {mode.frequency_hz.value:.4g} Hz damped twice as well",
-                content | {"modes": better},
-            )
+    for place, mode in enumerate(device.modes):
+        ratio = _times(mode.damping_ratio, 2.0)
+        better = list(device.modes)
+        better[place] = mode.model_copy(update={"damping_ratio": ratio})
+        yield (
+            f"the mode at {mode.frequency_hz.value:.4g} Hz damped twice as well",
+            to_mapping(device.model_copy(update={"modes": tuple(better)})),
+        )
+
+
+def _times(number: Quantity, factor: float) -> Quantity:
+    return quantity(number.value * factor, number.low * factor, number.high * factor)
+
+
+def _silent(sentence: str) -> None:
+    del sentence
 
 
 def _scaled(item: object, factor: float) -> object:
     """A number of a file, or every number in a mapping, times a factor."""
     if isinstance(item, dict):
-        return {key: _scaled(part, factor) for key, part in item.items()}
+        parts = cast("dict[str, object]", item)
+        return {key: _scaled(part, factor) for key, part in parts.items()}
     return item * factor if isinstance(item, int | float) else item

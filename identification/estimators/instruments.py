@@ -247,7 +247,10 @@ class _Past:
         past -= past.mean(axis=1, keepdims=True)
         norms = np.linalg.norm(past, axis=1, keepdims=True)
         past /= np.where(norms > 0, norms, 1.0)
-        inverse: FloatArray = np.linalg.pinv(past @ past.T, rcond=_UNEXCITED**2, hermitian=True)
+        products: FloatArray = past @ past.T
+        inverse = np.asarray(
+            np.linalg.pinv(products, rcond=_UNEXCITED**2, hermitian=True), dtype=np.float64
+        )
         return cls(past, inverse)
 
     def explained(self, column: FloatArray) -> FloatArray:

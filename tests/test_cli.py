@@ -20,7 +20,7 @@ COMMANDS = {
     "--axis --decimal --hardware --allow --json --quiet",
     "identify": "--output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --dry-run --json --quiet",
-    "tune": "--output --margin --candidates --dry-run --json --quiet",
+    "tune": "--output --margin --candidates --what-if --dry-run --json --quiet",
     "calibrate": "--scene --output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --margin --candidates "
     "--dry-run --json --quiet",
@@ -29,6 +29,7 @@ COMMANDS = {
     "check": "--device --json --quiet",
     "verify": "--element --gain --release --time --time-gain --force --position --force-gain "
     "--position-gain --axis --decimal --picture --json --quiet",
+    "compare": "--json --quiet",
     "export": "--to --output --dry-run --json --quiet",
     "excite": "--output --picture --dry-run --json --quiet",
     "simulate": "--output --seed --json --quiet",
@@ -214,7 +215,7 @@ def test_a_narrow_terminal_cuts_no_name_and_no_number() -> None:
     assert max(map(len, table.splitlines())) <= 80
     assert set(name.split()) <= set(table.split())
     assert "…" not in table
-    assert "1400 N/m" in table
+    assert "1400.38 N/m" in table
 
 
 def _shell(code: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -21,13 +21,9 @@ from tests.commands import haptune
 from tests.true_loops import safe_gain
 from tune import SafeProfile, Scene, compare, optimise
 
-#: A damper whose largest value stability sets, on an actuator that never tires.
-WATER = Scene.model_validate(
-    {
-        "elements": {"water": {"damping": "max"}},
-        "ripple_limit": 1e6,
-        "loop": {"velocity_filter_hz": "none"},
-    }
+#: A spring on an actuator that never tires; what the device loses by itself limits it.
+WALL = Scene.model_validate(
+    {"elements": {"wall": {"stiffness": 1300.0, "penetration": 0.01}}, "ripple_limit": 1e6}
 )
 STRONG = {"force_limit": {"continuous": 1e6, "peak": 1e6}}
 
@@ -39,7 +35,7 @@ def _device(**changes: object) -> Device:
 
 @pytest.fixture(scope="module")
 def profile() -> SafeProfile:
-    return optimise(_device(), WATER)
+    return optimise(_device(), WALL)
 
 
 def test_intervals_that_share_a_value_are_no_change() -> None:
@@ -65,23 +61,20 @@ def test_what_one_file_alone_states_is_a_change() -> None:
 
 
 def test_a_profile_holds_on_its_own_device_and_on_a_better_one(profile: SafeProfile) -> None:
-    for device in (profile.device, _device(delay=0.0), _device(mass=3.3)):
+    for device in (profile.device, _device(delay=0.0), _device(damping=11.0)):
         found = compare(profile, device)
         assert found.holds, found.failures
         assert found.gain == profile.margin.gain
 
 
-def test_the_gain_kept_on_a_lighter_device_is_where_its_loop_becomes_unstable(
+def test_the_gain_kept_on_a_device_of_less_damping_is_where_its_loop_becomes_unstable(
     profile: SafeProfile,
 ) -> None:
-    """The first unstable gain of its worst corner, by roots in many digits."""
-    found = compare(profile, _device(mass=2.4))
+    """The first unstable gain of its worst delay, by roots in many digits."""
+    found = compare(profile, _device(damping=5.0))
     assert not found.holds
     assert found.gain is not None
-    dampings = profile.device.simultaneous_box().damping
-    first = min(
-        safe_gain(profile, ("water",), (2.4, b, 0.001), delay) for b in dampings for delay in (1, 2)
-    )
+    first = min(safe_gain(profile, ("wall",), (3.0, 5.0, 0.001), delay) for delay in (1, 2))
     assert 0 < found.gain <= first < found.gain + 0.02 * profile.margin.gain
 
 
@@ -97,21 +90,21 @@ def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
-    Path("lighter.yaml").write_text(to_yaml(to_mapping(_device(mass=2.4))), encoding="utf-8")
-    ended = haptune("compare", "profile.yaml", "lighter.yaml", "--json")
+    Path("worn.yaml").write_text(to_yaml(to_mapping(_device(damping=5.0))), encoding="utf-8")
+    ended = haptune("compare", "profile.yaml", "worn.yaml", "--json")
     assert ended.code == 6
     details = ended.result["details"]
     assert details["holds"] is False
     assert 0 < details["gain"] < profile.margin.gain
     changed = {each["name"] for each in details["changes"] if each["beyond"]}
-    assert changed == {"mass"}
+    assert changed == {"damping"}
     assert "Tune again for it" in ended.err
     same = haptune("compare", "profile.yaml", "profile.yaml")
     assert same.code == 0, same.err
     assert "nothing of the device changed" in same.out
     assert "holds on the device of profile.yaml" in same.out
-    assert haptune("compare", "lighter.yaml", "knob").code == 2
-    assert haptune("compare", "lighter.yaml", "nowhere.yaml").code == 3
+    assert haptune("compare", "worn.yaml", "knob").code == 2
+    assert haptune("compare", "worn.yaml", "nowhere.yaml").code == 3
 
 
 def test_serial_date_and_operator_go_from_hardware_to_device(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_what_is_written_is_what_the_law_makes_felt(
 
 
 def test_every_number_is_looked_at() -> None:
-    content = to_mapping(_profile("homerehab", LOOPS[1], lag=False, delay=1.0))
+    content = to_mapping(_profile("homerehab", LOOPS[3], lag=False, delay=1.0))
     places = [
         (element, part, key)
         for element, said in content["elements"].items()

@@ -186,7 +186,7 @@ PASSED_ONCE: tuple[tuple[str, Any, str], ...] = (
     ("together", [["water", "wall"]], "together"),
     ("elements.wall.motion.speed", -5.0, "greater than or equal to 0.000000001"),
     ("elements.wall.motion.penetration", 0.0, "greater than or equal to 0.000000001"),
-    ("elements.wall.motion.penetration", 1e-6, "perceived_steps.stiffness says"),
+    ("elements.wall.motion.penetration", 1e-6, "wall: margins.absolute_gain says"),
     ("margin.name", "conservative", "gain: 2.0 in margin, 3.0 in the margin conservative"),
     ("margin.gain", 1.05, "gain: 1.05 in margin, 2.0 in the margin balanced"),
     ("ripple_limit", 1e12, "less than or equal to 1000000000"),

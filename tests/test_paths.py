@@ -13,6 +13,7 @@ import pytest
 import identification
 import tune
 from identification import InvalidInputError
+from identification.documents.writing import Replaced
 from tests.commands import FLUID, log_text
 from tune.cli.new import excitation_of
 
@@ -27,9 +28,12 @@ class Named:
         return self.text
 
 
+REPLACED = Replaced(content=b"before", backup=Path("difference_of.yaml.bak"))
+
 #: Every public function that reads or writes a file, called on one that stands there.
 CALLS: dict[str, Callable[[Any], object]] = {
     "check": tune.check,
+    "difference_of": lambda path: identification.difference_of(path, REPLACED, "after"),
     "load_device": identification.load_device,
     "load_document": lambda path: identification.load_document(tune.Scene, path),
     "load_excitation": identification.load_excitation,

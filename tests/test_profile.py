@@ -21,8 +21,9 @@ from tune.certificate.polynomial import Setting
 from tune.certificate.region import regions_of
 from tune.documents.profile import SafeProfile, digest_of
 
-#: The digit in a name is in a key, those of the device are in numbers, text and exponents.
-SPRING: dict[str, Any] = {"elements": {"wall 2": {"stiffness": "max"}}}
+#: The digit in a name is in a key, those of the device are in numbers, text and exponents. The
+#: depth is stated, so that the limit of force binds and is not where the force is cut.
+SPRING: dict[str, Any] = {"elements": {"wall 2": {"stiffness": "max", "penetration": 0.01}}}
 RICH: dict[str, Any] = {
     "elements": {
         "wall": {"stiffness": 500.0, "damping": 10.0},

@@ -152,4 +152,7 @@ def test_the_template_is_a_scene_and_shows_every_key(tmp_path: Path) -> None:
     scene = load_scene(path)
     assert scene.model_fields_set == set(Scene.model_fields)
     shown = set[str]().union(*(element.model_fields_set for element in scene.elements.values()))
+    # A penetration binds where it is stated: the template shows it without stating it.
+    assert "# penetration: 0.01" in template("scene")
+    shown |= {"penetration"}
     assert shown == set(type(scene.elements["wall"]).model_fields)

@@ -57,14 +57,15 @@ def write_text(path: str | os.PathLike[str], text: str) -> Replaced | None:
     return write_bytes(path, text.encode("utf-8"))
 
 
-def difference_of(path: Path, replaced: Replaced, text: str) -> str:
+def difference_of(path: str | os.PathLike[str], replaced: Replaced, text: str) -> str:
     """The unified diff of a text against what stood in its place, or how long both are."""
+    name = Path(path).name
     before = replaced.content.decode("utf-8", errors="replace").splitlines()
     after = text.splitlines()
     if max(len(before), len(after)) > _LONGEST_DIFFERENCE:
-        return f"{path.name} changed: {len(before)} lines before, {len(after)} now"
+        return f"{name} changed: {len(before)} lines before, {len(after)} now"
     return "\n".join(
-        difflib.unified_diff(before, after, f"{path.name} (before)", path.name, lineterm="", n=1)
+        difflib.unified_diff(before, after, f"{name} (before)", name, lineterm="", n=1)
     )
 
 

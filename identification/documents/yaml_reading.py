@@ -13,7 +13,7 @@ from identification.errors import InvalidInputError
 #: Bytes. No device, scene or profile comes near this; a larger file is a mistake or an attack.
 LARGEST_FILE = 1_000_000
 #: Values, keys and brackets of one file, which is what time goes by: a profile of a hundred
-#: elements has a third of it.
+#: elements has half of it.
 MOST_EVENTS = 20_000
 #: Levels of lists and mappings; a profile has five.
 DEEPEST = 32

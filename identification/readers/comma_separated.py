@@ -16,8 +16,12 @@ from identification.readers.columns import (
     quoted,
     wanted_columns,
 )
-from identification.readers.encoding import refuse_zeros
-from identification.readers.limits import refuse_long, refuse_packed, refuse_wide
+from identification.readers.limits import (
+    refuse_long,
+    refuse_open_quote,
+    refuse_packed,
+    refuse_wide,
+)
 
 if TYPE_CHECKING:
     import polars
@@ -33,7 +37,6 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> Reading:
     import polars as pl
 
     refuse_packed(path, content)
-    refuse_zeros(path, content)
     refuse_long(path, content.count(b"\n") - 1)
     header = _header(path, content)
     separator = max(_SEPARATORS, key=lambda mark: header.count(mark.encode()))
@@ -70,10 +73,7 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> Reading:
 def _header(path: Path, content: bytes) -> bytes:
     """The first line that holds anything. Raises InvalidInputError where it does not end there."""
     header = next((line for line in BytesIO(content) if line.strip(_NOTHING)), b"")
-    if header.count(b'"') % 2:
-        raise InvalidInputError(
-            path, "has a quote in its header line that is not closed", "Leave out the quote"
-        )
+    refuse_open_quote(path, header)
     return header
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from identification.errors import InvalidInputError
 from identification.readers.columns import FloatArray, Reading, quoted
 from identification.readers.dialect import Dialect
-from identification.readers.limits import refuse_long
+from identification.readers.limits import refuse_long, refuse_packed
 from identification.readers.recognition import refuse_other_rows
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ def read_delimited(path: Path, content: bytes, dialect: Dialect) -> Reading:
         dialect: how it is written.
     """
     body = content[_start_of(content, dialect.layout.first) :]
+    # Lines above a packed stream do not keep the reader of text from unpacking it.
+    refuse_packed(path, body)
     refuse_long(path, body.count(b"\n"))
     separator = dialect.separator
     if separator == " " and (body.startswith((b" ", b"\t")) or any(run in body for run in _RUNS)):

@@ -14,6 +14,7 @@ from typing import Literal
 from identification.errors import InvalidInputError
 from identification.readers.columns import LogColumns, quoted
 from identification.readers.layout import COMMENT, MOST_BETWEEN, Layout, find_layout, roles_of
+from identification.readers.limits import refuse_open_quote, refuse_wide
 
 #: Lines above and below the header that are looked at, and bytes of them.
 _MOST_ABOVE = 200
@@ -76,10 +77,12 @@ def recognise(path: Path, content: bytes, columns: LogColumns) -> Dialect | None
         columns: what the user asked for; all of them stand in a header.
 
     Raises:
-        InvalidInputError: what is not certain, with the option that makes it so.
+        InvalidInputError: what is not certain, with the option that makes it so; a line down to
+            the header that no table of a log has.
     """
     lines = list(_beginning(content))
     for header, line in enumerate(lines[:_MOST_ABOVE]):
+        _refuse_endless(path, line, is_first=not any(lines[:header]))
         for separator in _SEPARATORS:
             if roles_of(path, cells_of(line, separator), columns) is None:
                 continue
@@ -87,6 +90,16 @@ def recognise(path: Path, content: bytes, columns: LogColumns) -> Dialect | None
             if found is not None:
                 return found
     return None
+
+
+def _refuse_endless(path: Path, line: str, *, is_first: bool) -> None:
+    """Refuse a line down to the header that is too wide, or the first if it goes on in the next."""
+    written = line.encode()
+    if is_first and not line.startswith(COMMENT):
+        refuse_open_quote(path, written)
+    # Runs of spaces stand between two columns, not around columns of their own.
+    columns = max(len(line.split()), *(line.count(mark) + 1 for mark in _SEPARATORS[:-1]))
+    refuse_wide(path, written, columns)
 
 
 def _beginning(content: bytes) -> Iterator[str]:

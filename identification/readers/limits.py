@@ -68,6 +68,14 @@ def refuse_wide(path: Path, header: bytes, columns: int) -> None:
     raise InvalidInputError(path, problem, "Export the columns of the log alone, a row a line")
 
 
+def refuse_open_quote(path: Path, header: bytes) -> None:
+    """Raises InvalidInputError for a header line that goes on in the next one."""
+    if header.count(b'"') % 2:
+        raise InvalidInputError(
+            path, "has a quote in its header line that is not closed", "Leave out the quote"
+        )
+
+
 def refuse_shape(path: Path, name: str, shape: tuple[int, ...]) -> None:
     """Raises InvalidInputError for a stored array that is no single column, or too long."""
     refuse_long(path, prod(shape))

@@ -9,7 +9,8 @@ from pathlib import Path
 from identification.errors import InvalidInputError
 from identification.readers.columns import LogColumns, Reading, wanted_columns
 from identification.readers.comma_separated import read_csv
-from identification.readers.encoding import as_utf8
+from identification.readers.encoding import as_utf8, refuse_zeros
+from identification.readers.limits import refuse_packed
 
 #: Bytes of the first two lines that are looked at before a file is read as plain.
 _BEGINNING = 100_000
@@ -17,7 +18,10 @@ _BEGINNING = 100_000
 
 def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role; empty cells are NaN. Raises InvalidInputError."""
+    # Before letters of another encoding are made of the bytes that tell a packed file.
+    refuse_packed(path, content)
     content, notes = as_utf8(path, content)
+    refuse_zeros(path, content)
     if columns.decimal != "comma" and _is_plain(path, content, columns):
         try:
             reading = read_csv(path, content, columns)

@@ -108,6 +108,9 @@ def rendering_rows(
 ) -> Iterator[tuple[LinearWord, FloatArray]]:
     """Mass and damping felt of every element against what it asks for, at both ends.
 
+    An element whose every effect is a wanted value is met as it is commanded; the profile says what
+    is felt of it.
+
     Args:
         unknowns: of all elements.
         shares: what one unit of each effect is felt as.
@@ -122,7 +125,8 @@ def rendering_rows(
             "stiffness": shares.damping_of_stiffness,
         },
     }
-    for name in dict.fromkeys(unknown.element for unknown in unknowns):
+    free = (unknown.element for unknown in unknowns if unknown.wish.kind != "value")
+    for name in dict.fromkeys(free):
         for felt, parts in adds.items():
             own = device[felt]
             step = (1 + table.fraction(felt).value) ** _OF_A_STEP

@@ -75,6 +75,7 @@ def _element(some: ElementProfile, name: str, sizes: tuple[float, float, float])
 def stated_sum(element: ElementProfile) -> float:
     """|K|·penetration + |B|·speed + |M|·acceleration, N (N·m)."""
     motion = element.motion
+    assert motion.penetration is not None
     return (
         abs(element.stiffness) * motion.penetration
         + abs(element.damping) * motion.speed

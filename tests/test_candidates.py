@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 
 from datasets_synthetic import bundled
 from identification import Device, load_device, quantity
@@ -92,7 +93,8 @@ def test_the_picture_has_a_bar_for_every_effect_of_every_candidate(
 ) -> None:
     rows = compared(walls)
     (axes,) = candidates_picture(rows).axes
-    widths = sorted(patch.get_width() for patch in axes.patches)
+    bars: list[Rectangle] = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
+    widths = sorted(bar.get_width() for bar in bars)
     assert widths == pytest.approx(sorted(row.steps.value for row in rows))
 
 

@@ -130,12 +130,14 @@ def test_a_wall_never_pulls(scenes: dict[str, Played], device: str, side: int) -
     limit = scene.profile.device.force_limit
     assert limit is not None
     wall = scene.bit("wall")
+    depth = scene.profile.elements["wall"].motion.penetration
+    assert depth is not None
     for pull in (0.0, 0.3 * limit.continuous):
         run = played(
             scene.guard,
             scene.profile,
             lambda _, __: wall,
-            place=-side * 0.5 * scene.profile.elements["wall"].motion.penetration,
+            place=-side * 0.5 * depth,
             speed=0.0,
             periods=300,
             faces={wall: (0.0, side)},
@@ -191,12 +193,13 @@ def test_a_tenth_of_the_periods_missed_leaves_every_element_quiet(
         missed[1:] &= ~missed[:-1]
     limit = 3 * (0.1 if scene.profile.device.motion == "linear" else 0.005)
     for name, element in scene.profile.elements.items():
-        one = scene.bit(name)
+        one, depth = scene.bit(name), element.motion.penetration
+        assert depth is not None
         run = played(
             scene.guard,
             scene.profile,
             lambda _, __, one=one: one,
-            place=-0.1 * element.motion.penetration,
+            place=-0.1 * depth,
             speed=0.0,
             periods=periods,
             faces={one: (0.0, 1)},

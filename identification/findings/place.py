@@ -118,7 +118,7 @@ def position_force(balance: Balance) -> tuple[float, FloatArray]:
         for count in (first, both)
     )
     left, fuller = (_left(every, count, every) for count in (first, both))
-    force = powers @ (_solved(every, both) / norms[:both])[first:] * norms[-1]
+    force: FloatArray = powers @ (_solved(every, both) / norms[:both])[first:] * norms[-1]
     kept = max(
         within / without if without > 0 else 1.0,
         fuller / left if left > 0 else 1.0,

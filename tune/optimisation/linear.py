@@ -58,10 +58,12 @@ class LinearLimits:
     @classmethod
     def of(cls, rows: Iterable[tuple[LinearWord, FloatArray]], unknowns: int) -> LinearLimits:
         """Of the rows that can bind: without a positive coefficient one never does."""
-        kept = [(word, row) for word, row in rows if np.any(row > 0)]
-        words: tuple[LinearWord, ...] = tuple(word for word, _ in kept)
+        kept: list[tuple[LinearWord, FloatArray]] = [
+            (word, row) for word, row in rows if np.any(row > 0)
+        ]
+        words: list[LinearWord] = [word for word, _ in kept]
         table = np.array([row for _, row in kept]).reshape(len(kept), unknowns)
-        return cls(rows=table, words=words)
+        return cls(rows=table, words=tuple(words))
 
     def used(self, sizes: FloatArray) -> FloatArray:
         """What sizes of shape (unknowns, ...) use of each limit, 1 is all: shape (rows, ...)."""

@@ -205,12 +205,17 @@ def test_a_million_verdicts_of_degree_ten_take_at_most_200_ns_each() -> None:
     values = rng.uniform([[0], [-50], [-2]], [[9e3], [2e3], [20]], (3, 1_000_000))
     loop = _loop_of_degree_ten()
     effects = Effects(stiffness=values[0], damping=values[1], mass=values[2])
-    # The other processor of a pair takes up to half of this one's speed while it is busy.
-    least = np.inf
+    # A processor shared with others is as much slower at a hundred million plain products, 33 ms of
+    # one to itself; the best of a dozen of both tells by how much.
+    first, second, product = rng.uniform(1, 2, (3, 8192))
+    least = plain = np.inf
     for _ in range(12):
         start = time.thread_time()
         is_stable(loop, effects)
-        least = min(least, time.thread_time() - start)
+        middle = time.thread_time()
+        for _ in range(12_207):
+            np.multiply(first, second, out=product)
+        least, plain = min(least, middle - start), min(plain, time.thread_time() - middle)
         if least <= 0.2:
             break
-    assert least <= 0.2
+    assert least <= 0.2 * max(1.0, plain / 0.033)

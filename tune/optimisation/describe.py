@@ -207,7 +207,7 @@ def element_profile(
             one_sided=wanted.one_sided,
         ),
         one_sided=wanted.one_sided,
-        fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
+        fade_time=FADE_TIME if pumps else 0.0,
     )
 
 

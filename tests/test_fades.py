@@ -14,7 +14,6 @@ from tests.wall_fades import STEPS, Fading, at_levels, chased_growth, waved_grow
 from tests.wall_play import Array, Bench, Law
 from tests.wall_trials import play
 from tune import Scene, optimise
-from tune.documents.errors import NoFeasibleEffectError
 from tune.loop.filters import Filters
 from tune.loop.state_space import Corner
 from tune.margins.fading import Values, shortest_fade
@@ -150,9 +149,13 @@ def test_a_scene_may_ask_for_a_longer_fade_and_not_for_a_shorter_one() -> None:
     assert "cup.fade_time" in str(refused.value)
 
 
-@pytest.mark.long
-def test_no_fade_is_slow_enough_where_nothing_is_lost() -> None:
-    wishes = {"load": {"stiffness": "max", "mass": "max"}}
-    scene = Scene.model_validate({"elements": wishes})
-    with pytest.raises(NoFeasibleEffectError, match="Give its spring an element of its own"):
-        optimise(load_device("stylus"), scene)
+def test_a_spring_that_fades_along_is_taken_to_go_all_the_way() -> None:
+    """A stylus that loses little is pumped at low levels however slowly, all the way it is not."""
+    stylus = load_device("stylus")
+    place = Corner(
+        mass=stylus.mass.value, damping=stylus.damping.value, sample_time=1e-3, delay=1e-3
+    )
+    filters = Filters(velocity_filter_hz=500.0, acceleration_filter_hz=111.3)
+    thing = (90.0, 3.86, 0.0323)
+    assert np.isinf(shortest_fade([place], filters, (0, 0, 0), thing))
+    assert shortest_fade([place], filters, (0, 0, 0), thing, whole=True) < 0.2

@@ -30,15 +30,20 @@ _STEPS = 16
 _STOPS = (0, 1, 2, 4, 8, 12, 16)
 #: Waits at a stop, evenly from none to half a swing.
 _WAITS = 8
-#: s, the first fade looked at, the ratio of each to the next, and the longest: a device that needs
-#: more hardly loses anything, and what waves of this shape do is no guide there.
-_FIRST, _RATIO, _LONGEST = 0.05, 2**0.5, 1.0
+#: s, the first fade looked at, the ratio of each to the next, and the longest. Where turning at low
+#: levels asks for more, the device hardly loses anything, and these waves are no guide to others.
+_FIRST, _RATIO, _LONGEST, _LONGEST_WHOLE = 0.05, 2**0.5, 1.0, 5.0
 #: An eigenvalue of a period this far beyond the circle grows; less is the rounding of a double one.
 _GROWS = 1e-6
 
 
 def shortest_fade(
-    places: Sequence[Corner], filters: Filters, beside: Values, fading: Values
+    places: Sequence[Corner],
+    filters: Filters,
+    beside: Values,
+    fading: Values,
+    *,
+    whole: bool = False,
 ) -> float:
     """Shortest fade, s, at which no wave of the level was found to make any loop grow.
 
@@ -49,9 +54,10 @@ def shortest_fade(
         filters: of velocity and acceleration.
         beside: K, B and M of what does not fade, N/m, N·s/m and kg.
         fading: of what does, at its full level.
+        whole: whether the level always goes all the way; else it may turn at other levels too.
 
     Returns:
-        0.05 s at least; inf where none up to 1 s is slow enough.
+        0.05 s at least; inf where none up to 1 s, or 5 s all the way, is slow enough.
     """
     loops = [
         FadedLoop.of(place, filters, beside, fading)
@@ -61,9 +67,9 @@ def shortest_fade(
     ]
     fade = _FIRST
     for loop in loops:
-        while loop.grows(fade):
+        while loop.grows(fade, (0, _STEPS) if whole else _STOPS):
             fade *= _RATIO
-            if fade > _LONGEST:
+            if fade > (_LONGEST_WHOLE if whole else _LONGEST):
                 return float("inf")
     return fade
 
@@ -122,16 +128,16 @@ class FadedLoop:
         """Transitions at some levels, shape (levels, states, states)."""
         return self.still + level[:, None, None] * self.more
 
-    def grows(self, fade: float) -> bool:
-        """Whether some wave of the level, as fast as a fade of so many seconds, pumps."""
+    def grows(self, fade: float, stops: Sequence[int]) -> bool:
+        """Whether some wave between two stops, as fast as a fade of so many seconds, pumps."""
         count = max(1, int(fade / self.sample_time / _STEPS))
         middles = (np.arange(_STEPS) + 0.5) / _STEPS
         steps = np.linalg.matrix_power(self.at(middles), count)
-        waits = {stop: self._waits(stop / _STEPS) for stop in _STOPS}
-        for place, low in enumerate(_STOPS):
+        waits = {stop: self._waits(stop / _STEPS) for stop in stops}
+        for place, low in enumerate(stops):
             up = down = np.eye(len(self.still))
             before = low
-            for high in _STOPS[place + 1 :]:
+            for high in stops[place + 1 :]:
                 for step in steps[before:high]:
                     up, down = step @ up, down @ step
                 before = high

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from identification import InvalidInputError
-from tune.documents.effects import FADE_TIME, LONGEST_FADE
+from tune.documents.effects import LONGEST_FADE, SHORTEST_FADE
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.profile import Design, ElementProfile
 from tune.documents.scene import Scene
@@ -39,7 +39,7 @@ def with_fades(design: Design, scene: Scene) -> Design:
         InvalidInputError: the scene asks for a shorter time.
         NoFeasibleEffectError: no fade is slow enough.
     """
-    needed = {name: FADE_TIME for name, element in design.elements.items() if element.fades}
+    needed = {name: SHORTEST_FADE for name, element in design.elements.items() if element.fades}
     for moment in design.moments():
         fading = [name for name in moment if name in needed]
         for name in fading:
@@ -104,8 +104,15 @@ def _times(gain: float, values: Values) -> Values:
 
 @lru_cache(maxsize=1024)
 def _found(places: tuple[Corner, ...], filters: Filters, beside: Values, fading: Values) -> float:
-    """Of moments and elements that are asked for more than once."""
-    return shortest_fade(places, filters, beside, fading)
+    """Of moments and elements that are asked for more than once.
+
+    A spring that fades in from nothing swings so slowly at low levels that only what the device
+    loses bounds it there: where that is too little, it is taken to go all the way in and out.
+    """
+    found = shortest_fade(places, filters, beside, fading)
+    if np.isfinite(found) or not fading[0]:
+        return found
+    return shortest_fade(places, filters, beside, fading, whole=True)
 
 
 def _places(design: Design, extra: float) -> tuple[Corner, ...]:

@@ -26,8 +26,9 @@ from tune.stability.responses import Responses
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-#: Rounds in which the highest peaks of each loop are closed in on, how many, and points in each.
-_ZOOMS, _PEAKS, _ZOOM_POINTS = 5, 6, 9
+#: Rounds in which the highest peaks of each loop are closed in on, for a claim and on the way to
+#: it; how many peaks, and points in each round.
+_ZOOMS, _FEW_ZOOMS, _PEAKS, _ZOOM_POINTS = 5, 3, 6, 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +57,7 @@ def absolute_gain(responses: Responses, effects: Effects, multiplier: Multiplier
     Returns:
         Of shape (loops,); inf where nothing bounds it.
     """
-    return gain_slopes(responses, effects, multiplier).gain
+    return _gain_slopes(responses, effects, multiplier, _ZOOMS).gain
 
 
 def gain_slopes(responses: Responses, effects: Effects, multiplier: Multiplier) -> GainSlopes:
@@ -66,11 +67,17 @@ def gain_slopes(responses: Responses, effects: Effects, multiplier: Multiplier) 
     the sizes, so that "gain at least g" is a smooth constraint on them but for jumps of the worst
     frequency.
     """
+    return _gain_slopes(responses, effects, multiplier, _FEW_ZOOMS)
+
+
+def _gain_slopes(
+    responses: Responses, effects: Effects, multiplier: Multiplier, zooms: int
+) -> GainSlopes:
     inverse = _inverse_gain(responses, effects, multiplier)
     angle = np.broadcast_to(responses.angle, inverse.shape)
     low, high = _around_peaks(inverse, angle)
     near = responses
-    for _ in range(_ZOOMS):
+    for _ in range(zooms):
         parts = np.linspace(low, high, _ZOOM_POINTS, axis=-1)
         angle = parts.reshape(len(parts), -1)
         near = responses.at_each(angle)

@@ -180,13 +180,7 @@ def played(gain: Array, delay: Array, *, samples: int, seed: int, **how: float) 
     bench = Bench(with_delay(delay), law, members, places=6)
     speed = rng.choice([0.02, 0.2, 0.5], members)
     bench.start(-speed * T * rng.random(members), speed)
-    gates = Gates(
-        bench,
-        gate,
-        period=10 ** rng.uniform(0.3, 2.5, members),
-        duty=rng.random(members),
-        generator=rng,
-    )
+    gates = Gates.drawn(bench, gate, rng)
     push = np.where((shape == 1) | (shape == 2), rng.choice([0.5, 2.0, 4.0], members), 0.0)
     return play(bench, gates, samples=samples, push=push, generator=rng, **how)
 

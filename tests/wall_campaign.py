@@ -86,13 +86,7 @@ def _block(
     )
     bench = Bench(axis, law, members)
     bench.start(-START * axis.sample_time * generator.random(members), START)
-    gates = Gates(
-        bench,
-        gate,
-        period=10 ** generator.uniform(0.3, 2.5, members),
-        duty=generator.random(members),
-        generator=generator,
-    )
+    gates = Gates.drawn(bench, gate, generator)
     return play(bench, gates, samples=samples, push=push, generator=generator)
 
 

@@ -45,6 +45,17 @@ class Gates:
         self._phase = generator.random((2, bench.members))
         self._swing = _swing(bench)
 
+    @classmethod
+    def drawn(cls, bench: Bench, kind: NDArray[np.intp], generator: np.random.Generator) -> Gates:
+        """With periods of 2 to 300 samples, and parts of them, by chance."""
+        return cls(
+            bench,
+            kind,
+            period=10 ** generator.uniform(0.3, 2.5, bench.members),
+            duty=generator.random(bench.members),
+            generator=generator,
+        )
+
     def __call__(self, k: int, bench: Bench, damper: Array, inertia: Array) -> tuple[Array, Array]:
         """θ of dampers and masses."""
         forces = -np.stack([damper, inertia])

@@ -48,4 +48,5 @@ def read_plain_numbers(
         table = np.loadtxt(BytesIO(body), delimiter=separator, usecols=places, ndmin=2)
     except (InvalidInputError, ValueError):
         return None
-    return Reading(values=dict(zip(wanted, table.T.copy(), strict=True)), names=wanted)
+    values = {role: column.copy() for role, column in zip(wanted, table.T, strict=True)}
+    return Reading(values=values, names=wanted)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.field import Field
+from datasets_synthetic.stride import Stride
 
 FloatArray = NDArray[np.float64]
 
@@ -90,6 +91,22 @@ class Drag:
         rate = np.maximum(np.abs(self.rate), np.abs(self.rate_back))
         return rate if self.field is None else np.maximum(rate, self.field.fastest())
 
+    def stride(self, steps: int, step: FloatArray) -> Stride | None:
+        """Some steps (s) as one linear map; with friction of each step alone.
+
+        None where the law between reversals is not linear, or not one and the same both ways.
+        """
+        if self.rate_back is not self.rate or (self.field is not None and self.field.curved):
+            return None
+
+        def once(
+            position: FloatArray, velocity: FloatArray, drive: FloatArray
+        ) -> tuple[FloatArray, FloatArray]:
+            return _runge_kutta(position, velocity, drive, self.rate, self.field, step)
+
+        together = steps if self.turning is None else 1
+        return Stride.of(once, together, self.rate.size, in_field=self.field is not None)
+
     def members(self, which: NDArray[np.intp]) -> Drag:
         """The drag of these members."""
         rate, grip = self.rate[which], self.grip[which]
@@ -114,6 +131,7 @@ def advance(
     pull: FloatArray,
     drag: Drag,
     step: FloatArray,
+    stride: Stride | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Position (m) and velocity (m/s) one step later; every array shape (batch,).
 
@@ -123,15 +141,24 @@ def advance(
         pull: force without friction and field, held over the step, per unit mass, u/m, m/s².
         drag: resistance of each member.
         step: length of the step of each member, s; zero leaves that member as it is.
+        stride: the step as a linear map, where it is one.
     """
     if drag.turning is None:
-        travel, gain = _runge_kutta(position, velocity, pull, drag.rate, drag.field, step)
+        if stride is not None:
+            travel, gain = stride.changes(position, velocity, pull)
+        else:
+            travel, gain = _runge_kutta(position, velocity, pull, drag.rate, drag.field, step)
         return position + travel, velocity + gain
     drive, rate, direction, stuck = _slipping(position, velocity, pull, drag)
-    free = np.where(stuck, 0.0, step)  # or it would be turned back at once, at more cost
-    travel, gain = _runge_kutta(position, velocity, drive, rate, drag.field, free)
+    # What sticks stays, or it would be turned back at once, at more cost.
+    if stride is not None:
+        travel, gain = stride.changes(position, velocity, drive)
+        travel[stuck] = gain[stuck] = 0.0
+    else:
+        free = np.where(stuck, 0.0, step)
+        travel, gain = _runge_kutta(position, velocity, drive, rate, drag.field, free)
     later_position, later_velocity = position + travel, velocity + gain
-    turning = np.flatnonzero((later_velocity * direction < 0) & drag.turning)
+    turning = ((later_velocity * direction < 0) & drag.turning).nonzero()[0]
     if turning.size:
         later_position[turning], later_velocity[turning] = _turn(
             (position[turning], velocity[turning], later_velocity[turning]),

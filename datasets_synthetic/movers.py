@@ -14,6 +14,7 @@ from datasets_synthetic.hand import Hand
 from datasets_synthetic.members import per_member
 from datasets_synthetic.motion import Drag, advance
 from datasets_synthetic.rig import Rig
+from datasets_synthetic.stride import Stride
 from datasets_synthetic.timetable import Part
 
 FloatArray = NDArray[np.float64]
@@ -51,23 +52,27 @@ class Mover(Protocol):
         """Where the encoder is, m (rad)."""
         ...
 
-    def handle(self) -> FloatArray:
-        """Where the handle is, m (rad)."""
+    def state(self) -> FloatArray:
+        """All that moves, shape (..., batch), an array of its own."""
         ...
 
-    def speed(self) -> FloatArray:
-        """Of the handle, m/s (rad/s)."""
-        ...
+    def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Place and speed of the handle and the energy of all, in many states.
 
-    def energy(self) -> FloatArray:
-        """Of motion, springs and gravity, the hand's included, J."""
+        Args:
+            states: shape (n, ..., batch).
+
+        Returns:
+            m (rad), m/s (rad/s) and J, each shape (n, batch): energy of motion, springs and
+            gravity, the hand's included.
+        """
         ...
 
 
 class RigidMover:
     """A rigid mass with friction, in a field or free; see motion.py."""
 
-    __slots__ = ("_drag", "_forces", "_mass", "_offset", "_q", "_resisted", "_v")
+    __slots__ = ("_drag", "_forces", "_mass", "_offset", "_q", "_resisted", "_strides", "_v")
 
     def __init__(
         self, rig: Rig, hand: Hand, loads: Loads, position: FloatArray, velocity: FloatArray
@@ -80,6 +85,7 @@ class RigidMover:
         self._forces = sum(there[1:], start=there[0]) if there else None
         self._resisted = self._offset
         self._q, self._v = position, velocity
+        self._strides: dict[int, Stride | None] = {}
 
     def rate(self) -> FloatArray:
         """The fastest rate that the steps of a timetable have to resolve, 1/s."""
@@ -93,26 +99,33 @@ class RigidMover:
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over one part of a sample interval, under the command that acts in it, N."""
         pull = (acting - self._resisted) / self._mass
-        for _ in range(part.steps):
-            self._q, self._v = advance(self._q, self._v, pull, self._drag, part.step)
+        stride = self._stride(part)
+        alone = stride is None or self._drag.turning is not None
+        for _ in range(part.steps if alone else 1):
+            self._q, self._v = advance(self._q, self._v, pull, self._drag, part.step, stride)
 
     def measured(self) -> FloatArray:
         """Where the encoder is, m (rad)."""
         return self._q
 
-    def handle(self) -> FloatArray:
-        """Where the handle is, m (rad)."""
-        return self._q
+    def _stride(self, part: Part) -> Stride | None:
+        """The steps of a part as a linear map; None where every part differs or none is linear."""
+        if part.kind is None:
+            return None
+        if part.kind not in self._strides:
+            self._strides[part.kind] = self._drag.stride(part.steps, part.step)
+        return self._strides[part.kind]
 
-    def speed(self) -> FloatArray:
-        """Of the handle, m/s (rad/s)."""
-        return self._v
+    def state(self) -> FloatArray:
+        """Position and velocity, shape (2, batch)."""
+        return np.array((self._q, self._v))
 
-    def energy(self) -> FloatArray:
-        """Of motion, springs and gravity, the hand's included, J."""
-        energy = 0.5 * self._mass * self._v**2
+    def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Place and speed of the handle and the energy of all, in many states."""
+        place, speed = states[:, 0], states[:, 1]
+        energy = 0.5 * self._mass * speed**2
         field = self._drag.field
-        return energy if field is None else energy + self._mass * field.stored(self._q)
+        return place, speed, energy if field is None else energy + self._mass * field.stored(place)
 
 
 def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:

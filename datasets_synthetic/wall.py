@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,8 @@ class Wall:
     The springs are relaxed at ``place``; outside there is no force but of what still fades out.
 
     Attributes:
-        place: m (rad); -inf lets the effects act everywhere, about zero.
+        place: m (rad); -inf is no wall: the effects act everywhere, about zero, and elements
+            beside them neither fade nor keep from pulling.
     """
 
     place: float | FloatArray = 0.0
@@ -74,33 +76,89 @@ class Element:
 _FIELDS = ("stiffness", "damping", "mass", "fade_time", "gate")
 
 
+class Gains(Protocol):
+    """What has effects; numbers, or arrays of shape (batch,)."""
+
+    @property
+    def stiffness(self) -> float | FloatArray:
+        """K, N/m (N·m/rad)."""
+        ...
+
+    @property
+    def damping(self) -> float | FloatArray:
+        """B, N·s/m (N·m·s/rad)."""
+        ...
+
+    @property
+    def mass(self) -> float | FloatArray:
+        """M, kg (kg·m²)."""
+        ...
+
+
+class Effects:
+    """Spring, damper and mass as forces; what is zero for all members is not computed."""
+
+    __slots__ = ("_damping", "_mass", "_stiffness")
+
+    def __init__(self, gains: Gains) -> None:
+        self._stiffness, self._damping, self._mass = (
+            -np.asarray(each, dtype=np.float64) if np.any(each) else None
+            for each in (gains.stiffness, gains.damping, gains.mass)
+        )
+
+    def force(
+        self,
+        depth: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        acts: NDArray[np.bool_] | None = None,
+    ) -> FloatArray:
+        """-(K·depth + B·velocity + M·acceleration), N, dampers only where they act."""
+        force = np.zeros_like(depth) if self._stiffness is None else self._stiffness * depth
+        if self._damping is not None:
+            pull = self._damping * velocity
+            force = force + (pull if acts is None else pull * acts)
+        return force if self._mass is None else force + self._mass * acceleration
+
+
 class ElementAtWork:
     """One element, remembering how far it is faded in and whether its gates are open."""
 
     __slots__ = (
         "_adverse",
         "_always",
-        "_element",
-        "_fades",
+        "_ceiling",
+        "_effects",
         "_level",
         "_open",
         "_random",
         "_source",
         "_step",
+        "gated",
     )
 
-    def __init__(self, element: Element, sample_time: FloatArray) -> None:
-        """Sample time in s, shape (batch,)."""
-        self._element = element
+    def __init__(
+        self, element: Element, sample_time: FloatArray, place: FloatArray | None = None
+    ) -> None:
+        """Sample time in s and place of the wall in m, each shape (batch,); None for no wall."""
+        self._effects = Effects(element)
         fade = np.broadcast_to(np.asarray(element.fade_time, dtype=np.float64), sample_time.shape)
-        self._fades = bool(np.any(fade > 0))
-        #: Change of the level in a sample.
-        self._step = sample_time / np.maximum(fade, sample_time)
+        free = np.isneginf(np.full(sample_time.shape, -np.inf) if place is None else place)
+        #: Change of the level in a sample; None where nothing fades.
+        self._step: FloatArray | None = None
+        if np.any(fade[~free] > 0):
+            self._step = np.where(free, 1.0, sample_time / np.maximum(fade, sample_time))
         self._level = np.zeros(sample_time.shape)
+        #: The most force behind a wall, N; None where all may pull.
+        self._ceiling: FloatArray | None = None
+        if element.one_sided and not free.all():
+            self._ceiling = np.where(free, np.inf, 0.0)
         gate = np.broadcast_to(np.asarray(element.gate), sample_time.shape)
         self._always, self._random, self._adverse = (
             gate == kind for kind in (OPEN, RANDOM, ADVERSE)
         )
+        #: Whether any member has a gate.
+        self.gated = not self._always.all()
         self._source = np.random.default_rng(0)  # one gate for all members, whatever the batch
         self._open = True
 
@@ -109,7 +167,7 @@ class ElementAtWork:
         depth: FloatArray,
         velocity: FloatArray,
         acceleration: FloatArray,
-        moved: FloatArray,
+        moved: FloatArray | None,
         inside: NDArray[np.bool_] | None,
     ) -> FloatArray:
         """Force (N) of this sample, shape (batch,).
@@ -118,20 +176,19 @@ class ElementAtWork:
             depth: of the reading, m.
             velocity: estimated, m/s.
             acceleration: estimated, m/s².
-            moved: change of the reading since the last sample, m.
+            moved: change of the reading since the last sample, m; None where nothing is gated.
             inside: where the reading is behind the wall; None without one: all acts fully.
         """
-        element = self._element
-        pull = element.damping * velocity
-        if not self._always.all():
-            pull = pull * self._gates(velocity, moved)
-        force = -(element.stiffness * depth + pull + element.mass * acceleration)
+        acts = self._gates(velocity, moved) if self.gated and moved is not None else None
+        force = self._effects.force(depth, velocity, acceleration, acts)
         if inside is None:
             return force
-        if element.one_sided:
-            force = np.minimum(force, 0.0) * inside
-        if not self._fades:
+        if self._ceiling is not None:
+            force = np.minimum(force, self._ceiling)
+        if self._step is None:
             return force * inside
+        if self._ceiling is not None:
+            force = force * inside
         change = np.where(inside, self._step, -self._step)
         self._level = np.minimum(np.maximum(self._level + change, 0.0), 1.0)
         return self._level * force

@@ -129,7 +129,7 @@ def bounces(
         count = _COUNTS * resolution
         floor = np.abs(net) * count + 0.5 * np.abs(stiffness) * count**2
         found = [contacts(recording, member, place[member], net[member]) for member in members]
-        finite = np.isfinite(recording.position).all(axis=1)
+        finite = np.all(np.isfinite(recording.position), axis=1)
         energy = tuple(each for _, each in found)
         grows = [
             not finite[member]

@@ -121,7 +121,7 @@ class FlexibleMover:
 
     def state(self) -> FloatArray:
         """Coordinates, their speeds, the actuator's force and what acts, shape (size, batch)."""
-        return self._z.T.copy()
+        return self._z.T
 
     def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Place and speed of the handle and the energy of all, in many states."""

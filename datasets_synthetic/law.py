@@ -14,7 +14,7 @@ from datasets_synthetic.estimates import (
     section,
 )
 from datasets_synthetic.members import per_member
-from datasets_synthetic.wall import Effects, ElementAtWork
+from datasets_synthetic.wall import Element, ElementsAtWork
 
 FloatArray = NDArray[np.float64]
 
@@ -25,19 +25,16 @@ class ControlLaw:
     The estimates of velocity and acceleration follow every reading, inside a wall and outside.
     """
 
-    __slots__ = ("_beside", "_estimates", "_gated", "_last", "_own", "_place", "_start")
+    __slots__ = ("_elements", "_estimates")
 
     def __init__(self, controller: Controller, sample_time: FloatArray) -> None:
         """Sample time in s, shape (batch,)."""
         self._estimates = _estimates(controller, sample_time)
-        self._own = Effects(controller)
-        wall = controller.wall
-        self._place = None if wall is None else per_member(wall.place, sample_time.size)
-        #: Where the springs are relaxed.
-        self._start = None if wall is None else _relaxed(wall.place, sample_time.size)
-        self._beside = [ElementAtWork(each, sample_time, self._place) for each in controller.beside]
-        self._gated = any(each.gated for each in self._beside)
-        self._last: FloatArray | None = None
+        own = Element(
+            stiffness=controller.stiffness, damping=controller.damping, mass=controller.mass
+        )
+        elements = (own, *controller.beside)
+        self._elements = ElementsAtWork(elements, controller.wall, sample_time)
 
     def force(self, reading: FloatArray) -> FloatArray:
         """-(K·q + B·velocity + M·acceleration) for this sample's reading (m), N, shape (batch,).
@@ -45,25 +42,7 @@ class ControlLaw:
         With a wall q is counted from it, and there is no force outside but of what fades out;
         what stands beside the controller's own effects is added.
         """
-        velocity, acceleration = self._estimates.update(reading)
-        depth = reading if self._start is None else reading - self._start
-        inside = None if self._place is None else reading > self._place
-        force = self._own.force(depth, velocity, acceleration)
-        if inside is not None:
-            force = np.where(inside, force, 0.0)
-        moved = None
-        if self._gated:
-            moved = np.zeros_like(reading) if self._last is None else reading - self._last
-            self._last = reading
-        for each in self._beside:
-            force = force + each.force(depth, velocity, acceleration, moved, inside)
-        return force
-
-
-def _relaxed(place: float | FloatArray, batch: int) -> FloatArray | None:
-    """Where springs behind walls are relaxed, about zero without one, m; None if all are there."""
-    start = np.where(np.isinf(place), 0.0, place)
-    return per_member(start, batch) if np.any(start) else None
+        return self._elements.force(reading, *self._estimates.update(reading))
 
 
 def _estimates(controller: Controller, sample_time: FloatArray) -> Estimates:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from datasets_synthetic.field import Field
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.members import per_member
-from datasets_synthetic.motion import Drag, advance
+from datasets_synthetic.motion import Drag, Stride, advance
 from datasets_synthetic.rig import Rig
-from datasets_synthetic.stride import Stride
 from datasets_synthetic.timetable import Part
 
 FloatArray = NDArray[np.float64]
@@ -53,7 +52,7 @@ class Mover(Protocol):
         ...
 
     def state(self) -> FloatArray:
-        """All that moves, shape (..., batch), an array of its own."""
+        """All that moves, shape (..., batch), to be copied before it moves on."""
         ...
 
     def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -72,7 +71,7 @@ class Mover(Protocol):
 class RigidMover:
     """A rigid mass with friction, in a field or free; see motion.py."""
 
-    __slots__ = ("_drag", "_forces", "_mass", "_offset", "_q", "_resisted", "_strides", "_v")
+    __slots__ = ("_drag", "_forces", "_mass", "_offset", "_resisted", "_state", "_strides")
 
     def __init__(
         self, rig: Rig, hand: Hand, loads: Loads, position: FloatArray, velocity: FloatArray
@@ -84,7 +83,7 @@ class RigidMover:
         there = [load for load in (loads.device, loads.handle) if load is not None]
         self._forces = sum(there[1:], start=there[0]) if there else None
         self._resisted = self._offset
-        self._q, self._v = position, velocity
+        self._state = np.stack((position, velocity))
         self._strides: dict[int, Stride | None] = {}
 
     def rate(self) -> FloatArray:
@@ -102,23 +101,24 @@ class RigidMover:
         stride = self._stride(part)
         alone = stride is None or self._drag.turning is not None
         for _ in range(part.steps if alone else 1):
-            self._q, self._v = advance(self._q, self._v, pull, self._drag, part.step, stride)
+            self._state = advance(self._state, pull, self._drag, part.step, stride)
 
     def measured(self) -> FloatArray:
         """Where the encoder is, m (rad)."""
-        return self._q
+        return self._state[0]
 
     def _stride(self, part: Part) -> Stride | None:
         """The steps of a part as a linear map; None where every part differs or none is linear."""
         if part.kind is None:
             return None
         if part.kind not in self._strides:
-            self._strides[part.kind] = self._drag.stride(part.steps, part.step)
+            together = part.steps if self._drag.turning is None else 1
+            self._strides[part.kind] = Stride.of(self._drag, together, part.step)
         return self._strides[part.kind]
 
     def state(self) -> FloatArray:
         """Position and velocity, shape (2, batch)."""
-        return np.array((self._q, self._v))
+        return self._state
 
     def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Place and speed of the handle and the energy of all, in many states."""

@@ -192,7 +192,7 @@ class Simulation:
         )
         self._reference, self._commands = reference, commands
         self._readings = np.empty((samples, batch))
-        self._states = [] if watch else None
+        self._states = np.empty((samples, *mover.state().shape)) if watch else None
         self._played = 0
 
     def until(self, samples: int) -> Recording:
@@ -205,7 +205,7 @@ class Simulation:
                 reading = self._encoder.read(q if self._noise is None else q + self._noise[k])
                 self._readings[k] = reading
                 if self._states is not None:
-                    self._states.append(mover.state())
+                    self._states[k] = mover.state()
                 if law is not None:
                     now = self._commands[timetable.lead + k]
                     now += law.force(reading)
@@ -220,8 +220,8 @@ class Simulation:
     def _recorded(self) -> Recording:
         """What was recorded until now."""
         rig, played, batch = self._rig, self._played, self._sample_time.size
-        lead, seen = self._timetable.lead, self._states
-        truth = None if seen is None else Truth.of(*self._mover.seen(np.array(seen)))
+        lead, states = self._timetable.lead, self._states
+        truth = None if states is None else Truth.of(*self._mover.seen(states[:played]))
         return Recording(
             sample_time=frozen(self._sample_time),
             force=frozen(self._commands[lead : lead + played].T),

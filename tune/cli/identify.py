@@ -117,7 +117,8 @@ def identified(
     """Read logs, identify and show the result; shared with calibrate and demo."""
     from identification import Hardware, load_document
     from identification import identify as estimate
-    from tune.cli.tables import device_table
+    from tune.cli.details import identified_details
+    from tune.cli.device_table import device_table
 
     known = None if hardware is None else load_document(Hardware, hardware)
     with session.progress() as say:
@@ -128,6 +129,7 @@ def identified(
         say("identifying")
         result = estimate(trajectories, hardware=known, method=method, allow=allow)
     session.found(result.findings)
+    session.details |= identified_details(result)
     session.say(device_table(result.device))
     session.say(f"method: {result.method}; {result.reason}")
     for fit in result.logs:

@@ -7,13 +7,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
-    from identification import Examination, Identification, LogFit, Quantity
-    from tune.documents.result_details import (
-        IdentifyDetails,
-        LogExamined,
-        LogIdentified,
-        ToldQuantity,
-    )
+    from identification import Examination, Quantity
+    from tune.documents.result_details import LogExamined, ToldQuantity
 
 
 def finite(content: object) -> object:
@@ -71,37 +66,4 @@ def log_examined(seen: Examination) -> LogExamined:
         "band_hz": seen.band,
         "mass": told(seen.mass),
         "damping": told(seen.damping),
-    }
-
-
-def identified_details(found: Identification) -> IdentifyDetails:
-    """The device as its file will hold it, and how each log was identified."""
-    from identification import to_mapping
-    from tune.cli.device_table import device_rows
-
-    return {
-        "device": to_mapping(found.device),
-        "half_widths": {
-            label: relative_half_width(quantity) for label, quantity, _ in device_rows(found.device)
-        },
-        "method": found.method,
-        "logs": [_log_identified(fit) for fit in found.logs],
-    }
-
-
-def _log_identified(fit: LogFit) -> LogIdentified:
-    return {
-        "source": fit.trajectory.source,
-        "method": fit.method,
-        "reason": fit.reason,
-        "fitted": fit.fitted,
-        "others": [
-            {
-                "method": other.method,
-                "mass": float(other.value("mass")),
-                "damping": float(other.value("damping")),
-            }
-            for other in fit.others
-        ],
-        "structure": list(fit.structure.sentences) if fit.structure else [],
     }

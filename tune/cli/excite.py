@@ -173,6 +173,8 @@ def plan_details(plan: Excitation) -> dict[str, object]:
             {
                 "signal": each.family,
                 "frequencies": each.description,
+                "band_hz": each.band,
+                "lines": each.lines,
                 "mass": each.prediction.mass,
                 "damping": each.prediction.damping,
                 "force_used": each.used.force,

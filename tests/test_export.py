@@ -189,7 +189,8 @@ int main()
     chai3d::cVector3d force = axis.force(HAPTUNE_ELEMENT_WALL, 0, place);
     std::printf("%g %g %g %d\\n", force.x, force.y, force.z, (int)axis.status());
     auto limp = std::make_shared<chai3d::cMaterial>();
-    std::printf("%d %g\\n", haptune::set_material(limp, 4, 0.0), limp->stiffness);
+    bool taken = haptune::set_material(limp, 4, 0.0);
+    std::printf("%d %g\\n", taken, limp->stiffness);
     const auto info = haptune::limited(chai3d::cHapticDeviceInfo());
     std::printf("%g %g %g %g\\n", info.m_maxLinearForce, info.m_maxLinearStiffness,
         info.m_maxLinearDamping, info.m_maxAngularTorque);

@@ -146,7 +146,7 @@ def chai3d_files(profile: SafeProfile) -> dict[str, str]:
 
 
 def _largest(profile: SafeProfile, effect: EffectName) -> float:
-    """Of the sums of one effect over what may act at once, the largest; 0 where none is positive."""
+    """The largest sum of one effect over what may act at once; 0 where none is positive."""
     sizes: dict[str, float] = {
         name: getattr(element, effect) for name, element in profile.elements.items()
     }

@@ -91,7 +91,7 @@ def test_a_mode_damped_better_is_one_of_the_rows() -> None:
 def test_rows_are_tunes_on_random_devices_and_scenes(seed: int) -> None:
     """What an unstated limit of a random device would be does not bind."""
     pair = random_pair(seed)
-    device = stated(pair.device)
+    device = as_stored(stated(pair.device))
     try:
         optimise(device, pair.scene)
     except (NoFeasibleEffectError, CheckFailedError) as reason:

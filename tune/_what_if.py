@@ -10,6 +10,7 @@ from identification import (
     Device,
     InvalidInputError,
     Quantity,
+    as_stored,
     parse_document,
     quantity,
     to_mapping,
@@ -75,7 +76,7 @@ def what_if(
     for change, content in _changed(device):
         say(f"tuning for {change}")
         try:
-            other = parse_document(Device, content, f"the device with {change}")
+            other = as_stored(parse_document(Device, content, f"the device with {change}"))
             found.append(_of(change, optimise(other, scene, table=table)))
         except (NoFeasibleEffectError, CheckFailedError, InvalidInputError) as error:
             found.append(Alternative(change=change, steps={}, total=0.0, reason=str(error)))

@@ -253,9 +253,17 @@ def test_a_spring_alone_loads_no_solver() -> None:
     loaded = _modules("tune", "homerehab", "scene.yaml")
     assert "tune.optimisation._optimise" in loaded
     assert not heavy & loaded
-    loaded = _modules("check", "profile.yaml")
+    for arguments in ("check profile.yaml", "export profile.yaml --to c,ros2,chai3d,json"):
+        loaded = _modules(*arguments.split())
+        assert "tune.certificate.roots" in loaded
+        assert not heavy & loaded, arguments
+
+
+def test_an_audit_loads_no_solver() -> None:
+    gains = "--stiffness 1000 --damping 10 --mass 1 --velocity-filter 30 --acceleration-filter 30"
+    loaded = _modules("audit", "homerehab", *gains.split())
     assert "tune.certificate.roots" in loaded
-    assert not heavy & loaded
+    assert not {"casadi", "nlopt", "pysindy", "scipy.optimize", "scipy.signal"} & loaded
 
 
 def test_letters_a_terminal_cannot_show_do_not_stop_a_command() -> None:

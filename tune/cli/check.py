@@ -28,7 +28,7 @@ def check(
     """Re-compute all that a profile says; exit code 6 if anything differs."""
 
     def action(session: Session) -> None:
-        from identification import as_stored, load_device
+        from identification import as_stored, load_device, to_mapping
         from tune.certificate.check import check as recheck
         from tune.certificate.trust import TAKEN_ON_TRUST
         from tune.cli.rehearse import refuse_restless
@@ -40,6 +40,8 @@ def check(
             report = recheck(profile, known)
             if known is not None:
                 refuse_restless(report.profile, say)
+        session.details["profile"] = to_mapping(report.profile)
+        session.details["certificate"] = to_mapping(report.certificate)
         session.say(elements_table(report.profile))
         for line in certificate_lines(report.certificate):
             session.say(line)
@@ -52,6 +54,7 @@ def check(
         for key, reason in trusted.items():
             session.say(f"taken on trust: {key}: {reason}")
         if known is not None:
+            session.details["rehearsed"] = "settles"
             session.say(f"the device is {device}; rehearsed in simulation: settles")
         session.say(f"{profile} passed: all else that it says is what was found anew")
 

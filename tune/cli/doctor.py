@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from identification import Examination, Finding, Quantity
+    from tune.documents.result_details import LogExamined
 
 
 def doctor(
@@ -55,6 +56,7 @@ def doctor(
             examine,
             load_document,
         )
+        from tune.cli.details import log_examined
 
         columns = LogColumns(
             time=time,
@@ -69,6 +71,8 @@ def doctor(
         )
         known = None if hardware is None else load_document(Hardware, hardware)
         findings: list[Finding] = []
+        examined: list[LogExamined] = []
+        session.details["logs"] = examined
         refused = False
         for path in logs:
             try:
@@ -83,6 +87,7 @@ def doctor(
                 findings += error.findings
                 refused = True
                 continue
+            examined.append(log_examined(seen))
             session.say(_table(seen))
             session.say(_verdict(seen))
             findings += seen.findings

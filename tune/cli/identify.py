@@ -27,7 +27,16 @@ from tune.cli.options import (
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
-    from identification import Device, Hardware, Identification, LogColumns, Method, Trajectory
+    from identification import (
+        Device,
+        Hardware,
+        Identification,
+        LogColumns,
+        LogFit,
+        Method,
+        Trajectory,
+    )
+    from tune.documents.result_details import IdentifyDetails, LogIdentified
 
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
@@ -117,7 +126,7 @@ def identified(
     """Read logs, identify and show the result; shared with calibrate and demo."""
     from identification import Hardware, load_document
     from identification import identify as estimate
-    from tune.cli.tables import device_table
+    from tune.cli.device_table import device_table
 
     known = None if hardware is None else load_document(Hardware, hardware)
     with session.progress() as say:
@@ -128,6 +137,7 @@ def identified(
         say("identifying")
         result = estimate(trajectories, hardware=known, method=method, allow=allow)
     session.found(result.findings)
+    session.details |= _details(result)
     session.say(device_table(result.device))
     session.say(f"method: {result.method}; {result.reason}")
     for fit in result.logs:
@@ -139,3 +149,37 @@ def identified(
         for sentence in fit.structure.sentences if fit.structure else ():
             session.say(f"{fit.trajectory.source}: {sentence}")
     return result
+
+
+def _details(found: Identification) -> IdentifyDetails:
+    """The device as its file will hold it, and how each log was identified."""
+    from identification import to_mapping
+    from tune.cli.details import relative_half_width
+    from tune.cli.device_table import device_rows
+
+    return {
+        "device": to_mapping(found.device),
+        "half_widths": {
+            label: relative_half_width(quantity) for label, quantity, _ in device_rows(found.device)
+        },
+        "method": found.method,
+        "logs": [_log_identified(fit) for fit in found.logs],
+    }
+
+
+def _log_identified(fit: LogFit) -> LogIdentified:
+    return {
+        "source": fit.trajectory.source,
+        "method": fit.method,
+        "reason": fit.reason,
+        "fitted": fit.fitted,
+        "others": [
+            {
+                "method": other.method,
+                "mass": float(other.value("mass")),
+                "damping": float(other.value("damping")),
+            }
+            for other in fit.others
+        ],
+        "structure": list(fit.structure.sentences) if fit.structure else [],
+    }

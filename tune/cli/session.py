@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from tune.cli.details import finite
 from tune.cli.exit_codes import (
     EXIT_CHECK,
     EXIT_INTERNAL,
@@ -182,7 +183,7 @@ class Session:
                 result["details"] = self.details
             if message:
                 result["message"] = message
-            print(json.dumps(result), flush=True)  # noqa: T201
+            print(json.dumps(finite(result), allow_nan=False), flush=True)  # noqa: T201
         if message:
             self._complain(message)
         return self.delivered() if code == 0 else code

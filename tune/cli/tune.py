@@ -92,6 +92,7 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
         wish: what is to be felt.
         compare: tune all candidates and show them side by side.
     """
+    from identification import to_mapping
     from tune.certificate.words import taken_on_trust
     from tune.cli.rehearse import refuse_restless
     from tune.cli.tables import certificate_lines, elements_table
@@ -103,14 +104,17 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
         with session.progress() as say:
             profile = optimise(device, wish.scene, table=wish.table, progress=say)
         session.say(elements_table(profile))
+    trusted = taken_on_trust(profile.device)
+    session.details |= {"profile": to_mapping(profile.signed()), "taken_on_trust": trusted}
     for note in profile.notes:
         session.say(note)
     for line in certificate_lines(profile.certificate):
         session.say(line)
-    for line in taken_on_trust(profile.device):
+    for line in trusted:
         session.say(f"taken on trust: {line}")
     with session.progress() as say:
         refuse_restless(profile, say)
+    session.details["rehearsed"] = "settles"
     session.say("rehearsed in simulation with quantiser, friction, force limit and a wall: settles")
     return profile
 

@@ -19,7 +19,8 @@ COMMANDS = {
     "doctor": "--time --time-gain --force --position --reference --force-gain --position-gain "
     "--axis --decimal --hardware --allow --picture --json --quiet",
     "identify": "--output --time --time-gain --force --position --reference --force-gain "
-    "--position-gain --axis --decimal --hardware --allow --method --picture --dry-run --json --quiet",
+    "--position-gain --axis --decimal --hardware --allow --method --picture --dry-run "
+    "--json --quiet",
     "tune": "--output --margin --candidates --what-if --picture --dry-run --json --quiet",
     "calibrate": "--scene --output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --margin --candidates "

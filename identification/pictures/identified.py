@@ -76,7 +76,8 @@ def _draw_log(part: SubFigure, device: Device, fit: LogFit) -> None:
     """Over time on the left; spectrum, correlation and friction on the right."""
     known = explained_force(fit.trajectory, device, fit.estimate.delay)
     _, force = units_of(device)
-    left, right = part.subfigures(1, 2, width_ratios=(1.5, 1))
+    halves: Any = part.subfigures(1, 2, width_ratios=(1.5, 1))
+    left, right = halves
     draw_over_time(left.subplots(3, 1, sharex=True), fit.trajectory, device, known)
     spectrum, correlation, friction = right.subplots(3, 1)
     draw_spectrum(spectrum, known, force)

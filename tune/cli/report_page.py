@@ -182,8 +182,8 @@ def _statements(safe: SafeProfile) -> Iterator[Statement]:
         heading="Assessed, not proved",
         lead="Computed at corners of the box or played in simulation.",
         lines=(
-            "what is felt of each element, what entering it amounts to and by how much the steps of "
-            "the loop may vary: the lines below the table of what is played",
+            "what is felt of each element, what entering it amounts to and by how much steps may "
+            "vary: the lines below the table of what is played",
             "before it was written, every moment was rehearsed in simulation with quantiser, "
             "friction, force limit and a wall: it settles",
         ),

@@ -6,7 +6,7 @@ from base64 import b64encode
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from tune.presentation.surface import Surface
 
@@ -113,10 +113,10 @@ def picture_view(figure: Figure, words: str) -> PictureView:
     """A figure as vectors that a page holds; letters are shapes, so that no font is needed."""
     import matplotlib as mpl
 
-    stream, picture = BytesIO(), figure
-    with mpl.rc_context({"svg.hashsalt": "haptune", "svg.fonttype": "path"}):
-        save: Any = picture.savefig  # matplotlib types its keyword arguments only in part
-        save(stream, format="svg", metadata={"Date": None})
+    # matplotlib types its keyword arguments only in part
+    stream, picture, settings = BytesIO(), cast("Any", figure), cast("Any", mpl)
+    with settings.rc_context({"svg.hashsalt": "haptune", "svg.fonttype": "path"}):
+        picture.savefig(stream, format="svg", metadata={"Date": None})
     coded = b64encode(stream.getvalue()).decode("ascii")
     return PictureView(words=words, source=f"data:image/svg+xml;base64,{coded}")
 

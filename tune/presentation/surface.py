@@ -122,11 +122,10 @@ class _Scale:
         """Round values that lie within."""
         step = _round_step((self.most - self.least) / _TICKS)
         first, last = np.ceil(self.least / step), np.floor(self.most / step)
-        values = step * np.arange(first, last + 1)
-        places = self.place(values)
+        values: FloatArray = step * np.arange(first, last + 1, dtype=np.float64)
+        places = np.round(self.place(values), 4)
         return tuple(
-            (float(np.round(place, 4)), f"{value:.6g}")
-            for place, value in zip(places, values, strict=True)
+            (float(places[index]), f"{float(values[index]):.6g}") for index in range(values.size)
         )
 
 
@@ -139,7 +138,7 @@ def _round_step(least: float) -> float:
 def _spread(least: float, most: float, count: int) -> FloatArray:
     """Places that are even on a scale, zero among them where it is inside."""
     low, high = _root(np.array([least, most]))
-    places = np.linspace(low, high, count)
+    places: FloatArray = np.linspace(float(low), float(high), count)
     if least < 0 < most:
         places[np.argmin(np.abs(places))] = 0.0
     return np.sign(places) * np.square(places)

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from tune.cli.details import finite
 from tune.cli.exit_codes import (
     EXIT_CHECK,
     EXIT_INTERNAL,
@@ -130,15 +131,20 @@ class Session:
             self.say(f"{path} {'unchanged' if before else 'written'}")
 
     def draw(self, path: Path, figure: Figure) -> None:
-        """Write a picture atomically. Raises NotWrittenError."""
+        """Write a picture atomically, PNG but for .svg and .pdf. Raises NotWrittenError."""
         from io import BytesIO
-
-        from identification import write_bytes
 
         stream = BytesIO()
         picture: Any = figure
-        picture.savefig(stream, format="png", dpi=120)
-        self._store(path, lambda: write_bytes(path, stream.getvalue()))
+        kind = path.suffix.lower().removeprefix(".")
+        picture.savefig(stream, format=kind if kind in {"svg", "pdf"} else "png", dpi=120)
+        self.store(path, stream.getvalue())
+
+    def store(self, path: Path, content: bytes) -> None:
+        """Write a file that nobody reads as text atomically. Raises NotWrittenError."""
+        from identification import write_bytes
+
+        self._store(path, lambda: write_bytes(path, content))
         self.say(f"{path} written")
 
     def _store(self, path: Path, store: Callable[[], _Result]) -> _Result:
@@ -182,7 +188,7 @@ class Session:
                 result["details"] = self.details
             if message:
                 result["message"] = message
-            print(json.dumps(result), flush=True)  # noqa: T201
+            print(json.dumps(finite(result), allow_nan=False), flush=True)  # noqa: T201
         if message:
             self._complain(message)
         return self.delivered() if code == 0 else code

@@ -93,6 +93,12 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
     stated = spoken_delays(*allowed.stated)
     margin = profile.margin
     kept = f"gain {margin.gain:g} and {margin.extra_delay_samples:g} sample(s) kept at each"
+    numbers = {
+        "predicted_low": allowed.stated[0],
+        "predicted_high": allowed.stated[1],
+        "gain": margin.gain,
+        "extra_delay_samples": margin.extra_delay_samples,
+    }
     if allowed.delays is None:
         return Outcome(
             check="delay",
@@ -101,7 +107,9 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
             predicted=stated,
             tolerance="mass and damping within the box of the device",
             remedy="Identify the device again, with no hand on it.",
+            numbers=numbers | {"most": allowed.most},
         )
+    numbers |= {"seen_low": allowed.delays[0], "seen_high": allowed.delays[1]}
     seen = spoken_delays(*allowed.delays) + (" or more" if allowed.open_ended else "")
     if not allowed.allow_stated:
         return Outcome(
@@ -111,6 +119,7 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
             predicted=stated,
             tolerance="mass and damping within the box of the device",
             remedy="Correct the delay of the device, and tune again.",
+            numbers=numbers,
         )
     if played.lost_at is not None:
         return Outcome(
@@ -119,5 +128,13 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
             seen=seen,
             predicted=stated,
             tolerance=f"{kept}: lost from {played.lost_at:.3g} on for {spoken(played.moment)}",
+            numbers=numbers | {"lost_at": played.lost_at},
         )
-    return Outcome(check="delay", verdict="agrees", seen=seen, predicted=stated, tolerance=kept)
+    return Outcome(
+        check="delay",
+        verdict="agrees",
+        seen=seen,
+        predicted=stated,
+        tolerance=kept,
+        numbers=numbers,
+    )

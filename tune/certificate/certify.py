@@ -18,7 +18,7 @@ from tune.certificate.proof import Claim, prove
 from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import Region, regions_of
 from tune.certificate.words import assumptions, method, not_assessed
-from tune.certificate.worst import Worst, worst_point
+from tune.certificate.worst import Worst, worst_points
 from tune.documents.certified import (
     AbsoluteStability,
     Certificate,
@@ -158,8 +158,8 @@ def _judge(
     where = " + ".join(moment) + (" in a hand" if region.hand is not None else "")
     named = list(_claims(design, moment))
     unstable = False
-    for each in named:
-        worst = worst_point(region, setting, each.claim)
+    searched = worst_points(region, setting, [each.claim for each in named])
+    for each, worst in zip(named, searched, strict=True):
         found.points += worst.judged
         if worst.verdict.answer != "stable":
             unstable = True
@@ -175,12 +175,14 @@ def _judge(
     if proof.proved:
         return True
     assert proof.doubt is not None
-    for each in named:
-        worst = worst_point(region, setting, each.claim, proof.doubt, thorough=_THOROUGH)
+    doubted = worst_points(
+        region, setting, [each.claim for each in named], proof.doubt, thorough=_THOROUGH
+    )
+    for each, worst in zip(named, doubted, strict=True):
         if worst.verdict.answer != "stable":
             _refuse(found, moment, where, each, worst)
             return False
-    worst = worst_point(region, setting, named[0].claim)
+    worst = searched[0]
     found.failures.append(
         f"{where}: not proved for every device of the box within {proof.cells} cells; nothing "
         f"unstable was found, worst is a pole radius of {worst.verdict.radius:.9g} at "

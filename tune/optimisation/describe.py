@@ -26,7 +26,7 @@ from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered
 
 if TYPE_CHECKING:
-    from tune.optimisation.saturation import AllFound
+    from tune.optimisation.one_sided import AllFound
 
 FloatArray = NDArray[np.float64]
 

@@ -17,20 +17,23 @@ COMMANDS = {
     "demo": "--json --quiet",
     "new": "--device --output --language --dry-run --json --quiet",
     "doctor": "--time --time-gain --force --position --reference --force-gain --position-gain "
-    "--axis --decimal --hardware --allow --json --quiet",
+    "--axis --decimal --hardware --allow --picture --json --quiet",
     "identify": "--output --time --time-gain --force --position --reference --force-gain "
-    "--position-gain --axis --decimal --hardware --allow --method --dry-run --json --quiet",
-    "tune": "--output --margin --candidates --what-if --dry-run --json --quiet",
+    "--position-gain --axis --decimal --hardware --allow --method --picture --dry-run "
+    "--json --quiet",
+    "tune": "--output --margin --candidates --what-if --picture --dry-run --json --quiet",
     "calibrate": "--scene --output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --margin --candidates "
-    "--dry-run --json --quiet",
+    "--picture --dry-run --json --quiet",
     "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
-    "--acceleration-filter --margin --json --quiet",
-    "check": "--device --json --quiet",
+    "--acceleration-filter --margin --picture --json --quiet",
+    "check": "--device --picture --json --quiet",
     "verify": "--element --gain --release --time --time-gain --force --position --force-gain "
     "--position-gain --axis --decimal --picture --json --quiet",
     "compare": "--json --quiet",
     "export": "--to --output --dry-run --json --quiet",
+    "report": "--output --what-if --time --time-gain --force --position --reference --force-gain "
+    "--position-gain --axis --decimal --json --quiet",
     "excite": "--output --picture --dry-run --json --quiet",
     "simulate": "--output --seed --json --quiet",
 }

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import Controller, bundled, log_text, named_rig, rig_of, simulate
+from identification.findings import CODES
 from tests.commands import haptune
 from tune import load_profile
 
@@ -128,6 +129,12 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("# A heading\n[a](page.md#a-heading) [b](missing.md) [c](#no-heading)\n")
     assert broken_links(page) == ["missing.md", "#no-heading"]
+
+
+def test_every_finding_has_its_section_and_its_picture() -> None:
+    text = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+    told = re.findall(r"^### (.*)\n\n!\[(.*)\]\(findings/(.*)\.png\)$", text, re.MULTILINE)
+    assert sorted(told) == [(code,) * 3 for code in sorted(CODES)]
 
 
 def test_every_block_runs_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

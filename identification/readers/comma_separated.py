@@ -6,11 +6,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from identification.errors import InvalidInputError
+from identification.readers.cells import numbers_of
 from identification.readers.columns import (
-    FloatArray,
     LogColumns,
     Reading,
     quoted,
@@ -22,6 +20,7 @@ from identification.readers.limits import (
     refuse_packed,
     refuse_wide,
 )
+from identification.readers.plain_numbers import read_plain_numbers
 
 if TYPE_CHECKING:
     import polars
@@ -34,13 +33,22 @@ _NOTHING = b"\xef\xbb\xbf\r\n"
 
 def read_csv(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role; empty cells are NaN. Raises InvalidInputError."""
-    import polars as pl
-
     refuse_packed(path, content)
     refuse_long(path, content.count(b"\n") - 1)
     header = _header(path, content)
     separator = max(_SEPARATORS, key=lambda mark: header.count(mark.encode()))
     refuse_wide(path, header, header.count(separator.encode()) + 1)
+    return read_plain_numbers(path, content, separator, columns) or _read_cells(
+        path, content, header, separator, columns
+    )
+
+
+def _read_cells(
+    path: Path, content: bytes, header: bytes, separator: str, columns: LogColumns
+) -> Reading:
+    """Columns by role of a table whose cells may be quoted, empty or no numbers."""
+    import polars as pl
+
     stored = _table(path, header, separator, n_rows=0).columns
     # A header line that begins with # comes from loggers that mark it as a comment.
     shown = [name.strip("# ") for name in stored]
@@ -66,7 +74,10 @@ def read_csv(path: Path, content: bytes, columns: LogColumns) -> Reading:
         # Ten times slower and larger, but it tells spaces from words and names the cell.
         table = _table(path, content, separator, columns=names)
         refuse_other_rows(path, table)
-    values = {role: _numbers(path, table[stored_as[name]], name) for role, name in wanted.items()}
+    values = {
+        role: numbers_of(path, name, table[stored_as[name]], first=2)
+        for role, name in wanted.items()
+    }
     return Reading(values=values, names=wanted)
 
 
@@ -102,25 +113,3 @@ def _table(path: Path, content: bytes, separator: str, **options: Any) -> polars
             f"is not a table of equally long rows ({reason})",
             "Export it again as CSV with one header line",
         ) from None
-
-
-def _numbers(path: Path, cells: polars.Series, name: str) -> FloatArray:
-    """A column as numbers; an empty cell is NaN, any other text is refused by its row."""
-    import polars as pl
-
-    numbers = cells
-    if cells.dtype == pl.String:
-        text = cells.str.strip_chars()
-        numbers = text.cast(pl.Float64, strict=False)
-        wrong = (numbers.is_null() & text.is_not_null() & (text != "")).fill_null(value=False)
-        first = wrong.arg_true()
-        if first.len():
-            row = int(first[0])
-            # Row 1 is the header, so the first cell below it stands in row 2.
-            raise InvalidInputError(
-                path,
-                f"column '{quoted(name)}' holds '{quoted(str(cells[row]))}' in row {row + 2}, "
-                "which is not a number",
-                "Write numbers with a decimal point, and leave missing cells empty",
-            )
-    return np.asarray(numbers.fill_null(float("nan")).to_numpy(), dtype=np.float64)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from tune.cli.options import Json, MarginOption, Quiet
+from tune.cli.identify import target_picture
+from tune.cli.options import Json, MarginOption, Picture, Quiet
 from tune.cli.session import Session, run_command
-from tune.cli.tune import IN_DEVICE
+from tune.cli.tune import IN_DEVICE, draw_profile
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,6 +47,7 @@ def audit(
         ),
     ] = None,
     margin: MarginOption = None,
+    picture: Picture = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -60,6 +63,7 @@ def audit(
         from tune.loop.filters import Filters
 
         wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
+        target_picture(session, picture, Path(device))
         _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)
         known = load_device(device)
         known.require_stated(NEEDED, subject=device, where=IN_DEVICE)
@@ -85,6 +89,8 @@ def audit(
         session.details["taken_on_trust"] = trusted = taken_on_trust(found.design.device)
         for line in trusted:
             session.say(f"taken on trust: {line}")
+        if picture is not None:
+            draw_profile(session, picture, found.design)
         if found.safe:
             session.say(f"safe with margin {found.design.margin.name}, proved over the whole box")
             return

@@ -7,8 +7,10 @@ from typing import Annotated, Optional
 
 import typer
 
-from tune.cli.options import Json, Quiet
+from tune.cli.identify import target_picture
+from tune.cli.options import Json, Picture, Quiet
 from tune.cli.session import Session, run_command
+from tune.cli.tune import draw_profile
 
 
 def check(
@@ -22,6 +24,7 @@ def check(
             "rehearsal is repeated.",
         ),
     ] = None,
+    picture: Picture = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -34,6 +37,7 @@ def check(
         from tune.cli.rehearse import refuse_restless
         from tune.cli.tables import certificate_lines, elements_table
 
+        target_picture(session, picture, profile, None if device is None else Path(device))
         known = None if device is None else as_stored(load_device(device))
         with session.progress() as say:
             say("re-computing the certificate")
@@ -56,6 +60,8 @@ def check(
         if known is not None:
             session.details["rehearsed"] = "settles"
             session.say(f"the device is {device}; rehearsed in simulation: settles")
+        if picture is not None:
+            draw_profile(session, picture, report.profile)
         session.say(f"{profile} passed: all else that it says is what was found anew")
 
     run_command("check", action, as_json=json, quiet=quiet)

@@ -9,7 +9,7 @@ from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design
 from tune.loop.filters import Filters
-from tune.verification.allowed import AllowedLoops, ModeSeen, allowed_loops
+from tune.verification.allowed import AllowedLoops, Modes, ModeSeen
 from tune.verification.cutoffs_seen import CutoffSeen, filters_allowed
 from tune.verification.elements import moments_of, spoken
 from tune.verification.margins_kept import Kept, margin_kept
@@ -58,7 +58,7 @@ def judge_delay(
         return unknown_delay("neither frequency nor decay of free motion is known")
     filters = filters_allowed(loop, cutoffs)
     extra = profile.margin.extra_delay_samples
-    allowed = allowed_loops(profile.device, filters[0], effects, mode, extra=extra)
+    allowed = Modes(profile.device, filters[0], effects, extra=extra).allow(mode)
     played = margin_kept(profile, moment, filters, allowed)
     return DelaySeen(
         allowed=allowed, played=played, filters=filters, outcome=_outcome(profile, allowed, played)

@@ -63,17 +63,17 @@ class Functions:
     @property
     def smooth(self) -> Any:
         """Constraints but those of stability, and their dense Jacobian."""
-        return _compiled(replace(self.structure, shapes=())).smooth
+        return _smooth(replace(self.structure, shapes=()))
 
     @property
     def smooth_all(self) -> Any:
         """Constraints with Routh's ratios before the others, and their dense Jacobian."""
-        return _compiled(self.structure).smooth
+        return _smooth(self.structure)
 
     @property
     def ipopt(self) -> Any:
         """The solver, with all constraints; its parameters end with the weights."""
-        return _compiled(self.structure).ipopt
+        return _ipopt(self.structure)
 
 
 class Family(Protocol):
@@ -199,14 +199,61 @@ def _law(loop: Loop, unit: float) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Compiled:
-    smooth: Any
-    ipopt: Any
+class _Graph:
+    """Expressions of a structure: log-sizes, parameters, weights, product of steps, constraints."""
+
+    y: Any
+    parameters: Any
+    weights: Any
+    product: Any
+    constraints: Any
 
 
 @lru_cache(maxsize=64)
-def _compiled(structure: Structure) -> _Compiled:
-    """Constraints and their Jacobian; the solver where the structure has loops."""
+def _smooth(structure: Structure) -> Any:
+    """Constraints and their dense Jacobian."""
+    import casadi as ca
+
+    graph = _graph(structure)
+    g = graph.constraints
+    outputs = [g, ca.densify(ca.jacobian(g, graph.y))]
+    return ca.Function("smooth", [graph.y, graph.parameters], outputs)
+
+
+@lru_cache(maxsize=64)
+def _ipopt(structure: Structure) -> Any:
+    """The solver."""
+    import casadi as ca
+
+    graph = _graph(structure)
+    options = {
+        "print_time": False,
+        "error_on_fail": False,
+        # An unstable setting has no ripple; the solver steps back from it.
+        "show_eval_warnings": False,
+        "ipopt": {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": 1e-10,
+            "max_iter": 150,
+            "max_wall_time": 2.0,
+            "bound_relax_factor": 0.0,
+            # The Routh ratios are far from convex outside the stable set; with their exact second
+            # derivatives one solve in two ends at the iteration limit, with BFGS one in fifteen.
+            "hessian_approximation": "limited-memory",
+        },
+    }
+    task = {
+        "x": graph.y,
+        "p": ca.vertcat(graph.parameters, graph.weights),
+        "f": -graph.product,
+        "g": graph.constraints,
+    }
+    return ca.nlpsol("product", "ipopt", task, options)
+
+
+@lru_cache(maxsize=64)
+def _graph(structure: Structure) -> _Graph:
     import casadi as ca
 
     count = len(structure.signs)
@@ -251,29 +298,13 @@ def _compiled(structure: Structure) -> _Compiled:
         used: Any = sum(size * part for size, part in zip(sizes, row, strict=True))
         # In logarithms nearly linear, where a row has them.
         constraints.append(used.log() if place < structure.linear[0] else used - 1)
-    p, g = ca.vertcat(*taken), ca.vertcat(*routh, *constraints)
-    smooth = ca.Function("smooth", [y, p], [g, ca.densify(ca.jacobian(g, y))])
-    if not structure.shapes:
-        return _Compiled(smooth=smooth, ipopt=None)
-    options = {
-        "print_time": False,
-        "error_on_fail": False,
-        # An unstable setting has no ripple; the solver steps back from it.
-        "show_eval_warnings": False,
-        "ipopt": {
-            "print_level": 0,
-            "sb": "yes",
-            "tol": 1e-10,
-            "max_iter": 150,
-            "max_wall_time": 2.0,
-            "bound_relax_factor": 0.0,
-            # The Routh ratios are far from convex outside the stable set; with their exact second
-            # derivatives one solve in two ends at the iteration limit, with BFGS one in fifteen.
-            "hessian_approximation": "limited-memory",
-        },
-    }
-    task = {"x": y, "p": ca.vertcat(p, weights), "f": -product_of_steps, "g": g}
-    return _Compiled(smooth=smooth, ipopt=ca.nlpsol("product", "ipopt", task, options))
+    return _Graph(
+        y=y,
+        parameters=ca.vertcat(*taken),
+        weights=weights,
+        product=product_of_steps,
+        constraints=ca.vertcat(*routh, *constraints),
+    )
 
 
 def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool = True) -> list[Any]:

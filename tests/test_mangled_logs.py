@@ -50,15 +50,14 @@ def pasted(message: str, given: list[str]) -> list[str]:
 def calibrated(log: str) -> tuple[Ended, list[str]]:
     """Calibrate with what the messages ask for; the options that it took."""
     arguments = ["--hardware", "hardware.yaml", "--scene", "scene.yaml"]
+    arguments += ["--method", "least-squares", "-o", "p.yaml"]
     options: list[str] = []
-    for _ in range(PATIENCE + 1):
-        ended = haptune(
-            "calibrate", log, *arguments, "--method", "least-squares", "-o", "p.yaml", *options
-        )
-        more = pasted(ended.err, options) if ended.code else []
-        if not more:
+    ended = haptune("calibrate", log, *arguments)
+    for _ in range(PATIENCE):
+        if ended.code == 0:
             break
-        options += more
+        options += pasted(ended.err, options)
+        ended = haptune("calibrate", log, *arguments, *options)
     return ended, options
 
 

@@ -164,7 +164,7 @@ def _against_count(trajectory: Trajectory, hardware: Hardware | None) -> tuple[F
         needed = f"the same within a factor of {COUNT_RATIO:g}"
         for unit, size in _LENGTHS[trajectory.motion or "linear"]:
             if abs(ratio * size - 1) < _NAMED:
-                likely = f" ({unit}: {size:.6g})"
+                likely = f" (in {unit}: --position-gain {size:.6g})"
     elif "position" in trajectory.stated_units:
         return ()
     else:

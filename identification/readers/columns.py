@@ -129,20 +129,23 @@ def wanted_columns(
             f"has no column {named}; it has: {listed or 'none'}{more}",
             "Name the right column with "
             + ", ".join(f"--{role}" for role in missing)
-            + _suggested(present, tuple(missing)),
+            + _suggested([name for name in present if name not in wanted.values()], tuple(missing)),
         )
     return wanted
 
 
 def _suggested(present: Sequence[str], missing: Sequence[str]) -> str:
-    """Options that take the columns whose unit is one of what is missing."""
+    """Options that take the columns left: by their units, or in the usual order if none has one."""
     found = [
         f'--{role} "{quoted(name)}"'
         for role in missing
         for name in present[:_MOST_NAMED]
         if unit_named(role, split_name(role, name)[1] or "") is not None
     ]
-    return f", perhaps {' or '.join(found[:3])}" if found else ""
+    if found or len(present) != len(missing):
+        return f", perhaps {' or '.join(found[:3])}" if found else ""
+    in_order = (f'--{role} "{quoted(name)}"' for role, name in zip(missing, present, strict=True))
+    return f", perhaps {' '.join(in_order)}"
 
 
 def column_for(

@@ -24,6 +24,7 @@ from tune.cli.exit_codes import (
     STATUS,
 )
 from tune.cli.interruption import FilesWhole, ignore_signals, was_interrupted
+from tune.cli.ownership import owner_of
 from tune.cli.streams import undelivered, wrapped
 
 if TYPE_CHECKING:
@@ -137,11 +138,11 @@ class Session:
 
     def _store(self, path: Path, store: Callable[[], _Result]) -> _Result:
         """Write a file and note it as written, both or neither; tell if it changed hands."""
-        before = _owner(path)
+        before = owner_of(path)
         with FilesWhole():
             stored = store()
             self.outputs.append(str(path))
-        now = _owner(path)
+        now = owner_of(path)
         if before not in {None, now} and not self.quiet:
             _print_error(
                 f"warning: {path} belongs to {now} now and belonged to {before} before, which this "
@@ -279,15 +280,6 @@ def _ended(session: Session, error: BaseException) -> int:
         f"internal error: {type(error).__name__}: {error}; {session.whereabouts()}. "
         "Please report it with the command and the files",
     )
-
-
-def _owner(path: Path) -> str | None:
-    """Owner and group of a file by number; None where there is no file."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return f"user {status.st_uid}, group {status.st_gid}"
 
 
 def _unseen(_: str) -> None: ...

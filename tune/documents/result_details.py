@@ -120,7 +120,7 @@ class TuneDetails(Details, total=False):
 
 
 class CalibrateDetails(IdentifyDetails, TuneDetails, total=False):
-    """Of ``calibrate`` and ``demo``, which identify and tune."""
+    """Of ``calibrate``, ``demo`` and ``report``, which show a device and a profile."""
 
 
 class CheckDetails(TypedDict, total=False):

@@ -28,13 +28,15 @@ from tune.presentation.responses import impact_response, step_response
 from tune.presentation.units import UNITS
 
 DEVICE = load_device("homerehab")
+#: A name that matplotlib would take for a broken formula.
+WATER = "$x^{$<b>"
 
 
 @pytest.fixture(scope="module")
 def profile() -> SafeProfile:
     elements = {
         "wall": {"stiffness": 800.0, "damping": 20.0, "penetration": 0.01},
-        "water": {"damping": 10.0},
+        WATER: {"damping": 10.0},
     }
     scene = {"elements": elements, "loop": {"velocity_filter_hz": 50.0}}
     return optimise(DEVICE, Scene.model_validate(scene))
@@ -73,14 +75,14 @@ def test_the_margin_lies_within_and_its_damping_is_on_it(profile: SafeProfile) -
 def test_a_step_ends_where_the_spring_balances_it(profile: SafeProfile) -> None:
     found = step_response(profile, profile.elements["wall"], 4.0)
     assert found.position[:, -1] == pytest.approx(4.0 / 800.0, rel=0.02)
-    water = step_response(profile, profile.elements["water"], 4.0)
+    water = step_response(profile, profile.elements[WATER], 4.0)
     assert water.speed[0, -1] == pytest.approx(4.0 / (DEVICE.damping.value + 10.0), rel=0.01)
 
 
 def test_an_impact_starts_at_the_speed_of_the_motion(profile: SafeProfile) -> None:
     """A free device of mass m enters water: its momentum is what both dampings take."""
-    found = impact_response(profile, profile.elements["water"])
-    assert found.speed[0, 0] == profile.elements["water"].motion.speed
+    found = impact_response(profile, profile.elements[WATER])
+    assert found.speed[0, 0] == profile.elements[WATER].motion.speed
     step = profile.loop.sample_time
     taken = -float(np.sum(found.force[0])) * step + DEVICE.damping.value * float(
         np.trapezoid(found.speed[0], found.time)

@@ -13,9 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from datasets_synthetic import bundled
 from identification import load_device
-from tests.commands import haptune
+from tests.commands import haptune, log_text
 from tune import SafeProfile, Scene, optimise
 from tune.cli.report_page import page_of
 from tune.exporters.heading import NOT_A_SAFETY_FUNCTION
@@ -113,32 +112,26 @@ def test_the_page_needs_no_network_and_says_what_it_is_not() -> None:
         assert re.sub(r"\s+", " ", said) in words, said
 
 
-def test_from_a_log_to_a_report_takes_four_commands(
+def test_only_a_profile_that_passes_with_its_own_logs_gets_a_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The way from a log to a report, with every picture, is run by the blocks of the guides."""
     monkeypatch.chdir(tmp_path)
-    rows = bundled("homerehab.csv").read_text(encoding="utf-8").splitlines()[:2500]
-    Path("log.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    assert haptune("new", "hardware", "--device", "homerehab").code == 0
-    Path("scene.yaml").write_text("elements: {'$x^{$<b>': {damping: 10.0}}\n", encoding="utf-8")
-    calibrated = ("log.csv", "--hardware", "hardware.yaml", "--scene", "scene.yaml")
-    assert haptune("calibrate", *calibrated).code == 0
-    ended = haptune("report", "profile.yaml", "log.csv", "--json")
+    monkeypatch.setattr("tune.cli.report_page._pictures", lambda *_: iter(()))
+    text = _profile().to_yaml()
+    Path("profile.yaml").write_text(text, encoding="utf-8")
+    ended = haptune("report", "profile.yaml", "--json")
     assert ended.code == 0, ended.err
     told = json.loads(ended.out)
     assert told["outputs"] == ["report.html"]
-    text = Path("report.html").read_text(encoding="utf-8")
-    assert told["details"]["profile"]["digest"] in text
-    assert "identified again for this report" in text
-    assert text.count("data:image/svg+xml") == 3  # region, element, log
+    assert told["details"]["profile"]["digest"] == _profile().digest
+    assert _profile().digest in Path("report.html").read_text(encoding="utf-8")
 
-    other = Path("log.csv").read_text(encoding="utf-8").replace("0.001", "0.0010", 1)
-    Path("other.csv").write_text(other, encoding="utf-8")
+    Path("other.csv").write_text(log_text(), encoding="utf-8")
     refused = haptune("report", "profile.yaml", "other.csv", "-o", "other.html")
     assert refused.code == 3
-    assert "not what the device of profile.yaml was identified from (log.csv)" in refused.err
-    changed = Path("profile.yaml").read_text(encoding="utf-8").replace("10.0", "11.0")
-    Path("changed.yaml").write_text(changed, encoding="utf-8")
+    assert "is not what the device of profile.yaml was identified from" in refused.err
+    Path("changed.yaml").write_text(text.replace("10.0", "11.0"), encoding="utf-8")
     assert haptune("report", "changed.yaml", "-o", "other.html").code == 6
     assert not Path("other.html").exists()
     assert haptune("report", "profile.yaml", "-o", "profile.yaml").code == 2

@@ -24,7 +24,7 @@ from tune.cli.exit_codes import (
     STATUS,
 )
 from tune.cli.interruption import FilesWhole, ignore_signals, was_interrupted
-from tune.cli.streams import undelivered
+from tune.cli.streams import undelivered, wrapped
 
 if TYPE_CHECKING:
     from identification import Finding
@@ -82,12 +82,12 @@ class Session:
         for finding in findings:
             self.findings.append(asdict(finding))
             if not self.as_json and not self.quiet:
-                print(f"{finding.severity}: {finding}", file=sys.stderr)  # noqa: T201
+                _print_error(f"{finding.severity}: {finding}")
 
     def warn(self, sentence: str) -> None:
         """Print on standard error what a person should know before the output is used."""
         if not self.as_json and not self.quiet:
-            print(f"warning: {sentence}", file=sys.stderr)  # noqa: T201
+            _print_error(f"warning: {sentence}")
 
     def target(self, output: Path, *inputs: Path | None) -> None:
         """Refuse, before any work is done, an output that cannot be written or is an input.
@@ -143,23 +143,22 @@ class Session:
             self.outputs.append(str(path))
         now = _owner(path)
         if before not in {None, now} and not self.quiet:
-            print(  # noqa: T201
+            _print_error(
                 f"warning: {path} belongs to {now} now and belonged to {before} before, which this "
-                "user may not keep",
-                file=sys.stderr,
+                "user may not keep"
             )
         return stored
 
     @contextmanager
     def progress(self) -> Generator[Callable[[str], None]]:
-        """A function that shows a sentence while work goes on, on a terminal only."""
+        """A function that is told each stage of the work, which a terminal shows with its clock."""
         if self.as_json or self.quiet or not sys.stderr.isatty():
-            yield _nothing
+            yield _unseen
             return
-        from rich.console import Console
+        from tune.cli.progress import shown
 
-        with Console(stderr=True).status("working") as status:
-            yield status.update
+        with shown() as say:
+            yield say
 
     def finish(self, code: int, message: str = "") -> int:
         """Print how it ended and return the exit code."""
@@ -202,7 +201,11 @@ class Session:
 
     def _complain(self, message: str) -> None:
         name = "haptune" if self.command == "haptune" else f"haptune {self.command}"
-        print(f"{name}: {message}", file=sys.stderr)  # noqa: T201
+        _print_error(f"{name}: {message}")
+
+
+def _print_error(text: str) -> None:
+    print(wrapped(text, sys.stderr), file=sys.stderr)  # noqa: T201
 
 
 def run_command(
@@ -287,5 +290,4 @@ def _owner(path: Path) -> str | None:
     return f"user {status.st_uid}, group {status.st_gid}"
 
 
-def _nothing(sentence: str) -> None:
-    del sentence
+def _unseen(_: str) -> None: ...

@@ -154,11 +154,14 @@ def _chosen(session: Session, device: Device, wish: Wanted) -> SafeProfile:
 
 def _plain(candidate: Candidate, rows: list[CandidateEffect]) -> dict[str, object]:
     """One candidate as it stands in the JSON result."""
+    from tune.documents.scene import MARGINS
+
     profile = candidate.profile
     return {
         "name": candidate.name,
         "margin": candidate.margin,
         "recommended": candidate.recommended,
+        "demanded": MARGINS[candidate.margin].model_dump(mode="json"),
         "reason": None if candidate.error is None else str(candidate.error),
         "loop": None if profile is None else profile.loop.model_dump(mode="json"),
         "effects": [

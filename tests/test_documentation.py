@@ -163,6 +163,10 @@ def test_every_block_runs_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyP
             if arguments[0] == "demo":
                 _compare_first_table(ended.out)
     assert ran >= {"demo", "calibrate", "check", "export", "excite", "doctor", "audit", "verify"}
+    page = Path("report.html").read_text(encoding="utf-8")
+    assert "identified again for this report" in page
+    elements = load_profile("profile.yaml").elements
+    assert page.count("data:image/svg+xml") == 2 + len(elements)  # the region and the log beside
     assert (tmp_path / "controller" / "haptune_guard.c").is_file()
 
 

@@ -107,13 +107,13 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
 
 def _pictures(safe: SafeProfile, boundaries: Boundaries) -> Iterator[PictureView]:
     from tune.presentation.element_picture import element_picture
-    from tune.presentation.profile_picture import MOST_ELEMENTS, profile_picture
+    from tune.presentation.profile_picture import profile_picture, shown_elements
 
     yield picture_view(
         profile_picture(safe, boundaries=boundaries),
         "The region without mass with every element, and the steps a hand can tell of each effect.",
     )
-    for name in list(safe.elements)[:MOST_ELEMENTS]:
+    for name in shown_elements(safe):
         yield picture_view(
             element_picture(safe, name, boundaries=boundaries),
             f"{name}: its place in the region of its own mass and what is left to the margin; the "

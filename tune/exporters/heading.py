@@ -6,6 +6,14 @@ from identification import ForceLimit
 from tune.documents.profile import SafeProfile
 from tune.exporters.names import quoted
 
+#: What an integrator has to read before anything else; in ASCII.
+NOT_A_SAFETY_FUNCTION = (
+    "Not a safety function. A certified profile says that the control loop is stable under the "
+    "assumptions written here. It limits no force, speed or travel in the sense of machine safety, "
+    "notices no fault of the device, and replaces no emergency stop, no risk assessment and no "
+    "protective measure that a standard asks for (such as ISO 12100, ISO 13849, ISO 14971 or "
+    "IEC 60601)."
+)
 #: Letters of a name in a comment.
 _SHORT = 60
 
@@ -44,6 +52,7 @@ def heading(profile: SafeProfile) -> tuple[str, ...]:
     rotary = device.motion == "rotary"
     return (
         "Written by haptune from a certified profile. Do not edit: tune and export again.",
+        NOT_A_SAFETY_FUNCTION,
         "",
         f"profile digest: {digest(profile)}",
         f"device: {short(device.name)}, axis {short(device.axis)}, {device.motion}; "

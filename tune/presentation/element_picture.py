@@ -12,10 +12,10 @@ import numpy as np
 from identification import legend_above
 from tune.documents.profile import Design, ElementProfile
 from tune.presentation.boundaries import Boundaries
-from tune.presentation.limits import uses_of
+from tune.presentation.limits import Use, uses_of
 from tune.presentation.responses import Response, impact_response, step_response
 from tune.presentation.slices import draw_slice
-from tune.presentation.units import UNITS
+from tune.presentation.units import UNITS, spoken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 11.0, 6.2
 #: Where the four pictures stand on their figure, in parts of it and of a picture.
 _GRID = {
-    "left": 0.075,
-    "right": 0.94,
+    "left": 0.085,
+    "right": 0.925,
     "top": 0.85,
     "bottom": 0.085,
     "hspace": 0.55,
@@ -36,6 +36,8 @@ _GRID = {
 _SHORT = 28
 #: Of the continuous force, the step that is drawn; where no limit is stated, N.
 _STEP, _WITHOUT_LIMIT = 0.1, 1.0
+#: A part of a limit beyond which more than rounding is used.
+_BEYOND = 1.001
 #: Bars are drawn up to this many times a limit.
 _LONGEST = 1.25
 
@@ -76,7 +78,7 @@ def shortened(name: str) -> str:
 
 def _sizes(element: ElementProfile, units: dict[str, str]) -> str:
     acting = (
-        f"{symbol} = {getattr(element, effect):.4g} {units[effect]}"
+        f"{symbol} = {spoken(getattr(element, effect))} {units[effect]}"
         for symbol, effect in (("K", "stiffness"), ("B", "damping"), ("M", "mass"))
         if getattr(element, effect)
     )
@@ -91,10 +93,7 @@ def _draw_limits(axes: Axes, design: Design, name: str, units: dict[str, str]) -
         places,
         [min(use.part, _LONGEST) for use in uses],
         height=0.62,
-        color=[
-            "tab:red" if use.part > 1.001 else "tab:green" if use.binds else "#bfd8bf"
-            for use in uses
-        ],
+        color=[_color(use) for use in uses],
     )
     axes.axvline(1, color="k", lw=1)
     for place, use in zip(places, uses, strict=True):
@@ -113,6 +112,13 @@ def _draw_limits(axes: Axes, design: Design, name: str, units: dict[str, str]) -
         fontsize=8,
         loc="left",
     )
+
+
+def _color(use: Use) -> str:
+    """Of a bar: beyond its limit, at what binds, or neither."""
+    if use.part > _BEYOND:
+        return "tab:red"
+    return "#74c476" if use.binds else "#d3e6d3"
 
 
 def element_reasons(design: Design, name: str) -> dict[str, str]:

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from tune.documents.perception import perceived_steps
 from tune.documents.profile import Design, ElementProfile
 
+#: Of several limits of one kind those bind that are used as much as the most used, nearly.
+_NEARLY = 0.98
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Use:
@@ -39,13 +42,20 @@ def uses_of(design: Design, name: str, units: dict[str, str]) -> tuple[Use, ...]
     bound: dict[str, tuple[str, ...]] = {}
     for effect, reason in element.limited_by.items():
         bound[reason] = (*bound.get(reason, ()), effect)
+    found = (
+        *_margins(design, element),
+        *_forces(design, element, units["force"]),
+        *_felt(design, element),
+    )
+    most = {why: max(part for _, other, part, _ in found if other == why) for _, why, _, _ in found}
     return tuple(
-        Use(limit=limit, part=part, words=words, binds=bound.get(reason, ()))
-        for limit, reason, part, words in (
-            *_margins(design, element),
-            *_forces(design, element, units["force"]),
-            *_felt(design, element),
+        Use(
+            limit=limit,
+            part=part,
+            words=words,
+            binds=bound.get(reason, ()) if part >= _NEARLY * most[reason] else (),
         )
+        for limit, reason, part, words in found
     )
 
 
@@ -70,14 +80,14 @@ def _forces(
     if limit is not None and limit.peak > 0:
         sustained = element.stiffness * (motion.penetration or 0.0)
         if sustained and limit.continuous > 0:
-            words = f"{sustained:.3g} of {limit.continuous:g} {unit}"
+            words = f"{sustained:.3g} of {limit.continuous:.4g} {unit}"
             yield "sustained force", "force", sustained / limit.continuous, words
         peak = (
             sustained
             + abs(element.damping) * motion.speed
             + abs(element.mass) * motion.acceleration
         )
-        words = f"{peak:.3g} of {limit.peak:g} {unit}"
+        words = f"{peak:.3g} of {limit.peak:.4g} {unit}"
         yield "force in motion", "force", peak / limit.peak, words
     if element.ripple is not None:
         words = f"{element.ripple:.2g} of {design.ripple_limit:g} {unit}"

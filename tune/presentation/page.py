@@ -8,18 +8,11 @@ from importlib.resources import files
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, cast
 
+from tune.exporters.heading import NOT_A_SAFETY_FUNCTION
 from tune.presentation.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-#: What an integrator has to read before anything else.
-NOT_A_SAFETY_FUNCTION = (
-    "Not a safety function. A certified profile says that the control loop is stable under the "
-    "assumptions written here. It does not limit force, speed or travel of a machine, does not "
-    "notice a fault, and replaces no emergency stop, no risk assessment and no protective "
-    "measure that a standard asks for (such as ISO 12100, ISO 13849, ISO 14971, IEC 60601)."
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from tune.presentation.boundaries import Boundaries
 from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shortened
 from tune.presentation.labels import place_labels
 from tune.presentation.slices import draw_region
-from tune.presentation.units import UNITS
+from tune.presentation.units import UNITS, spoken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,11 +46,11 @@ def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) ->
 def profile_sheet(profile: Design) -> Figure:
     """The overview, then each element with its slice of the region, limits, step and impact.
 
-    Of more than `MOST_ELEMENTS` elements the first are drawn, which is said.
+    Of more than `MOST_ELEMENTS` that play something the first are drawn.
     """
     from identification import NotebookFigure
 
-    names = list(profile.elements)[:MOST_ELEMENTS]
+    names = shown_elements(profile)
     heights = [overview_height(profile), *(HEIGHT for _ in names)]
     figure = NotebookFigure(figsize=(WIDTH, sum(heights)))
     grid: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
@@ -60,6 +60,16 @@ def profile_sheet(profile: Design) -> Figure:
         draw_element(part, profile, name, boundaries)
     draw_overview(parts[0], profile, boundaries)
     return figure
+
+
+def shown_elements(profile: Design) -> list[str]:
+    """Names of the elements that are drawn one by one: those that play something, the first."""
+    playing = (
+        name
+        for name, element in profile.elements.items()
+        if element.stiffness or element.damping or element.mass
+    )
+    return list(playing)[:MOST_ELEMENTS]
 
 
 def overview_height(profile: Design) -> float:
@@ -109,6 +119,8 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
                    fontsize=8, loc="left", pad=16)  # fmt: skip
     labels: list[tuple[float, float, str]] = []
     for name, element in elements.items():
+        if not (element.stiffness or element.damping or element.mass):
+            continue
         fill = "none" if element.mass else "black"
         axes.scatter(
             [element.damping],
@@ -145,7 +157,7 @@ def _draw_steps(axes: Axes, profile: Design) -> None:
             steps.append(element.perceived_steps.get(effect, 0.0))
             value: float = getattr(element, effect)
             why = "as wanted" if reason == "wanted" else f"limited by {reason}"
-            words.append(f" {value:.4g} {units[effect]}, {why}")
+            words.append(f" {spoken(value)} {units[effect]}, {why}")
     places = np.arange(len(labels))[::-1]
     axes.barh(places, steps, color="tab:green", alpha=0.6)
     axes.axvline(1, color="k", lw=0.8, ls=":")

@@ -63,6 +63,7 @@ def draw_region(
     axes.set_ylabel(f"virtual stiffness K, {units['stiffness']}")
     axes.tick_params(labelsize=7)
     axes.locator_params(nbins=6)
+    axes.ticklabel_format(style="plain", useOffset=False)
     legend_above(axes)
 
 

@@ -1,0 +1,161 @@
+"""A report is one page, complete in itself: what it holds, what it escapes, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from datetime import date
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from identification import load_device
+from tests.commands import haptune, log_text
+from tune import SafeProfile, Scene, optimise
+from tune.cli.report_page import page_of
+from tune.exporters.heading import NOT_A_SAFETY_FUNCTION
+from tune.presentation.page import html_of
+
+HOSTILE = '</script><script>alert(1)</script>"><img src=x onerror=alert(2)>$x^{$ {{ 7*7 }} &amp;'
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+#: Turns the region with a key and writes what came of it into the title.
+_TURN = (
+    "<script>const c = document.getElementById('region'), y = c.dataset.yaw;"
+    "window.onerror = (m) => { document.title = 'error ' + m; };"
+    "window.requestAnimationFrame = (draw) => draw();"
+    "c.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight'}));"
+    "document.title += ' yaw ' + y + ' to ' + c.dataset.yaw + ' width ' "
+    "+ document.documentElement.scrollWidth;</script>"
+)
+
+
+class _Parsed(HTMLParser):
+    """Elements, attributes and text of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str]] = []
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+@cache
+def _profile() -> SafeProfile:
+    device = load_device("homerehab").model_copy(update={"name": HOSTILE, "serial": HOSTILE[:40]})
+    scene = {"name": HOSTILE, "elements": {HOSTILE: {"damping": 10.0}}}
+    return optimise(device, Scene.model_validate(scene)).signed()
+
+
+@cache
+def _page() -> str:
+    """Without pictures, which would be drawn for longer than all else takes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tune.cli.report_page._pictures", lambda *_: iter(()))
+        return html_of(page_of(_profile(), None, None, date(2026, 3, 4)))
+
+
+def test_a_name_is_text_wherever_it_stands() -> None:
+    parsed = _Parsed(_page())
+    assert parsed.tags.count("script") == 2
+    assert "x" not in [value for name, value in parsed.attributes if name == "src"]
+    assert not [name for name, _ in parsed.attributes if name.startswith("on")]
+    text = "".join(parsed.words)
+    assert HOSTILE in text
+
+
+def test_the_surface_holds_the_elements_within_the_cube() -> None:
+    text = _page()
+    inside = re.search(r'id="surface">(.*?)</script>', text, re.DOTALL)
+    assert inside
+    surface = json.loads(inside.group(1))
+    assert [each["name"] for each in surface["elements"]] == [HOSTILE]
+    heights = [height for row in surface["margin"] for height in row]
+    assert 0 <= min(heights) <= max(heights) <= 1
+    assert max(heights) > 0.5
+    assert all(0 <= place <= 1 for place in surface["elements"][0]["at"])
+    for axis in surface["axes"]:
+        assert all(-1e-9 <= place <= 1 + 1e-9 for place, _ in axis["ticks"])
+
+
+def test_the_page_needs_no_network_and_says_what_it_is_not() -> None:
+    text = _page()
+    parsed = _Parsed(text)
+    for name, value in parsed.attributes:
+        if name in {"src", "href"}:
+            assert value.startswith("data:")
+    assert not re.search(r"url\(|@import|https?://(?!www\.w3\.org)", text)
+    words = re.sub(r"\s+", " ", "".join(parsed.words))
+    assert words.count(NOT_A_SAFETY_FUNCTION) == 2
+    profile = _profile()
+    for said in (
+        profile.digest,
+        "2026-03-04",
+        "10 N·s/m",
+        *profile.certificate.assumes,
+        *profile.certificate.not_assessed,
+        "Taken on trust",
+        "Signature",
+    ):
+        assert re.sub(r"\s+", " ", said) in words, said
+
+
+def test_only_a_profile_that_passes_with_its_own_logs_gets_a_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The way from a log to a report, with every picture, is run by the blocks of the guides."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tune.cli.report_page._pictures", lambda *_: iter(()))
+    text = _profile().to_yaml()
+    Path("profile.yaml").write_text(text, encoding="utf-8")
+    ended = haptune("report", "profile.yaml", "--json")
+    assert ended.code == 0, ended.err
+    told = json.loads(ended.out)
+    assert told["outputs"] == ["report.html"]
+    assert told["details"]["profile"]["digest"] == _profile().digest
+    assert _profile().digest in Path("report.html").read_text(encoding="utf-8")
+
+    Path("other.csv").write_text(log_text(), encoding="utf-8")
+    refused = haptune("report", "profile.yaml", "other.csv", "-o", "other.html")
+    assert refused.code == 3
+    assert "is not what the device of profile.yaml was identified from" in refused.err
+    Path("changed.yaml").write_text(text.replace("10.0", "11.0"), encoding="utf-8")
+    assert haptune("report", "changed.yaml", "-o", "other.html").code == 6
+    assert not Path("other.html").exists()
+    assert haptune("report", "profile.yaml", "-o", "profile.yaml").code == 2
+
+
+@pytest.mark.long
+@pytest.mark.skipif(BROWSER is None, reason="no browser is installed")
+@pytest.mark.parametrize("width", [360, 1200])
+def test_a_browser_opens_turns_and_prints_it(width: int, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    page.write_text(_page().replace("</body>", f"{_TURN}</body>"), encoding="utf-8")
+    options = [f"--user-data-dir={tmp_path / 'user'}", f"--window-size={width},900"]
+    options += ["--headless=new", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
+
+    def browse(*more: str) -> subprocess.CompletedProcess[str]:
+        command = [str(BROWSER), *options, *more, page.as_uri()]
+        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+
+    seen = browse("--dump-dom")
+    assert "CONSOLE" not in seen.stderr
+    found = re.search(r"<title>.* yaw (\S+) to (\S+) width (\d+)", seen.stdout)
+    assert found, seen.stdout[:500]
+    assert float(found.group(2)) == pytest.approx(float(found.group(1)) + 0.1)
+    assert int(found.group(3)) <= max(width, 500)  # a window of a browser is no narrower
+    browse(f"--print-to-pdf={tmp_path / 'report.pdf'}")
+    assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")

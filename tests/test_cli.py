@@ -31,7 +31,7 @@ COMMANDS = {
     "verify": "--element --gain --release --time --time-gain --force --position --force-gain "
     "--position-gain --axis --decimal --picture --json --quiet",
     "compare": "--json --quiet",
-    "export": "--to --output --dry-run --json --quiet",
+    "export": "--to --output --node --dry-run --json --quiet",
     "report": "--output --what-if --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --json --quiet",
     "excite": "--output --picture --dry-run --json --quiet",
@@ -124,6 +124,7 @@ def test_demo_writes_its_five_files() -> None:
 def test_json_of_success_is_one_object_and_nothing_else() -> None:
     ended = haptune("tune", "homerehab", "scene.yaml", "--json")
     assert ended.err == ""
+    assert ended.result.pop("details")["profile"]["name"]
     assert ended.result == {
         "schema": "haptune/result/1",
         "command": "tune",

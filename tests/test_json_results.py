@@ -35,6 +35,7 @@ FIXED = (
     "95 %",
     "0.5 to 5 Hz, mean (at 0.5 to at 5 Hz)",
     "haptune/",
+    "no force beyond 2e-5 of it",
 )
 
 

@@ -73,8 +73,9 @@ def what_if(
     say = progress or _silent
     known = profile or optimise(device, scene, table=table, progress=say)
     found: list[Alternative] = []
-    for change, content in _changed(device):
-        say(f"tuning for {change}")
+    changes = tuple(_changed(device))
+    for number, (change, content) in enumerate(changes, 1):
+        say(f"tuning for {change} ({number} of {len(changes)})")
         try:
             other = as_stored(parse_document(Device, content, f"the device with {change}"))
             found.append(_of(change, optimise(other, scene, table=table)))

@@ -12,6 +12,7 @@ import numpy as np
 
 from tune.certificate.bounds import force_failures, passivity_failures, ripple_failures
 from tune.certificate.felt import felt_failures
+from tune.certificate.levels import judge_levels
 from tune.certificate.point import Point, Setting, setting_of
 from tune.certificate.proof import Claim, prove
 from tune.certificate.refusal import refuse_unbalanced
@@ -94,6 +95,11 @@ def certify(
         ]
         if not all(proved):
             # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
+            continue
+        cells, failure = judge_levels(design, moment, regions, most_cells or MOST_CELLS)
+        found.cells += cells
+        if failure is not None:
+            found.failures.append(failure)
             continue
         if any(design.elements[name].one_sided or design.elements[name].cut for name in moment):
             from tune.certificate.switched import judge_switched

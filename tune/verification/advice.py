@@ -80,8 +80,8 @@ def advise(
     targets = moments_of(profile, None) if targets is None else targets
     singles = tuple(moment for moment in moments_of(profile, None) if len(moment) == 1)
     found: list[Advice] = []
-    for target in targets:
-        say(f"looking for what tells of {spoken(target)}")
+    for number, target in enumerate(targets, 1):
+        say(f"looking for what tells of {spoken(target)} ({number} of {len(targets)})")
         play, why = plays.least(target, target)
         if play is None:
             others = [each for each in singles if each != target][:_MOST_OTHERS]

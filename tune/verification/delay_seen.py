@@ -72,10 +72,10 @@ def margins_of_others(
     if seen.allowed is None or seen.played is None:
         return ()
     found: list[Kept] = []
-    for moment in moments_of(profile, None):
-        if moment != seen.played.moment:
-            say(f"what the log tells of {spoken(moment)}")
-            found.append(margin_kept(profile, moment, seen.filters, seen.allowed))
+    others = [moment for moment in moments_of(profile, None) if moment != seen.played.moment]
+    for number, moment in enumerate(others, 1):
+        say(f"what the log tells of {spoken(moment)} ({number} of {len(others)})")
+        found.append(margin_kept(profile, moment, seen.filters, seen.allowed))
     return tuple(found)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -24,6 +25,8 @@ from identification import (
     to_mapping,
     to_yaml,
 )
+from identification.device.box import widening
+from identification.estimators.intervals import NORMAL_95
 
 BARE: dict[str, Any] = {"sample_time": 1e-3, "mass": 3.0, "damping": 10.0, "delay": 1e-3}
 
@@ -267,3 +270,17 @@ def test_the_box_keeps_mass_positive_and_takes_times_as_stated() -> None:
 def test_too_few_degrees_of_freedom_say_so() -> None:
     with pytest.raises(InvalidInputError, match="degrees_of_freedom"):
         device(covariance=joint(2.0).model_dump()).simultaneous_box()
+
+
+@pytest.mark.parametrize("freedom", [4.0, 7.5, 60.0, 7990.0, np.inf])
+def test_the_box_widens_by_hotellings_quantile(freedom: float) -> None:
+    """The tail beyond the radius found, by many digits of the incomplete functions."""
+    radius = (widening(3, freedom, 0.999) * NORMAL_95) ** 2
+    with mpmath.workdps(30):
+        if np.isinf(freedom):
+            tail = mpmath.gammainc(1.5, radius / 2, regularized=True)
+        else:
+            ratio = radius / freedom  # count·F/(freedom - count + 1)
+            rest = (freedom - 2) / 2
+            tail = mpmath.betainc(rest, 1.5, 0, 1 / (1 + mpmath.mpf(ratio)), regularized=True)
+        assert float(tail) == pytest.approx(1e-3, rel=1e-11)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Any, cast
@@ -26,17 +26,16 @@ def load_mapping(path: str | PathLike[str]) -> dict[str, Any]:
         InvalidInputError: unreadable, too large, not UTF-8, not YAML, too deep, not a mapping, or
             with anything in it but text, numbers, true, false, lists and mappings of names.
     """
-    from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
     text = _read(Path(path))
-    scanner: Any = YAML(typ="safe", pure=True)
-    loader: Any = YAML(typ="safe", pure=True)
     try:
-        unsafe = next(_unsafe_parts(scanner.parse(text)), None)
-        if unsafe is not None:
-            raise InvalidInputError(path, unsafe, "Write the values out, one mapping of names")
-        content: object = loader.load(text)
+        content: object = _loader().load(text)
+    except _UnsafeError as error:
+        problem = str(error)
+        raise InvalidInputError(
+            path, problem, "Write the values out, one mapping of names"
+        ) from None
     except YAMLError as error:
         raise InvalidInputError(path, _yaml_sentence(error), "Correct it there") from None
     except (RecursionError, ValueError) as error:
@@ -83,19 +82,35 @@ def _read(path: Path) -> str:
         raise InvalidInputError(path, problem, "Save it as UTF-8") from None
 
 
-def _unsafe_parts(events: Iterable[Any]) -> Iterator[str]:
-    """What makes a YAML file grow beyond its text, found before anything is built from it."""
-    depth = 0
-    for number, event in enumerate(events, start=1):
-        if number > MOST_EVENTS:
-            yield f"holds more than {MOST_EVENTS} keys, values and brackets"
-        kind = type(event).__name__
-        depth += kind.endswith(("SequenceStartEvent", "MappingStartEvent"))
-        depth -= kind.endswith(("SequenceEndEvent", "MappingEndEvent"))
-        if depth > DEEPEST:
-            yield f"is nested more than {DEEPEST} levels deep"
-        if getattr(event, "anchor", None) is not None:
-            yield "contains YAML anchors or aliases (& or *)"
+class _UnsafeError(Exception):
+    """What makes a YAML file grow beyond its text."""
+
+
+def _loader() -> Any:
+    """A reader that looks at each part of a file before anything is built from it."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.parser import Parser
+
+    class CheckedParser(Parser):
+        number = depth = 0
+
+        def get_event(self) -> Any:
+            event = cast("Any", super().get_event())  # pyright: ignore[reportUnknownMemberType]
+            kind = type(event).__name__
+            self.number += 1
+            self.depth += kind.endswith(("SequenceStartEvent", "MappingStartEvent"))
+            self.depth -= kind.endswith(("SequenceEndEvent", "MappingEndEvent"))
+            if self.number > MOST_EVENTS:
+                raise _UnsafeError(f"holds more than {MOST_EVENTS} keys, values and brackets")
+            if self.depth > DEEPEST:
+                raise _UnsafeError(f"is nested more than {DEEPEST} levels deep")
+            if getattr(event, "anchor", None) is not None:
+                raise _UnsafeError("contains YAML anchors or aliases (& or *)")
+            return event
+
+    loader: Any = YAML(typ="safe", pure=True)
+    loader.Parser = CheckedParser
+    return loader
 
 
 def _strange_values(value: object, where: str) -> Iterator[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -71,9 +72,7 @@ def _corners(region: Region) -> Iterator[FloatArray]:
 
 
 def _largest_norm(region: Region, setting: Setting, values: FloatArray, jitter: float) -> float:
-    transitions = np.array(
-        [_transition(region, setting, values, 1 + jitter * part) for part in _STEPS]
-    )
+    transitions = _transitions(region, setting, values, 1 + jitter * np.array(_STEPS))
     poles, modes = np.linalg.eig(transitions[_STEPS.index(0.0)])
     seen = np.linalg.inv(modes) @ transitions @ modes
     if not setting.stiffness and not region.held:
@@ -89,7 +88,8 @@ def _largest_norm(region: Region, setting: Setting, values: FloatArray, jitter: 
     scaled = moduli * np.divide.outer(scale, scale)
     scaled = scaled + _NONE * scaled.max()
     scale *= np.sqrt(_principal(scaled.T) / _principal(scaled))
-    return float(max(np.linalg.norm(each * np.divide.outer(scale, scale), 2) for each in seen))
+    norms = np.linalg.norm(seen * np.divide.outer(scale, scale), 2, axis=(1, 2))
+    return float(np.max(norms))
 
 
 def _principal(matrix: FloatArray) -> FloatArray:
@@ -97,9 +97,11 @@ def _principal(matrix: FloatArray) -> FloatArray:
     return np.abs(vectors[:, int(np.argmax(np.real(values)))])
 
 
-def _transition(region: Region, setting: Setting, values: FloatArray, length: float) -> FloatArray:
-    """States (mechanism, commands under way, law) after one step of so many sample times."""
-    motion, drive, read = state_space(region, values[:, None])
+def _transitions(
+    region: Region, setting: Setting, values: FloatArray, lengths: FloatArray
+) -> FloatArray:
+    """States (mechanism, commands under way, law) after one step of so many sample times each."""
+    motion, drive, read = state_space(region, np.repeat(values[:, None], len(lengths), axis=1))
     step = float(values[2])
     late = float(values[3]) / step
     whole = math.floor(late + _WHOLE)
@@ -113,18 +115,20 @@ def _transition(region: Region, setting: Setting, values: FloatArray, length: fl
     newest[:n] = through * read
     newest[n + under_way :] = leave
     commands = np.vstack([newest, np.eye(size)[n : n + under_way]])
-    first = held_motion(motion, drive, part * step * length)
-    last = held_motion(motion, drive, (1 - part) * step * length)
-    moved = np.eye(size)[:n]
+    moved = np.repeat(np.eye(size)[None, :n], len(lengths), axis=0)
     if part:
-        moved = first[0][0] @ moved + np.outer(first[1][0], commands[whole + 1])
-    moved = last[0][0] @ moved + np.outer(last[1][0], commands[whole])
+        free, pushed = held_motion(motion, drive, part * step * lengths)
+        moved = free @ moved + pushed[:, :, None] * commands[whole + 1]
+    free, pushed = held_motion(motion, drive, (1 - part) * step * lengths)
+    moved = free @ moved + pushed[:, :, None] * commands[whole]
     remembered = np.zeros((law, size))
     remembered[:, n + under_way :] = update
     remembered[:, :n] = np.outer(enter, read)
-    return np.vstack([moved, commands[:under_way], remembered])
+    below = np.vstack([commands[:under_way], remembered])
+    return np.hstack([moved, np.repeat(below[None], len(lengths), axis=0)])
 
 
+@lru_cache(maxsize=256)
 def _law(setting: Setting, step: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """(A, B, C, D) of the force, -(law), in controllable form."""
     with precision():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from flint import arb_poly
 
@@ -13,11 +15,12 @@ from tune.certificate.precision import precision
 
 #: Points on the half circle. The integrand is smooth; the mean converges like r^points for a
 #: slowest pole of radius r, and the number is raised until two agree.
-_FEWEST = 1 << 14
+_FEWEST = 1 << 12
 _MOST = 1 << 22
 _AGREE = 1e-6
 
 
+@lru_cache(maxsize=256)
 def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> float:
     """Force ripple, N rms, from white quantisation noise of variance resolution²/12.
 

@@ -50,13 +50,22 @@ class Loops:
 
     def distance(self, gain: float, z: ComplexArray) -> FloatArray:
         """Least |1 + s·L| over the given points of the circle and every gain in [0, gain]."""
-        powers = np.vander(z, self.open.shape[1]).T
+        # Powers of z that all loops have in common are left out.
+        used = (
+            int(np.flatnonzero((self.open != 0).any(axis=0) | (self.feedback != 0).any(axis=0))[-1])
+            + 1
+        )
+        powers = np.vander(z, used).T
+        (d, e), (n, m) = (
+            (part[:, :used] @ powers.real, part[:, :used] @ powers.imag)
+            for part in (self.open, self.feedback)
+        )
         with np.errstate(all="ignore"):
-            ratio: ComplexArray = (self.feedback @ powers) / (self.open @ powers)
-            nearest = np.clip(-ratio.real / np.abs(ratio) ** 2, 0, gain)
-            size = np.abs(1 + nearest * ratio)
+            # L = (n + jm)/(d + je).
+            nearest = np.clip(-(n * d + m * e) / (n * n + m * m), 0, gain)
+            size = ((d + nearest * n) ** 2 + (e + nearest * m) ** 2) / (d * d + e * e)
         # A loop too weak or too strong for doubles comes near -1 nowhere that they can tell.
-        return np.min(np.where(np.isnan(size), np.inf, size), axis=1)
+        return np.sqrt(np.min(np.where(np.isnan(size), np.inf, size), axis=1))
 
 
 # What doubles cannot hold is looked at in many digits.
@@ -148,14 +157,17 @@ def state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def held_motion(
-    motion: FloatArray, drive: FloatArray, time: float
+    motion: FloatArray, drive: FloatArray, time: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(Φ, Γ) of x after a time of constant force F, Φ·x + Γ·F, for a stack of (A, B)."""
+    """(Φ, Γ) of x after a time of constant force F, Φ·x + Γ·F, for a stack of (A, B).
+
+    One time, or one a member of the stack.
+    """
     size = motion.shape[-1]
     augmented = np.zeros((len(motion), size + 1, size + 1))
     augmented[:, :size, :size] = motion
     augmented[:, :size, size] = drive
-    whole = _exponential(augmented * time)
+    whole = _exponential(augmented * np.asarray(time)[..., None, None])
     return whole[:, :size, :size], whole[:, :size, size]
 
 

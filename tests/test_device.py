@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.special import chdtri, fdtri
 
 from identification import (
     Covariance,
@@ -24,6 +25,8 @@ from identification import (
     to_mapping,
     to_yaml,
 )
+from identification.device.box import widening
+from identification.estimators.intervals import NORMAL_95
 
 BARE: dict[str, Any] = {"sample_time": 1e-3, "mass": 3.0, "damping": 10.0, "delay": 1e-3}
 
@@ -267,3 +270,24 @@ def test_the_box_keeps_mass_positive_and_takes_times_as_stated() -> None:
 def test_too_few_degrees_of_freedom_say_so() -> None:
     with pytest.raises(InvalidInputError, match="degrees_of_freedom"):
         device(covariance=joint(2.0).model_dump()).simultaneous_box()
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
+@pytest.mark.parametrize("freedom", [8.01, 9.3, 59.0, 1e4, 9e5, 2e6, np.inf])
+def test_the_box_widens_by_quantiles_of_hotelling(count: int, freedom: float) -> None:
+    """As scipy.special has those of F and χ²."""
+    squares = {
+        confidence: chdtri(count, 1 - confidence)
+        if freedom > 1e6
+        else count * freedom / (freedom - count + 1) * fdtri(count, freedom - count + 1, confidence)
+        for confidence in (0.9, 0.999)
+    }
+    for confidence, square in squares.items():
+        found = widening(count, freedom, confidence) * NORMAL_95
+        assert found == pytest.approx(np.sqrt(square), rel=1e-12)
+
+
+@pytest.mark.parametrize("freedom", [2.0, 1.0, np.nan])
+def test_too_few_degrees_of_freedom_have_no_box(freedom: float) -> None:
+    with pytest.raises(InvalidInputError, match="for 2 parameters"):
+        widening(2, freedom, 0.999)

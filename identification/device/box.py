@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-
-import numpy as np
+from functools import cache
+from typing import Any
 
 from identification.device.quantities import Quantity
 from identification.errors import InvalidInputError
@@ -14,6 +15,8 @@ from identification.estimators.intervals import NORMAL_95
 BOX_CONFIDENCE = 0.999
 #: Degrees of freedom from which Hotelling's T² is χ² to six digits.
 _MANY = 1e6
+#: Precision of its distributions, more than twice that of a number.
+_BITS = 128
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,20 +53,43 @@ def widening(count: int, freedom: float, confidence: float) -> float:
     Raises:
         InvalidInputError: no more degrees of freedom than quantities.
     """
-    from scipy.special import chdtri, fdtri
-
-    if freedom > _MANY:
-        radius = np.sqrt(chdtri(count, 1 - confidence))
-    elif freedom > count:
-        spread = freedom - count + 1
-        radius = np.sqrt(count * freedom / spread * fdtri(count, spread, confidence))
-    else:
+    if not freedom > count:
         raise InvalidInputError(
             "covariance",
             f"degrees_of_freedom is {freedom:g} for {count} parameters",
             "Identify from a longer log",
         )
-    return float(radius) / NORMAL_95
+    return math.sqrt(_square_radius(count, freedom, confidence)) / NORMAL_95
+
+
+@cache
+def _square_radius(count: int, freedom: float, confidence: float) -> float:
+    """Quantile of Hotelling's T², or of χ² where the degrees of freedom are many.
+
+    T²/(T² + freedom) is beta distributed (Anderson, An Introduction to Multivariate Statistical
+    Analysis, 2003, section 5.2). Halved to the last bit in digits to spare; scipy.special, which
+    has such quantiles, takes longer to load than a spring to be certified.
+    """
+    from flint import arb, ctx
+
+    ball: Any = arb  # its stubs lack the special functions
+
+    def is_below(square: float) -> bool:
+        half = ball(count) / 2
+        if freedom > _MANY:
+            found = (ball(square) / 2).gamma_lower(half, 1)
+        else:
+            rest = (ball(freedom) - count + 1) / 2
+            found = (ball(square) / (ball(square) + freedom)).beta_lower(half, rest, 1)
+        return bool(found < confidence)
+
+    with ctx.workprec(_BITS):
+        low, high = 0.0, 1.0
+        while is_below(high):
+            low, high = high, 2 * high
+        while low < (middle := (low + high) / 2) < high:
+            low, high = (middle, high) if is_below(middle) else (low, middle)
+    return high
 
 
 def widened(quantity: Quantity, factor: float) -> tuple[float, float]:

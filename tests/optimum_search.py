@@ -189,11 +189,20 @@ def any_place(reference: Reference, *, starts: int, rng: np.random.Generator) ->
     """
     bounds = [*zip(reference.low, reference.high, strict=True), (None, _INSIDE)]
 
+    known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+
+    def limits(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        key = x.tobytes()
+        if key not in known:
+            known.clear()
+            known[key] = reference.rows(np.clip(x[:-1], reference.low, reference.high))
+        return known[key]
+
     def room(x: FloatArray) -> FloatArray:
-        return reference.rows(np.clip(x[:-1], reference.low, reference.high))[0] - x[-1]
+        return limits(x)[0] - x[-1]
 
     def slopes(x: FloatArray) -> FloatArray:
-        rows = reference.rows(np.clip(x[:-1], reference.low, reference.high))[1]
+        rows = limits(x)[1]
         return np.hstack([rows, -np.ones((len(rows), 1))])
 
     search: Any = minimize

@@ -39,6 +39,7 @@ class Box:
     position_stiffness: tuple[float, float] = (0.0, 0.0)
 
 
+@cache
 def widening(count: int, freedom: float, confidence: float) -> float:
     """Factor from the half-width of a 95 % interval to that of the simultaneous box.
 
@@ -62,7 +63,6 @@ def widening(count: int, freedom: float, confidence: float) -> float:
     return math.sqrt(_square_radius(count, freedom, confidence)) / NORMAL_95
 
 
-@cache
 def _square_radius(count: int, freedom: float, confidence: float) -> float:
     """Quantile of Hotelling's T², or of χ² where the degrees of freedom are many.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tune.cli.drawing import draw
 from tune.cli.identify import DEVICE_COMMENT, identified
 from tune.cli.new import template
 from tune.cli.options import Json, Quiet
@@ -34,11 +35,11 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
         with session.progress() as say:
             say("drawing")
             from identification import fit_picture
-            from tune.optimisation.picture import profile_picture
+            from tune.presentation.profile_picture import profile_picture
 
             fit = found.logs[0]
             picture = fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)
-            session.draw(Path("identification.png"), picture)
-            session.draw(Path("profile.png"), profile_picture(profile))
+            draw(session, Path("identification.png"), picture)
+            draw(session, Path("profile.png"), profile_picture(profile))
 
     run_command("demo", action, as_json=json, quiet=quiet)

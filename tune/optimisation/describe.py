@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, rounded
-from tune.documents.effects import EFFECT_NAMES, FADE_TIME, EffectName, Effects
+from tune.documents.effects import EFFECT_NAMES, SHORTEST_FADE, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import used_filters
@@ -26,7 +26,7 @@ from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered
 
 if TYPE_CHECKING:
-    from tune.optimisation.saturation import AllFound
+    from tune.optimisation.one_sided import AllFound
 
 FloatArray = NDArray[np.float64]
 
@@ -207,7 +207,7 @@ def element_profile(
             one_sided=wanted.one_sided,
         ),
         one_sided=wanted.one_sided,
-        fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
+        fade_time=SHORTEST_FADE if pumps else 0.0,
     )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tune.optimisation.backends import Backend, Rank
 from tune.optimisation.backends.multipliers import multipliers
-from tune.optimisation.backends.program import Family, program_of
+from tune.optimisation.backends.program import Family, Scenario, program_of
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.limits import allowed, allowed_points, weakest
 from tune.optimisation.problem import Problem
@@ -45,11 +45,13 @@ class Optimum:
         sizes: of the unknowns, shape (unknowns,), allowed exactly; None where nothing is.
         methods: names of what proposed each accepted answer.
         disagreements: largest difference of solvers in the logarithm of a product, 0 if none.
+        scenarios: corners whose stability the solvers had to be shown.
     """
 
     sizes: FloatArray | None
     methods: tuple[str, ...]
     disagreements: float
+    scenarios: tuple[Scenario, ...] = ()
 
 
 def closed_form(problem: Problem) -> Optimum:
@@ -88,11 +90,16 @@ def largest_product(
         sizes=search.sizes,
         methods=tuple(dict.fromkeys(search.methods)),
         disagreements=search.disagreement,
+        scenarios=tuple(search.scenarios),
     )
 
 
 class Search:
-    """The best allowed setting so far, and the corners that solvers have been shown."""
+    """The best allowed setting so far, and the corners that solvers have been shown.
+
+    Stability is shown to them only once a proposal breaks it: where something else binds, it costs
+    most and decides nothing.
+    """
 
     def __init__(
         self,
@@ -105,7 +112,7 @@ class Search:
         self.problem = problem
         self.backends = backends
         self.sizes = start
-        self.scenarios = list(weakest(problem, start))
+        self.scenarios: list[Scenario] = []
         self.more = more
         self.program = program_of(problem, self.scenarios, more)
         self.methods: list[str] = []
@@ -118,6 +125,8 @@ class Search:
         high = self.problem.high
         if np.all(self.sizes[active] >= high[active] * (1 - SAME)):
             return  # no solver is needed for what cannot be wanted any larger
+        if np.sum(~fixed) == 1 and self._raised_alone(int(np.argmin(fixed))):
+            return
         rank = self.rank(active, fixed)
         value = self.value(self.sizes, rank)
         for attempt in range(_MOST_ATTEMPTS):
@@ -147,6 +156,16 @@ class Search:
             if attempt > 1 and not gained > _GAIN:
                 break
             rank = replace(rank, routh=attempt % 2 == 0)
+
+    def _raised_alone(self, index: int) -> bool:
+        """Whether the only unknown that is left could be raised to the least of its bounds."""
+        raised = self.sizes.copy()
+        raised[index] = largest_allowed(self.problem, self.sizes, index)
+        if self.more or raised[index] < self.sizes[index] or not allowed(self.problem, raised):
+            return False
+        self.sizes = raised
+        self.methods.append("closed form")
+        return True
 
     def rank(self, active: NDArray[np.bool_], fixed: NDArray[np.bool_]) -> Rank:
         """What is raised, between which ends."""
@@ -178,7 +197,10 @@ class Search:
             proposal = np.exp(np.clip(answer, rank.lower, rank.upper))
             if allowed(self.problem, proposal):
                 return proposal
-            broken = set(weakest(self.problem, proposal, broken=True)) - set(self.scenarios)
+            broken = set(weakest(self.problem, proposal, broken=True))
+            if not self.scenarios:
+                broken |= set(weakest(self.problem, np.exp(start)))
+            broken -= set(self.scenarios)
             if not broken:
                 break
             self.scenarios += sorted(broken)

@@ -6,7 +6,7 @@ is alone (docs/theory.md, 10).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,24 +14,19 @@ from numpy.typing import NDArray
 
 from identification import rounded
 from tune.documents.certified import AbsoluteStability, Multiplier
-from tune.documents.effects import Effects
 from tune.documents.scene import Margin
-from tune.loop.loop import Loop
 from tune.optimisation.backends import Backend
 from tune.optimisation.limits import allowed
 from tune.optimisation.nash import largest_product
+from tune.optimisation.one_sided import ROOM, AllFound, Found, found_gain, split
 from tune.optimisation.problem import Moment, Problem
-from tune.stability.absolute import absolute_gain, gain_slopes
-from tune.stability.multipliers import find_multiplier
+from tune.stability.absolute import gain_slopes
 from tune.stability.responses import Responses
 
 FloatArray = NDArray[np.float64]
 
-#: Kept on top of the margin, relative, for what lies between the corners of the box; and what of a
-#: gain beyond it is not claimed.
-_ROOM, _SHAVED = 2e-3, 2e-2
-#: Beyond this gain a margin says nothing more.
-_MOST_GAIN = 1000.0
+#: What of a gain beyond the margin is not claimed, relative.
+_SHAVED = 2e-2
 #: A constraint counts as at most this far from its limit, in the logarithm of the gain.
 _FAR = 5.0
 #: Turns of multipliers and sizes; two or three are usual.
@@ -42,87 +37,20 @@ _RANK = 100.0
 _RETREATS = 12
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """The largest gain found for a moment, and the multipliers that give it.
-
-    Attributes:
-        gain: for the worst loop, free or held; 0 where none was found.
-        free: for loops whose position nothing holds; None where there are none.
-        held: for the others.
-    """
-
-    gain: float
-    free: Multiplier | None = None
-    held: Multiplier | None = None
-
-
-#: By the elements of each moment that pushes on one side only.
-AllFound = Mapping[tuple[str, ...], Found]
-
-
-def found_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> Found:
-    """The gain up to which a moment is absolutely stable at every corner and delay of the margin.
-
-    Args:
-        problem: loops and margin.
-        moment: one-sided or cut.
-        sizes: of the unknowns, shape (unknowns,).
-    """
-    if not problem.region.box.damping[0] > 0:
-        return Found(gain=0.0)
-    switched, steady = split(problem, moment, sizes)
-    # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
-    gains = [_MOST_GAIN if steady is None else problem.margin.gain * (1 + 2 * _ROOM)]
-    multipliers: dict[bool, Multiplier | None] = {}
-    for loop in problem.loops.late:
-        gain, multiplier = _at(loop, switched, steady)
-        gains.append(gain)
-        multipliers[loop.held] = multiplier
-    return Found(gain=min(gains), free=multipliers.get(False), held=multipliers.get(True))
-
-
-def split(problem: Problem, moment: Moment, sizes: FloatArray) -> tuple[Effects, Effects | None]:
-    """(springs and positive dampers, masses and what is negative at the gain of the margin)."""
-    signed = [u.sign * float(size) for u, size in zip(problem.unknowns, sizes, strict=True)]
-    stiffness, damping, mass = ([signed[i] for i in members] for members in moment.members)
-    positive = [value for value in damping if value > 0]
-    negative = [value for value in damping if value < 0]
-    gain = problem.margin.gain
-    steady = None
-    if negative or mass:
-        steady = Effects(
-            damping=gain * sum(negative) if negative else None,
-            mass=gain * sum(mass) if mass else None,
-        )
-    return Effects(
-        stiffness=sum(stiffness) if stiffness else None,
-        damping=sum(positive) if positive else None,
-    ), steady
-
-
-def _at(loop: Loop, switched: Effects, steady: Effects | None) -> tuple[float, Multiplier | None]:
-    responses = Responses.of(loop, steady)
-    multiplier = find_multiplier(responses, switched)
-    if multiplier is None:
-        return 0.0, None
-    return float(np.min(absolute_gain(responses, switched, multiplier))), multiplier
-
-
 def taken_back(problem: Problem, sizes: FloatArray) -> FloatArray:
     """Sizes at which every one-sided moment keeps the margin, its springs and dampers scaled alike.
 
     That is exact for one moment: its gain grows as its sizes fall. Sizes are 0 where none is safe.
     """
     sizes = sizes.copy()
-    least = problem.margin.gain * (1 + _ROOM)
+    least = problem.margin.gain * (1 + ROOM)
     for _ in range(_RETREATS):
         kept = True
         for moment in asking(problem):
             gain = found_gain(problem, moment, sizes).gain
             if gain < least:
                 kept = False
-                sizes[_members(problem, moment)] *= gain / least * (1 - _ROOM / 10)
+                sizes[_members(problem, moment)] *= gain / least * (1 - ROOM / 10)
         if kept or not sizes.all():
             break
     return sizes
@@ -160,7 +88,7 @@ class Saturation:
 
     def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
-        least = np.log(self.problem.margin.gain * (1 + _ROOM))
+        least = np.log(self.problem.margin.gain * (1 + ROOM))
         values: list[FloatArray] = []
         slopes: list[FloatArray] = []
         for moment, responses, multiplier in self.parts:
@@ -196,14 +124,14 @@ def absolutely_stable(
     if len(problem.unknowns) > 1 and not unbound and np.all(best >= problem.low):
         for _ in range(_TURNS):
             more = Saturation.of(problem, best, all_found(problem, best))
-            answer = largest_product(problem, backends, [best * (1 - _ROOM)], [more]).sizes
+            answer = largest_product(problem, backends, [best * (1 - ROOM)], [more]).sizes
             if answer is None:
                 break
             answer = taken_back(problem, answer)
             gained = _product(problem, answer) - _product(problem, best)
             if gained > 0:
                 best = answer
-            if not gained > _ROOM:
+            if not gained > ROOM:
                 break
     grown = _grown(problem, best)
     if _product(problem, grown) > _product(problem, best):
@@ -218,7 +146,7 @@ def _grown(problem: Problem, sizes: FloatArray) -> FloatArray:
     spare = min((each.gain for each in found.values()), default=0.0)
     trial = sizes.copy()
     members = sorted({i for moment in asking(problem) for i in _members(problem, moment)})
-    trial[members] *= max(spare / (problem.margin.gain * (1 + _ROOM)), 1.0) * (1 - _ROOM / 10)
+    trial[members] *= max(spare / (problem.margin.gain * (1 + ROOM)), 1.0) * (1 - ROOM / 10)
     trial = taken_back(problem, np.minimum(trial, problem.high))
     return trial if allowed(problem, trial) else sizes
 
@@ -258,7 +186,7 @@ def saturated(problem: Problem, found: AllFound) -> frozenset[int]:
     return frozenset(
         index
         for moment in asking(problem)
-        if found[moment.elements].gain < problem.margin.gain * (1 + 1.5 * _ROOM)
+        if found[moment.elements].gain < problem.margin.gain * (1 + 1.5 * ROOM)
         for index in _members(problem, moment)
     )
 

@@ -23,7 +23,7 @@ from tune.optimisation.reasons import faint, reasons_for_nothing
 from tune.optimisation.settled import settled
 
 if TYPE_CHECKING:
-    from tune.optimisation.saturation import AllFound, Found
+    from tune.optimisation.one_sided import AllFound, Found
 
 FloatArray = NDArray[np.float64]
 

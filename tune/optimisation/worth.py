@@ -153,8 +153,11 @@ def slope_of(job: Job, found: Tuned, moved: Filters) -> float:
 
     weights = np.array(_weights(job, problem))
     rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
-    scenarios = sorted(weakest(problem, sizes))
+    scenarios = list(optimum.scenarios)
     prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
+    if prices is None:
+        scenarios = sorted(weakest(problem, sizes))
+        prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
     change = _value(job, beside, sizes) - found.worth.value
     if prices is None:
         return change

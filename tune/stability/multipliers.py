@@ -12,7 +12,7 @@ rearrangement inequalities having application in stability analysis", IEEE TAC 1
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,11 +53,8 @@ class _Trial:
     mass: FloatArray
 
     def chosen(self, which: int) -> _Trial:
-        return _Trial(*(part[which : which + 1] for part in (self.weights, *self.constants)))
-
-    @property
-    def constants(self) -> tuple[FloatArray, FloatArray]:
-        return self.damping, self.mass
+        parts = (self.weights, self.damping, self.mass)
+        return _Trial(*(part[which : which + 1] for part in parts))
 
 
 def find_multiplier(responses: Responses, effects: Effects) -> Multiplier | None:
@@ -279,6 +276,21 @@ def _strict(multiplier: Multiplier, responses: Responses, effects: Effects) -> M
             "constant": float(slope * part) if responses.held else 0.0,
         }
         trials.append(multiplier.model_copy(update=more))
-    gains = [float(np.min(absolute_gain(responses, effects, trial))) for trial in trials]
+    gains = _gains(trials, responses, effects)
     least = max(gains) * (1 - _GIVEN_UP)
     return next(trial for trial, gain in zip(trials, gains, strict=True) if gain >= least)
+
+
+def _gains(trials: Sequence[Multiplier], responses: Responses, effects: Effects) -> list[float]:
+    """What each multiplier proves; of free loops on the grid, which tells them apart."""
+    if responses.held:
+        return [float(np.min(absolute_gain(responses, effects, trial))) for trial in trials]
+    weights = [
+        [sum(tap.weight for tap in trial.taps if tap.samples == samples) for samples in _LADDER]
+        for trial in trials
+    ]
+    constants = (
+        np.array([getattr(trial, name) or 0.0 for trial in trials]) for name in ("damping", "mass")
+    )
+    most = _Points.of(responses, effects).most(_Trial(np.array(weights), *constants))
+    return [1 / value if value > 0 else np.inf for value in most.tolist()]

@@ -141,7 +141,8 @@ def _searched(
     solver.set_lower_bounds(lower)
     solver.set_upper_bounds(upper)
     solver.set_min_objective(objective)
-    solver.add_inequality_mconstraint(constraints, np.full(rows, _KEPT))
+    if rows:
+        solver.add_inequality_mconstraint(constraints, np.full(rows, _KEPT))
     solver.set_maxeval(_EVALUATIONS)
     solver.set_maxtime(_SECONDS)
     solver.set_xtol_rel(1e-12)

@@ -1,17 +1,14 @@
-"""The design problem as a smooth program: built symbolically once for each structure, then reused.
+"""The design problem as a smooth program: numbers for a graph that equal structures share.
 
 Unknowns are the logarithms y of the sizes. Every constraint reads g <= 0: families of them that
-give values and slopes (the reach of stability), and those that are compiled: ripple, forces,
-rendering, and Routh ratios below one with coefficients positive at each corner, delay and moment at
-the full gain, which stand for the reach where a solver wants everything in one graph.
+give values and slopes (the reach of stability), and those that are compiled (`graph`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +16,9 @@ from numpy.typing import NDArray
 from tune.loop.coefficients import Terms
 from tune.loop.loop import Loop
 from tune.loop.polynomials import padded
+from tune.optimisation.backends.graph import Functions, Structure
 from tune.optimisation.backends.reach import Reach
 from tune.optimisation.problem import Problem
-from tune.rendering.ripple import ripple_energy
-from tune.rendering.routh_table import product, routh_ratios
 
 FloatArray = NDArray[np.float64]
 #: (loop of ``problem.loops.late``, column): one corner at one delay, with the hand or without.
@@ -31,49 +27,6 @@ Scenario = tuple[int, int]
 #: The program keeps this much more than asked, relative, so that solvers, which end on or a little
 #: beyond the boundary, end inside; it costs as much in optimality.
 INSIDE = 2e-8
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Structure:
-    """What decides the shape of the graph; equal structures share one compiled program.
-
-    Attributes:
-        signs: of the unknowns.
-        moments: members by effect of each moment.
-        shapes: (degree, scenarios, position bound by device or hand) of the loops.
-        laws: degree of the control law, for the ripple; 0 without an encoder.
-        bound: the device's own force by position binds it, hand off.
-        linear: rows without and with coefficients of either sign.
-    """
-
-    signs: tuple[int, ...]
-    moments: tuple[tuple[tuple[int, ...], ...], ...]
-    shapes: tuple[tuple[int, int, bool], ...]
-    laws: int
-    bound: bool
-    linear: tuple[int, int]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Functions:
-    """Functions of (y, p), compiled when first asked for and shared by equal structures."""
-
-    structure: Structure
-
-    @property
-    def smooth(self) -> Any:
-        """Constraints but those of stability, and their dense Jacobian."""
-        return _compiled(replace(self.structure, shapes=())).smooth
-
-    @property
-    def smooth_all(self) -> Any:
-        """Constraints with Routh's ratios before the others, and their dense Jacobian."""
-        return _compiled(self.structure).smooth
-
-    @property
-    def ipopt(self) -> Any:
-        """The solver, with all constraints; its parameters end with the weights."""
-        return _compiled(self.structure).ipopt
 
 
 class Family(Protocol):
@@ -196,98 +149,3 @@ def _law(loop: Loop, unit: float) -> FloatArray:
     parts = loop.transfer
     rows = (parts.plant_denominator, parts.alpha, parts.beta, parts.gamma)
     return np.stack([padded(row, loop.degree + 1) for row in rows]) * scales[:, None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Compiled:
-    smooth: Any
-    ipopt: Any
-
-
-@lru_cache(maxsize=64)
-def _compiled(structure: Structure) -> _Compiled:
-    """Constraints and their Jacobian; the solver where the structure has loops."""
-    import casadi as ca
-
-    count = len(structure.signs)
-    y, weights = ca.SX.sym("y", count), ca.SX.sym("w", count)
-    taken: list[Any] = []
-
-    def take(*shape: int) -> Any:
-        symbols = ca.SX.sym("p", int(np.prod(shape)))
-        taken.append(symbols)
-        return np.array([symbols[i] for i in range(symbols.shape[0])], dtype=object).reshape(shape)
-
-    sizes = [ca.exp(y[i]) for i in range(count)]
-    reference, rows = take(count), take(sum(structure.linear), count)
-    product_of_steps: Any = 0
-    for i, (sign, size, ref) in enumerate(zip(structure.signs, sizes, reference, strict=True)):
-        height: Any = sign * ca.log1p(sign * size / ref)
-        product_of_steps += weights[i] * height.log()
-    totals = [
-        [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
-        for members in structure.moments
-    ]
-    constraints: list[Any] = []
-    if structure.laws:
-        table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
-        for total in totals:
-            numerator = product(list(law[0]), _polynomial(law, total, free=False, drop=False))
-            free = total[0] is None and not structure.bound
-            energy = ripple_energy(
-                numerator, _polynomial(table, total, drop=False), position_free=free
-            )
-            # An unstable loop has no energy: the logarithm says so, and is nearly linear.
-            constraints.append(energy.log() / 2)
-    routh: list[Any] = []
-    for degree, corners, held in structure.shapes:
-        table = take(4, degree + 1, corners)
-        for total in totals:
-            for corner in range(corners):
-                coefficients = _polynomial(table[:, :, corner], total, drop=not held)
-                routh += [-c for c in coefficients]
-                routh += [ratio - 1 for ratio in routh_ratios(coefficients)]
-    for place, row in enumerate(rows):
-        used: Any = sum(size * part for size, part in zip(sizes, row, strict=True))
-        # In logarithms nearly linear, where a row has them.
-        constraints.append(used.log() if place < structure.linear[0] else used - 1)
-    p, g = ca.vertcat(*taken), ca.vertcat(*routh, *constraints)
-    smooth = ca.Function("smooth", [y, p], [g, ca.densify(ca.jacobian(g, y))])
-    if not structure.shapes:
-        return _Compiled(smooth=smooth, ipopt=None)
-    options = {
-        "print_time": False,
-        "error_on_fail": False,
-        # An unstable setting has no ripple; the solver steps back from it.
-        "show_eval_warnings": False,
-        "ipopt": {
-            "print_level": 0,
-            "sb": "yes",
-            "tol": 1e-10,
-            "max_iter": 150,
-            "max_wall_time": 2.0,
-            "bound_relax_factor": 0.0,
-            # The Routh ratios are far from convex outside the stable set; with their exact second
-            # derivatives one solve in two ends at the iteration limit, with BFGS one in fifteen.
-            "hessian_approximation": "limited-memory",
-        },
-    }
-    task = {"x": y, "p": ca.vertcat(p, weights), "f": -product_of_steps, "g": g}
-    return _Compiled(smooth=smooth, ipopt=ca.nlpsol("product", "ipopt", task, options))
-
-
-def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool = True) -> list[Any]:
-    """Coefficients of one moment; without a spring the factor w is dropped if asked to."""
-    start = 1 if drop and total[0] is None else 0
-    rows = range(start, table.shape[1])
-    return [
-        sum(
-            (
-                table[effect + 1, k] * value
-                for effect, value in enumerate(total)
-                if value is not None
-            ),
-            table[0, k] if free else 0.0,
-        )
-        for k in rows
-    ]

@@ -69,8 +69,8 @@ class Reach:
 
     def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
-        values: list[FloatArray] = []
-        slopes: list[FloatArray] = []
+        values: list[FloatArray] = [np.empty(0)]
+        slopes: list[FloatArray] = [np.empty((0, sizes.size))]
         for table, held in zip(self.tables, self.held, strict=True):
             for shares, sprung in zip(self.shares, (True, False), strict=True):
                 if len(shares):

@@ -252,7 +252,7 @@ def test_help_is_instant(arguments: tuple[str, ...]) -> None:
 
 
 def test_a_spring_alone_loads_no_solver() -> None:
-    heavy = {"casadi", "nlopt", "pysindy", "scipy.signal", "scipy.optimize", "polars", "matplotlib"}
+    heavy = {"casadi", "nlopt", "pysindy", "scipy", "polars", "matplotlib"}
     Path("scene.yaml").write_text("elements: {wall: {stiffness: max}}", encoding="utf-8")
     loaded = _modules("tune", "homerehab", "scene.yaml")
     assert "tune.optimisation._optimise" in loaded

@@ -9,6 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.special import chdtri, fdtri
 
 from identification import (
     Covariance,
@@ -284,3 +285,24 @@ def test_the_box_widens_by_hotellings_quantile(freedom: float) -> None:
             rest = (freedom - 2) / 2
             tail = mpmath.betainc(rest, 1.5, 0, 1 / (1 + mpmath.mpf(ratio)), regularized=True)
         assert float(tail) == pytest.approx(1e-3, rel=1e-11)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
+@pytest.mark.parametrize("freedom", [8.01, 9.3, 59.0, 1e4, 9e5, 2e6, np.inf])
+def test_the_box_widens_by_quantiles_of_hotelling(count: int, freedom: float) -> None:
+    """As scipy.special has those of F and χ²."""
+    squares = {
+        confidence: chdtri(count, 1 - confidence)
+        if freedom > 1e6
+        else count * freedom / (freedom - count + 1) * fdtri(count, freedom - count + 1, confidence)
+        for confidence in (0.9, 0.999)
+    }
+    for confidence, square in squares.items():
+        found = widening(count, freedom, confidence) * NORMAL_95
+        assert found == pytest.approx(np.sqrt(square), rel=1e-12)
+
+
+@pytest.mark.parametrize("freedom", [2.0, 1.0, np.nan])
+def test_too_few_degrees_of_freedom_have_no_box(freedom: float) -> None:
+    with pytest.raises(InvalidInputError, match="for 2 parameters"):
+        widening(2, freedom, 0.999)

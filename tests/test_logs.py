@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
+import sys
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -57,6 +59,18 @@ def test_plain_numbers_are_read_as_the_table_library_reads_them(tmp_path: Path) 
         quoted = read_csv(tmp_path, text.replace(b"time", b'"time"', 1), LogColumns())
         for role, column in quoted.values.items():
             np.testing.assert_array_equal(plain.values[role], column, strict=True)
+
+
+def test_plain_numbers_load_no_table_library(tmp_path: Path) -> None:
+    path = written(tmp_path, table())
+    code = "import sys; from identification import load_trajectory as load; load(sys.argv[1]); "
+    done = subprocess.run(
+        [sys.executable, "-c", code + "print('polars' in sys.modules)", str(path)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "False"
 
 
 @pytest.mark.parametrize(

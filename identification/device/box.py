@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
-
-import numpy as np
 
 from identification.device.quantities import Quantity
 from identification.errors import InvalidInputError
@@ -17,9 +15,8 @@ from identification.estimators.intervals import NORMAL_95
 BOX_CONFIDENCE = 0.999
 #: Degrees of freedom from which Hotelling's T² is χ² to six digits.
 _MANY = 1e6
-#: Bits of balls in which quantiles are found, twice those of a double, and the halvings that bring
-#: an octave down to the last bit of one. scipy's take a third of a second to import.
-_BITS, _HALVINGS = 128, 56
+#: Precision of its distributions, more than twice that of a number.
+_BITS = 128
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,19 +54,42 @@ def widening(count: int, freedom: float, confidence: float) -> float:
     Raises:
         InvalidInputError: no more degrees of freedom than quantities.
     """
-    tail = 1 - confidence
-    if freedom > _MANY:
-        radius = np.sqrt(_chi_square_beyond(tail, count))
-    elif freedom > count:
-        spread = freedom - count + 1
-        radius = np.sqrt(count * freedom / spread * _f_ratio_beyond(tail, count, spread))
-    else:
+    if not freedom > count:
         raise InvalidInputError(
             "covariance",
             f"degrees_of_freedom is {freedom:g} for {count} parameters",
             "Identify from a longer log",
         )
-    return float(radius) / NORMAL_95
+    return math.sqrt(_square_radius(count, freedom, confidence)) / NORMAL_95
+
+
+def _square_radius(count: int, freedom: float, confidence: float) -> float:
+    """Quantile of Hotelling's T², or of χ² where the degrees of freedom are many.
+
+    T²/(T² + freedom) is beta distributed (Anderson, An Introduction to Multivariate Statistical
+    Analysis, 2003, section 5.2). Halved to the last bit in digits to spare; scipy.special, which
+    has such quantiles, takes longer to load than a spring to be certified.
+    """
+    from flint import arb, ctx
+
+    ball: Any = arb  # its stubs lack the special functions
+
+    def is_below(square: float) -> bool:
+        half = ball(count) / 2
+        if freedom > _MANY:
+            found = (ball(square) / 2).gamma_lower(half, 1)
+        else:
+            rest = (ball(freedom) - count + 1) / 2
+            found = (ball(square) / (ball(square) + freedom)).beta_lower(half, rest, 1)
+        return bool(found < confidence)
+
+    with ctx.workprec(_BITS):
+        low, high = 0.0, 1.0
+        while is_below(high):
+            low, high = high, 2 * high
+        while low < (middle := (low + high) / 2) < high:
+            low, high = (middle, high) if is_below(middle) else (low, middle)
+    return high
 
 
 def widened(quantity: Quantity, factor: float) -> tuple[float, float]:
@@ -86,41 +106,3 @@ def widened_positive(quantity: Quantity, factor: float) -> tuple[float, float]:
         quantity.value * (quantity.low / quantity.value) ** factor,
         quantity.value * (quantity.high / quantity.value) ** factor,
     )
-
-
-def _chi_square_beyond(tail: float, count: float) -> float:
-    """The x that χ² of so many degrees of freedom exceeds with probability ``tail``."""
-    half = _ball(count) / 2
-    return _root(lambda x: (x / 2).gamma_upper(half, 1), tail)
-
-
-def _f_ratio_beyond(tail: float, above: float, below: float) -> float:
-    """The x that F of so many degrees of freedom above and below exceeds with probability tail."""
-    first, second = _ball(above) / 2, _ball(below) / 2
-    return _root(lambda x: (below / (below + above * x)).beta_lower(second, first, 1), tail)
-
-
-def _ball(value: float) -> Any:
-    """A number as a ball; the types that flint ships lack its special functions."""
-    from flint import arb
-
-    return arb(value)
-
-
-def _root(falling: Callable[[Any], Any], value: float) -> float:
-    """The x > 0 at which a falling function takes a value, to the last bit."""
-    from flint import ctx
-
-    with ctx.workprec(_BITS):
-        low = high = 1.0
-        while falling(_ball(high)) > value:
-            low, high = high, 2 * high
-        while not falling(_ball(low)) > value:
-            low, high = low / 2, low
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            if falling(_ball(middle)) > value:
-                low = middle
-            else:
-                high = middle
-        return high

@@ -38,6 +38,10 @@ TAKEN_ON_TRUST = (
         key="elements.*.fade_time",
         reason="as asked for; that all that must not be switched fades is checked",
     ),
+    Trusted(
+        key="elements.*.as_commanded",
+        reason="that values were wanted; what is felt of others is checked against them",
+    ),
     Trusted(key="elements.*.margins.gain", reason="that no more could be proved"),
     Trusted(key="elements.*.margins.extra_delay_samples", reason="that no more could be proved"),
     Trusted(

@@ -88,27 +88,54 @@ def bounce(
     batch = max(rig.batch, controller.size(), *hand.sizes(), np.size(push), np.size(drop))
     column = partial(per_member, batch=batch)
     place, pushed = column(wall.place), column(push)
+    recording = simulate(
+        rig,
+        np.zeros(samples),
+        controller=controller,
+        hand=hand,
+        position=place - column(drop),
+        push=np.broadcast_to(pushed[:, None], (batch, samples)),
+        watch=True,
+        seed=seed,
+    )
+    return bounces(
+        recording,
+        place=place,
+        net=pushed - column(rig.force_offset),
+        resolution=column(rig.encoder_resolution),
+        stiffness=column(controller.total_stiffness()),
+    )
+
+
+def bounces(
+    recording: Recording,
+    *,
+    place: FloatArray,
+    net: FloatArray,
+    resolution: FloatArray,
+    stiffness: FloatArray,
+) -> Bounces:
+    """What handles that were watched brought to their walls.
+
+    Args:
+        recording: of all of it.
+        place: of each wall, m (rad), shape (batch,).
+        net: force towards the wall in front of it, N (N·m), likewise.
+        resolution: of the encoder, m (rad), likewise.
+        stiffness: of all that acts behind the wall, N/m (N·m/rad), likewise.
+    """
+    members = range(recording.batch)
     with np.errstate(over="ignore", invalid="ignore"):
-        recording = simulate(
-            rig,
-            np.zeros(samples),
-            controller=controller,
-            hand=hand,
-            position=place - column(drop),
-            push=np.broadcast_to(pushed[:, None], (batch, samples)),
-            watch=True,
-            seed=seed,
-        )
-        net = pushed - column(rig.force_offset)
-        count = _COUNTS * column(rig.encoder_resolution)
-        floor = np.abs(net) * count + 0.5 * np.abs(column(controller.total_stiffness())) * count**2
-        found = [contacts(recording, member, place[member], net[member]) for member in range(batch)]
-    energy = tuple(each for _, each in found)
-    grows = [
-        not np.all(np.isfinite(recording.position[member]))
-        or bool(np.any(each[1:] > (1 + GROWTH) * _largest_before(each) + floor[member]))
-        for member, each in enumerate(energy)
-    ]
+        count = _COUNTS * resolution
+        floor = np.abs(net) * count + 0.5 * np.abs(stiffness) * count**2
+        found = [contacts(recording, member, place[member], net[member]) for member in members]
+        finite = np.all(np.isfinite(recording.position), axis=1)
+        energy = tuple(each for _, each in found)
+        grows = [
+            not finite[member]
+            or bool(np.any(each[1:] > (1 + GROWTH) * _largest_before(each) + floor[member]))
+            for member, each in enumerate(energy)
+        ]
     return Bounces(
         time=tuple(each for each, _ in found),
         energy=energy,
@@ -136,4 +163,4 @@ def contacts(
     entered = np.flatnonzero(inside[1:] & ~inside[:-1]) + 1
     truth = recording.truth
     energy = truth.energy[member][entered] - net * (truth.handle[member][entered] - place)
-    return recording.time[member][entered], energy
+    return recording.instants(member)[entered], energy

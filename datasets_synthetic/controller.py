@@ -77,6 +77,11 @@ class Controller:
         """K of all that acts at once, N/m (N·m/rad)."""
         return sum((np.asarray(each.stiffness) for each in self.beside), np.asarray(self.stiffness))
 
+    @property
+    def has_mass(self) -> bool:
+        """Whether anything acts on the acceleration."""
+        return any(np.any(each.mass) for each in (self, *self.beside))
+
     def members(self, which: NDArray[np.intp]) -> Controller:
         """The effects of these members; a value that all share stays one value."""
         fields: dict[str, FloatArray | IntArray] = {

@@ -32,24 +32,33 @@ class FirstOrderEstimates:
     )
 
     def __init__(
-        self, velocity_pole: FloatArray, acceleration_pole: FloatArray, sample_time: FloatArray
+        self,
+        velocity_pole: FloatArray,
+        acceleration_pole: FloatArray | None,
+        sample_time: FloatArray,
     ) -> None:
-        self._velocity_pole, self._acceleration_pole = velocity_pole, acceleration_pole
+        """Without a pole of acceleration that is not estimated and said to be zero."""
+        self._velocity_pole = velocity_pole, 1 - velocity_pole
+        self._acceleration_pole = (
+            None if acceleration_pole is None else (acceleration_pole, 1 - acceleration_pole)
+        )
         self._sample_time = sample_time
         self._last: FloatArray | None = None
         self._velocity = self._slope = self._acceleration = np.zeros_like(sample_time)
 
     def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Velocity (m/s) and acceleration (m/s²) after this reading (m)."""
-        change = 0.0 if self._last is None else (reading - self._last) / self._sample_time
+        last = reading if self._last is None else self._last
+        change = (reading - last) / self._sample_time
         self._last = reading
-        pole = self._velocity_pole
-        self._velocity = pole * self._velocity + (1 - pole) * change
-        pole = self._acceleration_pole
-        slope = pole * self._slope + (1 - pole) * change
-        change_of_slope = (slope - self._slope) / self._sample_time
-        self._acceleration = pole * self._acceleration + (1 - pole) * change_of_slope
-        self._slope = slope
+        pole, rest = self._velocity_pole
+        self._velocity = pole * self._velocity + rest * change
+        if self._acceleration_pole is not None:
+            pole, rest = self._acceleration_pole
+            slope = pole * self._slope + rest * change
+            change_of_slope = (slope - self._slope) / self._sample_time
+            self._acceleration = pole * self._acceleration + rest * change_of_slope
+            self._slope = slope
         return self._velocity, self._acceleration
 
 

@@ -116,22 +116,19 @@ class FlexibleMover:
 
     def measured(self) -> FloatArray:
         """Where the encoder is, m (rad)."""
-        return self._seen(self._mechanism.at_encoder, 0)
+        weights = self._mechanism.at_encoder
+        return np.einsum("bi,bi->b", weights, self._z[:, : weights.shape[1]])
 
-    def handle(self) -> FloatArray:
-        """Where the handle is, m (rad)."""
-        return self._seen(self._mechanism.at_handle, 0)
+    def state(self) -> FloatArray:
+        """Coordinates, their speeds, the actuator's force and what acts, shape (size, batch)."""
+        return self._z.T
 
-    def speed(self) -> FloatArray:
-        """Of the handle, m/s (rad/s)."""
-        return self._seen(self._mechanism.at_handle, self._mechanism.coordinates)
-
-    def energy(self) -> FloatArray:
-        """Of motion and springs, the hand's included, J."""
-        return self._mechanism.energy(self._z)
-
-    def _seen(self, weights: FloatArray, first: int) -> FloatArray:
-        return np.einsum("bi,bi->b", weights, self._z[:, first : first + weights.shape[1]])
+    def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Place and speed of the handle and the energy of all, in many states."""
+        n, at_handle = self._mechanism.coordinates, self._mechanism.at_handle
+        place = np.einsum("bi,tib->tb", at_handle, states[:, :n])
+        speed = np.einsum("bi,tib->tb", at_handle, states[:, n : 2 * n])
+        return place, speed, self._mechanism.energy(states)
 
     def _maps(self, part: Part) -> list[list[FloatArray]]:
         """Maps of one step of a part, by law and halving; alike parts are computed once."""

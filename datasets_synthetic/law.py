@@ -14,7 +14,7 @@ from datasets_synthetic.estimates import (
     section,
 )
 from datasets_synthetic.members import per_member
-from datasets_synthetic.wall import ElementAtWork
+from datasets_synthetic.wall import Element, ElementsAtWork
 
 FloatArray = NDArray[np.float64]
 
@@ -25,20 +25,16 @@ class ControlLaw:
     The estimates of velocity and acceleration follow every reading, inside a wall and outside.
     """
 
-    __slots__ = ("_beside", "_controller", "_estimates", "_last", "_place", "_start")
+    __slots__ = ("_elements", "_estimates")
 
     def __init__(self, controller: Controller, sample_time: FloatArray) -> None:
         """Sample time in s, shape (batch,)."""
-        self._controller = controller
         self._estimates = _estimates(controller, sample_time)
-        self._beside = [ElementAtWork(each, sample_time) for each in controller.beside]
-        self._last: FloatArray | None = None
-        wall = controller.wall
-        self._place = None if wall is None else per_member(wall.place, sample_time.size)
-        #: Where the springs are relaxed.
-        self._start = (
-            0.0 if self._place is None else np.where(np.isinf(self._place), 0.0, self._place)
+        own = Element(
+            stiffness=controller.stiffness, damping=controller.damping, mass=controller.mass
         )
+        elements = (own, *controller.beside)
+        self._elements = ElementsAtWork(elements, controller.wall, sample_time)
 
     def force(self, reading: FloatArray) -> FloatArray:
         """-(K·q + B·velocity + M·acceleration) for this sample's reading (m), N, shape (batch,).
@@ -46,18 +42,7 @@ class ControlLaw:
         With a wall q is counted from it, and there is no force outside but of what fades out;
         what stands beside the controller's own effects is added.
         """
-        gains = self._controller
-        velocity, acceleration = self._estimates.update(reading)
-        depth = reading - self._start
-        inside = None if self._place is None else reading > self._place
-        force = -(gains.stiffness * depth + gains.damping * velocity + gains.mass * acceleration)
-        if inside is not None:
-            force = np.where(inside, force, 0.0)
-        moved = np.zeros_like(reading) if self._last is None else reading - self._last
-        self._last = reading
-        for each in self._beside:
-            force = force + each.force(depth, velocity, acceleration, moved, inside)
-        return force
+        return self._elements.force(reading, *self._estimates.update(reading))
 
 
 def _estimates(controller: Controller, sample_time: FloatArray) -> Estimates:
@@ -73,7 +58,7 @@ def _estimates(controller: Controller, sample_time: FloatArray) -> Estimates:
     ):
         return FirstOrderEstimates(
             first_order_pole(velocity, sample_time),
-            first_order_pole(acceleration, sample_time),
+            first_order_pole(acceleration, sample_time) if controller.has_mass else None,
             sample_time,
         )
     ratio = controller.filter_damping_ratio

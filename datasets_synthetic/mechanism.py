@@ -99,11 +99,11 @@ class Mechanism:
         return row
 
     def energy(self, state: FloatArray) -> FloatArray:
-        """Of motion and springs, hand included, J; state shape (batch, states)."""
+        """Of motion and springs, hand included, J, shape (n, batch); state (n, states, batch)."""
         n = self.coordinates
         q, v = state[:, :n], state[:, n : 2 * n]
-        twice = np.einsum("bi,bij,bj->b", v, self.mass, v)
-        return 0.5 * (twice + np.einsum("bi,bij,bj->b", q, self.stiffness, q))
+        twice = np.einsum("tib,bij,tjb->tb", v, self.mass, v)
+        return 0.5 * (twice + np.einsum("tib,bij,tjb->tb", q, self.stiffness, q))
 
     def _forces(self) -> FloatArray:
         """Rows of g·Fa + p·Fp + (F0, 0, ..) - C·q' - K·q, shape (batch, n, size)."""

@@ -108,54 +108,95 @@ def steps_needed(duration: FloatArray, rate: FloatArray, largest: float = LARGES
     return max(1, int(np.ceil(np.max(np.abs(duration * rate)) / largest - 1e-9)))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stride:
+    """Some equal steps of a linear law as the linear map they are, less one.
+
+    The map is what the steps make of unit vectors; it serves at every sample.
+
+    Attributes:
+        moving: change of (position, velocity) for each unit of velocity, shape (2, batch).
+        driven: likewise of drive, which is held.
+        pulled: likewise of position; None where no force depends on it.
+    """
+
+    moving: FloatArray
+    driven: FloatArray
+    pulled: FloatArray | None
+
+    @classmethod
+    def of(cls, drag: Drag, steps: int, step: FloatArray) -> Stride | None:
+        """Of so many steps (s, shape (batch,)) without a reversal.
+
+        None where the law between reversals is not linear, or not one and the same both ways.
+        """
+        if drag.rate_back is not drag.rate or (drag.field is not None and drag.field.curved):
+            return None
+        start = np.repeat(np.eye(3)[:, :, None], step.size, axis=2)
+        change = np.zeros_like(start[:2])
+        for _ in range(steps):
+            now = start[:2] + change
+            change = change + _runge_kutta(now[0], now[1], start[2], drag.rate, drag.field, step)
+        pulled, moving, driven = np.moveaxis(change, 1, 0)
+        return cls(moving=moving, driven=driven, pulled=None if drag.field is None else pulled)
+
+    def change(self, state: FloatArray, drive: FloatArray) -> FloatArray:
+        """Change of (position, velocity), shape (2, batch), over the steps under a drive, m/s²."""
+        change = self.moving * state[1] + self.driven * drive
+        return change if self.pulled is None else change + self.pulled * state[0]
+
+
 def advance(
-    position: FloatArray,
-    velocity: FloatArray,
-    pull: FloatArray,
-    drag: Drag,
-    step: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Position (m) and velocity (m/s) one step later; every array shape (batch,).
+    state: FloatArray, pull: FloatArray, drag: Drag, step: FloatArray, stride: Stride | None = None
+) -> FloatArray:
+    """Position (m) and velocity (m/s) one step later, shape (2, batch).
 
     Args:
-        position: at the start of the step, m.
-        velocity: at the start of the step, m/s; exactly zero means at rest.
-        pull: force without friction and field, held over the step, per unit mass, u/m, m/s².
+        state: (position, velocity) at the start of the step, shape (2, batch); a velocity of
+            exactly zero means at rest.
+        pull: force without friction and field, held over the step, per unit mass, u/m, m/s²,
+            shape (batch,).
         drag: resistance of each member.
         step: length of the step of each member, s; zero leaves that member as it is.
+        stride: the step as a linear map, where it is one.
     """
     if drag.turning is None:
-        travel, gain = _runge_kutta(position, velocity, pull, drag.rate, drag.field, step)
-        return position + travel, velocity + gain
-    drive, rate, direction, stuck = _slipping(position, velocity, pull, drag)
-    free = np.where(stuck, 0.0, step)  # or it would be turned back at once, at more cost
-    travel, gain = _runge_kutta(position, velocity, drive, rate, drag.field, free)
-    later_position, later_velocity = position + travel, velocity + gain
-    turning = np.flatnonzero((later_velocity * direction < 0) & drag.turning)
+        if stride is not None:
+            return state + stride.change(state, pull)
+        return state + _runge_kutta(state[0], state[1], pull, drag.rate, drag.field, step)
+    drive, rate, direction, slips = _slipping(state, pull, drag)
+    # What sticks stays, or it would be turned back at once, at more cost.
+    if stride is not None:
+        later = state + stride.change(state, drive) * slips
+    else:
+        moving = step * slips
+        later = state + _runge_kutta(state[0], state[1], drive, rate, drag.field, moving)
+    turning = np.nonzero((later[1] * direction < 0) & drag.turning)[0]
     if turning.size:
-        later_position[turning], later_velocity[turning] = _turn(
-            (position[turning], velocity[turning], later_velocity[turning]),
+        later[:, turning] = _turn(
+            (state[0, turning], state[1, turning], later[1, turning]),
             (drive[turning], rate[turning], pull[turning]),
             drag.members(turning),
             step[turning],
         )
-    return later_position, later_velocity
+    return later
 
 
 def _slipping(
-    position: FloatArray, velocity: FloatArray, pull: FloatArray, drag: Drag
+    state: FloatArray, pull: FloatArray, drag: Drag
 ) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Drive (pull less Coulomb friction), rate, direction of motion, and which members stick."""
+    """Drive (pull less Coulomb friction), rate, direction of motion, and which members slip."""
+    position, velocity = state[0], state[1]
     net = pull if drag.field is None else pull - drag.field.at(position)
-    at_rest = velocity == 0
-    direction = np.sign(np.where(at_rest, net, velocity))
+    moves = velocity != 0
+    direction = np.sign(np.where(moves, velocity, net))
     rate, grip = drag.rate, drag.grip
     if drag.rate_back is not drag.rate:
         rate = np.where(direction > 0, rate, drag.rate_back)
     if drag.grip_back is not drag.grip:
         grip = np.where(direction > 0, grip, drag.grip_back)
-    stuck = at_rest & (np.abs(net) <= grip)
-    return pull - grip * direction, rate, direction, stuck
+    slips = moves | (np.abs(net) > grip)
+    return pull - grip * direction, rate, direction, slips
 
 
 def _runge_kutta(
@@ -165,8 +206,11 @@ def _runge_kutta(
     rate: FloatArray,
     field: Field | None,
     step: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Travel and gain of velocity over one step of dv/dt = drive - rate·v - field(x), dx/dt = v."""
+) -> FloatArray:
+    """Travel and gain of velocity over one step of dv/dt = drive - rate·v - field(x), dx/dt = v.
+
+    Shape (2, ..., batch).
+    """
     half = 0.5 * step
     sixth = step / 6
     if field is None:
@@ -183,7 +227,8 @@ def _runge_kutta(
         last = velocity + step * third
         fourth = drive - rate * last - field.at(position + step * later)
     middle = second + third
-    return step * (velocity + sixth * (first + middle)), sixth * (first + 2 * middle + fourth)
+    travel = step * (velocity + sixth * (first + middle))
+    return np.stack((travel, sixth * (first + 2 * middle + fourth)))
 
 
 def _turn(
@@ -191,7 +236,7 @@ def _turn(
     pulls: tuple[FloatArray, FloatArray, FloatArray],
     drag: Drag,
     step: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatArray:
     """One step of members that come to rest inside it: up to rest, then stuck or reversed.
 
     ``states`` is (position, velocity, velocity at the end had the law not changed), ``pulls`` is
@@ -208,8 +253,7 @@ def _turn(
             slope = slope - drag.field.at(position + travel)
         instant = np.clip(instant - speed / slope, 0.0, step)
     travel, _ = _runge_kutta(position, velocity, drive, rate, drag.field, instant)
-    place, at_rest = position + travel, np.zeros_like(velocity)
-    drive, rate, _, stuck = _slipping(place, at_rest, pull, drag)
-    rest = np.where(stuck, 0.0, step - instant)
-    onward, gain = _runge_kutta(place, at_rest, drive, rate, drag.field, rest)
-    return place + onward, gain
+    stopped = np.stack((position + travel, np.zeros_like(velocity)))
+    drive, rate, _, slips = _slipping(stopped, pull, drag)
+    rest = (step - instant) * slips
+    return stopped + _runge_kutta(stopped[0], stopped[1], drive, rate, drag.field, rest)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from datasets_synthetic.field import Field
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.members import per_member
-from datasets_synthetic.motion import Drag, advance
+from datasets_synthetic.motion import Drag, Stride, advance
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.timetable import Part
 
@@ -51,23 +51,27 @@ class Mover(Protocol):
         """Where the encoder is, m (rad)."""
         ...
 
-    def handle(self) -> FloatArray:
-        """Where the handle is, m (rad)."""
+    def state(self) -> FloatArray:
+        """All that moves, shape (..., batch), to be copied before it moves on."""
         ...
 
-    def speed(self) -> FloatArray:
-        """Of the handle, m/s (rad/s)."""
-        ...
+    def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Place and speed of the handle and the energy of all, in many states.
 
-    def energy(self) -> FloatArray:
-        """Of motion, springs and gravity, the hand's included, J."""
+        Args:
+            states: shape (n, ..., batch).
+
+        Returns:
+            m (rad), m/s (rad/s) and J, each shape (n, batch): energy of motion, springs and
+            gravity, the hand's included.
+        """
         ...
 
 
 class RigidMover:
     """A rigid mass with friction, in a field or free; see motion.py."""
 
-    __slots__ = ("_drag", "_forces", "_mass", "_offset", "_q", "_resisted", "_v")
+    __slots__ = ("_drag", "_forces", "_mass", "_offset", "_resisted", "_state", "_strides")
 
     def __init__(
         self, rig: Rig, hand: Hand, loads: Loads, position: FloatArray, velocity: FloatArray
@@ -79,7 +83,8 @@ class RigidMover:
         there = [load for load in (loads.device, loads.handle) if load is not None]
         self._forces = sum(there[1:], start=there[0]) if there else None
         self._resisted = self._offset
-        self._q, self._v = position, velocity
+        self._state = np.stack((position, velocity))
+        self._strides: dict[int, Stride | None] = {}
 
     def rate(self) -> FloatArray:
         """The fastest rate that the steps of a timetable have to resolve, 1/s."""
@@ -93,26 +98,34 @@ class RigidMover:
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over one part of a sample interval, under the command that acts in it, N."""
         pull = (acting - self._resisted) / self._mass
-        for _ in range(part.steps):
-            self._q, self._v = advance(self._q, self._v, pull, self._drag, part.step)
+        stride = self._stride(part)
+        alone = stride is None or self._drag.turning is not None
+        for _ in range(part.steps if alone else 1):
+            self._state = advance(self._state, pull, self._drag, part.step, stride)
 
     def measured(self) -> FloatArray:
         """Where the encoder is, m (rad)."""
-        return self._q
+        return self._state[0]
 
-    def handle(self) -> FloatArray:
-        """Where the handle is, m (rad)."""
-        return self._q
+    def _stride(self, part: Part) -> Stride | None:
+        """The steps of a part as a linear map; None where every part differs or none is linear."""
+        if part.kind is None:
+            return None
+        if part.kind not in self._strides:
+            together = part.steps if self._drag.turning is None else 1
+            self._strides[part.kind] = Stride.of(self._drag, together, part.step)
+        return self._strides[part.kind]
 
-    def speed(self) -> FloatArray:
-        """Of the handle, m/s (rad/s)."""
-        return self._v
+    def state(self) -> FloatArray:
+        """Position and velocity, shape (2, batch)."""
+        return self._state
 
-    def energy(self) -> FloatArray:
-        """Of motion, springs and gravity, the hand's included, J."""
-        energy = 0.5 * self._mass * self._v**2
+    def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Place and speed of the handle and the energy of all, in many states."""
+        place, speed = states[:, 0], states[:, 1]
+        energy = 0.5 * self._mass * speed**2
         field = self._drag.field
-        return energy if field is None else energy + self._mass * field.stored(self._q)
+        return place, speed, energy if field is None else energy + self._mass * field.stored(place)
 
 
 def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:

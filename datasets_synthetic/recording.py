@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +29,13 @@ class Truth:
     energy: FloatArray
 
     @classmethod
-    def of(cls, seen: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> Truth:
-        """From handle, speed and energy at each sample, each shape (batch,)."""
-        handle, speed, energy = (frozen(np.stack(each, axis=1)) for each in zip(*seen, strict=True))
-        return cls(handle=handle, speed=speed, energy=energy)
+    def of(cls, handle: FloatArray, speed: FloatArray, energy: FloatArray) -> Truth:
+        """From each at each sample, shape (n, batch)."""
+        return cls(handle=frozen(handle.T), speed=frozen(speed.T), energy=frozen(energy.T))
+
+    def members(self, which: slice) -> Truth:
+        """Of these members."""
+        return Truth(handle=self.handle[which], speed=self.speed[which], energy=self.energy[which])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,16 +78,35 @@ class Recording:
             return self.stamps
         return self.sample_time[:, None] * np.arange(self.force.shape[1], dtype=np.float64)
 
+    def instants(self, member: int) -> FloatArray:
+        """True instants of the samples of one member, s, shape (n,)."""
+        if self.stamps is not None:
+            return self.stamps[member]
+        step = float(self.sample_time[member])
+        return step * np.arange(self.force.shape[1], dtype=np.float64)
+
+    def members(self, which: slice) -> Recording:
+        """The logs of these members."""
+
+        def of(array: NDArray[Any] | None) -> NDArray[Any] | None:
+            return None if array is None else array[which]
+
+        return replace(
+            self,
+            sample_time=self.sample_time[which],
+            force=self.force[which],
+            position=self.position[which],
+            stamps=of(self.stamps),
+            reference=of(self.reference),
+            kept=of(self.kept),
+            truth=None if self.truth is None else self.truth.members(which),
+        )
+
     def trajectory(self, member: int = 0) -> Trajectory:
         """The log of one member. Raises LogRefusedError if it is no log (too short, diverged)."""
         rows = slice(None) if self.kept is None else self.kept[member]
-        if self.stamps is None:
-            step = float(self.sample_time[member])
-            time = step * np.arange(self.force.shape[1], dtype=np.float64)
-        else:
-            time = self.stamps[member]
         return Trajectory(
-            time=time[rows],
+            time=self.instants(member)[rows],
             force=self.force[member][rows],
             position=self.position[member][rows],
             reference=None if self.reference is None else self.reference[member][rows],

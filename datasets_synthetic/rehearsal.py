@@ -21,17 +21,16 @@ from datasets_synthetic.trials import (
     Condition,
     Sizes,
     TrialName,
+    Trials,
     conditions_of,
     named,
-    play_falls,
-    play_freely,
 )
 from datasets_synthetic.wall import ADVERSE, OPEN, RANDOM
 
 FloatArray = NDArray[np.float64]
 
-#: Where anything is not at rest in the end, all is played again for so many times as long: what
-#: dies out slowly is told from what lasts.
+#: Where anything is not at rest in the end, all is played on, so many times as long: what dies out
+#: slowly is told from what lasts.
 _LONGER = 3
 #: Force that keeps oscillating may be this part of the force limit unless another is stated.
 _FORCE = 0.01
@@ -107,7 +106,7 @@ def rehearse(
     and, because it may be less than thought, without any; other devices without any; and, where
     one-sided elements have damping, that damping shut and open at random and against the device.
     All of it is one run; the controllers with anything not at rest in the end, and only those, are
-    played again for longer.
+    judged by where it goes from there.
 
     Args:
         rig: the truth, one device.
@@ -139,20 +138,18 @@ def rehearse(
     pushed = bool(np.any(rig.force_offset) or np.any(rig.stiffness))
     allowed = [Allowed(counts=counts_allowed, force=float(f), pushed=pushed) for f in force]
     found: list[list[Ending]] = [[] for _ in allowed]
-    left = np.arange(sizes.batch)
+    left = list(range(sizes.batch))
+    trials = Trials(controller, conditions, sizes, _LONGER * sizes.played, seed)
     for times in (1, _LONGER):
-        part, law = sizes.members(left), controller.members(left)
-        samples = times * sizes.played
-        free = play_freely(law, conditions, part, samples, seed)
-        fallen = play_falls(law, conditions, part, samples, seed)
-        for place, member in enumerate(left):
+        free, fallen = trials.until(times * sizes.played)
+        for member in left:
             count = float(sizes.count[member])
             limit = float(sizes.limit[member])
             own = [_allowed(each, allowed[member], limit) for each in conditions]
-            found[member] = _endings(free, place, left.size, count, own)
-            found[member] += _after_falls(fallen, place, left.size, count, own)
-        left = np.array([k for k in left if not all(end.at_rest for end in found[k])], np.intp)
-        if not left.size:
+            found[member] = _endings(free, member, sizes.batch, count, own)
+            found[member] += _after_falls(fallen, member, sizes.batch, count, own)
+        left = [member for member in left if not all(end.at_rest for end in found[member])]
+        if not left:
             break
     names = named(conditions)
     return tuple(

@@ -52,8 +52,18 @@ def pieces(
             yield Piece(lag=lag, steps=steps, step=duration / steps)
 
 
-def read_encoder(position: FloatArray, resolution: FloatArray) -> FloatArray:
-    """The position rounded to whole counts, half to even, m; exact where resolution is zero."""
-    exact = resolution == 0
-    count = np.where(exact, 1.0, resolution)
-    return np.where(exact, position, np.rint(position / count) * count)
+class Encoder:
+    """Positions rounded to whole counts, half to even; exact where the resolution is zero."""
+
+    __slots__ = ("_count", "_exact")
+
+    def __init__(self, resolution: FloatArray) -> None:
+        """Resolution in m (rad), shape (batch,)."""
+        exact = resolution == 0
+        self._exact = exact if exact.any() else None
+        self._count = np.where(exact, 1.0, resolution)
+
+    def read(self, position: FloatArray) -> FloatArray:
+        """The readings of these positions, m (rad)."""
+        rounded = np.rint(position / self._count) * self._count
+        return rounded if self._exact is None else np.where(self._exact, position, rounded)

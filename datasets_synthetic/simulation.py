@@ -30,7 +30,7 @@ from datasets_synthetic.movers import Loads, Mover, RigidMover
 from datasets_synthetic.noise import Sources, coloured_noise, scatter, white_noise
 from datasets_synthetic.recording import Recording, Truth, frozen
 from datasets_synthetic.rig import Rig
-from datasets_synthetic.sampling import read_encoder
+from datasets_synthetic.sampling import Encoder
 from datasets_synthetic.timetable import EvenTimetable, Timetable, UnevenTimetable
 
 FloatArray = NDArray[np.float64]
@@ -79,77 +79,161 @@ def simulate(
         One log a member. A loop that grows without bound ends in values that are not finite,
         which ``Recording.trajectory`` refuses.
     """
-    faults, hand, clock = faults or Faults(), hand or Hand(), clock or Clock()
-    seeds = tuple(int(each) for each in np.atleast_1d(seed))
-    command = np.atleast_2d(np.asarray(force, dtype=np.float64))
-    pushed = None if push is None else np.atleast_2d(np.asarray(push, dtype=np.float64))
-    sizes = [rig.batch, command.shape[0], np.size(position), np.size(velocity), len(seeds)]
-    sizes += [*faults.sizes(), *hand.sizes(), *clock.sizes()]
-    sizes += [1 if controller is None else controller.size(), 1 if pushed is None else len(pushed)]
-    batch = max(sizes)
-    if any(size not in {1, batch} for size in sizes):
-        raise ValueError(f"batch sizes must agree or be 1, not {sizes}")
-    samples = command.shape[1]
-    column = partial(per_member, batch=batch)
-
-    limit, resolution = column(rig.force_limit), column(rig.encoder_resolution)
-    sample_time = clock.nominal(column(rig.sample_time))
-    sources = Sources(seeds, batch)
-    stamps = clock.stamps(sample_time, samples, sources)
-    loads = _loads(sources, faults, hand, stamps, pushed)
-    start = column(position) + scatter(sources, column(faults.start_spread))
-    flexible = bool(rig.modes) or bool(np.any(rig.current_lag))
-    kind = FlexibleMover if flexible else RigidMover
-    mover: Mover = kind(rig, hand, loads, start, column(velocity))
-    timetable: Timetable = (
-        EvenTimetable(column(rig.delay), sample_time, mover.rate(), largest_step)
-        if clock.even
-        else UnevenTimetable(column(rig.delay), stamps, mover.rate(), largest_step)
+    run = Simulation(
+        rig,
+        force,
+        controller=controller,
+        hand=hand,
+        faults=faults,
+        clock=clock,
+        seed=seed,
+        position=position,
+        velocity=velocity,
+        push=push,
+        watch=watch,
+        largest_step=largest_step,
     )
-    noise = white_noise(sources, "position", column(faults.position_noise), samples)
-    reference = None
-    if isinstance(controller, Servo):
-        followed = np.atleast_2d(np.asarray(controller.reference, dtype=np.float64))
-        if followed.shape[1] != samples:
-            raise ValueError(
-                f"the reference has {followed.shape[1]} samples, the force {samples}: give one "
-                f"value of each a sample"
-            )
-        reference = np.broadcast_to(followed, (batch, samples))
-        command = command + column(controller.stiffness)[:, None] * reference
-        controller = controller.regulator()
-    law = None if controller is None else ControlLaw(controller, sample_time)
+    return run.until(run.samples)
 
-    lead = timetable.lead
-    commands = np.zeros((lead + samples, batch))
-    commands[lead:] = np.clip(command.T, -limit, limit) if law is None else command.T
-    sent = commands.ravel()  # a view: row by row, one member after the other
-    readings = np.empty((samples, batch))
-    seen: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(samples):
-            q = mover.measured()
-            readings[k] = reading = read_encoder(q if noise is None else q + noise[k], resolution)
-            if watch:
-                seen.append((mover.handle(), mover.speed(), mover.energy()))
-            if law is not None:
-                now = lead + k
-                commands[now] = np.clip(commands[now] + law.force(reading), -limit, limit)
-            mover.begin(k)
-            for part in timetable.parts(k):
-                mover.move(sent.take(part.place), part)
-    return Recording(
-        sample_time=frozen(sample_time),
-        force=frozen(commands[lead:].T),
-        position=frozen(readings.T),
-        axis=rig.axis,
-        motion=rig.motion,
-        source=f"simulated {rig.name}",
-        stamps=None if clock.even else frozen(stamps.T),
-        reference=None if reference is None else frozen(reference),
-        kept=clock.kept(batch, samples, sources),
-        truth=Truth.of(seen) if watch else None,
+
+class Simulation:
+    """A batch of devices in motion, up to any sample and then on; see ``simulate``."""
+
+    __slots__ = (
+        "_clock",
+        "_commands",
+        "_encoder",
+        "_law",
+        "_limit",
+        "_mover",
+        "_noise",
+        "_played",
+        "_readings",
+        "_reference",
+        "_rig",
+        "_sample_time",
+        "_sources",
+        "_stamps",
+        "_states",
+        "_timetable",
+        "samples",
     )
+
+    def __init__(
+        self,
+        rig: Rig,
+        force: FloatArray,
+        *,
+        controller: Controller | Servo | None = None,
+        hand: Hand | None = None,
+        faults: Faults | None = None,
+        clock: Clock | None = None,
+        seed: int | Sequence[int] = 0,
+        position: float | FloatArray = 0.0,
+        velocity: float | FloatArray = 0.0,
+        push: FloatArray | None = None,
+        watch: bool = False,
+        largest_step: float = LARGEST_STEP,
+    ) -> None:
+        """Ready to start; arguments as of ``simulate``, with as many samples as may be played."""
+        faults, hand, clock = faults or Faults(), hand or Hand(), clock or Clock()
+        seeds = tuple(int(each) for each in np.atleast_1d(seed))
+        command = np.atleast_2d(np.asarray(force, dtype=np.float64))
+        pushed = None if push is None else np.atleast_2d(np.asarray(push, dtype=np.float64))
+        sizes = [rig.batch, command.shape[0], np.size(position), np.size(velocity), len(seeds)]
+        sizes += [*faults.sizes(), *hand.sizes(), *clock.sizes()]
+        sizes += [
+            1 if controller is None else controller.size(),
+            1 if pushed is None else len(pushed),
+        ]
+        batch = max(sizes)
+        if any(size not in {1, batch} for size in sizes):
+            raise ValueError(f"batch sizes must agree or be 1, not {sizes}")
+        self.samples = samples = command.shape[1]
+        column = partial(per_member, batch=batch)
+
+        limit = column(rig.force_limit)
+        sample_time = clock.nominal(column(rig.sample_time))
+        sources = Sources(seeds, batch)
+        stamps = clock.stamps(sample_time, samples, sources)
+        loads = _loads(sources, faults, hand, stamps, pushed)
+        start = column(position) + scatter(sources, column(faults.start_spread))
+        flexible = bool(rig.modes) or bool(np.any(rig.current_lag))
+        kind = FlexibleMover if flexible else RigidMover
+        mover: Mover = kind(rig, hand, loads, start, column(velocity))
+        timetable: Timetable = (
+            EvenTimetable(column(rig.delay), sample_time, mover.rate(), largest_step)
+            if clock.even
+            else UnevenTimetable(column(rig.delay), stamps, mover.rate(), largest_step)
+        )
+        noise = white_noise(sources, "position", column(faults.position_noise), samples)
+        reference = None
+        if isinstance(controller, Servo):
+            followed = np.atleast_2d(np.asarray(controller.reference, dtype=np.float64))
+            if followed.shape[1] != samples:
+                raise ValueError(
+                    f"the reference has {followed.shape[1]} samples, the force {samples}: give one "
+                    f"value of each a sample"
+                )
+            reference = np.broadcast_to(followed, (batch, samples))
+            command = command + column(controller.stiffness)[:, None] * reference
+            controller = controller.regulator()
+        law = None if controller is None else ControlLaw(controller, sample_time)
+
+        commands = np.zeros((timetable.lead + samples, batch))
+        commands[timetable.lead :] = np.clip(command.T, -limit, limit) if law is None else command.T
+        self._rig, self._clock, self._sources = rig, clock, sources
+        self._stamps, self._sample_time = stamps, sample_time
+        self._mover, self._timetable, self._law = mover, timetable, law
+        self._limit, self._encoder, self._noise = (
+            limit,
+            Encoder(column(rig.encoder_resolution)),
+            noise,
+        )
+        self._reference, self._commands = reference, commands
+        self._readings = np.empty((samples, batch))
+        self._states = np.empty((samples, *mover.state().shape)) if watch else None
+        self._played = 0
+
+    def until(self, samples: int) -> Recording:
+        """Plays on up to this many samples and returns all that was recorded till then."""
+        mover, timetable, law, limit = self._mover, self._timetable, self._law, self._limit
+        sent = self._commands.ravel()  # a view: row by row, one member after the other
+        with np.errstate(over="ignore", invalid="ignore"):
+            for k in range(self._played, samples):
+                q = mover.measured()
+                reading = self._encoder.read(q if self._noise is None else q + self._noise[k])
+                self._readings[k] = reading
+                if self._states is not None:
+                    self._states[k] = mover.state()
+                if law is not None:
+                    now = self._commands[timetable.lead + k]
+                    now += law.force(reading)
+                    np.maximum(now, -limit, out=now)
+                    np.minimum(now, limit, out=now)
+                mover.begin(k)
+                for part in timetable.parts(k):
+                    mover.move(sent.take(part.place), part)
+        self._played = samples
+        return self._recorded()
+
+    def _recorded(self) -> Recording:
+        """What was recorded until now."""
+        rig, played, batch = self._rig, self._played, self._sample_time.size
+        lead, states = self._timetable.lead, self._states
+        truth = None if states is None else Truth.of(*self._mover.seen(states[:played]))
+        return Recording(
+            sample_time=frozen(self._sample_time),
+            force=frozen(self._commands[lead : lead + played].T),
+            position=frozen(self._readings[:played].T),
+            axis=rig.axis,
+            motion=rig.motion,
+            source=f"simulated {rig.name}",
+            stamps=None if self._clock.even else frozen(self._stamps[:played].T),
+            reference=None if self._reference is None else frozen(self._reference[:, :played]),
+            kept=self._clock.kept(batch, played, self._sources),
+            truth=truth,
+        )
 
 
 def _loads(

@@ -3,8 +3,9 @@
 All of them run with the quantiser, friction, delay, force limit, modes and lag of the device: let
 go from a displacement, a push and its release, a push beyond the force limit, a start within a few
 counts where friction and quantiser may sustain an oscillation, and falls from afar and from near
-into a wall, where one-sided elements only push and others fade if they have to. Of a batch, trials
-are the outermost, conditions the next, controllers the innermost.
+into a wall, where one-sided elements only push and others fade if they have to. All are one batch,
+the place of the wall nowhere for those without one: trials are the outermost, conditions the next,
+controllers the innermost.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.bouncing import Bounces, bounce
+from datasets_synthetic.bouncing import Bounces, bounces
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.members import per_member
 from datasets_synthetic.recording import Recording
 from datasets_synthetic.rig import Rig
-from datasets_synthetic.simulation import simulate
+from datasets_synthetic.simulation import Simulation
 from datasets_synthetic.wall import ADVERSE, OPEN, RANDOM, Wall
 
 FloatArray = NDArray[np.float64]
@@ -164,81 +165,88 @@ def named(conditions: Sequence[Condition]) -> list[tuple[TrialName, Condition]]:
     return [(name, each) for name in _TRIALS for each in conditions]
 
 
-def play_freely(
-    controller: Controller,
-    conditions: Sequence[Condition],
-    sizes: Sizes,
-    samples: int,
-    seed: int,
-) -> Recording:
-    """The trials without a wall."""
-    part = np.arange(samples) / sizes.played
-    shape = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
-    none = np.zeros(sizes.batch)
-    step = float(conditions[0].rig.sample_time[0])
-    # A few counts are also gained at a walk: where no spring pulls, nothing else would move.
-    speed = sizes.near / (_RISE * sizes.played * step)
-    start = _each([sizes.reach, none, none, sizes.near], len(conditions))
-    push = _each([none, _PUSH * sizes.limit, _BEYOND * sizes.limit, none], len(conditions))
-    return simulate(
-        _rigs(conditions, _OPEN, sizes.batch),
-        np.zeros(samples),
-        controller=replace(_laws(controller, conditions, _OPEN, sizes.batch), wall=None),
-        hand=_hands(conditions, _OPEN, sizes.batch),
-        position=start,
-        velocity=_each([none, none, none, speed], len(conditions)),
-        push=push[:, None] * shape,
-        seed=seed,
-    )
+class Trials:
+    """All trials of a batch of controllers, played up to some sample and then on."""
+
+    __slots__ = ("_fallen", "_falls", "_run")
+
+    def __init__(
+        self,
+        controller: Controller,
+        conditions: Sequence[Condition],
+        sizes: Sizes,
+        samples: int,
+        seed: int,
+    ) -> None:
+        """Ready to start, with so many samples at most."""
+        part = np.arange(samples) / sizes.played
+        pushes = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
+        none = np.zeros(sizes.batch)
+        step = float(conditions[0].rig.sample_time[0])
+        # A few counts are also gained at a walk: where no spring pulls, nothing else would move.
+        walk = sizes.near / (_RISE * sizes.played * step)
+        own = per_member(0.0 if controller.wall is None else controller.wall.place, sizes.batch)
+        own = np.where(np.isinf(own), 0.0, own)
+        start = [sizes.reach, none, none, sizes.near, own - sizes.reach, own - sizes.near]
+        limit = sizes.limit
+        push = [none, _PUSH * limit, _BEYOND * limit, none, _FALL * limit, _FALL * limit]
+        nowhere = np.full(sizes.batch, -np.inf)
+        place = _each([nowhere] * _OPEN + [own] * (len(_TRIALS) - _OPEN), conditions)
+        rigs = _rigs(conditions, sizes.batch)
+        laws = replace(_laws(controller, conditions, sizes.batch), wall=Wall(place=place))
+        pushed = _each(push, conditions)
+        self._falls = slice(_OPEN * len(conditions) * sizes.batch, None)
+        shape = np.where(np.isinf(place)[:, None], pushes, 1.0)
+        self._fallen = {
+            "place": place[self._falls],
+            "net": (pushed - rigs.force_offset)[self._falls],
+            "resolution": rigs.encoder_resolution[self._falls],
+            "stiffness": per_member(laws.total_stiffness(), place.size)[self._falls],
+        }
+        self._run = Simulation(
+            rigs,
+            np.zeros(samples),
+            controller=laws,
+            hand=_hands(conditions, sizes.batch),
+            position=_each(start, conditions),
+            velocity=_each([none, none, none, walk, none, none], conditions),
+            push=pushed[:, None] * shape,
+            watch=True,
+            seed=seed,
+        )
+
+    def until(self, samples: int) -> tuple[Recording, Bounces]:
+        """What became of the trials without a wall and of the falls, up to this many samples."""
+        seen = self._run.until(samples)
+        falls = bounces(seen.members(self._falls), **self._fallen)
+        return seen.members(slice(0, self._falls.start)), falls
 
 
-def play_falls(
-    controller: Controller,
-    conditions: Sequence[Condition],
-    sizes: Sizes,
-    samples: int,
-    seed: int,
-) -> Bounces:
-    """Falls into the wall from afar and from near."""
-    times = len(_TRIALS) - _OPEN
-    behind = replace(controller, wall=controller.wall or Wall())
-    return bounce(
-        _rigs(conditions, times, sizes.batch),
-        _laws(behind, conditions, times, sizes.batch),
-        push=_each([_FALL * sizes.limit] * times, len(conditions)),
-        drop=_each([sizes.reach, sizes.near], len(conditions)),
-        hand=_hands(conditions, times, sizes.batch),
-        samples=samples,
-        seed=seed,
-    )
-
-
-def _each(trials: Sequence[FloatArray], conditions: int) -> FloatArray:
+def _each(trials: Sequence[FloatArray], conditions: Sequence[Condition]) -> FloatArray:
     """One value a trial and controller, the same in every condition, shape (members,)."""
-    return np.repeat(np.stack(trials)[:, None], conditions, axis=1).ravel()
+    return np.repeat(np.stack(trials)[:, None], len(conditions), axis=1).ravel()
 
 
-def _laws(
-    controller: Controller, conditions: Sequence[Condition], times: int, batch: int
-) -> Controller:
-    """The controllers in turn for every condition, so many times, as one batch."""
-    laws = controller.members(np.tile(np.arange(batch), times * len(conditions)))
-    gate = np.tile(np.repeat([each.gate for each in conditions], batch), times)
+def _laws(controller: Controller, conditions: Sequence[Condition], batch: int) -> Controller:
+    """The controllers in turn for every trial and condition, as one batch."""
+    laws = controller.members(np.tile(np.arange(batch), len(_TRIALS) * len(conditions)))
+    gate = np.tile(np.repeat([each.gate for each in conditions], batch), len(_TRIALS))
     beside = tuple(replace(e, gate=gate) if e.one_sided else e for e in laws.beside)
     return replace(laws, beside=beside)
 
 
-def _rigs(conditions: Sequence[Condition], trials: int, batch: int) -> Rig:
-    """The devices, each for every controller in turn, so many times, as one batch."""
-    places = np.tile(np.repeat(np.arange(len(conditions)), batch), trials)
-    rigs = [each.rig for each in conditions]
-    return Rig.batch_of(rigs).members(places)
+def _rigs(conditions: Sequence[Condition], batch: int) -> Rig:
+    """The devices, each for every controller in turn, once a trial, as one batch."""
+    places = np.tile(np.repeat(np.arange(len(conditions)), batch), len(_TRIALS))
+    return Rig.batch_of([each.rig for each in conditions]).members(places)
 
 
-def _hands(conditions: Sequence[Condition], trials: int, batch: int) -> Hand:
+def _hands(conditions: Sequence[Condition], batch: int) -> Hand:
     """The hands likewise."""
     columns = {
         field.name: [float(np.asarray(getattr(each.hand, field.name))) for each in conditions]
         for field in fields(Hand)
     }
-    return Hand(**{name: np.tile(np.repeat(one, batch), trials) for name, one in columns.items()})
+    return Hand(
+        **{name: np.tile(np.repeat(one, batch), len(_TRIALS)) for name, one in columns.items()}
+    )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.members import chosen
+from datasets_synthetic.members import chosen, per_member
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,7 +27,8 @@ class Wall:
     The springs are relaxed at ``place``; outside there is no force but of what still fades out.
 
     Attributes:
-        place: m (rad); -inf lets the effects act everywhere, about zero.
+        place: m (rad); -inf is no wall: the effects act everywhere, about zero, and elements
+            beside them neither fade nor keep from pulling.
     """
 
     place: float | FloatArray = 0.0
@@ -74,71 +76,100 @@ class Element:
 _FIELDS = ("stiffness", "damping", "mass", "fade_time", "gate")
 
 
-class ElementAtWork:
-    """One element, remembering how far it is faded in and whether its gates are open."""
+class ElementsAtWork:
+    """Elements together, each remembering how far it is faded in and whether its gate is open.
+
+    What no element has is not computed.
+    """
 
     __slots__ = (
-        "_adverse",
         "_always",
-        "_element",
-        "_fades",
+        "_ceiling",
+        "_damping",
+        "_ends",
+        "_fade",
+        "_gates",
+        "_last",
         "_level",
+        "_mass",
         "_open",
-        "_random",
+        "_place",
         "_source",
-        "_step",
+        "_start",
+        "_stiffness",
     )
 
-    def __init__(self, element: Element, sample_time: FloatArray) -> None:
+    def __init__(
+        self, elements: Sequence[Element], wall: Wall | None, sample_time: FloatArray
+    ) -> None:
         """Sample time in s, shape (batch,)."""
-        self._element = element
-        fade = np.broadcast_to(np.asarray(element.fade_time, dtype=np.float64), sample_time.shape)
-        self._fades = bool(np.any(fade > 0))
-        #: Change of the level in a sample.
-        self._step = sample_time / np.maximum(fade, sample_time)
-        self._level = np.zeros(sample_time.shape)
-        gate = np.broadcast_to(np.asarray(element.gate), sample_time.shape)
-        self._always, self._random, self._adverse = (
-            gate == kind for kind in (OPEN, RANDOM, ADVERSE)
+
+        def rows(name: str) -> FloatArray:
+            return np.stack([per_member(getattr(e, name), sample_time.size) for e in elements])
+
+        self._stiffness, self._damping, self._mass = (
+            -each if each.any() else None
+            for each in (rows("stiffness"), rows("damping"), rows("mass"))
         )
+        self._place = None if wall is None else per_member(wall.place, sample_time.size)
+        free = np.isneginf(-np.inf if self._place is None else self._place)
+        #: Where springs are relaxed, m; None where all are about zero.
+        start = None if self._place is None else np.where(np.isinf(self._place), 0.0, self._place)
+        self._start = start if start is not None and start.any() else None
+        fade = np.where(free, 0.0, rows("fade_time"))
+        step = sample_time / np.maximum(fade, sample_time)
+        #: Change of the level in a sample inside and outside; without a fade all at once.
+        self._fade = step, -step
+        self._level = np.zeros(step.shape)
+        sides = np.array([each.one_sided for each in elements])[:, None] & ~free
+        #: The most force behind a wall, N; None where all may pull.
+        self._ceiling = np.where(sides, 0.0, np.inf) if sides.any() else None
+        #: Where what only pushes is still fading out; None nowhere.
+        self._ends = sides if (sides & (fade > 0)).any() else None
+        gate = rows("gate")
+        self._always = gate == OPEN
+        self._gates = None if self._always.all() else (gate == RANDOM, gate == ADVERSE)
         self._source = np.random.default_rng(0)  # one gate for all members, whatever the batch
         self._open = True
+        self._last: FloatArray | None = None
 
     def force(
-        self,
-        depth: FloatArray,
-        velocity: FloatArray,
-        acceleration: FloatArray,
-        moved: FloatArray,
-        inside: NDArray[np.bool_] | None,
+        self, reading: FloatArray, velocity: FloatArray, acceleration: FloatArray
     ) -> FloatArray:
-        """Force (N) of this sample, shape (batch,).
+        """Sum of the forces (N) of this sample, shape (batch,).
 
         Args:
-            depth: of the reading, m.
+            reading: of the position, m.
             velocity: estimated, m/s.
             acceleration: estimated, m/s².
-            moved: change of the reading since the last sample, m.
-            inside: where the reading is behind the wall; None without one: all acts fully.
         """
-        element = self._element
-        pull = element.damping * velocity
-        if not self._always.all():
-            pull = pull * self._gates(velocity, moved)
-        force = -(element.stiffness * depth + pull + element.mass * acceleration)
-        if inside is None:
-            return force
-        if element.one_sided:
-            force = np.minimum(force, 0.0) * inside
-        if not self._fades:
-            return force * inside
-        change = np.where(inside, self._step, -self._step)
+        force = np.zeros(self._level.shape)
+        if self._stiffness is not None:
+            depth = reading if self._start is None else reading - self._start
+            force = self._stiffness * depth
+        if self._damping is not None:
+            pull = self._damping * velocity
+            force = force + (pull if self._gates is None else pull * self._acts(reading, velocity))
+        if self._mass is not None:
+            force = force + self._mass * acceleration
+        if self._place is None:
+            return np.add.reduce(force)
+        if self._ceiling is not None:
+            force = np.minimum(force, self._ceiling)
+        inside = reading > self._place
+        if self._ends is not None:
+            force = force * (inside | ~self._ends)
+        change = np.where(inside, *self._fade)
         self._level = np.minimum(np.maximum(self._level + change, 0.0), 1.0)
-        return self._level * force
+        return np.add.reduce(self._level * force)
 
-    def _gates(self, velocity: FloatArray, moved: FloatArray) -> NDArray[np.bool_]:
+    def _acts(self, reading: FloatArray, velocity: FloatArray) -> NDArray[np.bool_]:
         """Which dampers act."""
+        assert self._gates is not None
         if self._source.random() < _CHANGES:
             self._open = not self._open
-        gives = velocity * moved < 0
-        return self._always | (self._adverse & gives) | (self._random & self._open)
+        moved = np.zeros_like(reading) if self._last is None else reading - self._last
+        self._last = reading
+        at_random, adverse = self._gates
+        acts = self._always | (adverse & (velocity * moved < 0))
+        return acts | at_random if self._open else acts

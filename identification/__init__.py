@@ -116,8 +116,11 @@ if TYPE_CHECKING:
         examine as examine,
     )
     from identification.figure import NotebookFigure as NotebookFigure
+    from identification.figure import legend_above as legend_above
     from identification.fitting.one_log import LogFit as LogFit
-    from identification.pictures import fit_picture as fit_picture
+    from identification.pictures.fit import fit_picture as fit_picture
+    from identification.pictures.identified import identified_picture as identified_picture
+    from identification.pictures.identified import log_picture as log_picture
     from identification.planning.excitation import (
         Excitation as Excitation,
     )
@@ -158,14 +161,15 @@ _HOMES = {
     "estimators": "METHODS Method",
     "examination": "Examination examine",
     "planning.excitation": "Excitation plan_excitation",
-    "figure": "NotebookFigure",
+    "figure": "NotebookFigure legend_above",
     "device.hardware": "ForceLimit Hardware Mode",
     "device.known_devices": "load_device named_devices",
     "readers.logs": "LogColumns load_trajectory",
     "device.friction": "SlopeRange UnmodelledForce",
     "_identify": "Identification identify",
     "fitting.one_log": "LogFit",
-    "pictures": "fit_picture",
+    "pictures.fit": "fit_picture",
+    "pictures.identified": "identified_picture log_picture",
     "planning.presented": "excitation_picture force_text",
     "planning.spec": "ExcitationSpec",
     "planning.gentle": "load_excitation",
@@ -219,12 +223,15 @@ __all__ = [
     "excitation_picture",
     "fit_picture",
     "force_text",
+    "identified_picture",
     "identify",
+    "legend_above",
     "load_device",
     "load_document",
     "load_excitation",
     "load_mapping",
     "load_trajectory",
+    "log_picture",
     "named_devices",
     "parse_document",
     "plan_excitation",

@@ -86,16 +86,22 @@ def identify(
     trajectories = tuple(_moving(log, trajectories, hardware) for log in trajectories)
     for log in trajectories:
         refuse_sizes(log)
-    noticed = [inspect(log, hardware) for log in trajectories]
+    noticed = [
+        tuple(each.of(log.source) for each in inspect(log, hardware)) for log in trajectories
+    ]
     _refuse([finding for found in noticed for finding in found], allow)
     fits = [fit_log(_clocked(log, hardware), hardware, method) for log in trajectories]
-    noticed = [found + fit.findings for found, fit in zip(noticed, fits, strict=True)]
+    noticed = [
+        found + tuple(each.of(fit.trajectory.source) for each in fit.findings)
+        for found, fit in zip(noticed, fits, strict=True)
+    ]
     _refuse([finding for found in noticed for finding in found], allow)
     _refuse_negative_mass(fits, noticed)
 
     from identification.fitting.suggested import unstated
 
-    missing = unstated(fits, hardware)
+    sources = ", ".join(log.source for log in trajectories)
+    missing = tuple(each.of(sources) for each in unstated(fits, hardware))
     findings = (*(_lenient(finding) for found in noticed for finding in found), *missing)
     records = [
         LogRecord(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Literal
@@ -13,7 +13,8 @@ class Finding:
     """One thing that is wrong, or doubtful, with a log.
 
     ``code`` is from the fixed list in the README; ``seen`` and ``needed`` state the value found
-    and the value required, with units; ``remedy`` says what to do.
+    and the value required, with units; ``remedy`` says what to do; ``source`` is the log, several
+    with commas.
     """
 
     code: str
@@ -21,6 +22,11 @@ class Finding:
     seen: str
     needed: str
     remedy: str
+    source: str = ""
+
+    def of(self, source: str) -> Finding:
+        """This finding about a log, whose name it keeps if it has one."""
+        return self if self.source else replace(self, source=source)
 
     def __str__(self) -> str:
         return f"{self.code}: {self.seen}; needed: {self.needed}. {self.remedy}"

@@ -44,6 +44,7 @@ class Examination:
         damping: likewise.
         findings: every one, refusals first; allowed ones are warnings.
         refused: whether identify refuses the log.
+        found: what identify makes of it, were every finding accepted; None if nothing.
     """
 
     source: str
@@ -62,6 +63,7 @@ class Examination:
     damping: Quantity | None
     findings: tuple[Finding, ...]
     refused: bool
+    found: Identification | None
 
 
 def examine(
@@ -109,6 +111,7 @@ def examine(
         damping=None if found is None else found.device.damping,
         findings=findings,
         refused=refused,
+        found=found,
     )
 
 

@@ -1,11 +1,17 @@
-"""Figures that notebooks show as pictures when they are the last expression of a cell."""
+"""Figures that notebooks show as pictures, and legends that hide nothing of them."""
+
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
 
 from __future__ import annotations
 
 from io import BytesIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class NotebookFigure(Figure):
@@ -20,3 +26,17 @@ class NotebookFigure(Figure):
         picture: Any = self  # matplotlib types its keyword arguments only in part
         picture.savefig(stream, format="png")
         return stream.getvalue()
+
+
+def legend_above(axes: Axes) -> None:
+    """A legend of one line above the axes, where it hides nothing."""
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
+        ncols=4,
+        fontsize=7,
+        frameon=False,
+        columnspacing=1.2,
+        handlelength=1.5,
+    )

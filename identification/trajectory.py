@@ -71,7 +71,7 @@ class Trajectory:
             raise ValueError(f"columns must be one-dimensional and of one length, not {shapes}")
         findings = _defects(self)
         if findings:
-            raise LogRefusedError(findings)
+            raise LogRefusedError(tuple(each.of(self.source) for each in findings))
         object.__setattr__(self, "sample_time", float(np.median(np.diff(self.time))))
 
     def __repr__(self) -> str:

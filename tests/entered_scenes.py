@@ -72,12 +72,21 @@ def _element(some: ElementProfile, name: str, sizes: tuple[float, float, float])
     )
 
 
-def stated_sum(element: ElementProfile) -> float:
-    """|K|·penetration + |B|·speed + |M|·acceleration, N (N·m)."""
+def depth_of(profile: SafeProfile, name: str) -> float:
+    """How deep a hand goes: as stated, else where the spring takes the peak force; m (rad)."""
+    element, limit = profile.elements[name], profile.device.force_limit
+    if element.motion.penetration is not None:
+        return element.motion.penetration
+    assert limit is not None
+    return limit.peak / element.stiffness
+
+
+def stated_sum(profile: SafeProfile, name: str) -> float:
+    """|K|·depth + |B|·speed + |M|·acceleration, N (N·m)."""
+    element = profile.elements[name]
     motion = element.motion
-    assert motion.penetration is not None
     return (
-        abs(element.stiffness) * motion.penetration
+        abs(element.stiffness) * depth_of(profile, name)
         + abs(element.damping) * motion.speed
         + abs(element.mass) * motion.acceleration
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import polars as pl
 import pytest
 import scipy.io
 
-from identification import InvalidInputError, LogColumns, load_trajectory
+from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
 
 ROWS = 300
 TIME = np.arange(ROWS) * 1e-3
@@ -59,3 +61,37 @@ def refusal(
     assert "\n" not in text
     assert len(text) < 600
     return text
+
+
+def assert_is_the_plain_log(folder: Path, path: Path, words: str, **asked: Any) -> None:
+    """A log gives the columns of the plain CSV, and says with which words it was read."""
+    plain, log = load_trajectory(csv(folder)), load_trajectory(path, LogColumns(**asked))
+    for (_, found), (_, true) in zip(log.columns(), plain.columns(), strict=True):
+        np.testing.assert_allclose(found, true, rtol=1e-12, atol=1e-15)
+    assert log.read_as == words
+
+
+def assert_damage_is_refused(whole: bytes, torn: Path, ends: Sequence[int], **asked: Any) -> None:
+    """A file cut at each end is refused; with bytes changed it is read or refused, no more."""
+    columns = LogColumns(**asked)
+    for end in ends:
+        torn.write_bytes(whole[:end])
+        refusal(torn, columns)
+    generator = np.random.default_rng(1)
+    for _ in range(10):
+        content = bytearray(whole)
+        for place in generator.integers(0, len(whole), 4):
+            content[place] ^= int(generator.integers(1, 256))
+        torn.write_bytes(bytes(content))
+        with suppress(InvalidInputError, LogRefusedError):
+            load_trajectory(torn, columns)
+
+
+def assert_extra_is_named(
+    monkeypatch: pytest.MonkeyPatch, path: Path, module: str, missing: str, extra: str
+) -> None:
+    """Without a module the refusal says what is not installed, and the extra that brings it."""
+    monkeypatch.setitem(sys.modules, module, None)
+    said = refusal(path)
+    assert missing in said
+    assert f'pip install "haptune[{extra}]"' in said

@@ -10,7 +10,7 @@ from datasets_synthetic.hand import Hand
 from datasets_synthetic.motion import LARGEST_STEP
 from datasets_synthetic.movers import Loads, RigidMover
 from datasets_synthetic.rig import Rig
-from datasets_synthetic.sampling import read_encoder
+from datasets_synthetic.sampling import Encoder
 from datasets_synthetic.timetable import EvenTimetable
 
 
@@ -50,6 +50,7 @@ class SteppedDevice:
         self._timetable = EvenTimetable(
             rig.delay, rig.sample_time, self._mover.rate(), LARGEST_STEP
         )
+        self._encoder = Encoder(rig.encoder_resolution)
         self._commands = np.zeros(self._timetable.lead + samples)
         self._failed = 0
         self._due = 0
@@ -63,7 +64,7 @@ class SteppedDevice:
             raise OSError("the encoder is gone")
         if self._due >= self._fault.nan_from:
             return float("nan")
-        (reading,) = read_encoder(self._mover.measured(), self._rig.encoder_resolution)
+        (reading,) = self._encoder.read(self._mover.measured())
         self.readings.append(float(reading))
         return float(reading)
 

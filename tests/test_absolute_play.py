@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from identification import load_device
+from tests.wall_axis import Axis
 from tests.wall_campaign import growing, linear_growth
 from tests.wall_cycles import responses
 from tests.wall_devices import MOMENTS, Moment, certified_corners, draw_moment
 from tests.wall_gates import pumped
-from tests.wall_play import Bench
+from tests.wall_play import Bench, Law
 from tune import Scene, optimise
+from tune.loop.filters import Filters
 from tune.stability.responses import Responses
 
 #: Gains are found at the worst frequencies of a grid: up to 2e-6 above a linear limit was seen, and
@@ -76,6 +78,23 @@ def test_responses_are_those_of_the_equations_of_motion() -> None:
             strict=True,
         ):
             np.testing.assert_allclose(theirs[0], unit * ours, rtol=1e-8)
+
+
+def test_no_more_is_found_than_the_linear_limit() -> None:
+    """A mode that hardly dies out, nearly two samples of delay: the worst frequency is sharp."""
+    axis = Axis(
+        mass=0.346303,
+        damping=31.48567,
+        sample_time=2.5e-4,
+        delay_samples=1.993819,
+        mode_hz=82.106777,
+        mode_damping=0.005838452650116918,
+        at_encoder=-0.6057111495957359,
+    )
+    moment = Moment(axis=axis, law=Law(stiffness=8000.0), kind="spring", filters=Filters())
+    gain = moment.proved_gain()
+    assert linear_growth(moment, gain, damper=0.0, inertia=0.0) < 1
+    assert linear_growth(moment, 1.0001 * gain, damper=0.0, inertia=0.0) > 1
 
 
 def test_what_is_proved_does_not_grow() -> None:

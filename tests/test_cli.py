@@ -17,20 +17,23 @@ COMMANDS = {
     "demo": "--json --quiet",
     "new": "--device --output --language --dry-run --json --quiet",
     "doctor": "--time --time-gain --force --position --reference --force-gain --position-gain "
-    "--axis --decimal --hardware --allow --json --quiet",
+    "--axis --decimal --hardware --allow --picture --json --quiet",
     "identify": "--output --time --time-gain --force --position --reference --force-gain "
-    "--position-gain --axis --decimal --hardware --allow --method --dry-run --json --quiet",
-    "tune": "--output --margin --candidates --what-if --dry-run --json --quiet",
+    "--position-gain --axis --decimal --hardware --allow --method --picture --dry-run "
+    "--json --quiet",
+    "tune": "--output --margin --candidates --what-if --picture --dry-run --json --quiet",
     "calibrate": "--scene --output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --margin --candidates "
-    "--dry-run --json --quiet",
+    "--picture --dry-run --json --quiet",
     "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
-    "--acceleration-filter --margin --json --quiet",
-    "check": "--device --json --quiet",
+    "--acceleration-filter --margin --picture --json --quiet",
+    "check": "--device --picture --json --quiet",
     "verify": "--element --gain --release --time --time-gain --force --position --force-gain "
     "--position-gain --axis --decimal --picture --json --quiet",
     "compare": "--json --quiet",
-    "export": "--to --output --dry-run --json --quiet",
+    "export": "--to --output --node --dry-run --json --quiet",
+    "report": "--output --what-if --time --time-gain --force --position --reference --force-gain "
+    "--position-gain --axis --decimal --json --quiet",
     "excite": "--output --picture --dry-run --json --quiet",
     "simulate": "--output --seed --json --quiet",
 }
@@ -121,6 +124,7 @@ def test_demo_writes_its_five_files() -> None:
 def test_json_of_success_is_one_object_and_nothing_else() -> None:
     ended = haptune("tune", "homerehab", "scene.yaml", "--json")
     assert ended.err == ""
+    assert ended.result.pop("details")["profile"]["name"]
     assert ended.result == {
         "schema": "haptune/result/1",
         "command": "tune",
@@ -253,9 +257,17 @@ def test_a_spring_alone_loads_no_solver() -> None:
     loaded = _modules("tune", "homerehab", "scene.yaml")
     assert "tune.optimisation._optimise" in loaded
     assert not heavy & loaded
-    loaded = _modules("check", "profile.yaml")
+    for arguments in ("check profile.yaml", "export profile.yaml --to c,ros2,chai3d,json"):
+        loaded = _modules(*arguments.split())
+        assert "tune.certificate.roots" in loaded
+        assert not heavy & loaded, arguments
+
+
+def test_an_audit_loads_no_solver() -> None:
+    gains = "--stiffness 1000 --damping 10 --mass 1 --velocity-filter 30 --acceleration-filter 30"
+    loaded = _modules("audit", "homerehab", *gains.split())
     assert "tune.certificate.roots" in loaded
-    assert not heavy & loaded
+    assert not {"casadi", "nlopt", "pysindy", "scipy.optimize", "scipy.signal"} & loaded
 
 
 def test_letters_a_terminal_cannot_show_do_not_stop_a_command() -> None:

@@ -18,11 +18,14 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import Controller, bundled, log_text, named_rig, rig_of, simulate
+from identification.findings import CODES
 from tests.commands import haptune
 from tune import load_profile
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+#: Pages whose links have to resolve.
+LINKING = (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md")
 #: Blocks in other languages: shown, not run.
 SHOWN = {"c"}
 #: Commands that install what runs here, and the command that runs this test.
@@ -30,6 +33,9 @@ LEFT_OUT = ("python -m pip install", "python -m pytest")
 #: The element that is played for ``haptune verify``, and its gain.
 PLAYED, GAIN = "rubber", 0.3
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_LINK = re.compile(r"\]\(([^)\s]+)\)")
+#: The README is read in one go.
+README_LINES = 150
 
 
 def _blocks() -> Iterator[tuple[str, str, str]]:
@@ -90,14 +96,59 @@ def test_no_command_stands_outside_a_block_that_is_run() -> None:
         assert not re.search(r"^(    |\t)haptune ", page.read_text(encoding="utf-8"), re.MULTILINE)
 
 
+def test_the_readme_is_short() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= README_LINES
+
+
+def broken_links(page: Path) -> list[str]:
+    """Links of a page, to files or headings of the project, that lead nowhere."""
+    return [link for link in _LINK.findall(page.read_text("utf-8")) if not _resolves(page, link)]
+
+
+def _resolves(page: Path, link: str) -> bool:
+    if link.startswith(("https://", "http://")):
+        return True
+    name, _, anchor = link.partition("#")
+    target = page.parent / name if name else page
+    return target.exists() and (not anchor or anchor in _anchors(target))
+
+
+def _anchors(page: Path) -> set[str]:
+    """Names of the headings of a page, as links spell them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings}
+
+
+@pytest.mark.parametrize("page", LINKING, ids=lambda page: page.name)
+def test_links_resolve(page: Path) -> None:
+    assert broken_links(page) == []
+
+
+def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# A heading\n[a](page.md#a-heading) [b](missing.md) [c](#no-heading)\n")
+    assert broken_links(page) == ["missing.md", "#no-heading"]
+
+
+def test_every_finding_has_its_section_and_its_picture() -> None:
+    text = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+    told = re.findall(r"^### (.*)\n\n!\[(.*)\]\(findings/(.*)\.png\)$", text, re.MULTILINE)
+    assert sorted(told) == [(code,) * 3 for code in sorted(CODES)]
+
+
 def test_every_block_runs_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(bundled("homerehab.csv"), "log.csv")
     ran: set[str] = set()
+    lines: set[str] = set()
     for page, language, text in _blocks():
         if language == "python":
             exec(compile(text, page, "exec"), {})  # noqa: S102
         for line, command in _commands(text) if language == "sh" else ():
+            if line in lines:  # a guide repeats what the README begins with
+                continue
+            lines.add(line)
             program, *arguments = shlex.split(command)
             assert program == "haptune", f"{page}: {command}"
             if arguments[0] == "excite":

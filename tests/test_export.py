@@ -152,6 +152,10 @@ STUB = """\
 #pragma once
 #include <memory>
 namespace chai3d {
+struct cHapticDeviceInfo {
+    double m_maxLinearForce = 100, m_maxLinearStiffness = 300, m_maxLinearDamping = 40;
+    double m_maxAngularTorque = 5, m_maxAngularStiffness = 6, m_maxAngularDamping = 7;
+};
 struct cVector3d {
     double x, y, z;
     double dot(const cVector3d& o) const { return x * o.x + y * o.y + z * o.z; }
@@ -175,7 +179,7 @@ int main()
 {
     for (std::uint64_t element = 1; element <= 4; element <<= 1) {
         auto material = std::make_shared<chai3d::cMaterial>();
-        bool whole = haptune::set_material(material, element);
+        bool whole = haptune::set_material(material, element, 2.0);
         std::printf("%d %g %g %g\\n", whole, material->stiffness, material->viscosity,
             material->damping);
     }
@@ -184,6 +188,12 @@ int main()
     axis.enter(HAPTUNE_ELEMENT_WALL, 0.001, 0);
     chai3d::cVector3d force = axis.force(HAPTUNE_ELEMENT_WALL, 0, place);
     std::printf("%g %g %g %d\\n", force.x, force.y, force.z, (int)axis.status());
+    auto limp = std::make_shared<chai3d::cMaterial>();
+    bool taken = haptune::set_material(limp, 4, 0.0);
+    std::printf("%d %g\\n", taken, limp->stiffness);
+    const auto info = haptune::limited(chai3d::cHapticDeviceInfo());
+    std::printf("%g %g %g %g\\n", info.m_maxLinearForce, info.m_maxLinearStiffness,
+        info.m_maxLinearDamping, info.m_maxAngularTorque);
 }
 """
 
@@ -199,10 +209,13 @@ def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -
         check=True,
     )
     told = subprocess.run([tmp_path / "a.out"], capture_output=True, text=True, check=True).stdout
-    wall, cup, rubber, force = ([float(x) for x in line.split()] for line in told.splitlines())
+    lines = ([float(x) for x in line.split()] for line in told.splitlines())
+    wall, cup, rubber, force, limp, limits = lines
     assert wall == [0, 0, 0, 0]
     assert cup == [0, 0, 0, 0]
-    assert rubber == [1, 700, 0, 0]
+    assert rubber == [1, 350, 0, 0]  # in a world twice as large
+    assert limp == [0, 0]
+    assert limits == [28, 300, 10, 5]
     assert force == pytest.approx([0, -0.5, 0, 0])
     assert "NOT certified" in texts["haptune_chai3d.hpp"]
     assert {**export(tuned(), "c")}.items() <= texts.items()
@@ -213,7 +226,7 @@ def test_a_rotary_axis_has_its_units_and_no_linear_materials() -> None:
     profile = tuned().model_copy(update={"device": device})
     texts = export(profile, "chai3d")
     assert "case HAPTUNE" not in texts["haptune_chai3d.hpp"]
-    assert "torque" in texts["haptune_chai3d.hpp"].lower()
+    assert "std::min(info.m_maxAngularTorque, peak_force)" in texts["haptune_chai3d.hpp"]
     assert "The force (N*m)" in texts["haptune_guard.h"]
 
 

@@ -18,6 +18,8 @@ ALL = {
     "haptune_guard.c",
     "haptune_guard.h",
     "haptune_chai3d.hpp",
+    "haptune_law.py",
+    "haptune_node.py",
     "haptune_params.yaml",
     "haptune_profile.json",
 }

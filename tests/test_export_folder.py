@@ -25,7 +25,9 @@ def test_a_new_folder_is_made_and_used_again() -> None:
         ended = haptune("export", "profile.yaml", "--to", "c,ros2", "-o", "controller", "--json")
         assert ended.code == 0, ended.err
     made = {path.name for path in Path("controller").iterdir()}
-    assert made == {"haptune_guard.h", "haptune_guard.c", "haptune_params.yaml"}
+    assert made == {
+        f"haptune_{name}" for name in ("guard.h", "guard.c", "params.yaml", "law.py", "node.py")
+    }
 
 
 def test_a_dry_run_makes_no_folder() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from identification import load_device
 from tests.entered import Run, played
-from tests.entered_scenes import SCENES, scene_on, stated_sum
+from tests.entered_scenes import SCENES, depth_of, scene_on, stated_sum
 from tests.guard import Guard, built, enter, push
 from tune import SafeProfile, Scene, optimise
 from tune.exporters import export
@@ -110,9 +110,9 @@ def entered_without_a_blow(scene: Played, name: str) -> None:
     limit = scene.profile.device.force_limit
     assert limit is not None
     counts = scene.noise(name)
-    shallow = np.abs(run.place) <= element.motion.penetration
+    shallow = np.abs(run.place) <= depth_of(scene.profile, name)
     assert np.abs(run.force).max() <= limit.peak
-    assert np.abs(run.force[shallow]).max() <= 1.02 * stated_sum(element) + 2 * counts
+    assert np.abs(run.force[shallow]).max() <= 1.02 * stated_sum(scene.profile, name) + 2 * counts
     slows = scene.profile.device.damping.value / scene.profile.device.mass.value * speed
     at_once = abs(element.stiffness) * speed * 1e-3  # a period deep, as that is
     at_once += abs(element.damping) * speed + abs(element.mass) * slows
@@ -165,14 +165,14 @@ def test_one_wrong_reading_never_makes_more_force_than_the_stated_sum(
     scene = scenes[device]
     jump = 6e-4 if device == "homerehab" else 1.5 * largest_change(scene.profile)
     assert jump > 1.2 * largest_change(scene.profile)
-    for name, element in scene.profile.elements.items():
+    for name in scene.profile.elements:
         for at in (BEFORE - 1, BEFORE, BEFORE + 1, BEFORE + 7, BEFORE + 150):
             for size in (jump, -jump):
                 run = scene.entry(name, {at: size})
                 assert run.statuses[at] == "GLITCH"
                 assert set(run.statuses[at + 1 :]) == {"OK"}
-                shallow = np.abs(run.place) <= element.motion.penetration
-                most = 1.02 * stated_sum(element) + 2 * scene.noise(name)
+                shallow = np.abs(run.place) <= depth_of(scene.profile, name)
+                most = 1.02 * stated_sum(scene.profile, name) + 2 * scene.noise(name)
                 assert np.abs(run.force[shallow]).max() <= most
 
 

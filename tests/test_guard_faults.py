@@ -157,7 +157,7 @@ def test_an_encoder_that_jumps_for_good_ends_the_contact_and_is_followed_again(
     ("name", "change", "words"),
     [
         ("cup", {"fade_time": 0.0}, "fade_time says 0 s, an element with mass"),
-        ("cup", {"fade_time": 0.001}, "fades over 0.01 to 10 s"),
+        ("cup", {"fade_time": 0.001}, "fades over 0.1 to 10 s"),
         ("cup", {"one_sided": True}, "one_sided pushes only"),
         ("wall", {"fade_time": 0.1}, "nothing in it fades"),
     ],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,17 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
 
-from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
-from tests.packed_logs import FORCE, POSITION, ROWS, TIME, csv, refusal
+from identification import LogColumns, LogRefusedError, load_trajectory
+from tests.packed_logs import (
+    FORCE,
+    POSITION,
+    ROWS,
+    TIME,
+    assert_damage_is_refused,
+    assert_extra_is_named,
+    assert_is_the_plain_log,
+    refusal,
+)
 
 _HEADER = """
 ================================================================================
@@ -68,13 +76,6 @@ def bag(folder: Path, **topics: tuple[str, Message, range]) -> Path:
 
 
 ALL = range(ROWS)
-
-
-def assert_is_the_plain_log(folder: Path, path: Path, words: str, **asked: Any) -> None:
-    plain, log = load_trajectory(csv(folder)), load_trajectory(path, LogColumns(**asked))
-    for (_, found), (_, true) in zip(log.columns(), plain.columns(), strict=True):
-        np.testing.assert_allclose(found, true, rtol=1e-12, atol=1e-15)
-    assert log.read_as == words
 
 
 def test_fields_of_one_topic(tmp_path: Path) -> None:
@@ -165,30 +166,16 @@ def test_an_index_beyond_the_joints_is_missing(tmp_path: Path) -> None:
 
 def test_torn_and_damaged_bags(tmp_path: Path) -> None:
     whole = bag(tmp_path, arm_joints=(JOINTS, joints, ALL)).read_bytes()
-    torn = tmp_path / "torn.mcap"
-    for end in (4, 100, len(whole) // 2, len(whole) - 10):
-        torn.write_bytes(whole[:end])
-        refusal(torn, LogColumns(**FIELDS))
-    generator = np.random.default_rng(1)
-    for _ in range(10):
-        content = bytearray(whole)
-        for place in generator.integers(0, len(whole), 4):
-            content[place] ^= int(generator.integers(1, 256))
-        torn.write_bytes(bytes(content))
-        with suppress(InvalidInputError, LogRefusedError):
-            load_trajectory(torn, LogColumns(**FIELDS))
+    ends = (4, 100, len(whole) // 2, len(whole) - 10)
+    assert_damage_is_refused(whole, tmp_path / "torn.mcap", ends, **FIELDS)
 
 
 def test_the_extra_names_itself_where_it_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import sys
-
     path = bag(tmp_path, arm_joints=(JOINTS, joints, ALL))
-    monkeypatch.setitem(sys.modules, "mcap.reader", None)
-    said = refusal(path, LogColumns(**FIELDS))
-    assert "mcap and mcap-ros2-support, which read it, are not installed" in said
-    assert 'pip install "haptune[ros]"' in said
+    missing = "mcap and mcap-ros2-support, which read it, are not installed"
+    assert_extra_is_named(monkeypatch, path, "mcap.reader", missing, "ros")
 
 
 @pytest.mark.parametrize(("ending", "step"), [(".db3", "ros2 bag convert"), (".xls", ".xlsx")])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,17 @@ import numpy as np
 import openpyxl
 import pytest
 
-from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
-from tests.packed_logs import FORCE, POSITION, ROWS, TIME, csv, refusal
+from identification import LogRefusedError, load_trajectory
+from tests.packed_logs import (
+    FORCE,
+    POSITION,
+    ROWS,
+    TIME,
+    assert_damage_is_refused,
+    assert_extra_is_named,
+    assert_is_the_plain_log,
+    refusal,
+)
 
 HEADER = ("time", "force", "position")
 SAMPLES = tuple(zip(TIME.tolist(), FORCE.tolist(), POSITION.tolist(), strict=True))
@@ -33,13 +41,6 @@ def workbook(
     path = folder / "log.xlsx"
     book.save(path)
     return path
-
-
-def assert_is_the_plain_log(folder: Path, path: Path, words: str, **asked: Any) -> None:
-    plain, log = load_trajectory(csv(folder)), load_trajectory(path, LogColumns(**asked))
-    for (_, found), (_, true) in zip(log.columns(), plain.columns(), strict=True):
-        np.testing.assert_allclose(found, true, rtol=1e-12, atol=1e-15)
-    assert log.read_as == words
 
 
 def test_a_sheet_is_read_as_the_plain_log(tmp_path: Path) -> None:
@@ -116,18 +117,7 @@ def test_what_is_no_log_is_named(tmp_path: Path, rows: list[Any], said: str) -> 
 
 def test_torn_and_damaged_workbooks(tmp_path: Path) -> None:
     whole = workbook(tmp_path, HEADER, *SAMPLES).read_bytes()
-    torn = tmp_path / "torn.xlsx"
-    for end in (0, 10, 1000, len(whole) - 10):
-        torn.write_bytes(whole[:end])
-        refusal(torn)
-    generator = np.random.default_rng(1)
-    for _ in range(10):
-        content = bytearray(whole)
-        for place in generator.integers(0, len(whole), 4):
-            content[place] ^= int(generator.integers(1, 256))
-        torn.write_bytes(bytes(content))
-        with suppress(InvalidInputError, LogRefusedError):
-            load_trajectory(torn)
+    assert_damage_is_refused(whole, tmp_path / "torn.xlsx", (0, 10, 1000, len(whole) - 10))
 
 
 @pytest.mark.parametrize(
@@ -153,10 +143,6 @@ def test_a_cell_far_away_is_refused(tmp_path: Path, far: bytes, said: str) -> No
 def test_the_extra_names_itself_where_it_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import sys
-
     path = workbook(tmp_path, HEADER, *SAMPLES)
-    monkeypatch.setitem(sys.modules, "openpyxl", None)
-    said = refusal(path)
-    assert "openpyxl, which reads them, is not installed" in said
-    assert 'pip install "haptune[excel]"' in said
+    missing = "openpyxl, which reads them, is not installed"
+    assert_extra_is_named(monkeypatch, path, "openpyxl", missing, "excel")

@@ -44,7 +44,7 @@ FILES: tuple[tuple[tuple[str, ...], str], ...] = (
         ("wall", "fade_time 0.2 has nothing to fade", "leave it out"),
         "elements: {wall: {stiffness: max, damping: 3.0, fade_time: 0.2}}",
     ),
-    (("cup.fade_time", "equal to 0.01"), "elements: {cup: {mass: max, fade_time: 0.001}}"),
+    (("cup.fade_time", "equal to 0.1"), "elements: {cup: {mass: max, fade_time: 0.001}}"),
     (("cup.fade_time", "equal to 10"), "elements: {cup: {mass: max, fade_time: 11}}"),
     (("wall.one_sided", "boolean"), "elements: {wall: {stiffness: max, one_sided: left}}"),
     (("hand", "free-to-rigid", "3"), WALL + "hand: 3"),

@@ -51,7 +51,7 @@ def _parsed(text: str) -> Any:
 
 def test_shipped_schemas_are_up_to_date() -> None:
     """If not: python -m tune.schemas."""
-    assert {f"{name}.json" for name in MODELS} == set(generate())
+    assert {f"{name}.json" for name in (*MODELS, "export", "result")} == set(generate())
     assert set(generate()) == {path.name for path in FOLDER.glob("*.json")}
     for name, text in generate().items():
         assert json.loads((FOLDER / name).read_text(encoding="utf-8")) == json.loads(text), name
@@ -61,6 +61,8 @@ def test_schemas_and_templates_are_in_the_package() -> None:
     for name in MODELS:
         assert (files("tune") / "schemas" / f"{name}.json").is_file()
     written = {"scene.yaml", "hardware.yaml", "excitation.yaml", "player.c", "player.py"}
+    written |= {"law.py", "node.py"}
+    written |= {"report.html", "report.css", "report.js"}
     assert written == {path.name for path in (files("tune") / "templates").iterdir()}
 
 

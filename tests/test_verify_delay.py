@@ -18,7 +18,7 @@ from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune import Scene, optimise
 from tune.loop.filters import Filters
 from tune.verification import Verification, advise, margins_of_others, verify
-from tune.verification.allowed import ModeSeen, allowed_loops
+from tune.verification.allowed import Modes, ModeSeen
 from tune.verification.elements import effects_of, scaled
 from tune.verification.prediction import slowest
 
@@ -142,7 +142,7 @@ def test_the_true_loop_is_among_those_its_mode_allows(
         frequency=(0.9999 * mode.frequency, 1.0001 * mode.frequency),
         decay=(0.999 * mode.decay, 1.001 * mode.decay),
     )
-    allowed = allowed_loops(device, Filters(), effects, narrow, extra=1)
+    allowed = Modes(device, Filters(), effects, extra=1).allow(narrow)
     near = (
         (np.abs(allowed.delay_samples - delay) <= 0.5)
         & (np.abs(allowed.mass / mass - 1) < 0.02)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.wall_gates import Complex, slowest_swing, transitions
-from tests.wall_play import Array, Bench, Mask
+from tests.wall_play import Array, Bench, Gate, Mask
 
 #: What a gate does. ``power`` opens while the force of the element feeds the device, ``swing``
 #: while it lifts the slowest-dying swing of the loop without damper and mass.
@@ -147,7 +147,7 @@ class Played:
 
 def play(
     bench: Bench,
-    gates: Gates,
+    gates: Gate,
     *,
     samples: int,
     push: float | Array = 0.0,

@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.optimisation._optimise import optimise
     from tune.optimisation.candidates import candidates, compared
     from tune.optimisation.candidates_picture import candidates_picture
-    from tune.optimisation.picture import profile_picture
+    from tune.presentation.profile_picture import profile_picture, profile_sheet
     from tune.rendering.ripple import CountJump, count_jump, force_ripple, handle_vibration
     from tune.rendering.vibration import ThresholdCurve, default_thresholds, felt_vibration
     from tune.stability.verdict import (
@@ -100,6 +100,7 @@ __all__ = [
     "perceived_steps",
     "phase_margin",
     "profile_picture",
+    "profile_sheet",
     "safe_gain",
     "slowest_decay",
     "stable_gains",
@@ -131,7 +132,7 @@ _HOMES = {
     "optimisation._optimise": "optimise",
     "optimisation.candidates": "candidates compared",
     "optimisation.candidates_picture": "candidates_picture",
-    "optimisation.picture": "profile_picture",
+    "presentation.profile_picture": "profile_picture profile_sheet",
     "rendering.ripple": "CountJump count_jump force_ripple handle_vibration",
     "rendering.vibration": "ThresholdCurve default_thresholds felt_vibration",
     "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",

@@ -6,7 +6,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import cast
 
-from identification import Device, Quantity, parse_document, quantity, to_mapping
+from identification import (
+    Device,
+    InvalidInputError,
+    Quantity,
+    as_stored,
+    parse_document,
+    quantity,
+    to_mapping,
+)
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.perception import PerceptionTable
 from tune.documents.profile import SafeProfile
@@ -65,12 +73,13 @@ def what_if(
     say = progress or _silent
     known = profile or optimise(device, scene, table=table, progress=say)
     found: list[Alternative] = []
-    for change, content in _changed(device):
-        say(f"tuning for {change}")
-        other = parse_document(Device, content, f"the device with {change}")
+    changes = tuple(_changed(device))
+    for number, (change, content) in enumerate(changes, 1):
+        say(f"tuning for {change} ({number} of {len(changes)})")
         try:
+            other = as_stored(parse_document(Device, content, f"the device with {change}"))
             found.append(_of(change, optimise(other, scene, table=table)))
-        except (NoFeasibleEffectError, CheckFailedError) as error:
+        except (NoFeasibleEffectError, CheckFailedError, InvalidInputError) as error:
             found.append(Alternative(change=change, steps={}, total=0.0, reason=str(error)))
     found.sort(key=lambda each: -each.total)
     return (_of("as it is", known), *found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -36,6 +37,7 @@ class Box:
     position_stiffness: tuple[float, float] = (0.0, 0.0)
 
 
+@cache
 def widening(count: int, freedom: float, confidence: float) -> float:
     """Factor from the half-width of a 95 % interval to that of the simultaneous box.
 

@@ -63,15 +63,20 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
         part = prepare(middle, table.model, most, refine=False)
     costs, best = np.empty(0), 0.0
     for _ in range(_ROUNDS):
-        costs = _costs(part, grid)
+        costs = _costs(part, _basis(part), grid)
         best = _lowest(grid, costs)
-        part = part.refined(best * step)
+        before, part = part, part.refined(best * step)
+        if part is before:
+            break
     if len(trajectory) <= _ROUGH:
         table = part
+    basis = np.empty(0)
     for finer in _FINER:
-        table = table.refined(best * step)
+        before, table = table, table.refined(best * step)
+        if table is not before or not basis.size:
+            basis = _basis(table)
         near = np.clip(best + finer * np.array([-1.0, 0.0, 1.0]), 0.0, MOST_SAMPLES)
-        best = _lowest(near, _costs(table, near))
+        best = _lowest(near, _costs(table, basis, near))
     force = table.force(best * step)
     residual = force - table.solve(best * step) @ table.columns
     # F(t - d) changes with d by its slope; beside the other columns that tells how well d is known.
@@ -88,9 +93,13 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
     )
 
 
-def _costs(table: Regression, samples: FloatArray) -> FloatArray:
+def _basis(table: Regression) -> FloatArray:
+    """Orthonormal columns that span those of the regression, shape (rows, p)."""
+    return np.linalg.qr(unit_columns(table.columns.T)[0])[0]
+
+
+def _costs(table: Regression, basis: FloatArray, samples: FloatArray) -> FloatArray:
     """Sum of squared residuals of the best fit at each delay, in samples."""
-    basis, _ = np.linalg.qr(unit_columns(table.columns.T)[0])
     step = table.signals.step
     forces = table.forces([float(each) * step for each in samples])
     return np.sum((forces - forces @ basis @ basis.T) ** 2, axis=1)

@@ -124,8 +124,10 @@ def spread(
     normal, right = np.empty((count, *shape.shape)), np.empty((count, norms.size))
     for index, (i, j) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
         block = tests[:, i:j]
-        normal[index] = block @ columns[:, i:j].T / shape
-        right[index] = block @ residual[i:j] / sizes
+        normal[index] = block @ columns[:, i:j].T
+        right[index] = block @ residual[i:j]
+    normal /= shape
+    right /= sizes
     whole = normal.sum(axis=0)
     singular = np.linalg.svd(whole, compute_uv=False)
     weakest = max(singular[-1], _NOTHING * singular[0], np.finfo(float).tiny)

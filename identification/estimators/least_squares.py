@@ -96,10 +96,13 @@ class Regression:
         """The same log and filter with other terms."""
         intervals = self.signals.speed.size
         motion = self.motion if model.coulomb else Motion.always(intervals, self.signals.steps)
-        return replace(self, model=model).with_motion(motion)
+        return replace(self, model=model)._moved(motion)
 
     def with_motion(self, motion: Motion) -> Regression:
-        """The same log with another direction of motion."""
+        """The same log with another direction of motion; itself where that is no other."""
+        return self if motion is self.motion else self._moved(motion)
+
+    def _moved(self, motion: Motion) -> Regression:
         same = np.array_equal(motion.moving, self.motion.moving)
         forces = self.filtered_forces if same else {}
         return replace(self, motion=motion, filtered_forces=forces)._with_terms()
@@ -196,9 +199,8 @@ class Regression:
         if not self.model.coulomb:
             return self
         signals = self.signals
-        applied = self.held_force(delay).mean()
-        smoothed = self.low_pass.continued(signals.speed)
-        table, before = self, np.empty(0)
+        applied = smoothed = before = np.empty(0)
+        table = self
         for _ in range(REFINEMENTS):
             values = dict(zip(self.model.parameters, table.solve(delay), strict=True))
             friction = values["coulomb_friction"]
@@ -208,6 +210,9 @@ class Regression:
             if values["mass"] <= 0 or np.any(np.abs(friction - before) < SETTLED * friction):
                 break
             before = np.append(before, friction)
+            if not smoothed.size:
+                applied = self.held_force(delay).mean()
+                smoothed = self.low_pass.continued(signals.speed)
             motion = refined(
                 table.motion,
                 smoothed,

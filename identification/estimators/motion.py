@@ -53,7 +53,9 @@ class Motion:
         return cls(direction=Held.constant(ones, steps), moving=ones)
 
     def released(self) -> Motion:
-        """The same direction, and nothing that holds the device still."""
+        """The same direction, and nothing that holds the device still; itself if nothing does."""
+        if np.all(self.moving == 1):
+            return self
         return replace(self, moving=np.ones_like(self.moving))
 
 

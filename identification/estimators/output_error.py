@@ -9,7 +9,8 @@ residual then shows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from identification.estimators import unlogged
 from identification.estimators.answer import Point, answer
 from identification.estimators.drive import Drive
+from identification.estimators.held import Held
 from identification.estimators.held_response import Coasting, Gain
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
@@ -40,6 +42,14 @@ _DOUBTED = 0.05
 _LONG = 1 << 14
 
 
+class _Acting(NamedTuple):
+    """The device at one θ, its inputs, and what each of them adds in every interval."""
+
+    device: Coasting
+    inputs: tuple[Held, ...]
+    gains: tuple[Gain, ...]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Problem:
     """Position of one log as a separable model in θ = (p,) or (p, delay).
@@ -49,11 +59,13 @@ class _Problem:
         position: measured, about its mean, m, shape (n,).
         known: first sample after intervals that feel only logged forces; what happens before is
             in q0 and v0.
+        last: what acted at the last θ looked at, by its bytes.
     """
 
     drive: Drive
     position: FloatArray
     known: int
+    last: dict[bytes, _Acting] = field(default_factory=dict[bytes, _Acting])
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -67,12 +79,21 @@ class _Problem:
     def _delay(self, theta: FloatArray) -> float:
         return float(theta[1]) if self.drive.delay is None else self.drive.delay
 
+    def _acting(self, theta: FloatArray) -> _Acting:
+        """Slopes are asked for at the θ that columns were made for last."""
+        key = theta.tobytes()
+        if key not in self.last:
+            device = Coasting.at(float(theta[0]), self.drive.steps)
+            inputs = self.drive.inputs(self._delay(theta))
+            self.last.clear()
+            self.last[key] = _Acting(device, inputs, tuple(device.gain(held) for held in inputs))
+        return self.last[key]
+
     def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        device = Coasting.at(float(theta[0]), self.drive.steps)
-        inputs = self.drive.inputs(self._delay(theta))
-        columns = np.empty((len(inputs) + 2, self.position.size - self.known))
-        for index, held in enumerate(inputs):
-            columns[index] = device.position(device.gain(held))[0][self.known :]
+        device, _, gains = self._acting(theta)
+        columns = np.empty((len(gains) + 2, self.position.size - self.known))
+        for index, gain in enumerate(gains):
+            columns[index] = device.position(gain)[0][self.known :]
         nothing = np.zeros(self.position.size - 1)
         resting = Gain(velocity=nothing, distance=nothing)
         columns[-2] = device.position(resting, start=1.0)[0][self.known :]
@@ -81,14 +102,13 @@ class _Problem:
 
     def slopes(self, theta: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
         del residual
-        device = Coasting.at(float(theta[0]), self.drive.steps)
+        device, inputs, gains = self._acting(theta)
         velocity, distance, added = (np.zeros(self.position.size - 1) for _ in range(3))
-        inputs = self.drive.inputs(self._delay(theta))
-        for weight, held in zip(weights, inputs, strict=False):
+        for weight, held, driven in zip(weights, inputs, gains, strict=False):
             slope = device.slope_by_rate(held)
             velocity += weight * slope.velocity
             distance += weight * slope.distance
-            added += weight * device.gain(held).velocity
+            added += weight * driven.velocity
         speed = device.speed(added, start=float(weights[-2]))
         gain = Gain(velocity=velocity, distance=distance)
         slopes = [device.position_slope(speed, gain)[self.known :]]

@@ -66,17 +66,25 @@ class Candidate:
 
     Attributes:
         family: "multisine", "swept-sine" or "binary".
-        description: its frequencies in words.
+        band: its lowest and its highest frequency, Hz.
+        lines: how many frequencies it has; 0 where it sweeps through all of the band.
         force: N (N·m), shape (n,), held from sample to sample, zero at both ends.
         prediction: motion of the guessed device and Cramér-Rao bound.
         used: parts of the limits that the worst corner uses.
     """
 
     family: Family
-    description: str
+    band: tuple[float, float]
+    lines: int
     force: FloatArray
     prediction: Prediction
     used: Used
+
+    @property
+    def description(self) -> str:
+        """Its frequencies in words."""
+        lines = f"{self.lines} lines, " if self.lines else ""
+        return f"{lines}{self.band[0]:.3g} to {self.band[1]:.3g} Hz"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,7 +226,8 @@ def _fitted(
     )
     return Candidate(
         family=shape.family,
-        description=shape.description,
+        band=shape.band,
+        lines=shape.lines,
         force=force,
         prediction=prediction,
         used=used,

@@ -43,12 +43,14 @@ class Shape:
 
     Attributes:
         family: of signals.
-        description: its frequencies in words.
+        band: its lowest and its highest frequency, Hz.
+        lines: how many frequencies it has; 0 where it sweeps through all of the band.
         force: N at any times (s), the first limit just reached on the bench.
     """
 
     family: Family
-    description: str
+    band: tuple[float, float]
+    lines: int = 0
     force: Callable[[FloatArray], FloatArray]
 
 
@@ -114,8 +116,8 @@ def _multisine(bench: Bench, lines: NDArray[np.int64], seed: int) -> Shape:
     weights = free @ point
     return Shape(
         family="multisine",
-        description=f"{lines.size} lines, {lines[0] / spec.duration:.3g} to "
-        f"{lines[-1] / spec.duration:.3g} Hz",
+        band=(float(lines[0] / spec.duration), float(lines[-1] / spec.duration)),
+        lines=int(lines.size),
         force=lambda time: waves(time) @ weights,
     )
 
@@ -155,8 +157,8 @@ def _best_sweep(
                 merit = bench.score(force(bench.time))[0]
             except np.linalg.LinAlgError:  # nothing but one frequency and no friction told apart
                 continue
-            words = f"{first:.3g} to {last:.3g} Hz"
-            found.append((merit, Shape(family=family, description=words, force=force)))
+            band = (float(first), float(last))
+            found.append((merit, Shape(family=family, band=band, force=force)))
     found.sort(key=lambda each: each[0])
     return [shape for _, shape in found[:_SWEEPS]]
 

@@ -1,21 +1,18 @@
-"""CSV files: one header line, then rows of numbers."""
+"""CSV files: one header line, then rows of numbers.
+
+Numbers alone are read here, without the table library, which takes longer to load.
+"""
 
 from __future__ import annotations
 
+import re
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import (
-    FloatArray,
-    LogColumns,
-    Reading,
-    quoted,
-    wanted_columns,
-)
+from identification.readers.columns import LogColumns, Reading, wanted_columns
 from identification.readers.limits import (
     refuse_long,
     refuse_open_quote,
@@ -23,50 +20,63 @@ from identification.readers.limits import (
     refuse_wide,
 )
 
-if TYPE_CHECKING:
-    import polars
-
 #: Separators tried; the one most frequent in the header wins, the first of equals.
 _SEPARATORS = ",;\t"
 #: What a line without a name consists of: its end, and the mark of a file in UTF-8.
 _NOTHING = b"\xef\xbb\xbf\r\n"
+#: Bytes. Beyond it the time to load the table library is earned back.
+_LARGEST = 8_000_000
+#: Anything but numbers, separators and line ends.
+_OTHER = re.compile(rb"[^0-9.eE+\-,;\t\n]")
 
 
 def read_csv(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role; empty cells are NaN. Raises InvalidInputError."""
-    import polars as pl
-
     refuse_packed(path, content)
     refuse_long(path, content.count(b"\n") - 1)
     header = _header(path, content)
     separator = max(_SEPARATORS, key=lambda mark: header.count(mark.encode()))
     refuse_wide(path, header, header.count(separator.encode()) + 1)
-    stored = _table(path, header, separator, n_rows=0).columns
-    # A header line that begins with # comes from loggers that mark it as a comment.
-    shown = [name.strip("# ") for name in stored]
-    if not {columns.time, columns.force, columns.position} <= set(shown):
-        from identification.readers.recognition import refuse_preamble
+    reading = read_plain_numbers(path, content, separator, columns)
+    if reading is None:
+        from identification.readers.cells import read_cells
 
-        refuse_preamble(path, content, separator, columns)
-    wanted = wanted_columns(path, columns, shown, table=True)
-    for name in wanted.values():
-        # The second is the reader's own name for another column of one name.
-        if shown.count(name) > 1 or f"{name}_duplicated_0" in shown:
-            raise InvalidInputError(
-                path, f"has two columns named '{quoted(name)}'", "Rename one of them"
-            )
-    stored_as = dict(zip(shown, stored, strict=True))
-    names = list(dict.fromkeys(stored_as[name] for name in wanted.values()))
-    numbers: dict[str, Any] = dict.fromkeys(names, pl.Float64)
+        reading = read_cells(path, content, header, separator, columns)
+    return reading
+
+
+def read_plain_numbers(
+    path: Path, content: bytes, separator: str, columns: LogColumns
+) -> Reading | None:
+    """Columns by role of a table whose every cell is a number with a decimal point.
+
+    Args:
+        path: the file, for messages.
+        content: UTF-8 text, all of the file.
+        separator: of the columns.
+        columns: what the user asked for.
+
+    Returns:
+        None for a table that is larger or not as plain: quotes, repeated or missing names, rows of
+        other lengths, empty cells or cells that are no number.
+    """
+    if len(content) > _LARGEST:
+        return None
+    header, _, body = content.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
+    body = body.replace(b"\r\n", b"\n").removesuffix(b"\n")
+    if not body or b'"' in header or _OTHER.search(body):
+        return None
     try:
-        table = _parsed(content, separator, columns=names, schema_overrides=numbers)
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError):
-        from identification.readers.recognition import refuse_other_rows
-
-        # Ten times slower and larger, but it tells spaces from words and names the cell.
-        table = _table(path, content, separator, columns=names)
-        refuse_other_rows(path, table)
-    values = {role: _numbers(path, table[stored_as[name]], name) for role, name in wanted.items()}
+        names = [name.strip("# ") for name in header.decode().strip("\r").split(separator)]
+        wanted = wanted_columns(path, columns, names, table=True)
+        cells = {line.count(separator.encode()) + 1 for line in body.split(b"\n")}
+        if len(set(names)) < len(names) or cells != {len(names)}:
+            return None
+        places = [names.index(name) for name in wanted.values()]
+        table = np.loadtxt(BytesIO(body), delimiter=separator, usecols=places, ndmin=2)
+    except (InvalidInputError, ValueError):
+        return None
+    values = {role: column.copy() for role, column in zip(wanted, table.T, strict=True)}
     return Reading(values=values, names=wanted)
 
 
@@ -75,52 +85,3 @@ def _header(path: Path, content: bytes) -> bytes:
     header = next((line for line in BytesIO(content) if line.strip(_NOTHING)), b"")
     refuse_open_quote(path, header)
     return header
-
-
-def _parsed(content: bytes, separator: str, **options: Any) -> polars.DataFrame:
-    import polars as pl
-
-    return pl.read_csv(
-        BytesIO(content),
-        separator=separator,
-        infer_schema=False,
-        encoding="utf8-lossy",
-        **options,
-    )
-
-
-def _table(path: Path, content: bytes, separator: str, **options: Any) -> polars.DataFrame:
-    """The table as text. Raises InvalidInputError where it is none."""
-    import polars as pl
-
-    try:
-        return _parsed(content, separator, **options)
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError) as error:
-        reason = " ".join(str(error).split("\n")[0].split())[:200]
-        raise InvalidInputError(
-            path,
-            f"is not a table of equally long rows ({reason})",
-            "Export it again as CSV with one header line",
-        ) from None
-
-
-def _numbers(path: Path, cells: polars.Series, name: str) -> FloatArray:
-    """A column as numbers; an empty cell is NaN, any other text is refused by its row."""
-    import polars as pl
-
-    numbers = cells
-    if cells.dtype == pl.String:
-        text = cells.str.strip_chars()
-        numbers = text.cast(pl.Float64, strict=False)
-        wrong = (numbers.is_null() & text.is_not_null() & (text != "")).fill_null(value=False)
-        first = wrong.arg_true()
-        if first.len():
-            row = int(first[0])
-            # Row 1 is the header, so the first cell below it stands in row 2.
-            raise InvalidInputError(
-                path,
-                f"column '{quoted(name)}' holds '{quoted(str(cells[row]))}' in row {row + 2}, "
-                "which is not a number",
-                "Write numbers with a decimal point, and leave missing cells empty",
-            )
-    return np.asarray(numbers.fill_null(float("nan")).to_numpy(), dtype=np.float64)

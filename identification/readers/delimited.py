@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import FloatArray, Reading, quoted
+from identification.readers.cells import as_pointed, numbers_of
+from identification.readers.columns import FloatArray, Reading
 from identification.readers.dialect import Dialect
 from identification.readers.limits import refuse_long, refuse_packed
 from identification.readers.recognition import refuse_other_rows
@@ -39,13 +38,15 @@ def read_delimited(path: Path, content: bytes, dialect: Dialect) -> Reading:
     if separator == " " and (body.startswith((b" ", b"\t")) or any(run in body for run in _RUNS)):
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", body)
         body, separator = re.sub(rb"[ \t]+", b"\t", body), "\t"
-    values = _quickly(body, separator, dialect)
+    values = _quickly(path, body, separator, dialect)
     if values is None:
         values = _as_text(path, body, separator, dialect)
     return Reading(values=values, names=dialect.layout.wanted, notes=dialect.notes)
 
 
-def _quickly(body: bytes, separator: str, dialect: Dialect) -> dict[str, FloatArray] | None:
+def _quickly(
+    path: Path, body: bytes, separator: str, dialect: Dialect
+) -> dict[str, FloatArray] | None:
     """Columns by role; None where a cell is no number with a decimal point."""
     import polars as pl
 
@@ -55,7 +56,11 @@ def _quickly(body: bytes, separator: str, dialect: Dialect) -> dict[str, FloatAr
         table = _table(body, separator, dialect, pl.Float64())
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError):
         return None
-    return {role: _as_array(table[name]) for role, name in dialect.layout.wanted.items()}
+    layout = dialect.layout
+    return {
+        role: numbers_of(path, name, table[name], first=layout.first + 1)
+        for role, name in layout.wanted.items()
+    }
 
 
 def _as_text(path: Path, body: bytes, separator: str, dialect: Dialect) -> dict[str, FloatArray]:
@@ -72,9 +77,12 @@ def _as_text(path: Path, body: bytes, separator: str, dialect: Dialect) -> dict[
             f"is not a table of equally long rows below line {layout.header + 1} ({reason})",
             "Export it again as CSV with one header line",
         ) from None
-    refuse_other_rows(path, table.with_columns(_as_pointed(pl.all(), dialect)), layout.first + 1)
+    refuse_other_rows(
+        path, table.with_columns(as_pointed(pl.all(), dialect.decimal)), layout.first + 1
+    )
     return {
-        role: _numbers(path, table[name], dialect, name) for role, name in layout.wanted.items()
+        role: numbers_of(path, name, table[name], first=layout.first + 1, decimal=dialect.decimal)
+        for role, name in layout.wanted.items()
     }
 
 
@@ -105,34 +113,3 @@ def _start_of(content: bytes, line: int) -> int:
     for _ in range(line):
         place = content.index(b"\n", place) + 1
     return place
-
-
-def _as_pointed(cells: Any, dialect: Dialect) -> Any:
-    text = cells.str.strip_chars()
-    if dialect.decimal == "point":
-        return text
-    return text.str.replace_all(".", "'", literal=True).str.replace(",", ".", literal=True)
-
-
-def _numbers(path: Path, cells: polars.Series, dialect: Dialect, name: str) -> FloatArray:
-    """A column as numbers; an empty cell is NaN, any other text is refused by its row."""
-    import polars as pl
-
-    text = _as_pointed(cells, dialect)
-    numbers = text.cast(pl.Float64, strict=False)
-    wrong = (numbers.is_null() & text.is_not_null() & (text != "")).fill_null(value=False)
-    first = wrong.arg_true()
-    if first.len():
-        row = int(first[0])
-        raise InvalidInputError(
-            path,
-            f"column '{quoted(name)}' holds '{quoted(str(cells[row]))}' in row "
-            f"{row + dialect.layout.first + 1}, which is not a number with a decimal "
-            f"{dialect.decimal}",
-            "Write all numbers alike, and leave missing cells empty",
-        )
-    return _as_array(numbers)
-
-
-def _as_array(numbers: polars.Series) -> FloatArray:
-    return np.asarray(numbers.fill_null(float("nan")).to_numpy(), dtype=np.float64)

@@ -138,4 +138,4 @@ def refuse_clock(trajectory: Trajectory, column: str) -> None:
         needed=f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s",
         remedy=f"{remedy}, or name the right column with --time.",
     )
-    raise LogRefusedError((finding,))
+    raise LogRefusedError((finding.of(trajectory.source),))

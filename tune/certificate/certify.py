@@ -12,12 +12,13 @@ import numpy as np
 
 from tune.certificate.bounds import force_failures, passivity_failures, ripple_failures
 from tune.certificate.felt import felt_failures
+from tune.certificate.levels import judge_levels
 from tune.certificate.point import Point, Setting, setting_of
 from tune.certificate.proof import Claim, prove
 from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import Region, regions_of
 from tune.certificate.words import assumptions, method, not_assessed
-from tune.certificate.worst import Worst, worst_point
+from tune.certificate.worst import Worst, worst_points
 from tune.documents.certified import (
     AbsoluteStability,
     Certificate,
@@ -95,6 +96,11 @@ def certify(
         if not all(proved):
             # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
             continue
+        cells, failure = judge_levels(design, moment, regions, most_cells or MOST_CELLS)
+        found.cells += cells
+        if failure is not None:
+            found.failures.append(failure)
+            continue
         if any(design.elements[name].one_sided or design.elements[name].cut for name in moment):
             from tune.certificate.switched import judge_switched
 
@@ -152,8 +158,8 @@ def _judge(
     where = " + ".join(moment) + (" in a hand" if region.hand is not None else "")
     named = list(_claims(design, moment))
     unstable = False
-    for each in named:
-        worst = worst_point(region, setting, each.claim)
+    searched = worst_points(region, setting, [each.claim for each in named])
+    for each, worst in zip(named, searched, strict=True):
         found.points += worst.judged
         if worst.verdict.answer != "stable":
             unstable = True
@@ -169,12 +175,14 @@ def _judge(
     if proof.proved:
         return True
     assert proof.doubt is not None
-    for each in named:
-        worst = worst_point(region, setting, each.claim, proof.doubt, thorough=_THOROUGH)
+    doubted = worst_points(
+        region, setting, [each.claim for each in named], proof.doubt, thorough=_THOROUGH
+    )
+    for each, worst in zip(named, doubted, strict=True):
         if worst.verdict.answer != "stable":
             _refuse(found, moment, where, each, worst)
             return False
-    worst = worst_point(region, setting, named[0].claim)
+    worst = searched[0]
     found.failures.append(
         f"{where}: not proved for every device of the box within {proof.cells} cells; nothing "
         f"unstable was found, worst is a pole radius of {worst.verdict.radius:.9g} at "

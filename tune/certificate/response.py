@@ -14,6 +14,7 @@ aliases are sums of inverse powers and a bounded rest.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,20 +121,22 @@ def at_ends(response: Response, low: FloatArray, high: FloatArray) -> tuple[Form
     return bottom, top
 
 
-def one_sided(bottom: Form, top: Form) -> NDArray[np.bool_]:
-    """Both forms strictly on the same side of some line through zero.
+def one_sided(*forms: Form) -> NDArray[np.bool_]:
+    """All forms strictly on the same side of some line through zero.
 
-    The best line runs along an edge of one of the two sets, or square to one of the centres.
+    The best line runs along an edge of one of the sets, or square to one of the centres.
     """
-    excluded = np.zeros(bottom.centre.shape, dtype=np.bool_)
-    middle = bottom.centre / np.abs(bottom.centre) + top.centre / np.abs(top.centre)
-    normals = [bottom.centre, top.centre, middle]
-    normals += [1j * slope for form in (bottom, top) for slope in form.slopes]
+    excluded = np.zeros(forms[0].centre.shape, dtype=np.bool_)
+    middle = np.zeros_like(forms[0].centre)
+    for form in forms:
+        middle = middle + form.centre / np.abs(form.centre)
+    normals = [*(form.centre for form in forms), middle]
+    normals += [1j * slope for form in forms for slope in form.slopes]
     for normal in normals:
         unit = normal / np.abs(normal)
         # Turned so that the centres are on the positive side.
         unit = unit * np.where((np.conj(unit) * middle).real < 0, -1, 1)
-        clear = np.minimum(_clearance(bottom, unit), _clearance(top, unit))
+        clear = reduce(np.minimum, (_clearance(form, unit) for form in forms))
         excluded |= clear > 0
     return excluded
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +28,16 @@ class Loops:
     open: FloatArray
     feedback: FloatArray
 
+    def rows(self, start: int, stop: int) -> Loops:
+        """The loops of some of the points."""
+        return Loops(self.open[start:stop], self.feedback[start:stop])
+
     def radius(self, gain: float) -> FloatArray:
         """Largest pole modulus at a gain, by companion matrices; inf where doubles overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
             full = self.open + gain * self.feedback
+            # Poles at zero that all loops have in common are left out.
+            full = full[:, : np.flatnonzero(full.any(axis=0))[-1] + 1]
             monic = full[:, 1:] / full[:, :1]
         size = monic.shape[1]
         companion = np.zeros((len(full), size, size))
@@ -72,8 +79,8 @@ def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: F
     augmented = np.zeros((len(step), size + 1, size + 1))
     augmented[:, :size, :size] = motion
     augmented[:, :size, size] = drive
-    after = _exponential(augmented * ((1 - fraction) * step)[:, None, None])
-    before = _exponential(augmented * (fraction * step)[:, None, None])
+    times = np.stack([(1 - fraction) * step, fraction * step])
+    after, before = _exponential(augmented * times[:, :, None, None])
     transition = after[:, :size, :size] @ before[:, :size, :size]
     new = after[:, :size, size]
     old = (after[:, :size, :size] @ before[:, :size, size:])[..., 0]
@@ -191,16 +198,18 @@ def _resolvent(
 def _laws(setting: Setting, step: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Numerator and denominator of the law of each point; a zero at z = 1 left out."""
     steps, which = np.unique(step, return_inverse=True)
-    tops: list[list[float]] = []
-    bottoms: list[list[float]] = []
+    laws = [_law_at(setting, float(each)) for each in steps]
+    return np.array([top for top, _ in laws])[which], np.array([low for _, low in laws])[which]
+
+
+@lru_cache(maxsize=1024)
+def _law_at(setting: Setting, step: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Numerator and denominator of the law at one sample time, of equal length."""
     with precision():
-        for each in steps:
-            law = law_of(setting, float(each))
-            top = [float(c) for c in law.numerator.coeffs()][::-1]
-            bottom = [float(c) for c in law.denominator.coeffs()][::-1]
-            tops.append([0.0] * (len(bottom) - len(top)) + top)
-            bottoms.append(bottom)
-    return np.array(tops)[which], np.array(bottoms)[which]
+        law = law_of(setting, step)
+        top = [float(c) for c in law.numerator.coeffs()][::-1]
+        bottom = [float(c) for c in law.denominator.coeffs()][::-1]
+    return (*[0.0] * (len(bottom) - len(top)), *top), tuple(bottom)
 
 
 def _convolved(a: FloatArray, b: FloatArray) -> FloatArray:

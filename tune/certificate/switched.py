@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
 from tune.certificate.point import Setting
@@ -64,6 +65,12 @@ def judge_switched(
             f"{witness.extra_delay_samples:.6g} extra samples, the margin asks for {least:.6g} "
             f"with {extra:.6g}"
         )
+    if _apart(design, moment):
+        return Outcome(
+            failure=f"{where}: pushes on one side only, or is cut, beside several elements that "
+            "fade and whose masses and negative effects are not alike, so that their levels are "
+            "not proved one by one. Let only one of them be felt together with it"
+        )
     switched, steady = split(design, moment, setting)
     claim = Claim(gain=witness.gain, extra=extra)
     cells = 0
@@ -99,6 +106,16 @@ def split(
     if not against and not any(element.mass for element in chosen):
         return switched, None
     return switched, replace(setting, stiffness=0.0, damping=against, mass=mass)
+
+
+def _apart(design: Design, moment: tuple[str, ...]) -> bool:
+    """Whether levels of its own for each element give sums that no common level gives."""
+    chosen = [design.elements[name] for name in moment]
+    steady = [(each.mass, min(each.damping, 0.0)) for each in chosen if each.fades]
+    return any(
+        mass * other_loss != other_mass * loss or mass * other_mass < 0
+        for (mass, loss), (other_mass, other_loss) in combinations(steady, 2)
+    )
 
 
 def _prove(

@@ -36,7 +36,8 @@ TAKEN_ON_TRUST = (
     Trusted(key="elements.*.one_sided", reason="as asked for; that nothing in it pulls is checked"),
     Trusted(
         key="elements.*.fade_time",
-        reason="as asked for; that all that must not be switched fades is checked",
+        reason="as asked for or found; that all that must not be switched fades is checked, not "
+        "once more whether a hand could pump it",
     ),
     Trusted(
         key="elements.*.as_commanded",

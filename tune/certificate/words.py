@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identification import Device
-from tune.documents.effects import EFFECT_NAMES
+from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.profile import Design
 
 METHOD = (
@@ -31,6 +31,28 @@ SLOW_ELSEWHERE = (
     "moment; masses and negative effects fade slowly and are not cut"
 )
 _ASSUMES_WITH_WALLS = (ASSUMES[0], LINEAR_ELSEWHERE, SLOW_ELSEWHERE, *ASSUMES[3:])
+#: Of designs in which something fades, or does beside what is one-sided or cut.
+FADES = (
+    "elements with mass or a negative effect fade over fade_time: proved at every constant level "
+    "of each; that no hand pumps by entering and leaving in time was looked for in waves of the "
+    "level on the device alone, and is not proved"
+)
+FADING_SPRINGS = (
+    "elements whose spring fades with their mass are entered and left all the way: on a device "
+    "that loses little, a hand that hovers between could pump it"
+)
+NOT_CUT = (
+    "the force of masses and negative effects is not cut: where a wall is pushed so hard that the "
+    "sum reaches the force limit, the hand is taken to hold it without swinging"
+)
+MISSED = (
+    "a period missed at a wall counts as one extra sample of delay for all of the contact; periods "
+    "missed by chance were played, not proved"
+)
+CURVE = (
+    "friction that rises with speed is rehearsed as damping of its least and its largest slope, "
+    "not as the curve"
+)
 MULTIPLIER = (
     "; absolute stability by the stated multipliers, their condition shown in every cell of the box"
 )
@@ -95,6 +117,10 @@ def assumptions(design: Design) -> tuple[str, ...]:
     device = design.device
     return (
         *(ASSUMES if not _walls(design) else _ASSUMES_WITH_WALLS),
+        *((FADES,) if _fades(design) else ()),
+        *((FADING_SPRINGS,) if _fades(design, "stiffness") else ()),
+        *((NOT_CUT,) if _fades(design) and _walls(design) else ()),
+        *((MISSED,) if _walls(design) else ()),
         *taken_on_trust(device),
         NO_HAND if design.hand is None else WITH_HAND,
         *(() if device.slope_at_zero == 0 else (SPRUNG,)),
@@ -114,7 +140,11 @@ def _held(device: Device) -> tuple[str, ...]:
 
 def not_assessed(design: Design) -> tuple[str, ...]:
     """What the proof leaves out."""
-    return _uncovered(design) + (NOT_ASSESSED_OF_WALLS if _walls(design) else NOT_ASSESSED)
+    return (
+        *_uncovered(design),
+        *(NOT_ASSESSED_OF_WALLS if _walls(design) else NOT_ASSESSED),
+        *(() if design.device.damping_slope is None else (CURVE,)),
+    )
 
 
 def method(design: Design) -> str:
@@ -126,6 +156,14 @@ def _walls(design: Design) -> bool:
     """Whether some moment is proved absolutely stable."""
     return any(
         element.one_sided or (element.stiffness and element.motion.penetration is None)
+        for element in design.elements.values()
+    )
+
+
+def _fades(design: Design, effect: EffectName | None = None) -> bool:
+    """Whether some element fades, one with an effect if that is named."""
+    return any(
+        element.fades and (effect is None or getattr(element, effect))
         for element in design.elements.values()
     )
 

@@ -8,18 +8,22 @@ was wrong, and never that a region is stable.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tune.certificate.forms import FloatArray
 from tune.certificate.point import Point, Setting
 from tune.certificate.proof import Claim
 from tune.certificate.region import Region
 from tune.certificate.roots import Verdict, judge
-from tune.certificate.sampled import sampled_loops, whole_circle
+from tune.certificate.sampled import Loops, sampled_loops, whole_circle
+
+#: What a climb raises, of every loop.
+Aim = Callable[[Loops], FloatArray]
 
 #: Sides up to which every corner is looked at; beyond, as many corners by chance.
 _ALL_CORNERS = 6
@@ -50,53 +54,165 @@ def worst_point(
     starts: FloatArray | None = None,
     thorough: int = 1,
 ) -> Worst:
-    """Search a region.
+    """Search a region for one claim; see ``worst_points``."""
+    return worst_points(region, setting, [claim], starts, thorough)[0]
+
+
+def worst_points(
+    region: Region,
+    setting: Setting,
+    claims: Sequence[Claim],
+    starts: FloatArray | None = None,
+    thorough: int = 1,
+) -> list[Worst]:
+    """Search a region for each of some claims.
+
+    All climb at once, for what takes time is how often loops are computed, not how many.
 
     Args:
         region: the box.
         setting: what is played.
-        claim: gain and extra delay.
+        claims: gain and extra delay of each.
         starts: further starting points, one a column: the region's sides, then extra samples.
         thorough: multiplies chance points and climbers.
-    """
-    sides = (*region.sides(), (0.0, claim.extra))
-    low, high = np.array(sides).T
-    free = np.flatnonzero(high > low)
 
-    def unfolded(parts: FloatArray) -> FloatArray:
-        values = np.repeat(((low + high) / 2)[:, None], parts.shape[1], axis=1)
-        # Ends are met exactly.
-        within = low[free, None] * (1 - parts) + high[free, None] * parts
-        values[free] = within
+    Returns:
+        One a claim, in their order.
+    """
+    boxes = [_Box.of(region, claim) for claim in claims]
+    parts = [box.starts(starts, thorough) for box in boxes]
+
+    def loops_at(places: Sequence[FloatArray]) -> list[Loops]:
+        values = np.hstack(places)
+        loops = sampled_loops(region, setting, values[:-1], values[-1])
+        ends = np.cumsum([each.shape[1] for each in places])
+        return [
+            loops.rows(end - each.shape[1], end) for end, each in zip(ends, places, strict=True)
+        ]
+
+    begun = loops_at([box.unfolded(each) for box, each in zip(boxes, parts, strict=True)])
+    climbs = [
+        _Climb.of(box, each, aim, aim(loops), _CLIMBERS * thorough)
+        for box, each, loops in zip(boxes, parts, begun, strict=True)
+        for aim in box.aims()
+    ]
+    rising = [each for each in climbs if len(each.box.free)]
+    for step in _STEPS if rising else ():
+        tried = [each.tried(step) for each in rising]
+        found = loops_at([each.box.unfolded(x) for each, x in zip(rising, tried, strict=True)])
+        for each, x, loops in zip(rising, tried, found, strict=True):
+            each.take(x, each.aim(loops))
+    return [
+        _worst(
+            region, setting, box, np.hstack([each.highest() for each in climbs if each.box is box])
+        )
+        for box in boxes
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Box:
+    """The sides of a region and the extra delay of a claim.
+
+    Attributes:
+        claim: gain and extra delay.
+        low: ends of the sides, the extra delay last.
+        high: likewise.
+        free: sides that have a width.
+    """
+
+    claim: Claim
+    low: FloatArray
+    high: FloatArray
+    free: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, region: Region, claim: Claim) -> _Box:
+        """Of a region and a claim."""
+        low, high = np.array((*region.sides(), (0.0, claim.extra))).T
+        return cls(claim=claim, low=low, high=high, free=np.flatnonzero(high > low))
+
+    def starts(self, more: FloatArray | None, thorough: int) -> FloatArray:
+        """Where climbs may begin, parts of each free side, one a column."""
+        parts = _starts(len(self.free), thorough)
+        if more is None or not more.size:
+            return parts
+        low = self.low[self.free, None]
+        width = self.high[self.free, None] - low
+        return np.hstack([parts, np.clip((more[self.free] - low) / width, 0, 1)])
+
+    def unfolded(self, parts: FloatArray) -> FloatArray:
+        """Values on all sides, one column a point; ends are met exactly."""
+        values = np.repeat(((self.low + self.high) / 2)[:, None], parts.shape[1], axis=1)
+        low, high = self.low[self.free, None], self.high[self.free, None]
+        values[self.free] = low * (1 - parts) + high * parts
         return values
 
-    def radius(values: FloatArray) -> FloatArray:
-        loops = sampled_loops(region, setting, values[:-1], values[-1])
-        return loops.radius(claim.gain)
+    def aims(self) -> tuple[Aim, Aim]:
+        """Pole radius at the full gain, and nearness to -1/s of any gain s."""
+        gain = self.claim.gain
+        return (lambda loops: loops.radius(gain), lambda loops: -loops.distance(gain, _CIRCLE))
 
-    def nearness(values: FloatArray) -> FloatArray:
-        loops = sampled_loops(region, setting, values[:-1], values[-1])
-        return -loops.distance(claim.gain, _CIRCLE)
 
-    parts = _starts(len(free), thorough)
-    if starts is not None and starts.size:
-        width = (high - low)[free, None]
-        parts = np.hstack([parts, np.clip((starts[free] - low[free, None]) / width, 0, 1)])
-    found: list[FloatArray] = []
-    for aim in (radius, nearness):
-        if not len(free):
-            found.append(parts[:, :1])
-            continue
-        scores = aim(unfolded(parts))
-        best = parts[:, np.argsort(-scores, kind="stable")[: _CLIMBERS * thorough]]
-        found.append(_climbed(best, lambda x, aim=aim: aim(unfolded(x))))
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Climb:
+    """Points that move along the sides of a box as long as that raises an aim.
+
+    Attributes:
+        box: they stay in.
+        aim: that is raised.
+        parts: of each free side, one column a point.
+        best: the aim at each.
+    """
+
+    box: _Box
+    aim: Aim
+    parts: FloatArray
+    best: FloatArray
+
+    @classmethod
+    def of(
+        cls, box: _Box, parts: FloatArray, aim: Aim, scores: FloatArray, climbers: int
+    ) -> _Climb:
+        """From the best of some points with known scores."""
+        best = np.argsort(-scores, kind="stable")[:climbers]
+        return cls(box=box, aim=aim, parts=parts[:, best], best=scores[best])
+
+    def tried(self, step: float) -> FloatArray:
+        """Each point moved by a step along each side, both ways; one column a move."""
+        count = len(self.parts)
+        moves = np.hstack([np.eye(count), -np.eye(count)])
+        return np.clip(self.parts[:, :, None] + step * moves[:, None, :], 0, 1).reshape(count, -1)
+
+    def take(self, tried: FloatArray, scores: FloatArray) -> None:
+        """Make each point's best move, if that is better than none."""
+        count, climbers = self.parts.shape
+        index = np.arange(climbers, dtype=np.intp)
+        scores = scores.reshape(climbers, -1)
+        chosen = scores.argmax(axis=1)
+        better = scores[index, chosen] > self.best
+        self.best = np.where(better, scores[index, chosen], self.best)
+        moved = tried.reshape(count, climbers, -1)[:, index, chosen]
+        self.parts[:, better] = moved[:, better]
+
+    def highest(self) -> FloatArray:
+        """The best two, or the only place there is, as values on all sides."""
+        count = 2 if len(self.box.free) else 1
+        return self.box.unfolded(self.parts[:, np.argsort(-self.best, kind="stable")[:count]])
+
+
+def _worst(region: Region, setting: Setting, box: _Box, candidates: FloatArray) -> Worst:
+    """The worst of some points, one a column, in many digits; one met twice is judged once."""
     worst: Worst | None = None
-    candidates = unfolded(np.hstack(found))
+    known: dict[bytes, Worst] = {}
     for column in candidates.T:
-        point = region.point(column[:-1], float(column[-1]))
-        verdict = judge(point, setting, claim.gain)
-        one = Worst(point=point, verdict=verdict, judged=candidates.shape[1])
-        if worst is None or _badness(verdict) > _badness(worst.verdict):
+        place = column.tobytes()
+        if place not in known:
+            point = region.point(column[:-1], float(column[-1]))
+            verdict = judge(point, setting, box.claim.gain)
+            known[place] = Worst(point=point, verdict=verdict, judged=candidates.shape[1])
+        one = known[place]
+        if worst is None or _badness(one.verdict) > _badness(worst.verdict):
             worst = one
     assert worst is not None
     return worst
@@ -117,20 +233,3 @@ def _starts(count: int, thorough: int) -> FloatArray:
     # Half of the chance points on edges and faces: there limits bind.
     inside[:, ::2] = np.clip(np.round(3 * inside[:, ::2] - 1, 1), 0, 1)
     return np.hstack([corners, inside])
-
-
-def _climbed(parts: FloatArray, aim: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Each column moved along its sides as long as that raises the aim; only the best two kept."""
-    count, climbers = parts.shape
-    parts = parts.copy()
-    best = aim(parts)
-    index = np.arange(climbers, dtype=np.intp)
-    moves = np.hstack([np.eye(count), -np.eye(count)])
-    for step in _STEPS:
-        tried = np.clip(parts[:, :, None] + step * moves[:, None, :], 0, 1)
-        scores = aim(tried.reshape(count, -1)).reshape(climbers, -1)
-        chosen = scores.argmax(axis=1)
-        better = scores[index, chosen] > best
-        best = np.where(better, scores[index, chosen], best)
-        parts[:, better] = tried[:, index, chosen][:, better]
-    return parts[:, np.argsort(-best, kind="stable")[:2]]

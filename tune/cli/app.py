@@ -18,6 +18,7 @@ from tune.cli import (
     export,
     identify,
     new,
+    report,
     simulate,
     tune,
     verify,
@@ -53,6 +54,7 @@ for _name, _command, _summary in (
     ("verify", verify.verify, "A low-gain log of the device against its profile."),
     ("compare", compare.compare, "What changed between two devices or two profiles."),
     ("export", export.export, "A profile as files for a controller."),
+    ("report", report.report, "A profile as one page to read, print and sign."),
     ("excite", excite.excite, "Plan a force that tells mass and damping best."),
     ("simulate", simulate.simulate, "Rehearse: a simulated log of a known device."),
 ):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from tune.cli.options import Json, MarginOption, Quiet
+from tune.cli.identify import target_picture
+from tune.cli.options import Json, MarginOption, Picture, Quiet
 from tune.cli.session import Session, run_command
-from tune.cli.tune import IN_DEVICE
+from tune.cli.tune import IN_DEVICE, draw_profile
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,6 +47,7 @@ def audit(
         ),
     ] = None,
     margin: MarginOption = None,
+    picture: Picture = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -60,6 +63,7 @@ def audit(
         from tune.loop.filters import Filters
 
         wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
+        target_picture(session, picture, Path(device))
         _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)
         known = load_device(device)
         known.require_stated(NEEDED, subject=device, where=IN_DEVICE)
@@ -80,10 +84,13 @@ def audit(
                 margin="balanced" if margin is None else margin.value,
                 extra_delay_samples=extra_delay_samples,
             )
-        session.details = _numbers(found)
+        session.details |= _numbers(found)
         session.say(_table(found))
-        for line in taken_on_trust(found.design.device):
+        session.details["taken_on_trust"] = trusted = taken_on_trust(found.design.device)
+        for line in trusted:
             session.say(f"taken on trust: {line}")
+        if picture is not None:
+            draw_profile(session, picture, found.design)
         if found.safe:
             session.say(f"safe with margin {found.design.margin.name}, proved over the whole box")
             return
@@ -229,8 +236,11 @@ def _table(found: Audit) -> Table:
 
 
 def _numbers(found: Audit) -> dict[str, object]:
-    """The same for programs; what was not computed is null."""
-    margins = found.margins
+    """What the table shows for programs; what was not computed is null."""
+    from tune._audit import ELEMENT
+
+    margins, design = found.margins, found.design
+    limit = design.device.force_limit
 
     def number(value: float | None) -> float | None:
         return None if value is None or not math.isfinite(value) else float(value)
@@ -245,6 +255,14 @@ def _numbers(found: Audit) -> dict[str, object]:
         }
     return {
         "safe": found.safe,
+        "loop": design.loop.model_dump(mode="json"),
+        "needed": {
+            "gain_margin": design.margin.gain,
+            "extra_delay_samples": design.margin.extra_delay_samples,
+            "sustained_force": limit and limit.continuous,
+            "peak_force": limit and limit.peak,
+            "ripple": design.ripple_limit,
+        },
         "gain_margin": number(found.gain),
         "extra_delay_samples": number(found.delay_samples),
         "jitter": found.jitter,
@@ -254,7 +272,8 @@ def _numbers(found: Audit) -> dict[str, object]:
         "vibration": number(found.vibration),
         "vibration_over_threshold": number(found.felt),
         "one_count": found.jumps,
-        "wall": found.wall.model_dump(),
+        "wall": found.wall.model_dump(mode="json"),
+        "speed": design.elements[ELEMENT].motion.speed,
         "passive_with_encoder": found.quantised and asdict(found.quantised),
         "limit_cycle": found.cycle and asdict(found.cycle),
         "slowest_decay": number(margins and margins.decay),
@@ -263,6 +282,7 @@ def _numbers(found: Audit) -> dict[str, object]:
         "disk_margin": number(margins and margins.disk.balanced),
         "critical_frequency_hz": number(margins and margins.critical_frequency_hz),
         "passive": None if margins is None else margins.passivity.passive,
+        "passive_above_damping": margins and margins.passivity.damping_needed,
         "faults": [
             {"limit": f.limit, "seen": f.seen, "needed": f.needed, "remedy": f.remedy}
             for f in found.faults

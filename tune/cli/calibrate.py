@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tune.cli.identify import identified
+from tune.cli.identify import device_in, draw_identified, identified, target_picture
 from tune.cli.options import (
     Allow,
     Axis,
@@ -21,6 +21,7 @@ from tune.cli.options import (
     Logs,
     MarginOption,
     MethodOption,
+    Picture,
     Position,
     PositionGain,
     ProfileOut,
@@ -30,7 +31,11 @@ from tune.cli.options import (
     TimeGain,
 )
 from tune.cli.session import Session, run_command
-from tune.cli.tune import tuned, wanted
+from tune.cli.tune import draw_profile, tuned, wanted
+
+if TYPE_CHECKING:
+    from identification import Device, Identification
+    from tune.documents.profile import SafeProfile
 
 _IN_HARDWARE = (
     "State them in a hardware file and give it with --hardware ('haptune new hardware' writes the "
@@ -56,6 +61,7 @@ def calibrate(
     method: MethodOption = "auto",
     margin: MarginOption = None,
     candidates: Candidates = False,
+    picture: Picture = None,
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -66,6 +72,9 @@ def calibrate(
         from identification import LogColumns
 
         session.target(output, *logs, scene, hardware)
+        inputs = (*logs, scene, hardware, output)
+        target_picture(session, picture, *inputs)
+        target_picture(session, picture and beside(picture), *inputs)
         columns = LogColumns(
             time=time,
             force=force,
@@ -83,6 +92,26 @@ def calibrate(
             subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
         )
         profile = tuned(session, found.device, wish, compare=candidates)
+        before = None if picture is None else device_in(output)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
+        if picture is not None:
+            _draw(session, picture, found, profile, before)
 
     run_command("calibrate", action, as_json=json, quiet=quiet)
+
+
+def _draw(
+    session: Session,
+    picture: Path,
+    found: Identification,
+    profile: SafeProfile,
+    before: Device | None,
+) -> None:
+    """Draw what was identified, and beside it (-profile) what was tuned."""
+    draw_identified(session, picture, found, before)
+    draw_profile(session, beside(picture), profile)
+
+
+def beside(picture: Path) -> Path:
+    """The file of the second picture, of the profile."""
+    return picture.with_name(f"{picture.stem}-profile{picture.suffix}")

@@ -7,8 +7,10 @@ from typing import Annotated, Optional
 
 import typer
 
-from tune.cli.options import Json, Quiet
+from tune.cli.identify import target_picture
+from tune.cli.options import Json, Picture, Quiet
 from tune.cli.session import Session, run_command
+from tune.cli.tune import draw_profile
 
 
 def check(
@@ -22,24 +24,28 @@ def check(
             "rehearsal is repeated.",
         ),
     ] = None,
+    picture: Picture = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Re-compute all that a profile says; exit code 6 if anything differs."""
 
     def action(session: Session) -> None:
-        from identification import as_stored, load_device
+        from identification import as_stored, load_device, to_mapping
         from tune.certificate.check import check as recheck
         from tune.certificate.trust import TAKEN_ON_TRUST
         from tune.cli.rehearse import refuse_restless
         from tune.cli.tables import certificate_lines, elements_table
 
+        target_picture(session, picture, profile, None if device is None else Path(device))
         known = None if device is None else as_stored(load_device(device))
         with session.progress() as say:
             say("re-computing the certificate")
             report = recheck(profile, known)
             if known is not None:
                 refuse_restless(report.profile, say)
+        session.details["profile"] = to_mapping(report.profile)
+        session.details["certificate"] = to_mapping(report.certificate)
         session.say(elements_table(report.profile))
         for line in certificate_lines(report.certificate):
             session.say(line)
@@ -52,7 +58,10 @@ def check(
         for key, reason in trusted.items():
             session.say(f"taken on trust: {key}: {reason}")
         if known is not None:
+            session.details["rehearsed"] = "settles"
             session.say(f"the device is {device}; rehearsed in simulation: settles")
+        if picture is not None:
+            draw_profile(session, picture, report.profile)
         session.say(f"{profile} passed: all else that it says is what was found anew")
 
     run_command("check", action, as_json=json, quiet=quiet)

@@ -34,7 +34,7 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
         with session.progress() as say:
             say("drawing")
             from identification import fit_picture
-            from tune.optimisation.picture import profile_picture
+            from tune.presentation.profile_picture import profile_picture
 
             fit = found.logs[0]
             picture = fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)

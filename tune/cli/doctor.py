@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tune.cli.identify import read_log, tell_reading
+from tune.cli.identify import read_log, target_picture, tell_reading
 from tune.cli.options import (
     Allow,
     Axis,
@@ -14,6 +15,7 @@ from tune.cli.options import (
     HardwareFile,
     Json,
     Logs,
+    Picture,
     Position,
     PositionGain,
     Quiet,
@@ -26,7 +28,8 @@ from tune.cli.session import Session, run_command
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from identification import Examination, Finding, Quantity
+    from identification import Examination, Finding, Quantity, Trajectory
+    from tune.documents.result_details import LogExamined
 
 
 def doctor(
@@ -42,6 +45,7 @@ def doctor(
     decimal: Decimal = None,
     hardware: HardwareFile = None,
     allow: Allow = None,
+    picture: Picture = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -55,6 +59,7 @@ def doctor(
             examine,
             load_document,
         )
+        from tune.cli.details import log_examined
 
         columns = LogColumns(
             time=time,
@@ -67,10 +72,15 @@ def doctor(
             axis=axis,
             decimal=decimal,
         )
+        if picture is not None:
+            for place in range(len(logs)):
+                target_picture(session, numbered(picture, place), *logs, hardware)
         known = None if hardware is None else load_document(Hardware, hardware)
         findings: list[Finding] = []
+        examined: list[LogExamined] = []
+        session.details["logs"] = examined
         refused = False
-        for path in logs:
+        for place, path in enumerate(logs):
             try:
                 with session.progress() as say:
                     say(f"reading {path.name}")
@@ -83,8 +93,11 @@ def doctor(
                 findings += error.findings
                 refused = True
                 continue
+            examined.append(log_examined(seen))
             session.say(_table(seen))
             session.say(_verdict(seen))
+            if picture is not None:
+                _draw(session, numbered(picture, place), trajectory, seen)
             findings += seen.findings
             refused = refused or seen.refused
         if refused:
@@ -92,6 +105,24 @@ def doctor(
         session.found(tuple(findings))
 
     run_command("doctor", action, as_json=json, quiet=quiet)
+
+
+def numbered(picture: Path, place: int) -> Path:
+    """The file of the picture of one log: as named for the first, with -2 and so on for others."""
+    return picture if place == 0 else picture.with_stem(f"{picture.stem}-{place + 1}")
+
+
+def _draw(session: Session, picture: Path, trajectory: Trajectory, seen: Examination) -> None:
+    """Draw what identify makes of one log, or the log alone if it makes nothing of it."""
+    from identification import identified_picture, log_picture
+
+    with session.progress() as say:
+        say("drawing")
+        if seen.found is None:
+            drawn = log_picture(trajectory)
+        else:
+            drawn = identified_picture(seen.found.device, seen.found.logs)
+    session.draw(picture, drawn)
 
 
 def _table(seen: Examination) -> Table:

@@ -47,7 +47,7 @@ def excite(
             plan = plan_excitation(wanted, progress=say)
             text = force_text(plan)
             drawing = None if picture is None else excitation_picture(plan)
-        session.details |= plan_details(plan)
+        session.details |= plan_details(plan) | {"rows": text.count("\n") - 1}
         session.say(excitation_table(plan))
         session.say(prediction_line(plan))
         session.say(worst_table(plan))
@@ -173,6 +173,8 @@ def plan_details(plan: Excitation) -> dict[str, object]:
             {
                 "signal": each.family,
                 "frequencies": each.description,
+                "band_hz": each.band,
+                "lines": each.lines,
                 "mass": each.prediction.mass,
                 "damping": each.prediction.damping,
                 "force_used": each.used.force,
@@ -181,6 +183,8 @@ def plan_details(plan: Excitation) -> dict[str, object]:
             }
             for each in plan.candidates
         ],
+        "guesses": {"mass": spec.mass.value, "damping": spec.damping.value},
+        "predicted": {"mass": plan.mass, "damping": plan.damping},
         "stated": {"mass": mass, "damping": damping},
         "worst": [
             {
@@ -188,6 +192,8 @@ def plan_details(plan: Excitation) -> dict[str, object]:
                 "words": each.words,
                 "travel": each.travel,
                 "speed": each.speed,
+                "travel_used": each.travel / spec.travel,
+                "speed_used": None if spec.speed is None else each.speed / spec.speed,
                 "beyond": each in plan.beyond,
             }
             for each in plan.worst

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
 from tune.cli.interruption import FilesWhole
 from tune.cli.options import DryRun, Json, Quiet
 from tune.cli.session import Session, run_command
+
+#: A node's name, or all of it from the root.
+_NODE = re.compile(r"[A-Za-z_]\w*|(/[A-Za-z_]\w*)+", re.ASCII)
 
 if TYPE_CHECKING:
     from tune.exporters import Target
@@ -25,6 +29,14 @@ def export(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for the files; made if it is new.")
     ] = Path(),
+    node: Annotated[
+        Optional[str],  # noqa: UP045 - typer reads it at run time
+        typer.Option(
+            "--node",
+            metavar="NAME",
+            help="Name of the ROS 2 node, such as haptune or /robot/haptune; default haptune.",
+        ),
+    ] = None,
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -36,13 +48,15 @@ def export(
         from tune.exporters import export as export_to
 
         targets = _targets(to)
+        called = _node(node, targets)
         _refuse_homeless(output)
         with session.progress() as say:
             say("re-computing the certificate")
             checked = recheck(profile).profile
         files: dict[Path, str] = {}
         for target in targets:
-            files |= {output / name: text for name, text in export_to(checked, target).items()}
+            texts = export_to(checked, target, node=called)
+            files |= {output / name: text for name, text in texts.items()}
         if not dry_run:
             _make(output)
             for path in files:
@@ -73,6 +87,24 @@ def _make(folder: Path) -> None:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise NotWrittenError(folder, error.strerror or str(error)) from None
+
+
+def _node(given: str | None, targets: list[Target]) -> str:
+    """The name of the node. Raises UsageError."""
+    from identification import UsageError
+
+    if given is None:
+        return "haptune"
+    if "ros2" not in targets:
+        raise UsageError("--node", "names a node of ROS 2", "Give --to ros2, or leave it out")
+    if not _NODE.fullmatch(given):
+        raise UsageError(
+            "--node",
+            f"{given!r} is no name of a node",
+            "Give letters, digits and _, none beginning with a digit, namespaces before it as in "
+            "/robot/haptune",
+        )
+    return given
 
 
 def _targets(given: list[str]) -> list[Target]:

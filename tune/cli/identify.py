@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from tune.cli.options import (
     Allow,
@@ -17,6 +17,7 @@ from tune.cli.options import (
     Json,
     Logs,
     MethodOption,
+    Picture,
     Position,
     PositionGain,
     Quiet,
@@ -27,7 +28,16 @@ from tune.cli.options import (
 from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
-    from identification import Device, Hardware, Identification, LogColumns, Method, Trajectory
+    from identification import (
+        Device,
+        Hardware,
+        Identification,
+        LogColumns,
+        LogFit,
+        Method,
+        Trajectory,
+    )
+    from tune.documents.result_details import IdentifyDetails, LogIdentified
 
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
@@ -48,6 +58,7 @@ def identify(
     hardware: HardwareFile = None,
     allow: Allow = None,
     method: MethodOption = "auto",
+    picture: Picture = None,
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -58,6 +69,7 @@ def identify(
         from identification import LogColumns, to_mapping, to_yaml
 
         session.target(output, *logs, hardware)
+        target_picture(session, picture, *logs, hardware, output)
         columns = LogColumns(
             time=time,
             force=force,
@@ -72,9 +84,45 @@ def identify(
         result = identified(session, logs, columns, hardware, method, allow or [])
         if result.device.position_stiffness is not None or result.device.gravity is not None:
             _warn_of_refusal(session, result.device)
+        before = None if picture is None else device_in(output)
         session.write(output, to_yaml(to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run)
+        if picture is not None:
+            draw_identified(session, picture, result, before)
 
     run_command("identify", action, as_json=json, quiet=quiet)
+
+
+def target_picture(session: Session, picture: Path | None, *others: Path | None) -> None:
+    """Refuse, before any work is done, a picture that cannot be written or is another file."""
+    if picture is not None:
+        session.target(picture, *others)
+
+
+def device_in(output: Path) -> Device | None:
+    """The device that a file states which is about to be replaced; None where there is none."""
+    from identification import Device, IdentificationError, load_mapping, parse_document
+
+    if not output.is_file():
+        return None
+    try:
+        content = load_mapping(output)
+        inside: object = content.get("device")
+        known = cast("dict[str, object]", inside) if isinstance(inside, dict) else content
+        return parse_document(Device, known, output)
+    except IdentificationError:
+        return None
+
+
+def draw_identified(
+    session: Session, picture: Path, found: Identification, before: Device | None
+) -> None:
+    """Draw fit, residual, friction and intervals of an identification."""
+    from identification import identified_picture
+
+    with session.progress() as say:
+        say("drawing")
+        drawn = identified_picture(found.device, found.logs, before=before)
+    session.draw(picture, drawn)
 
 
 def _warn_of_refusal(session: Session, device: Device) -> None:
@@ -117,7 +165,7 @@ def identified(
     """Read logs, identify and show the result; shared with calibrate and demo."""
     from identification import Hardware, load_document
     from identification import identify as estimate
-    from tune.cli.tables import device_table
+    from tune.cli.device_table import device_table
 
     known = None if hardware is None else load_document(Hardware, hardware)
     with session.progress() as say:
@@ -128,6 +176,7 @@ def identified(
         say("identifying")
         result = estimate(trajectories, hardware=known, method=method, allow=allow)
     session.found(result.findings)
+    session.details |= _details(result)
     session.say(device_table(result.device))
     session.say(f"method: {result.method}; {result.reason}")
     for fit in result.logs:
@@ -139,3 +188,37 @@ def identified(
         for sentence in fit.structure.sentences if fit.structure else ():
             session.say(f"{fit.trajectory.source}: {sentence}")
     return result
+
+
+def _details(found: Identification) -> IdentifyDetails:
+    """The device as its file will hold it, and how each log was identified."""
+    from identification import to_mapping
+    from tune.cli.details import relative_half_width
+    from tune.cli.device_table import device_rows
+
+    return {
+        "device": to_mapping(found.device),
+        "half_widths": {
+            label: relative_half_width(quantity) for label, quantity, _ in device_rows(found.device)
+        },
+        "method": found.method,
+        "logs": [_log_identified(fit) for fit in found.logs],
+    }
+
+
+def _log_identified(fit: LogFit) -> LogIdentified:
+    return {
+        "source": fit.trajectory.source,
+        "method": fit.method,
+        "reason": fit.reason,
+        "fitted": fit.fitted,
+        "others": [
+            {
+                "method": other.method,
+                "mass": float(other.value("mass")),
+                "damping": float(other.value("damping")),
+            }
+            for other in fit.others
+        ],
+        "structure": list(fit.structure.sentences) if fit.structure else [],
+    }

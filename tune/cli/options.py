@@ -87,6 +87,10 @@ WhatIf = Annotated[
         "what each fact of the hardware costs in perceived steps.",
     ),
 ]
+Picture = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option("--picture", metavar="FILE", help="Where to draw it (PNG, SVG or PDF)."),
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Only errors.")]

@@ -82,7 +82,9 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     vetoes: list[str] = []
     for first in range(0, len(felt), _AT_ONCE):
         part = felt[first : first + _AT_ONCE]
-        say(f"rehearsing {part[0].name}{' and others' if part[1:] else ''} in simulation")
+        what = f"{part[0].name}{' and others' if part[1:] else ''}"
+        count = f"({first // _AT_ONCE + 1} of {-(-len(felt) // _AT_ONCE)})"
+        say(f"rehearsing {what} in simulation {count}")
         found = rehearse(
             rig,
             _law(design, part),

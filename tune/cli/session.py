@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from tune.cli.details import finite
 from tune.cli.exit_codes import (
     EXIT_CHECK,
     EXIT_INTERNAL,
@@ -23,7 +24,7 @@ from tune.cli.exit_codes import (
     STATUS,
 )
 from tune.cli.interruption import FilesWhole, ignore_signals, was_interrupted
-from tune.cli.streams import undelivered
+from tune.cli.streams import undelivered, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,12 +84,12 @@ class Session:
         for finding in findings:
             self.findings.append(asdict(finding))
             if not self.as_json and not self.quiet:
-                print(f"{finding.severity}: {finding}", file=sys.stderr)  # noqa: T201
+                _print_error(f"{finding.severity}: {finding}")
 
     def warn(self, sentence: str) -> None:
         """Print on standard error what a person should know before the output is used."""
         if not self.as_json and not self.quiet:
-            print(f"warning: {sentence}", file=sys.stderr)  # noqa: T201
+            _print_error(f"warning: {sentence}")
 
     def target(self, output: Path, *inputs: Path | None) -> None:
         """Refuse, before any work is done, an output that cannot be written or is an input.
@@ -130,15 +131,20 @@ class Session:
             self.say(f"{path} {'unchanged' if before else 'written'}")
 
     def draw(self, path: Path, figure: Figure) -> None:
-        """Write a picture atomically. Raises NotWrittenError."""
+        """Write a picture atomically, PNG but for .svg and .pdf. Raises NotWrittenError."""
         from io import BytesIO
-
-        from identification import write_bytes
 
         stream = BytesIO()
         picture: Any = figure
-        picture.savefig(stream, format="png", dpi=120)
-        self._store(path, lambda: write_bytes(path, stream.getvalue()))
+        kind = path.suffix.lower().removeprefix(".")
+        picture.savefig(stream, format=kind if kind in {"svg", "pdf"} else "png", dpi=120)
+        self.store(path, stream.getvalue())
+
+    def store(self, path: Path, content: bytes) -> None:
+        """Write a file that nobody reads as text atomically. Raises NotWrittenError."""
+        from identification import write_bytes
+
+        self._store(path, lambda: write_bytes(path, content))
         self.say(f"{path} written")
 
     def _store(self, path: Path, store: Callable[[], _Result]) -> _Result:
@@ -149,23 +155,22 @@ class Session:
             self.outputs.append(str(path))
         now = _owner(path)
         if before not in {None, now} and not self.quiet:
-            print(  # noqa: T201
+            _print_error(
                 f"warning: {path} belongs to {now} now and belonged to {before} before, which this "
-                "user may not keep",
-                file=sys.stderr,
+                "user may not keep"
             )
         return stored
 
     @contextmanager
     def progress(self) -> Generator[Callable[[str], None]]:
-        """A function that shows a sentence while work goes on, on a terminal only."""
+        """A function that is told each stage of the work, which a terminal shows with its clock."""
         if self.as_json or self.quiet or not sys.stderr.isatty():
-            yield _nothing
+            yield _unseen
             return
-        from rich.console import Console
+        from tune.cli.progress import shown
 
-        with Console(stderr=True).status("working") as status:
-            yield status.update
+        with shown() as say:
+            yield say
 
     def finish(self, code: int, message: str = "") -> int:
         """Print how it ended and return the exit code."""
@@ -182,7 +187,7 @@ class Session:
                 result["details"] = self.details
             if message:
                 result["message"] = message
-            print(json.dumps(result), flush=True)  # noqa: T201
+            print(json.dumps(finite(result), allow_nan=False), flush=True)  # noqa: T201
         if message:
             self._complain(message)
         return self.delivered() if code == 0 else code
@@ -208,7 +213,11 @@ class Session:
 
     def _complain(self, message: str) -> None:
         name = "haptune" if self.command == "haptune" else f"haptune {self.command}"
-        print(f"{name}: {message}", file=sys.stderr)  # noqa: T201
+        _print_error(f"{name}: {message}")
+
+
+def _print_error(text: str) -> None:
+    print(wrapped(text, sys.stderr), file=sys.stderr)  # noqa: T201
 
 
 def run_command(
@@ -293,5 +302,4 @@ def _owner(path: Path) -> str | None:
     return f"user {status.st_uid}, group {status.st_gid}"
 
 
-def _nothing(sentence: str) -> None:
-    del sentence
+def _unseen(_: str) -> None: ...

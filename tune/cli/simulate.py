@@ -35,6 +35,12 @@ def simulate(
         with session.progress() as say:
             say(f"simulating {spec}")
             trajectory = run(scenario, seed=seed)
+        session.details |= {
+            "scenario": spec,
+            "description": scenario.description,
+            "samples": len(trajectory),
+            "sample_time": trajectory.sample_time,
+        }
         session.say(scenario.description)
         session.write(output, log_text(trajectory))
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 import errno
 import io
 import os
+import shutil
 import sys
+import textwrap
 from time import sleep
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Seconds between two attempts where a reader is slow and the stream does not wait for it.
 _PAUSE = 0.01
+#: Columns of the narrowest terminal that lines are broken for.
+_NARROWEST = 40
 
 
 class Outlet(io.RawIOBase):
@@ -79,6 +83,25 @@ def undelivered() -> str:
     sys.stdout.flush()
     outlet = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
     return outlet.failure if isinstance(outlet, Outlet) else ""
+
+
+def wrapped(text: str, stream: TextIO) -> str:
+    """A text broken between words where a terminal is too narrow for it; untouched elsewhere."""
+    if not stream.isatty():
+        return text
+    width = max(_NARROWEST, shutil.get_terminal_size().columns)
+    lines: list[str] = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        lines += textwrap.wrap(
+            line,
+            width,
+            subsequent_indent=indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+            drop_whitespace=True,
+        ) or [""]
+    return "\n".join(lines)
 
 
 def _delivering(stream: TextIO | None) -> TextIO:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
@@ -13,7 +12,7 @@ from tune.cli.contacts import contact_lines, varied
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from identification import Device, Motion, Quantity
+    from identification import Motion
     from tune.documents.certified import Certificate
     from tune.documents.discrimination import Estimate
     from tune.documents.loop_profile import LoopProfile
@@ -208,74 +207,6 @@ def _steps(steps: Estimate) -> str:
     if steps.low is None or steps.high is None or steps.value == 0:
         return f"{steps.value:.3g}"
     return f"{steps.value:.3g} ({steps.low:.2g} to {steps.high:.2g})"
-
-
-def device_table(device: Device) -> Table:
-    """Identified quantities with their 95 % intervals."""
-    units = units_of(None if "motion" in device.missing else device.motion)
-    table = Table(
-        title=f"{device.name}, axis {device.axis}",
-        title_justify="left",
-        caption="\n".join(_reservations(device)),
-        caption_justify="left",
-        box=SIMPLE_HEAD,
-    )
-    for heading in ("quantity", "value", "95 % interval", "unit", "half-width"):
-        side = "left" if heading in {"quantity", "unit"} else "right"
-        table.add_column(heading, justify=side, overflow="fold")
-    rows: list[tuple[str, Quantity, str]] = [
-        ("mass m", device.mass, units["mass"]),
-        ("damping b", device.damping, units["damping"]),
-        ("Coulomb friction Fc", device.coulomb_friction, units["force"]),
-        ("force offset f0", device.force_offset, units["force"]),
-    ]
-    for what, pair, unit in (
-        ("damping", device.damping_by_direction, units["damping"]),
-        ("Coulomb friction", device.friction_by_direction, units["force"]),
-    ):
-        if pair is not None:
-            rows += [(f"{what} forward", pair.forward, unit)]
-            rows += [(f"{what} backward", pair.backward, unit)]
-    if device.position_stiffness is not None:
-        rows.append(("force by position k", device.position_stiffness, units["stiffness"]))
-    if device.gravity is not None:
-        rows.append(("gravity, sine", device.gravity.sine, units["force"]))
-        rows.append(("gravity, cosine", device.gravity.cosine, units["force"]))
-    for label, quantity, unit in rows:
-        table.add_row(label, *_with_interval(quantity), unit, _relative(quantity))
-    slope = device.damping_slope
-    if slope is not None:
-        between = f"{slope.low:.4g} .. {slope.high:.4g}"
-        table.add_row("slope of friction", "-", between, units["damping"], "-")
-    held = device.presliding_stiffness
-    if held is not None:
-        between = f"{held.low:.4g} .. {held.high:.4g}"
-        table.add_row("stiffness before sliding", "-", between, units["stiffness"], "-")
-    return table
-
-
-def _reservations(device: Device) -> Iterator[str]:
-    """What nobody stated of a device, and what was only assumed."""
-    if device.missing:
-        yield f"missing, to be stated before anything is certified: {', '.join(device.missing)}"
-    if device.assumed():
-        yield f"assumed, not known: {', '.join(device.assumed())}"
-
-
-def _with_interval(quantity: Quantity) -> tuple[str, str]:
-    """Value and interval to two digits of the half-width."""
-    half = (quantity.high - quantity.low) / 2
-    if half == 0:
-        return f"{quantity.value:.6g}", "-"
-    digits = max(0, 1 - math.floor(math.log10(half)))
-    low, high = f"{quantity.low:.{digits}f}", f"{quantity.high:.{digits}f}"
-    return f"{quantity.value:.{digits}f}", f"{low} .. {high}"
-
-
-def _relative(quantity: Quantity) -> str:
-    if quantity.exact or quantity.value == 0:
-        return "-"
-    return f"{100 * (quantity.high - quantity.low) / 2 / abs(quantity.value):.2g} %"
 
 
 def certificate_lines(certificate: Certificate) -> tuple[str, ...]:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tune.cli.identify import target_picture
 from tune.cli.options import (
     Candidates,
     DryRun,
     Json,
     MarginChoice,
     MarginOption,
+    Picture,
     ProfileOut,
     Quiet,
     WhatIf,
@@ -23,7 +25,7 @@ from tune.cli.session import Session, run_command
 if TYPE_CHECKING:
     from identification import Device
     from tune.documents.perception import PerceptionTable
-    from tune.documents.profile import SafeProfile
+    from tune.documents.profile import Design, SafeProfile
     from tune.documents.scene import Scene
     from tune.optimisation.candidates import Candidate, CandidateEffect
 
@@ -42,6 +44,7 @@ def tune(
     margin: MarginOption = None,
     candidates: Candidates = False,
     what_if: WhatIf = False,
+    picture: Picture = None,
     dry_run: DryRun = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -52,6 +55,7 @@ def tune(
         from identification import load_device
 
         session.target(output, scene, Path(device))
+        target_picture(session, picture, scene, Path(device), output)
         known = load_device(device)
         known.require_stated(subject=device, where=IN_DEVICE)
         wish = wanted(scene, margin)
@@ -61,8 +65,20 @@ def tune(
 
             say_what_would_help(session, profile, wish.scene, wish.table)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
+        if picture is not None:
+            draw_profile(session, picture, profile)
 
     run_command("tune", action, as_json=json, quiet=quiet)
+
+
+def draw_profile(session: Session, picture: Path, profile: Design) -> None:
+    """Draw region, limits and responses of every element."""
+    from tune.presentation.profile_picture import profile_sheet
+
+    with session.progress() as say:
+        say("drawing")
+        drawn = profile_sheet(profile)
+    session.draw(picture, drawn)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +108,7 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
         wish: what is to be felt.
         compare: tune all candidates and show them side by side.
     """
+    from identification import to_mapping
     from tune.certificate.words import taken_on_trust
     from tune.cli.rehearse import refuse_restless
     from tune.cli.tables import certificate_lines, elements_table
@@ -103,14 +120,17 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
         with session.progress() as say:
             profile = optimise(device, wish.scene, table=wish.table, progress=say)
         session.say(elements_table(profile))
+    trusted = taken_on_trust(profile.device)
+    session.details |= {"profile": to_mapping(profile.signed()), "taken_on_trust": trusted}
     for note in profile.notes:
         session.say(note)
     for line in certificate_lines(profile.certificate):
         session.say(line)
-    for line in taken_on_trust(profile.device):
+    for line in trusted:
         session.say(f"taken on trust: {line}")
     with session.progress() as say:
         refuse_restless(profile, say)
+    session.details["rehearsed"] = "settles"
     session.say("rehearsed in simulation with quantiser, friction, force limit and a wall: settles")
     return profile
 
@@ -144,11 +164,14 @@ def _chosen(session: Session, device: Device, wish: Wanted) -> SafeProfile:
 
 def _plain(candidate: Candidate, rows: list[CandidateEffect]) -> dict[str, object]:
     """One candidate as it stands in the JSON result."""
+    from tune.documents.scene import MARGINS
+
     profile = candidate.profile
     return {
         "name": candidate.name,
         "margin": candidate.margin,
         "recommended": candidate.recommended,
+        "demanded": MARGINS[candidate.margin].model_dump(mode="json"),
         "reason": None if candidate.error is None else str(candidate.error),
         "loop": None if profile is None else profile.loop.model_dump(mode="json"),
         "effects": [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
@@ -14,6 +13,7 @@ from tune.cli.session import Session
 if TYPE_CHECKING:
     from tune.documents.perception import PerceptionTable
     from tune.documents.profile import SafeProfile
+    from tune.documents.result_details import AlternativeResult
     from tune.documents.scene import Scene
 
 #: Perceived steps that nobody would buy anything for.
@@ -30,7 +30,7 @@ def say_what_would_help(
     for each in found:
         if each.reason is not None:
             session.say(f"{each.change}: {each.reason}")
-    session.details["what_if"] = [asdict(each) for each in found]
+    session.details["what_if"] = [_plain(each, found[0]) for each in found]
 
 
 def alternatives_table(found: tuple[Alternative, ...]) -> Table:
@@ -45,10 +45,7 @@ def alternatives_table(found: tuple[Alternative, ...]) -> Table:
         side = "left" if heading in {"with", "most of it"} else "right"
         table.add_column(heading, justify=side, overflow="fold")
     for each in found:
-        won = {
-            name: each.steps.get(name, 0.0) - now.steps.get(name, 0.0)
-            for name in dict.fromkeys((*now.steps, *each.steps))
-        }
+        won = _won_by_effect(each, now)
         most = max(won, key=lambda name: abs(won[name]), default=None)
         table.add_row(
             each.change,
@@ -57,3 +54,22 @@ def alternatives_table(found: tuple[Alternative, ...]) -> Table:
             "-" if most is None or abs(won[most]) < _HARDLY else f"{most} {won[most]:+.2g}",
         )
     return table
+
+
+def _won_by_effect(each: Alternative, now: Alternative) -> dict[str, float]:
+    """Steps more than the device as it is has, by "element.effect"."""
+    return {
+        name: each.steps.get(name, 0.0) - now.steps.get(name, 0.0)
+        for name in dict.fromkeys((*now.steps, *each.steps))
+    }
+
+
+def _plain(each: Alternative, now: Alternative) -> AlternativeResult:
+    return {
+        "change": each.change,
+        "total": each.total,
+        "won": each.total - now.total,
+        "steps": each.steps,
+        "won_by_effect": _won_by_effect(each, now),
+        "reason": each.reason,
+    }

@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 EffectName = Literal["stiffness", "damping", "mass"]
 EFFECT_NAMES: tuple[EffectName, ...] = ("stiffness", "damping", "mass")
-#: s, over which an element that may pump fades in and out unless something else is stated, and
-#: the least and most that may be.
-FADE_TIME = 0.1
-SHORTEST_FADE, LONGEST_FADE = 0.01, 10.0
+#: s, over which an element that may pump fades in and out at least, and at most.
+SHORTEST_FADE, LONGEST_FADE = 0.1, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,19 +21,19 @@ Target = Literal["ros2", "c", "chai3d", "json"]
 TARGETS: tuple[Target, ...] = get_args(Target)
 
 _WRITERS: dict[Target, Callable[[SafeProfile], dict[str, str]]] = {
-    "ros2": ros2_files,
     "c": c_files,
     "chai3d": chai3d_files,
     "json": plain_files,
 }
 
 
-def export(profile: SafeProfile, target: Target) -> dict[str, str]:
+def export(profile: SafeProfile, target: Target, *, node: str = "haptune") -> dict[str, str]:
     """Texts of the files of one target, by file name.
 
     Args:
         profile: certified; check the file it comes from first with ``tune.check``.
-        target: ros2 (parameters), c (guard), chai3d (materials and guard) or json.
+        target: ros2 (parameters, law, node), c (guard), chai3d (materials and guard) or json.
+        node: name of the node of ROS 2, with its namespaces where it has any.
 
     Raises:
         UnstatedError: facts of the device that nobody stated.
@@ -43,4 +43,4 @@ def export(profile: SafeProfile, target: Target) -> dict[str, str]:
     profile.device.require_stated()
     for element in profile.elements.values():
         fade_step(element, profile.loop.sample_time)
-    return _WRITERS[target](profile)
+    return ros2_files(profile, node) if target == "ros2" else _WRITERS[target](profile)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from string import Template
 
+from tune.documents.effects import EffectName
 from tune.documents.profile import ElementProfile, SafeProfile
 from tune.exporters.c_guard import c_files, macros, number
 from tune.exporters.heading import force_limit, heading
@@ -25,6 +26,7 @@ ${heading}
 #ifndef HAPTUNE_CHAI3D_HPP
 #define HAPTUNE_CHAI3D_HPP
 
+#include <algorithm>
 #include <cstdint>
 
 #include "chai3d.h"
@@ -36,13 +38,33 @@ namespace haptune {
 const double continuous_force = ${continuous};
 const double peak_force = ${peak};
 
+// Stiffness and damping of the largest sum that is certified.
+const double largest_stiffness = ${stiffness};
+const double largest_damping = ${damping};
+
+// Specifications of the device, none beyond what this profile allows: for every place where CHAI3D
+// or an example of it asks them how much force, stiffness or damping there may be.
+inline chai3d::cHapticDeviceInfo limited(chai3d::cHapticDeviceInfo info)
+{
+    info.${max_force} = std::min(info.${max_force}, peak_force);
+    info.${max_stiffness} = std::min(info.${max_stiffness}, largest_stiffness);
+    info.${max_damping} = std::min(info.${max_damping}, largest_damping);
+    return info;
+}
+
 // Sets a material to one element. True where CHAI3D's spring is the whole element; false where the
-// guard has to play it.
-inline bool set_material(const chai3d::cMaterialPtr& material, std::uint64_t element)
+// guard has to play it. A tool that maps the device to a larger world multiplies every way by
+// workspace_scale, tool->getWorkspaceScaleFactor(), and forces not at all: the spring that a hand
+// feels is the material's times this scale. Wrong scales, zero and below, leave the material limp.
+inline bool set_material(
+    const chai3d::cMaterialPtr& material, std::uint64_t element, double workspace_scale)
 {
     material->setStiffness(0.0);
     material->setViscosity(0.0);
     material->setDamping(0.0);
+    if (!(workspace_scale > 0.0)) {
+        return false;
+    }
     switch (element) {
 ${springs}    default:
         return false;
@@ -59,7 +81,8 @@ public:
         haptune_init(&m_guard);
     }
 
-    // Position along the axis, for force.
+    // Position along the axis, for force: of the device (getPosition), not of the tool, whose ways
+    // are workspace_scale times as long; likewise rest in enter.
     double along(const chai3d::cVector3d& position) const
     {
         return m_direction.dot(position);
@@ -101,12 +124,18 @@ def chai3d_files(profile: SafeProfile) -> dict[str, str]:
     words = macros(profile)
     springs = [
         f"    case {words[name]}:\n"
-        f"        material->setStiffness({number(element.stiffness)});\n"
+        f"        material->setStiffness({number(element.stiffness)} / workspace_scale);\n"
         f"        return true;\n"
         for name, element in profile.elements.items()
         if _only_spring(element) and profile.device.motion == "linear"
     ]
+    kind, load = ("Angular", "Torque") if profile.device.motion == "rotary" else ("Linear", "Force")
     text = Template(_TEXT).substitute(
+        max_force=f"m_max{kind}{load}",
+        max_stiffness=f"m_max{kind}Stiffness",
+        max_damping=f"m_max{kind}Damping",
+        stiffness=number(_largest(profile, "stiffness")),
+        damping=number(_largest(profile, "damping")),
         heading=block_comment(heading(profile)),
         continuous=number(limit.continuous),
         peak=number(limit.peak),
@@ -114,6 +143,14 @@ def chai3d_files(profile: SafeProfile) -> dict[str, str]:
         what="Torque (N*m)" if profile.device.motion == "rotary" else "Force (N)",
     )
     return {"haptune_chai3d.hpp": text, **c_files(profile)}
+
+
+def _largest(profile: SafeProfile, effect: EffectName) -> float:
+    """The largest sum of one effect over what may act at once; 0 where none is positive."""
+    sizes: dict[str, float] = {
+        name: getattr(element, effect) for name, element in profile.elements.items()
+    }
+    return max(0.0, *(sum(sizes[name] for name in moment) for moment in profile.moments()))
 
 
 def _only_spring(element: ElementProfile) -> bool:

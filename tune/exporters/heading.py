@@ -55,12 +55,29 @@ def heading(profile: SafeProfile) -> tuple[str, ...]:
         f"{_range(seal.sample_time)} s, delay {_range(seal.delay_samples)} samples "
         f"(together {100 * seal.confidence:g} %)",
         f"force limit: {limit.continuous:g} {force} continuous, {limit.peak:g} {force} peak",
+        *(
+            f"findings about the log {short(source)}: {', '.join(codes) or 'none'}"
+            for source, codes in findings_of(profile).items()
+        ),
         "method: " + seal.method,
         "assumes:",
         *(f"- {each}" for each in seal.assumes),
         "not assessed:",
         *(f"- {each}" for each in seal.not_assessed),
     )
+
+
+def findings_of(profile: SafeProfile) -> dict[str, list[str]]:
+    """Codes of what was found about each log of the device, by its name.
+
+    Those that would have refused the log and were allowed are marked.
+    """
+    return {
+        record.source: [
+            f"{code} (allowed)" if code in record.allowed else code for code in record.findings
+        ]
+        for record in profile.device.logs
+    }
 
 
 def _range(bounds: tuple[float, float]) -> str:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING
 
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import SafeProfile
-from tune.exporters.heading import digest, force_limit
+from tune.exporters.heading import digest, findings_of, force_limit
 from tune.exporters.largest_change import largest_change
 from tune.exporters.law import Section, law_of
+
+if TYPE_CHECKING:
+    from tune.exporters.exported import Exported, Filter, LowPassFilter
 
 #: The law in words, where it is not exported as code.
 LAW = (
@@ -26,7 +29,7 @@ def plain_files(profile: SafeProfile) -> dict[str, str]:
     """haptune_profile.json: gains, filter coefficients, limits; SI units."""
     device, seal, law = profile.device, profile.certificate, law_of(profile.loop)
     limit = force_limit(profile)
-    content = {
+    content: Exported = {
         "schema": "haptune/export/1",
         "digest": digest(profile),
         "device": {"name": device.name, "axis": device.axis, "motion": device.motion},
@@ -53,6 +56,7 @@ def plain_files(profile: SafeProfile) -> dict[str, str]:
         },
         "moments": [list(moment) for moment in profile.moments()],
         "largest_change": largest_change(profile),
+        "findings": findings_of(profile),
         "law": LAW,
         "assumes": list(seal.assumes),
         "not_assessed": list(seal.not_assessed),
@@ -60,7 +64,7 @@ def plain_files(profile: SafeProfile) -> dict[str, str]:
     return {"haptune_profile.json": json.dumps(content, indent=2) + "\n"}
 
 
-def filter_of(loop: LoopProfile, which: str, section: Section) -> dict[str, Any]:
+def filter_of(loop: LoopProfile, which: str, section: Section) -> Filter:
     """Kind, cut-off in Hz where there is one, and coefficients of one filter.
 
     ``a`` is given where there is one pole or two equal ones.
@@ -72,14 +76,15 @@ def filter_of(loop: LoopProfile, which: str, section: Section) -> dict[str, Any]
     if cutoff is None:
         return {"kind": "none"}
     order = getattr(loop, f"{which}_filter_order")
-    single = order == 1
-    pole = section.t if single else section.t / 2
-    return {
-        "kind": "first-order" if single else "second-order",
+    found: LowPassFilter = {
+        "kind": "first-order" if order == 1 else "second-order",
         "cutoff_hz": cutoff,
-        **({"a": pole} if single or loop.filter_damping_ratio == 1 else {}),
-        **({} if single else {"damping_ratio": loop.filter_damping_ratio}),
         "t": section.t,
         "p": section.p,
         "g": section.gain,
     }
+    if order == 1 or loop.filter_damping_ratio == 1:
+        found["a"] = section.t / order
+    if order == 2:
+        found["damping_ratio"] = loop.filter_damping_ratio
+    return found

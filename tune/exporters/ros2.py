@@ -1,8 +1,9 @@
-"""A profile as parameters of a ROS 2 node."""
+"""A profile for ROS 2: parameters of a node, the law in Python, and a thin node around it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
 from typing import Any, cast
 
 from tune.documents.profile import SafeProfile
@@ -16,11 +17,15 @@ from tune.exporters.plain import LAW, filter_of
 _LONGEST_TEXT = 60
 
 
-def ros2_files(profile: SafeProfile) -> dict[str, str]:
-    """haptune_params.yaml: nested parameters of the node ``haptune``.
+def ros2_files(profile: SafeProfile, node: str = "haptune") -> dict[str, str]:
+    """haptune_params.yaml, haptune_law.py and haptune_node.py.
 
-    Only what ROS 2 parameters can hold: numbers, texts, and lists of one kind that are not empty.
-    Every text is in quotes, every float has a point, so that no reader takes one for another.
+    Parameters are only what ROS 2 can hold: numbers, texts, and lists of one kind that are not
+    empty. Every text is in quotes, every float has a point, so that no reader mistakes one.
+
+    Args:
+        profile: certified.
+        node: name of the node, with its namespaces where it has any, such as /robot/haptune.
     """
     device, seal, law = profile.device, profile.certificate, law_of(profile.loop)
     keys = identifiers(profile.elements)
@@ -38,6 +43,7 @@ def ros2_files(profile: SafeProfile) -> dict[str, str]:
     }
     parameters["largest_change"] = largest_change(profile)
     parameters["force_limit"] = {"continuous": limit.continuous, "peak": limit.peak}
+    parameters["element_names"] = list(keys.values())
     parameters["elements"] = {
         keys[name]: {
             "name": name[:_LONGEST_TEXT],
@@ -50,6 +56,9 @@ def ros2_files(profile: SafeProfile) -> dict[str, str]:
         for name, element in profile.elements.items()
     }
     if profile.together:
+        parameters["group_names"] = [
+            f"group_{number}" for number in range(1, len(profile.together) + 1)
+        ]
         parameters["together"] = {
             f"group_{number}": [keys[name] for name in group]
             for number, group in enumerate(profile.together, 1)
@@ -60,8 +69,15 @@ def ros2_files(profile: SafeProfile) -> dict[str, str]:
         f"SI units. {LAW}. Elements of one group of 'together', and any subset of it, may act at "
         "once; no other sums are certified.",
     )
-    body = "\n".join(_lines({"haptune": {"ros__parameters": parameters}}, ""))
-    return {"haptune_params.yaml": hash_comment(head) + body + "\n"}
+    body = "\n".join(_lines({node: {"ros__parameters": parameters}}, ""))
+    comment = hash_comment(heading(profile))
+    templates = files("tune") / "templates"
+    law, thin = ((templates / name).read_text(encoding="utf-8") for name in ("law.py", "node.py"))
+    return {
+        "haptune_params.yaml": hash_comment(head) + body + "\n",
+        "haptune_law.py": f"{comment}\n{law}",
+        "haptune_node.py": f"{comment}\n{thin.replace('${node}', node.rpartition('/')[2])}",
+    }
 
 
 def _lines(content: Mapping[str, Any], indent: str) -> Iterator[str]:

@@ -68,16 +68,17 @@ DIFFERENCE = Polynomial.exact(0.0, 2.0)
 
 def product(p: FloatArray, q: FloatArray) -> FloatArray:
     """Product of two polynomials along the first axis; the other axes broadcast."""
-    shape = np.broadcast_shapes(p.shape[1:], q.shape[1:])
+    shape = _common(p, q)
     grown = np.zeros((len(p) + len(q) - 1, *shape))
+    p = _lifted(p, shape)
     for power, coefficient in enumerate(q):
-        grown[power : power + len(p)] += _lifted(p, shape) * coefficient
+        grown[power : power + len(p)] += p * coefficient
     return grown
 
 
 def total(p: FloatArray, q: FloatArray) -> FloatArray:
     """Sum of two polynomials along the first axis; the other axes broadcast."""
-    shape = np.broadcast_shapes(p.shape[1:], q.shape[1:])
+    shape = _common(p, q)
     grown = np.zeros((max(len(p), len(q)), *shape))
     grown[: len(p)] += _lifted(p, shape)
     grown[: len(q)] += _lifted(q, shape)
@@ -90,5 +91,13 @@ def padded(part: FloatArray, length: int) -> FloatArray:
     return np.concatenate([part, np.zeros((missing, *part.shape[1:]))]) if missing else part
 
 
+def _common(p: FloatArray, q: FloatArray) -> tuple[int, ...]:
+    """The shape behind the axis of powers that both broadcast to."""
+    own, other = p.shape[1:], q.shape[1:]
+    return own if own == other else np.broadcast_shapes(own, other)
+
+
 def _lifted(p: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    if p.ndim == len(shape) + 1:
+        return p
     return p.reshape(len(p), *(1,) * (len(shape) - p.ndim + 1), *p.shape[1:])

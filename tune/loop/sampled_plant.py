@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -221,8 +222,9 @@ def _general_equivalent(
     )
 
 
+@cache
 def _repeated(factor: Polynomial, times: int) -> Polynomial:
-    """Integers, and so exact."""
+    """A power of 1 + w or 1 - w. Integers, and so exact."""
     return ONE.times(*[factor] * times)
 
 

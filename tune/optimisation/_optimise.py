@@ -21,6 +21,7 @@ from tune.loop.filters import Filters
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.delays import Felt, extra_delays
 from tune.optimisation.describe import element_profile
+from tune.optimisation.fades import with_fades
 from tune.optimisation.nash import SAME
 from tune.optimisation.problem import Job
 from tune.optimisation.region import Spot
@@ -183,7 +184,7 @@ def design_of(
         if solved.problem.moments
     }
     played = {name: elements[name] for name in scene.elements if name in elements}
-    design = Design(
+    bare = Design(
         device=device,
         scene=scene.name,
         loop=LoopProfile(
@@ -203,6 +204,7 @@ def design_of(
         notes=tuple(note_of_dropped(label) + why for label, why in dropped.items()),
         method=methods,
     )
+    design = with_fades(bare, scene)
     return design.model_copy(update={"skipped": skipped_parts(design)})
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, rounded
-from tune.documents.effects import EFFECT_NAMES, FADE_TIME, EffectName, Effects
+from tune.documents.effects import EFFECT_NAMES, SHORTEST_FADE, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import used_filters
@@ -207,7 +207,7 @@ def element_profile(
             one_sided=wanted.one_sided,
         ),
         one_sided=wanted.one_sided,
-        fade_time=(wanted.fade_time or FADE_TIME) if pumps else 0.0,
+        fade_time=SHORTEST_FADE if pumps else 0.0,
         as_commanded=bool(own) and all(problem.unknowns[i].wish.kind == "value" for i in own),
     )
 

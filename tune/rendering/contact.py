@@ -35,6 +35,8 @@ _FOLLOWED = 20_000
 _FEWEST, _MOST = 32, 1024
 #: Digits of a stated number; restitutions are rounded outwards.
 _DIGITS = 4
+#: Less than this of a speed comes back as nothing: a number so small has no digits to round to.
+_LEAST = 1e-12
 
 
 def contact(
@@ -180,7 +182,7 @@ def _until_switched(
 
 def _outwards(value: float, side: int) -> float:
     """The next number of as many digits downwards (-1) or upwards (1)."""
-    if value == 0:
-        return 0.0
+    if value < _LEAST:
+        return _LEAST if side > 0 and value > 0 else 0.0
     unit = 10.0 ** (math.floor(math.log10(value)) + 1 - _DIGITS)
     return rounded(max(0.0, (math.floor if side < 0 else math.ceil)(value / unit) * unit), _DIGITS)

@@ -152,17 +152,27 @@ def _largest_answer(
     filters: Filters, name: Literal["beta", "gamma"], cutoff: float, sample_time: float
 ) -> float:
     """Largest answer of one filtered estimate to a unit step of position, 1/s or 1/s²."""
-    from scipy.signal import lfilter
-
     # The law does not know the device: any mass will do.
     loop = Loop.from_numbers(mass=1.0, damping=0.0, sample_time=sample_time, filters=filters)
     parts = (getattr(loop.transfer, name), loop.transfer.law_denominator)
     order = max(len(part) for part in parts) - 1
     numerator, denominator = (_in_inverse_z(part, order) for part in parts)
     samples = _FEWEST_SAMPLES + int(np.ceil(_PERIODS / (cutoff * sample_time)))
-    answer = np.asarray(lfilter(numerator, denominator, np.ones(min(samples, _MOST_SAMPLES))))
+    answer = _step_answer(numerator, denominator, min(samples, _MOST_SAMPLES))
     scale = loop.scales[1 if name == "beta" else 2]
-    return float(np.max(np.abs(answer)) * scale / loop.scales[0])
+    return float(max(map(abs, answer)) * scale / loop.scales[0])
+
+
+def _step_answer(numerator: FloatArray, denominator: FloatArray, samples: int) -> list[float]:
+    """Answer of a filter, ascending in 1/z, to a step; scipy.signal takes longer to import."""
+    leading = float(denominator[0])
+    inputs = (np.cumsum(numerator) / leading).tolist()  # each sample of the step adds one term
+    back = (denominator[:0:-1] / leading).tolist()
+    answer: list[float] = [0.0] * len(back)
+    for sample in range(samples):
+        past = sum(a * y for a, y in zip(back, answer[sample : sample + len(back)], strict=True))
+        answer.append(inputs[min(sample, len(inputs) - 1)] - past)
+    return answer[len(back) :]
 
 
 def _in_inverse_z(part: FloatArray, order: int) -> FloatArray:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from identification import Device, Document, ExcitationSpec, Hardware
 from tune.documents.perception import PerceptionTable
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene
 from tune.rendering.vibration import ThresholdCurve
+from tune.schemas.printed import export_schema, result_schema
 
 FOLDER = Path(__file__).parent
 
@@ -38,5 +40,11 @@ def generate() -> dict[str, str]:
             **model.model_json_schema(by_alias=True),
             "title": f"haptune {name}.yaml",
         }
-        texts[f"{name}.json"] = json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+        texts[f"{name}.json"] = _text(schema)
+    texts["export.json"] = _text(export_schema())
+    texts["result.json"] = _text(result_schema())
     return texts
+
+
+def _text(schema: dict[str, Any]) -> str:
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"

@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 #: Rounds in which the highest peaks of each loop are closed in on, how many, and points in each.
-_ZOOMS, _PEAKS, _ZOOM_POINTS = 3, 6, 9
+_ZOOMS, _PEAKS, _ZOOM_POINTS = 5, 6, 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from tune.verification.advice import Advice, advise
 from tune.verification.comparison import Verification, verify
 from tune.verification.delay_seen import DelaySeen, margins_of_others
 from tune.verification.margins_kept import Kept
 from tune.verification.outcome import Outcome
 from tune.verification.picture import verification_picture
-from tune.verification.plays import Advice, Play, advise
+from tune.verification.plays import Play
 
 __all__ = [
     "Advice",

@@ -85,56 +85,63 @@ class AllowedLoops:
         return bool(np.any((self.delay_samples >= low) & (self.delay_samples <= high)))
 
 
-def allowed_loops(
-    device: Device,
-    filters: Filters,
-    effects: Effects,
-    seen: ModeSeen,
-    *,
-    extra: float,
-    step: float = 0.5,
-) -> AllowedLoops:
-    """All loops of the device's box and of any delay whose slow mode is the one seen.
+class Modes:
+    """The slow mode under some effects, of any loop of a device's box and of any delay."""
 
-    Args:
-        device: with its intervals.
-        filters: that were run.
-        effects: as played, single numbers.
-        seen: of the slow mode.
-        extra: samples of delay that are to be judged beyond.
-        step: between the delays looked at, samples.
-    """
-    box, T = device.simultaneous_box(), device.sample_time.value
-    stated = box.delay[0] / box.sample_time[1], box.delay[1] / box.sample_time[0]
-    most = min(LONGEST_DELAY - extra, max(_MOST_SAMPLES, float(np.ceil(stated[1]))))
-    delays = np.unique([*np.arange(0.0, most + step / 2, step), *stated, device.delay.value / T])
-    masses = _places(np.log(box.mass), _MASSES)
-    dampings = _places(box.damping, _DAMPINGS)
-    slopes = _places(box.position_stiffness, _STIFFNESSES)
-    grid = np.meshgrid(delays, masses, dampings, slopes, indexing="ij")
-    inside = np.ones(grid[0].shape, dtype=np.bool_)
-    knots = (
-        np.arange(most + 1),
-        _places(np.log(box.mass), _KNOTS),
-        _places(box.damping, _KNOTS),
-        slopes,
-    )
-    for values, wanted in zip(
-        _mode(device, filters, effects, knots), (seen.frequency, seen.decay), strict=True
-    ):
-        if wanted is not None:
-            between = _interpolated(knots, values, grid)
-            reach = _reach(between)
-            inside &= (between + reach >= wanted[0]) & (between - reach <= wanted[1])
-    return AllowedLoops(
-        mass=np.exp(grid[1][inside]),
-        damping=grid[2][inside],
-        position_stiffness=grid[3][inside],
-        delay_samples=grid[0][inside],
-        most=most,
-        step=step,
-        stated=stated,
-    )
+    __slots__ = ("_knots", "_places", "_values", "most", "stated", "step")
+
+    def __init__(
+        self, device: Device, filters: Filters, effects: Effects, *, extra: float, step: float = 0.5
+    ) -> None:
+        """Computes it at the knots.
+
+        Args:
+            device: with its intervals.
+            filters: that were run.
+            effects: as played, single numbers.
+            extra: samples of delay that are to be judged beyond.
+            step: between the delays looked at, samples.
+        """
+        box, T = device.simultaneous_box(), device.sample_time.value
+        stated = box.delay[0] / box.sample_time[1], box.delay[1] / box.sample_time[0]
+        most = min(LONGEST_DELAY - extra, max(_MOST_SAMPLES, float(np.ceil(stated[1]))))
+        delays = np.unique(
+            [*np.arange(0.0, most + step / 2, step), *stated, device.delay.value / T]
+        )
+        slopes = _places(box.position_stiffness, _STIFFNESSES)
+        self._places = (
+            delays,
+            _places(np.log(box.mass), _MASSES),
+            _places(box.damping, _DAMPINGS),
+            slopes,
+        )
+        self._knots = (
+            np.arange(most + 1),
+            _places(np.log(box.mass), _KNOTS),
+            _places(box.damping, _KNOTS),
+            slopes,
+        )
+        self._values = _mode(device, filters, effects, self._knots)
+        self.most, self.step, self.stated = most, step, stated
+
+    def allow(self, seen: ModeSeen) -> AllowedLoops:
+        """The loops whose slow mode is the one seen."""
+        grid = np.meshgrid(*self._places, indexing="ij")
+        inside = np.ones(grid[0].shape, dtype=np.bool_)
+        for values, wanted in zip(self._values, (seen.frequency, seen.decay), strict=True):
+            if wanted is not None:
+                between = _interpolated(self._knots, values, self._places)
+                reach = _reach(between)
+                inside &= (between + reach >= wanted[0]) & (between - reach <= wanted[1])
+        return AllowedLoops(
+            mass=np.exp(grid[1][inside]),
+            damping=grid[2][inside],
+            position_stiffness=grid[3][inside],
+            delay_samples=grid[0][inside],
+            most=self.most,
+            step=self.step,
+            stated=self.stated,
+        )
 
 
 def _mode(
@@ -155,16 +162,24 @@ def _mode(
 
 
 def _interpolated(
-    knots: tuple[FloatArray, ...], values: FloatArray, grid: tuple[FloatArray, ...]
+    knots: tuple[FloatArray, ...], values: FloatArray, places: tuple[FloatArray, ...]
 ) -> FloatArray:
-    """Values between the knots, linear in each direction; an axis of one knot is constant."""
-    from scipy.interpolate import RegularGridInterpolator
+    """Values at all combinations of places, between the knots linear in each direction."""
+    for axis, (known, wanted) in enumerate(zip(knots, places, strict=True)):
+        along = np.tensordot(_weights(known, wanted), values, axes=(1, axis))
+        values = np.moveaxis(along, 0, axis)
+    return values
 
-    wide = [axis for axis in range(values.ndim) if values.shape[axis] > 1]
-    between = RegularGridInterpolator(
-        tuple(knots[axis] for axis in wide), np.squeeze(values), bounds_error=False, fill_value=None
-    )
-    return np.asarray(between(np.stack([grid[axis] for axis in wide], axis=-1)), dtype=np.float64)
+
+def _weights(knots: FloatArray, places: FloatArray) -> FloatArray:
+    """What each knot has in the value at each place, shape (places, knots); one knot has all."""
+    if knots.size == 1:
+        return np.ones((places.size, 1))
+    first = np.clip(np.searchsorted(knots, places) - 1, 0, knots.size - 2)
+    part = (places - knots[first]) / (knots[first + 1] - knots[first])
+    weights, rows = np.zeros((places.size, knots.size)), np.arange(places.size)
+    weights[rows, first], weights[rows, first + 1] = 1 - part, part
+    return weights
 
 
 def _places(ends: Range | FloatArray, count: int) -> FloatArray:

@@ -55,5 +55,14 @@ def check_clock(profile: Design, trajectory: Trajectory) -> None:
     if finding is not None:
         code, seen, needed, remedy = finding
         raise LogRefusedError(
-            (Finding(code=code, severity="refusal", seen=seen, needed=needed, remedy=remedy),)
+            (
+                Finding(
+                    code=code,
+                    severity="refusal",
+                    seen=seen,
+                    needed=needed,
+                    remedy=remedy,
+                    source=trajectory.source,
+                ),
+            )
         )

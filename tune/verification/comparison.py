@@ -114,6 +114,7 @@ class Verification:
                     seen=each.told,
                     needed=needed[each.check],
                     remedy=remedy if each.check == "delay" else each.remedy,
+                    source=self.source,
                 )
                 for each in self.outcomes
                 if each.check in needed
@@ -258,6 +259,7 @@ def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
         seen=f"positions in steps of {count:.5g} {length}",
         predicted=f"{known.value:.5g} {length}",
         tolerance=f"{_COUNT_TOLERANCE:.0%}",
+        numbers={"seen": count, "predicted": known.value, "tolerance": _COUNT_TOLERANCE},
         remedy=""
         if agrees
         else f"The unit of the position looks {ratio:.4g} times too large: state "

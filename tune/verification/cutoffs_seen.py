@@ -52,6 +52,7 @@ class CutoffSeen:
             seen=f"{self.low:.5g} to {self.high:.5g} Hz",
             predicted=f"{self.stated:.5g} Hz",
             tolerance="the law with such a cut-off explains the force as well",
+            numbers={"seen_low": self.low, "seen_high": self.high, "predicted": self.stated},
         )
 
 

@@ -9,7 +9,7 @@ from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design
 from tune.loop.filters import Filters
-from tune.verification.allowed import AllowedLoops, ModeSeen, allowed_loops
+from tune.verification.allowed import AllowedLoops, Modes, ModeSeen
 from tune.verification.cutoffs_seen import CutoffSeen, filters_allowed
 from tune.verification.elements import moments_of, spoken
 from tune.verification.margins_kept import Kept, margin_kept
@@ -58,7 +58,7 @@ def judge_delay(
         return unknown_delay("neither frequency nor decay of free motion is known")
     filters = filters_allowed(loop, cutoffs)
     extra = profile.margin.extra_delay_samples
-    allowed = allowed_loops(profile.device, filters[0], effects, mode, extra=extra)
+    allowed = Modes(profile.device, filters[0], effects, extra=extra).allow(mode)
     played = margin_kept(profile, moment, filters, allowed)
     return DelaySeen(
         allowed=allowed, played=played, filters=filters, outcome=_outcome(profile, allowed, played)
@@ -72,10 +72,10 @@ def margins_of_others(
     if seen.allowed is None or seen.played is None:
         return ()
     found: list[Kept] = []
-    for moment in moments_of(profile, None):
-        if moment != seen.played.moment:
-            say(f"what the log tells of {spoken(moment)}")
-            found.append(margin_kept(profile, moment, seen.filters, seen.allowed))
+    others = [moment for moment in moments_of(profile, None) if moment != seen.played.moment]
+    for number, moment in enumerate(others, 1):
+        say(f"what the log tells of {spoken(moment)} ({number} of {len(others)})")
+        found.append(margin_kept(profile, moment, seen.filters, seen.allowed))
     return tuple(found)
 
 
@@ -93,6 +93,12 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
     stated = spoken_delays(*allowed.stated)
     margin = profile.margin
     kept = f"gain {margin.gain:g} and {margin.extra_delay_samples:g} sample(s) kept at each"
+    numbers = {
+        "predicted_low": allowed.stated[0],
+        "predicted_high": allowed.stated[1],
+        "gain": margin.gain,
+        "extra_delay_samples": margin.extra_delay_samples,
+    }
     if allowed.delays is None:
         return Outcome(
             check="delay",
@@ -101,7 +107,9 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
             predicted=stated,
             tolerance="mass and damping within the box of the device",
             remedy="Identify the device again, with no hand on it.",
+            numbers=numbers | {"most": allowed.most},
         )
+    numbers |= {"seen_low": allowed.delays[0], "seen_high": allowed.delays[1]}
     seen = spoken_delays(*allowed.delays) + (" or more" if allowed.open_ended else "")
     if not allowed.allow_stated:
         return Outcome(
@@ -111,6 +119,7 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
             predicted=stated,
             tolerance="mass and damping within the box of the device",
             remedy="Correct the delay of the device, and tune again.",
+            numbers=numbers,
         )
     if played.lost_at is not None:
         return Outcome(
@@ -119,5 +128,13 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
             seen=seen,
             predicted=stated,
             tolerance=f"{kept}: lost from {played.lost_at:.3g} on for {spoken(played.moment)}",
+            numbers=numbers | {"lost_at": played.lost_at},
         )
-    return Outcome(check="delay", verdict="agrees", seen=seen, predicted=stated, tolerance=kept)
+    return Outcome(
+        check="delay",
+        verdict="agrees",
+        seen=seen,
+        predicted=stated,
+        tolerance=kept,
+        numbers=numbers,
+    )

@@ -205,9 +205,15 @@ def _law_outcome(
     left = f"{fit.residual:.2g} {unit} rms of {scale:.3g} {unit} unexplained"
     predicted = f"-gain·(K·y + B·v + M·a) of {spoken(moment)} with the filters of the profile"
     tolerance = f"{_MISFIT:.0%} unexplained, and no other law that explains it better"
+    numbers = {"seen": fit.residual, "scale": scale, "tolerance": _MISFIT}
     if agrees:
         return Outcome(
-            check="law", verdict="agrees", seen=left, predicted=predicted, tolerance=tolerance
+            check="law",
+            verdict="agrees",
+            seen=left,
+            predicted=predicted,
+            tolerance=tolerance,
+            numbers=numbers,
         )
     if found is not None:
         share = f"{found.residual:.2g} {unit}"
@@ -218,6 +224,7 @@ def _law_outcome(
             predicted=predicted,
             tolerance=tolerance,
             remedy=found.remedy,
+            numbers=numbers | {"unexplained": found.residual},
         )
     return Outcome(
         check="law",
@@ -227,6 +234,7 @@ def _law_outcome(
         tolerance=tolerance,
         remedy="Log the commanded force of the haptic controller alone, with no other force in it, "
         "beside the position it was computed from, every sample.",
+        numbers=numbers,
     )
 
 
@@ -263,6 +271,12 @@ def _gain_outcome(
         predicted=predicted,
         tolerance=f"{MATERIAL_SIZE:.0%}",
         remedy=remedy.strip(),
+        numbers={
+            "seen": seen,
+            "tolerance": MATERIAL_SIZE,
+            **({} if stated is None else {"predicted": stated}),
+            **{f"seen as {spoken(other)}": part for other, part in others.items()},
+        },
     )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tune.documents.profile import Design
 from tune.loop.filters import Filters, used_filters
+from tune.loop.mechanism import HandNumbers
 from tune.stability.verdict import safe_up_to
 from tune.verification.allowed import AllowedLoops
 from tune.verification.elements import effects_of
@@ -39,39 +40,80 @@ def margin_kept(
 ) -> Kept:
     """Judge one moment, at the gain of the profile, on all allowed loops.
 
-    Every gain in (0, g] must be stable, and every gain in (0, 1] with the extra delay of the
-    margin, half of it and all of it; without a hand and with every corner of the hand's box. Of
-    each mass and own stiffness the least and the largest damping that is allowed are judged, at
-    whole samples of delay and at the shortest and the longest delay.
-
     Args:
         profile: with the margin to keep.
         moment: elements felt together.
         filters: all that the log allows.
         allowed: the loops.
     """
-    effects, margin = effects_of(profile, moment), profile.margin
-    tasks = [(0.0, margin.gain), *((part * margin.extra_delay_samples, 1.0) for part in _PARTS)]
-    used = dict.fromkeys(used_filters(each, effects) for each in filters)
+    judge = MarginJudge(profile, moment)
+    lost = (delay for delay in _judged_delays(allowed) if not judge.keeps(filters, allowed, delay))
+    return Kept(moment=moment, lost_at=next(lost, None))
+
+
+class MarginJudge:
+    """Whether one moment keeps the margin of a profile, on any loops; what is known is kept.
+
+    Every gain in (0, g] must be stable, and every gain in (0, 1] with the extra delay of the
+    margin, half of it and all of it; without a hand and with every corner of the hand's box. Of
+    each mass and own stiffness the least and the largest damping that is allowed are judged, at
+    whole samples of delay and at the shortest and the longest delay.
+    """
+
+    __slots__ = ("_effects", "_hands", "_known", "_profile", "_tasks")
+
+    def __init__(self, profile: Design, moment: tuple[str, ...]) -> None:
+        """Of a profile and elements felt together."""
+        margin = profile.margin
+        self._profile, self._effects = profile, effects_of(profile, moment)
+        self._hands = hands_of(profile.hand)
+        self._tasks = [(0.0, margin.gain)]
+        self._tasks += [(part * margin.extra_delay_samples, 1.0) for part in _PARTS]
+        #: Gain up to which all of the loops were found stable, or the least at which they were not.
+        self._known: dict[tuple[object, ...], tuple[float, float]] = {}
+
+    def keeps_all(self, filters: tuple[Filters, ...], allowed: AllowedLoops) -> bool:
+        """Whether the margin is kept on every loop; the longest delays, likely lost, go first."""
+        delays = _judged_delays(allowed)[::-1]
+        return all(self.keeps(filters, allowed, delay) for delay in delays)
+
+    def keeps(self, filters: tuple[Filters, ...], allowed: AllowedLoops, delay: float) -> bool:
+        """Whether the margin is kept on every loop of one delay, samples."""
+        rigid = _extremes(allowed, delay)
+        used = dict.fromkeys(used_filters(each, self._effects) for each in filters)
+        return all(
+            self._stable(rigid, delay + further, each, hand, gain)
+            for each in used
+            for hand in self._hands
+            for further, gain in self._tasks
+        )
+
+    def _stable(
+        self,
+        rigid: tuple[FloatArray, FloatArray, FloatArray],
+        delay: float,
+        filters: Filters,
+        hand: HandNumbers | None,
+        gain: float,
+    ) -> bool:
+        """Whether all loops of these masses, dampings and own stiffnesses are stable up to it."""
+        which = (*(part.tobytes() for part in rigid), delay, filters, hand)
+        up_to, not_at = self._known.get(which, (0.0, np.inf))
+        if up_to < gain < not_at:
+            loop = loops_over(self._profile.device, *rigid, delay, filters, hand)
+            if np.all(safe_up_to(loop, self._effects, gain)):
+                up_to = gain
+            else:
+                not_at = gain
+            self._known[which] = up_to, not_at
+        return gain <= up_to
+
+
+def _judged_delays(allowed: AllowedLoops) -> list[float]:
+    """The shortest and the longest delay and the whole samples between, samples, ascending."""
     delays = np.unique(allowed.delay_samples)
     ends = np.isin(delays, (delays.min(initial=np.inf), delays.max(initial=0.0)))
-    for delay in delays[ends | (delays % 1 == 0)].tolist():
-        masses, dampings, slopes = _extremes(allowed, delay)
-        for each in used:
-            for hand in hands_of(profile.hand):
-                for further, gain in tasks:
-                    loop = loops_over(
-                        profile.device,
-                        masses,
-                        dampings,
-                        slopes,
-                        delay + further,
-                        each,
-                        hand,
-                    )
-                    if not np.all(safe_up_to(loop, effects, gain)):
-                        return Kept(moment=moment, lost_at=delay)
-    return Kept(moment=moment, lost_at=None)
+    return delays[ends | (delays % 1 == 0)].tolist()
 
 
 def _extremes(allowed: AllowedLoops, delay: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification import Device, quantity
@@ -49,7 +51,8 @@ def frequency_outcome(
             return not_assessed("frequency", why)
     elif measured.frequency_half > _WIDEST * max(nominal, measured.frequency):
         why = f"it is seen as {measured.frequency:.4g} ± {measured.frequency_half:.2g} Hz only"
-        return not_assessed("frequency", why, LOUDER)
+        half = measured.frequency_half
+        return not_assessed("frequency", why, LOUDER, seen=measured.frequency, seen_half_width=half)
     tolerance = frequency_tolerance(prediction)
     agrees = turns > 0 and (
         measured.frequency + measured.frequency_half >= low * (1 - tolerance)
@@ -64,6 +67,18 @@ def frequency_outcome(
         predicted=f"{low:.4g} to {high:.4g} Hz, {nominal:.4g} Hz at best",
         tolerance=f"{tolerance:.1%} and the interval of the measurement",
         remedy="" if agrees else _frequency_remedy(measured, turns, prediction, effects),
+        numbers={
+            "turning_points": turns,
+            "predicted": nominal,
+            "predicted_low": low,
+            "predicted_high": high,
+            "tolerance": tolerance,
+            **(
+                {"seen": measured.frequency, "seen_half_width": measured.frequency_half}
+                if turns
+                else {}
+            ),
+        },
     )
 
 
@@ -116,6 +131,7 @@ def decay_outcome(
     """The decay of motion about a spring; ``friction`` is what was seen of it, N."""
     unit = "N·m" if device.motion == "rotary" else "N"
     apart = "" if friction is None else f", besides {friction:.2g} {unit} of Coulomb friction"
+    beside = {} if friction is None else {"coulomb_friction": friction}
     missing = measured.decay - prediction.nominal.decay
     damper = slowest(_with_damping(device, 1 + _NUDGE), loop, effects).decay
     per_damping = (damper - prediction.nominal.decay) / (_NUDGE * device.damping.value or 1.0)
@@ -128,7 +144,8 @@ def decay_outcome(
     if 0 < missing * per_sample < _MOST_SAMPLES * per_sample**2:
         parts.append(f"the delay were {missing / per_sample:.2g} sample(s) longer")
     hint = f"{remedy}{' or '.join(parts)}." if parts else remedy.removesuffix(" As if ")
-    return judged_decay(measured, turns, prediction, apart, hint.replace("N·m·s/m", "N·m·s/rad"))
+    found = judged_decay(measured, turns, prediction, apart, hint.replace("N·m·s/m", "N·m·s/rad"))
+    return replace(found, numbers={**found.numbers, **beside})
 
 
 def _with_damping(device: Device, factor: float) -> Device:
@@ -144,8 +161,9 @@ def judged_decay(
     seen = f"{measured.decay:.4g} ± {measured.decay_half:.2g} 1/s{apart}"
     if not turns and prediction.nominal.frequency > 0:
         return not_assessed("decay", "the handle comes to rest within half a swing", LOUDER)
+    numbers = {"seen": measured.decay, "seen_half_width": measured.decay_half}
     if measured.decay_half > _WIDEST * max(nominal, abs(measured.decay)):
-        return not_assessed("decay", f"it is seen as {seen} only", LOUDER)
+        return not_assessed("decay", f"it is seen as {seen} only", LOUDER, **numbers)
     slack = DECAY_TOLERANCE * nominal
     agrees = (
         measured.decay + measured.decay_half >= low - slack
@@ -158,4 +176,11 @@ def judged_decay(
         predicted=f"{low:.4g} to {high:.4g} 1/s, {nominal:.4g} 1/s at best",
         tolerance=f"{DECAY_TOLERANCE:.0%} and the interval of the measurement",
         remedy="" if agrees else remedy or "Identify the device again, with no hand on it.",
+        numbers={
+            **numbers,
+            "predicted": nominal,
+            "predicted_low": low,
+            "predicted_high": high,
+            "tolerance": DECAY_TOLERANCE,
+        },
     )

@@ -155,7 +155,9 @@ def _unsprung(
     end = top + int(slow[0]) if slow.size else position.size
     no_frequency = not_assessed("frequency", "nothing holds the position, so nothing oscillates")
     if end - top < _FEWEST_ROWS:
-        decay = not_assessed("decay", f"the handle moves freely for {end - top} rows only", LOUDER)
+        rows = end - top
+        why = f"the handle moves freely for {rows} rows only"
+        decay = not_assessed("decay", why, LOUDER, rows=rows)
         return MotionSeen(
             release=None, measured=None, prediction=prediction, outcomes=(no_frequency, decay)
         )
@@ -186,6 +188,7 @@ def _growing(release: Release, prediction: Prediction) -> MotionSeen:
                 tolerance="decay",
                 remedy="Do not raise the gain. Check the sign of force and position, the filters "
                 "and the delay of the controller.",
+                numbers={"predicted_low": low, "predicted_high": high},
             ),
         ),
     )

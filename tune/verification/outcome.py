@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 Verdict = Literal["agrees", "disagrees", "cannot tell", "not assessed"]
@@ -21,6 +22,7 @@ class Outcome:
         predicted: what the profile predicts; "" where that was not computed.
         tolerance: what is allowed between the two; "" likewise.
         remedy: what to do about a disagreement, or to have it assessed; "" otherwise.
+        numbers: those in the words, by name, in the units of the words; parts of 1 for percent.
     """
 
     check: str
@@ -29,6 +31,7 @@ class Outcome:
     predicted: str = ""
     tolerance: str = ""
     remedy: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @property
     def told(self) -> str:
@@ -42,6 +45,6 @@ class Outcome:
         return f"{self.told}{allowed}. {self.remedy}".rstrip()
 
 
-def not_assessed(check: str, why: str, remedy: str = "") -> Outcome:
-    """Nothing is claimed, and why."""
-    return Outcome(check=check, verdict="not assessed", seen=why, remedy=remedy)
+def not_assessed(check: str, why: str, remedy: str = "", **numbers: float) -> Outcome:
+    """Nothing is claimed, and why; with the numbers that the words name."""
+    return Outcome(check=check, verdict="not assessed", seen=why, remedy=remedy, numbers=numbers)

@@ -14,6 +14,7 @@ from tune.documents.profile import Design
 from tune.verification.comparison import Verification
 from tune.verification.elements import spoken
 from tune.verification.prediction import binding_stiffness
+from tune.verification.seen_picture import draw_seen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,37 +23,62 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 _UNITS = {"linear": ("m", "N"), "rotary": ("rad", "N·m")}
+#: Inches.
+_WIDTH, _HEIGHT = 12.0, 7.5
 
 
 def verification_picture(profile: Design, seen: Verification) -> Figure:
-    """Position with fit and predicted envelope above, force with the law's prediction below."""
-    from identification import NotebookFigure
+    """Motion, force and what the law leaves of it; beside them each comparison, seen and predicted.
 
-    figure = NotebookFigure(figsize=(9, 6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
+    What agrees is green, what disagrees red and lies outside of its predicted range.
+    """
+    from identification import NotebookFigure, legend_above
+
+    figure = NotebookFigure(figsize=(_WIDTH, _HEIGHT), layout="constrained")
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.7, 1))
+    above = figure.add_subplot(grid[0, 0])
+    below, left = (figure.add_subplot(grid[row, 0], sharex=above) for row in (1, 2))
     length, force = _UNITS[profile.device.motion]
     _motion(above, profile, seen)
     above.set_ylabel(f"position, {length}")
-    trajectory = seen.trajectory
-    below.plot(trajectory.time, trajectory.force, color="0.5", lw=2, label="logged")
-    below.plot(
-        trajectory.time,
+    _force(below, seen)
+    below.set_ylabel(f"force, {force}")
+    _residual(left, seen)
+    left.set_ylabel(f"force less law, {force}")
+    left.set_xlabel("time, s")
+    for axes in (above, below, left):
+        legend_above(axes)
+    draw_seen(figure.add_subplot(grid[:, 1]), seen)
+    gain = f" at gain {seen.gain:.3g}" if np.isfinite(seen.gain) else ""
+    figure.suptitle(
+        f"{seen.source}: {spoken(seen.elements)}{gain} on {profile.device.name}", fontsize=10
+    )
+    return figure
+
+
+def _force(axes: Axes, seen: Verification) -> None:
+    """The logged force and the law's on the logged positions."""
+    time = seen.trajectory.time
+    axes.plot(time, seen.trajectory.force, color="0.5", lw=2, label="logged")
+    axes.plot(
+        time,
         seen.law.predicted,
         color="tab:blue",
         lw=0.8,
         ls="--",
         label="law of the profile on the logged positions",
     )
-    below.set_ylabel(f"force, {force}")
-    below.set_xlabel("time, s")
-    for axes in (above, below):
-        axes.legend(fontsize=7, loc="upper right")
-    words = [f"{each.check} {each.verdict}" for each in seen.outcomes]
-    figure.suptitle(
-        f"{seen.source}: {spoken(seen.elements)} on {profile.device.name}\n{', '.join(words)}",
-        fontsize=9,
-    )
-    return figure
+
+
+def _residual(axes: Axes, seen: Verification) -> None:
+    """What the law leaves of the force, on the scale of the force where the two disagree."""
+    verdict = next((each.verdict for each in seen.outcomes if each.check == "law"), "agrees")
+    left = seen.trajectory.force - seen.law.predicted
+    color = "tab:red" if verdict == "disagrees" else "tab:green"
+    axes.plot(seen.trajectory.time, left, color=color, lw=0.8, label=f"law {verdict}")
+    most = float(np.nanmax(np.abs(seen.trajectory.force), initial=0.0))
+    if most > 0:
+        axes.set_ylim(-most, most)
 
 
 def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
@@ -78,6 +104,18 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
         for decay, each, frequency in zip(
             prediction.decay, (friction.low, friction.high), prediction.frequency, strict=True
         )
+    )
+    nominal = prediction.nominal
+    axes.plot(
+        trajectory.time[free],
+        rest
+        + np.sign(motion.release.deviation)
+        * _envelope(start, nominal.decay, friction.value / stiffness, nominal.frequency, since)
+        * np.cos(2 * np.pi * nominal.frequency * since),
+        color="tab:green",
+        lw=0.8,
+        ls="--",
+        label="predicted at best",
     )
     for side in (1, -1):
         axes.fill_between(

@@ -1,36 +1,19 @@
-"""What to play so that a log tells of an element whether it keeps its margin: the least gain.
-
-Each trial predicts what a log would show of the mode, finds the loops it would allow, and judges
-the margin on them, as a verification does.
-"""
+"""One play of an element: from where to let go, or how fast to push, and how long to log."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from identification import Device, quantity
-from tune.certificate.refusal import refuse_unbalanced
+from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.errors import LoopError
 from tune.documents.profile import Design
 from tune.documents.scene import DEFAULT_MOTION
-from tune.loop.filters import filters_of
-from tune.verification.allowed import ModeSeen, allowed_loops
-from tune.verification.elements import effects_of, moments_of, scaled, spoken
-from tune.verification.margins_kept import margin_kept
-from tune.verification.motion_outcomes import DECAY_TOLERANCE, frequency_tolerance
+from tune.verification.elements import effects_of, scaled, spoken
 from tune.verification.motion_seen import obstacle
 from tune.verification.prediction import Prediction, binding_stiffness, predict
 
-#: Gains that are tried, the least first.
-GAINS = (0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
-#: Other elements that are tried where an element's own motion does not tell.
-_MOST_OTHERS = 5
-#: Half-width of the measured frequency and decay as they are usually found, relative.
-_USUAL_HALF = 0.02
 #: Turning points that make a decay known, and how large a swing must be, part of the displacement.
 _TURNS, _CLEAR = 3, 0.03
 #: Half-cycles after which motion that hardly decays is logged no longer.
@@ -39,8 +22,6 @@ _MOST_SWINGS = 40
 _DEEPER = (1.0, 2.0, 3.0, 4.0, 6.0)
 #: Time constants until motion without swings is over, and rest that is logged after it, s.
 _SETTLED, _REST = 5.0, 0.5
-#: Planning looks at whole samples of delay.
-_STEP = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,97 +55,8 @@ class Play:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Advice:
-    """What to play for one moment.
-
-    Attributes:
-        moment: that is to be verified.
-        play: that tells; None where nothing does.
-        why: what is wrong with playing the moment itself; "" where that tells.
-    """
-
-    moment: tuple[str, ...]
-    play: Play | None
-    why: str
-
-    def words(self, motion: str) -> str:
-        """One or two sentences, for a "linear" or "rotary" axis."""
-        name = spoken(self.moment)
-        if self.play is None:
-            return f"{name} cannot be verified: {self.why}; no other element tells its delay either"
-        if not self.why:
-            return self.play.words(motion)
-        return (
-            f"{name} itself does not tell: {self.why}; for the delay {self.play.words(motion)}, "
-            f"for law and filters {name}"
-        )
-
-
-def advise(
-    profile: Design,
-    targets: tuple[tuple[str, ...], ...] | None = None,
-    say: Callable[[str], None] = lambda _: None,
-) -> tuple[Advice, ...]:
-    """What to play for each moment, its own motion before that of other elements.
-
-    Args:
-        profile: that is to be verified.
-        targets: moments; None is every one that plays anything.
-        say: is told the moment that is looked at.
-
-    Raises:
-        CheckFailedError: a device that no effect can be certified on.
-    """
-    refuse_unbalanced(profile.device)
-    targets = moments_of(profile, None) if targets is None else targets
-    singles = tuple(moment for moment in moments_of(profile, None) if len(moment) == 1)
-    found: list[Advice] = []
-    for target in targets:
-        say(f"looking for what tells of {spoken(target)}")
-        play, why = _least(profile, target, target)
-        if play is None:
-            others = [each for each in singles if each != target][:_MOST_OTHERS]
-            plays = [_least(profile, other, target)[0] for other in others]
-            play = min(
-                (each for each in plays if each is not None),
-                key=lambda each: each.gain,
-                default=None,
-            )
-        found.append(Advice(moment=target, play=play, why=why))
-    return tuple(found)
-
-
-def _least(
-    profile: Design, player: tuple[str, ...], target: tuple[str, ...]
-) -> tuple[Play | None, str]:
-    """(the play of least gain that tells of the target, why there is none).
-
-    One that would tell even with the least damping of the device's interval goes before.
-    """
-    why = ""
-    likely: Play | None = None
-    for gain in GAINS:
-        try:
-            play, hindered = _planned(profile, player, gain)
-            if play is None:
-                why = why or hindered
-                continue
-            told = [
-                _tells(profile, each, player, gain, target) for each in _devices(profile.device)
-            ]
-        except LoopError as error:
-            why = str(error)
-            continue
-        if all(told):
-            return play, ""
-        likely = likely or (play if told[0] else None)
-        why = "delays that do not keep the margin look the same in its motion"
-    return likely, "" if likely is not None else why
-
-
-def _planned(profile: Design, moment: tuple[str, ...], gain: float) -> tuple[Play | None, str]:
-    """(a play that shows frequency or decay, why there is none)."""
+def planned(profile: Design, moment: tuple[str, ...], gain: float) -> tuple[Play | None, str]:
+    """(a play of a moment at a gain that shows frequency or decay, why there is none)."""
     effects = scaled(effects_of(profile, moment), gain)
     prediction = predict(profile.device, profile.loop, effects)
     hindered = obstacle(prediction)
@@ -230,44 +122,3 @@ def _swings(start: float, left: float, held: float, most: int) -> list[float]:
             break
         amplitudes.append(amplitude)
     return amplitudes
-
-
-def _tells(
-    profile: Design,
-    device: Device,
-    player: tuple[str, ...],
-    gain: float,
-    target: tuple[str, ...],
-) -> bool:
-    """Whether all loops that a log of a device would allow keep the margin of the target."""
-    effects = scaled(effects_of(profile, player), gain)
-    filters = filters_of(profile.loop)
-    allowed = allowed_loops(
-        profile.device,
-        filters,
-        effects,
-        _expected(predict(device, profile.loop, effects)),
-        extra=profile.margin.extra_delay_samples,
-        step=_STEP,
-    )
-    return margin_kept(profile, target, (filters,), allowed).lost_at is None
-
-
-def _devices(device: Device) -> Iterator[Device]:
-    """The device at its best estimate, and with the least damping of its interval."""
-    yield device
-    if device.damping.low < device.damping.value:
-        yield device.model_copy(update={"damping": quantity(device.damping.low)})
-
-
-def _expected(prediction: Prediction) -> ModeSeen:
-    """The mode as a log would show it."""
-    nominal = prediction.nominal
-    hertz = (frequency_tolerance(prediction) + _USUAL_HALF) * nominal.frequency
-    slack = (DECAY_TOLERANCE + _USUAL_HALF) * nominal.decay
-    return ModeSeen(
-        frequency=(nominal.frequency - hertz, nominal.frequency + hertz)
-        if nominal.frequency
-        else None,
-        decay=(nominal.decay - slack, nominal.decay + slack),
-    )

@@ -65,10 +65,12 @@ def judge_ripple(
     nyquist = 0.5 / sample_time
     edge = max(_ABOVE_MOTION * motion_hertz, _LOWEST_EDGE * nyquist)
     if edge > (1 - _NARROWEST) * nyquist:
-        return not_assessed("ripple", f"the motion reaches {motion_hertz:.3g} Hz, no band is above")
+        why = f"the motion reaches {motion_hertz:.3g} Hz, no band is above"
+        return not_assessed("ripple", why, reached_hz=motion_hertz)
     spare = int(max(_MARGIN / edge, _RUNG / ringing) / sample_time) + 1
     if force.size < 2 * spare + _FEWEST_ROWS:
-        return not_assessed("ripple", f"the handle moves freely for {force.size} rows only")
+        why = f"the handle moves freely for {force.size} rows only"
+        return not_assessed("ripple", why, rows=force.size)
     sections = butter(_ORDER, edge / nyquist, "highpass", output="sos")
     turn = (np.arange(_PLACES) + 0.5) * np.pi / _PLACES
     _, answer = sosfreqz(sections, turn)
@@ -79,6 +81,8 @@ def judge_ripple(
         return not_assessed(
             "ripple",
             f"{predicted:.2g} {unit} are predicted, the force is logged to {force_digit:g}",
+            predicted=predicted,
+            force_digit=force_digit,
         )
     smooth = position - np.asarray(sosfiltfilt(sections, position))
     moving = np.abs(np.gradient(smooth)) > _SLOWEST * resolution
@@ -89,7 +93,7 @@ def judge_ripple(
     count = int(np.count_nonzero(moving))
     if count < _FEWEST_ROWS:
         why = f"the handle moves by half a count a sample or more for {count} rows only"
-        return not_assessed("ripple", why)
+        return not_assessed("ripple", why, rows=count)
     rapid = np.asarray(sosfiltfilt(sections, force), dtype=np.float64)[moving]
     seen = float(np.sqrt(np.mean(rapid * rapid)))
     agrees = 1 / (1 + TOLERANCE) <= seen / predicted <= 1 + TOLERANCE
@@ -99,6 +103,13 @@ def judge_ripple(
         seen=f"{seen:.3g} {unit} rms above {edge:.3g} Hz over {count} rows in motion",
         predicted=f"{predicted:.3g} {unit} rms in that band",
         tolerance=f"{TOLERANCE:.0%}",
+        numbers={
+            "seen": seen,
+            "above_hz": edge,
+            "rows": count,
+            "predicted": predicted,
+            "tolerance": TOLERANCE,
+        },
         remedy=""
         if agrees
         else "Check the resolution of the encoder in the device, and look for noise on the "

@@ -1,0 +1,41 @@
+"""The documentation site: ``pip install ".[docs]" && python -m sphinx -W docs site``."""
+
+import re
+from importlib.metadata import version as version_of
+
+project = "haptune"
+author = "The haptune founders"
+release = version_of("haptune")
+version = release
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+]
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+napoleon_use_ivar = True
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+python_use_unqualified_type_names = True
+html_theme = "furo"
+html_title = f"haptune {release}"
+html_show_copyright = False
+exclude_patterns = ["_build"]
+
+_LITERAL = re.compile(r"(``.*?``)")
+
+
+def _escape_formulas(app, what, name, obj, options, lines):
+    """Bars and stars in docstrings are mathematics, not markup."""
+    for index, line in enumerate(lines):
+        parts = _LITERAL.split(line)
+        parts[::2] = [re.sub(r"([|*])", r"\\\1", each) for each in parts[::2]]
+        lines[index] = "".join(parts)
+
+
+def setup(app):
+    """Sphinx calls it once."""
+    app.connect("autodoc-process-docstring", _escape_formulas, priority=400)

@@ -1,0 +1,194 @@
+"""What each finding looks like, beside a log without it: pictures for the documentation.
+
+``python -m tests.simulated.catalogue.pictures docs/findings`` draws one for each code.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from tests.simulated.catalogue import machines
+from tests.simulated.catalogue.cases import Case, cases
+from tests.simulated.catalogue.raw import RawLog
+
+FloatArray = NDArray[np.float64]
+
+SEED = 1
+#: Width and height in inches, and dots an inch.
+SIZE, DOTS = (7.2, 2.3), 110
+#: Samples over which velocity and acceleration are differences.
+_SPAN = 10
+#: A column that varies by less is drawn as a line in the middle.
+_FLAT = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """What of a log shows a fault.
+
+    Attributes:
+        abscissa: label of the horizontal axis.
+        ordinate: label of the vertical axis.
+        points: log -> abscissa (n,) and ordinate (n,).
+        style: of matplotlib.
+        seconds: shown part of the log from its first quarter on, s; None for all.
+        level: of the catalogue's three logs.
+    """
+
+    abscissa: str
+    ordinate: str
+    points: Callable[[RawLog], tuple[FloatArray, FloatArray]]
+    style: str = "-"
+    seconds: float | None = None
+    level: str = "plain"
+
+
+def _position(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return log.time, 1000 * log.position
+
+
+def _force(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return log.time, log.force
+
+
+def _steps(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return log.time[1:], 1000 * np.diff(log.time)
+
+
+def _velocity(log: RawLog) -> FloatArray:
+    return (log.position[2 * _SPAN :] - log.position[: -2 * _SPAN]) / (
+        log.time[2 * _SPAN :] - log.time[: -2 * _SPAN]
+    )
+
+
+def _acceleration(log: RawLog) -> FloatArray:
+    step = float(np.median(np.diff(log.time))) * _SPAN
+    y = log.position
+    return (y[2 * _SPAN :] - 2 * y[_SPAN:-_SPAN] + y[: -2 * _SPAN]) / step**2
+
+
+def _explained(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    """Columns of mass, damping, friction and offset (n, 4), and what each is multiplied by (4,)."""
+    speed = _velocity(log)
+    columns = np.column_stack((_acceleration(log), speed, np.sign(speed), np.ones_like(speed)))
+    return columns, np.linalg.lstsq(columns, log.force[_SPAN:-_SPAN], rcond=None)[0]
+
+
+def _unexplained(log: RawLog) -> FloatArray:
+    columns, sizes = _explained(log)
+    return log.force[_SPAN:-_SPAN] - columns @ sizes
+
+
+def _unexplained_over_time(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return log.time[_SPAN:-_SPAN], _unexplained(log)
+
+
+def _unexplained_over_position(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return 1000 * log.position[_SPAN:-_SPAN], _unexplained(log)
+
+
+def _friction(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    columns, sizes = _explained(log)
+    return _velocity(log), log.force[_SPAN:-_SPAN] - columns[:, 0] * sizes[0]
+
+
+def _over_velocity(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return _velocity(log), log.force[_SPAN:-_SPAN]
+
+
+def _over_acceleration(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return _acceleration(log), log.force[_SPAN:-_SPAN]
+
+
+def _over_position(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return 1000 * log.position, log.force
+
+
+_TIME, _MM, _N = "time, s", "position, mm", "force, N"
+_POSITION = View(abscissa=_TIME, ordinate=_MM, points=_position)
+_FORCE = View(abscissa=_TIME, ordinate=_N, points=_force)
+_STEPS = View(abscissa=_TIME, ordinate="step, ms", points=_steps, style=".")
+_SPEED = View(abscissa="velocity, m/s", ordinate=_N, points=_over_velocity, style=",")
+_LEFT = View(abscissa=_TIME, ordinate="unexplained force, N", points=_unexplained_over_time)
+_PLACE = View(abscissa=_MM, ordinate=_N, points=_over_position, style=",")
+
+VIEWS: dict[str, View] = {
+    "not-exciting-mass": _SPEED,
+    "not-exciting-damping": _SPEED,
+    "few-counts": View(abscissa=_TIME, ordinate=_MM, points=_position, seconds=0.5),
+    "force-saturated": View(abscissa=_TIME, ordinate=_N, points=_force, seconds=0.5),
+    "force-unit": _FORCE,
+    "dropped-samples": _STEPS,
+    "jitter": _STEPS,
+    "clock-backward": _STEPS,
+    "encoder-wrap": _POSITION,
+    "sign-flip": View(
+        abscissa="acceleration, m/s²", ordinate=_N, points=_over_acceleration, style=","
+    ),
+    "gravity": View(
+        abscissa="position, mm (mrad)",
+        ordinate="unexplained force, N",
+        points=_unexplained_over_position,
+        style=",",
+    ),
+    "stiction": View(abscissa=_TIME, ordinate=_MM, points=_position, level="severe"),
+    "hand-on-device": _LEFT,
+    "controller-identified": _PLACE,
+    "delay-unknown": View(
+        abscissa="acceleration, m/s²", ordinate=_N, points=_over_acceleration, style=","
+    ),
+    "non-finite": View(
+        abscissa=_TIME, ordinate=_N, points=_force, style=".-", seconds=0.1, level="severe"
+    ),
+    "constant-column": _POSITION,
+    "too-short": _POSITION,
+    "heldout-misfit": _LEFT,
+    "unmodelled-force": View(
+        abscissa="velocity, m/s", ordinate="friction, N", points=_friction, style=","
+    ),
+}
+
+
+def picture_of(case: Case, good: RawLog) -> Figure:
+    """A log without the fault on the left, the faulty one on the right, by the view that tells."""
+    view = VIEWS[case.code]
+    figure = Figure(figsize=SIZE, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _draw(left, view, good, "as it should be")
+    _draw(right, view, case.log, case.code)
+    return figure
+
+
+def _draw(axes: Axes, view: View, log: RawLog, title: str) -> None:
+    abscissa, ordinate = view.points(log)
+    if view.seconds is not None:
+        begun = log.time[log.time.size // 4]
+        shown = (abscissa >= begun) & (abscissa <= begun + view.seconds)
+        abscissa, ordinate = abscissa[shown], ordinate[shown]
+    axes.plot(abscissa, ordinate, view.style, color="tab:blue", linewidth=0.8, markersize=2)
+    axes.set(title=title, xlabel=view.abscissa, ylabel=view.ordinate)
+    axes.ticklabel_format(useOffset=False)
+    axes.locator_params(axis="x", nbins=5)
+    if np.ptp(ordinate[np.isfinite(ordinate)]) < _FLAT:
+        axes.set_ylim(float(ordinate[0]) - 1, float(ordinate[0]) + 1)
+
+
+def main(folder: Path) -> None:
+    """Draw one picture a code into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    good = machines.good(SEED)[0]
+    for case in cases(SEED):
+        if case.level == VIEWS[case.code].level:
+            picture_of(case, good).savefig(folder / f"{case.code}.png", dpi=DOTS)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

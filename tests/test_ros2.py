@@ -1,0 +1,234 @@
+"""The files for ROS 2: parameters as any reader takes them, the law in Python, its node."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from tests.commands import haptune
+from tests.exported import LOOPS, STEP, changed, tuned
+from tests.guard import STATUS, Guard, built, enter, push, write
+from tune import SafeProfile
+from tune.exporters import export
+
+#: Sets that a hand may touch, one of them not certified.
+TOUCHED = ((), ("wall",), ("cup",), ("rubber",), ("wall", "cup"), ("wall", "rubber"))
+
+
+def walled(**loop: Any) -> SafeProfile:
+    """The tuned profile with a wall that pushes only."""
+    profile = changed(**loop)
+    wall = profile.elements["wall"].model_copy(update={"one_sided": True})
+    return profile.model_copy(update={"elements": {**profile.elements, "wall": wall}})
+
+
+def parameters_of(text: str, node: str = "haptune") -> dict[str, Any]:
+    """The parameters by full name, as a reader of YAML 1.1 and then a node take them."""
+
+    def flat(content: Mapping[str, Any], place: str) -> Iterator[tuple[str, Any]]:
+        for key, item in content.items():
+            if isinstance(item, dict):
+                yield from flat(item, f"{place}{key}.")
+            else:
+                yield f"{place}{key}", item
+
+    return dict(flat(yaml.safe_load(text)[node]["ros__parameters"], ""))
+
+
+def module_of(folder: Path, name: str, patch: pytest.MonkeyPatch) -> Any:
+    """An exported Python file as a module, found by others of its folder by its name."""
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    patch.setitem(sys.modules, name, module)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Knocked:
+    """A fake device: mass, damping and friction, an encoder, and a hand that pushes at random."""
+
+    def __init__(self, seed: int) -> None:
+        self.source = np.random.default_rng(seed)
+        self.place = self.speed = self.hand = 0.0
+
+    def read(self) -> float:
+        return round(self.place / 6e-6) * 6e-6
+
+    def move(self, force: float) -> None:
+        """One period under a force, in two steps."""
+        self.hand += 0.02 * (float(self.source.normal(0.0, 200.0)) - self.hand) - self.place
+        for _ in range(2):
+            total = force + self.hand - 10.0 * self.speed - 0.8 * math.tanh(self.speed / 1e-2)
+            self.speed += total / 3.0 * STEP / 2
+            self.place += self.speed * STEP / 2
+
+
+def drive(law: Any, guard: Guard, samples: int) -> tuple[float, float, set[str]]:
+    """Play both on one device: (largest difference, largest force, every status seen)."""
+    device = Knocked(samples)
+    source = device.source
+    places = {name: 1 << place for place, name in enumerate(tuned().elements)}
+    guard.start()
+    touched: tuple[str, ...] = ()
+    apart = largest = 0.0
+    seen: set[str] = set()
+    for k in range(samples):
+        elements = sum(places[name] for name in touched)
+        if source.random() < 0.01:
+            touched = TOUCHED[source.integers(len(TOUCHED))]
+            elements = sum(places[name] for name in touched)
+            rest, side = device.place, int(source.integers(-1, 2))
+            told = guard.call(enter(elements, rest, side)).status
+            assert law.reset(touched, rest, side).name == told
+        period = (2**32 - 500 + k) % 2**32
+        reading, chance, gain = device.read(), source.random(), 1.0
+        if chance < 0.02:  # nothing came, for one period or several
+            device.move(law.last_force)
+            if chance > 0.0005:
+                continue
+        elif chance < 0.025:
+            reading = float(source.choice([np.nan, np.inf, reading + 0.3]))
+        elif chance < 0.03:
+            period = (period - 1) % 2**32
+        elif chance < 0.1:
+            gain = float(source.choice([0.0, 0.5, 1.5]))
+        force = law.force(touched, period, reading, gain)
+        reply = guard.call(push(elements, period, reading, gain))
+        assert (law.status.name, law.clamped) == (reply.status, reply.clamped)
+        assert (law.missed, law.glitches) == (reply.missed, reply.glitches)
+        apart, largest = max(apart, abs(force - reply.force)), max(largest, abs(force))
+        seen.add(reply.status)
+        device.move(force)
+    return apart, largest, seen
+
+
+@pytest.mark.parametrize(
+    ("name", "samples"),
+    [
+        ("as-tuned", 4_000),
+        *(pytest.param(name, 100_000, marks=pytest.mark.long) for name in LOOPS),
+    ],
+)
+def test_the_law_in_python_keeps_to_the_forces_of_the_guard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, samples: int
+) -> None:
+    profile = walled(**LOOPS[name])
+    files = export(profile, "ros2")
+    write(files, tmp_path)
+    law = module_of(tmp_path, "haptune_law", monkeypatch).Law(
+        parameters_of(files["haptune_params.yaml"])
+    )
+    apart, largest, seen = drive(law, built(export(profile, "c"), tmp_path), samples)
+    assert apart <= 1e-12 * largest
+    assert largest > 10
+    assert seen >= set(STATUS) - {"NO_SIDE"}
+
+
+def test_a_yaml_1_1_reader_takes_every_parameter_for_what_it_is() -> None:
+    profile = tuned()
+    found = parameters_of(
+        export(profile, "ros2", node="/robot/haptune_x")["haptune_params.yaml"], "/robot/haptune_x"
+    )
+    assert found["element_names"] == ["wall", "cup", "rubber"]
+    assert found["together.group_1"] == ["wall", "cup"]
+    assert found["group_names"] == ["group_1"]
+    assert found["force_limit.peak"] == 28.0
+    assert type(found["velocity.t"]) is float
+    for name, element in profile.elements.items():
+        assert found[f"elements.{name}.stiffness"] == element.stiffness
+
+
+class FakeNode:
+    """What the node takes of rclpy.node.Node."""
+
+    given: dict[str, Any]
+
+    def __init__(self, name: str, **options: Any) -> None:
+        assert options == {"automatically_declare_parameters_from_overrides": True}
+        self.name, self.sent, self.said = name, [], []
+
+    def get_parameters_by_prefix(self, prefix: str) -> dict[str, Any]:
+        assert prefix == ""
+        return {name: SimpleNamespace(value=item) for name, item in self.given.items()}
+
+    def create_publisher(self, kind: type, topic: str, depth: int) -> Any:
+        return SimpleNamespace(publish=lambda message: self.sent.append(*message.data))
+
+    def create_subscription(self, kind: type, topic: str, callback: Any, depth: int) -> None:
+        self.callback = callback
+
+    def get_logger(self) -> Any:
+        return SimpleNamespace(warning=lambda text, **options: self.said.append(text))
+
+
+def _fake_ros(patch: pytest.MonkeyPatch) -> None:
+    modules = {
+        "rclpy": {},
+        "rclpy.node": {"Node": FakeNode},
+        "sensor_msgs": {},
+        "sensor_msgs.msg": {"JointState": SimpleNamespace},
+        "std_msgs": {},
+        "std_msgs.msg": {"Float64MultiArray": SimpleNamespace},
+    }
+    for name, content in modules.items():
+        module = ModuleType(name)
+        module.__dict__.update(content)
+        patch.setitem(sys.modules, name, module)
+
+
+def test_the_node_plays_the_law_by_the_stamps_of_its_messages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = export(walled(), "ros2", node="/robot/haptune_x")
+    write(files, tmp_path)
+    _fake_ros(monkeypatch)
+    FakeNode.given = parameters_of(files["haptune_params.yaml"], "/robot/haptune_x")
+    law = module_of(tmp_path, "haptune_law", monkeypatch)
+    node_class = module_of(tmp_path, "haptune_node", monkeypatch).HaptuneNode
+
+    class Played(node_class):
+        def touched(self, position: float) -> dict[str, tuple[float, int]]:
+            return {"wall": (0.0, -1)} if position > 0 else {}
+
+    node, alone = Played(), law.Law(FakeNode.given)
+    assert node.name == "haptune_x"
+    periods = [*range(20), *range(21, 40), *range(50, 120)]
+    wanted: list[float] = []
+    inside = False
+    for period in periods:
+        place = 0.002 * np.sin(period / 10)
+        now = 1_000_000_000 + period * 1_000_000 + 40_000 * (period % 3)
+        stamp = SimpleNamespace(sec=now // 10**9, nanosec=now % 10**9)
+        header = SimpleNamespace(stamp=stamp)
+        node.callback(SimpleNamespace(header=header, name=["other", "x"], position=[9.0, place]))
+        if place > 0 and not inside:
+            alone.reset(["wall"], 0.0, -1)
+        inside = place > 0
+        wanted.append(alone.force(["wall"] if inside else [], period, place))
+    assert node.sent == wanted
+    assert min(wanted) < -0.5
+    assert any(text.startswith("LATE") for text in node.said)
+
+
+@pytest.mark.parametrize("name", ["9x", "a-b", "/robot//x", "robot/x", ""])
+def test_a_name_that_no_node_can_have_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("profile.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
+    ended = haptune("export", "profile.yaml", "--to", "ros2", "--node", name)
+    assert ended.code == 2
+    assert "is no name of a node" in ended.err
+    ended = haptune("export", "profile.yaml", "--to", "c", "--node", "haptune")
+    assert (ended.code, "names a node of ROS 2" in ended.err) == (2, True)

@@ -1,0 +1,229 @@
+"""What a command computed, in its JSON result: every number that its tables show, in SI units.
+
+A command that fails keeps what was computed until then, so that no key is sure to be there. A
+number that is not finite, or was not computed, is null.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+# pydantic reads this one on every Python; it is part of what pydantic itself needs.
+from typing_extensions import TypedDict
+
+Pair = tuple[float, float]
+
+
+class MissingFact(TypedDict):
+    """A fact of the hardware that nobody stated: what to write, and what a log suggests of it."""
+
+    key: str
+    write: str
+    hint: str
+
+
+class ToldQuantity(TypedDict):
+    """A quantity with its 95 % interval; ``relative`` is the half-width as part of the value."""
+
+    value: float
+    low: float
+    high: float
+    half_width: float
+    relative: float | None
+
+
+class LogExamined(TypedDict):
+    """What one log shows; s, Hz, m, m/s, N or the rotary units."""
+
+    source: str
+    motion: Literal["linear", "rotary"] | None
+    usable: bool
+    samples: int
+    fitted: int | None
+    duration: float
+    sample_time: float
+    rate_hz: float
+    travel: float
+    peak_speed: float
+    peak_force: float
+    encoder_count: float | None
+    noise: float
+    band_hz: Pair
+    mass: ToldQuantity | None
+    damping: ToldQuantity | None
+
+
+class OtherEstimate(TypedDict):
+    """What another method makes of a log."""
+
+    method: str
+    mass: float
+    damping: float
+
+
+class LogIdentified(TypedDict):
+    """How one log was identified."""
+
+    source: str
+    method: str
+    reason: str
+    fitted: int
+    others: list[OtherEstimate]
+    structure: list[str]
+
+
+class AlternativeResult(TypedDict):
+    """A scene tuned with one fact of the hardware changed; ``won`` against the device as it is."""
+
+    change: str
+    total: float
+    won: float
+    steps: dict[str, float]
+    won_by_effect: dict[str, float]
+    reason: str | None
+
+
+class Details(TypedDict, total=False):
+    """What commands share.
+
+    ``device`` is the content of device.yaml (haptune/device/1), ``profile`` that of profile.yaml
+    (haptune/profile/1); ``read_as`` tells by log how one that is no plain table was understood.
+    """
+
+    read_as: dict[str, str]
+    missing: list[MissingFact]
+    device: dict[str, Any]
+    profile: dict[str, Any]
+    taken_on_trust: list[str]
+    rehearsed: Literal["settles"]
+
+
+class DoctorDetails(Details, total=False):
+    """Of ``doctor``."""
+
+    logs: list[LogExamined]
+
+
+class IdentifyDetails(Details, total=False):
+    """Of ``identify``; ``half_widths`` are parts of the values, by quantity."""
+
+    half_widths: dict[str, float | None]
+    method: str
+    logs: list[LogIdentified]
+
+
+class TuneDetails(Details, total=False):
+    """Of ``tune``."""
+
+    candidates: list[dict[str, Any]]
+    what_if: list[AlternativeResult]
+
+
+class CalibrateDetails(IdentifyDetails, TuneDetails, total=False):
+    """Of ``calibrate`` and ``demo``, which identify and tune."""
+
+
+class CheckDetails(TypedDict, total=False):
+    """Of ``check``: the profile, the certificate as found anew, what it takes on trust by key."""
+
+    profile: dict[str, Any]
+    certificate: dict[str, Any]
+    taken_on_trust: dict[str, str]
+    rehearsed: Literal["settles"]
+
+
+class FaultResult(TypedDict):
+    """Why gains are not safe."""
+
+    limit: str
+    seen: str
+    needed: str
+    remedy: str
+
+
+class AuditDetails(Details, total=False):
+    """Of ``audit``; null where something was not computed."""
+
+    safe: bool
+    loop: dict[str, Any]
+    needed: dict[str, float | None]
+    gain_margin: float | None
+    extra_delay_samples: float | None
+    jitter: float
+    sustained_force: float
+    peak_force: float
+    ripple: float | None
+    vibration: float | None
+    vibration_over_threshold: float | None
+    one_count: dict[str, float]
+    wall: dict[str, Any]
+    speed: float
+    passive_with_encoder: dict[str, Any] | None
+    limit_cycle: dict[str, Any] | None
+    slowest_decay: float | None
+    damping_ratio: float | None
+    phase_margin_degrees: float | None
+    disk_margin: float | None
+    critical_frequency_hz: float | None
+    passive: bool | None
+    passive_above_damping: float | None
+    faults: list[FaultResult]
+    nearest: dict[str, float] | None
+
+
+class Check(TypedDict):
+    """One comparison of a log with its profile; ``numbers`` are those of the words."""
+
+    check: str
+    verdict: Literal["agrees", "disagrees", "cannot tell", "not assessed"]
+    seen: str
+    predicted: str
+    tolerance: str
+    remedy: str
+    numbers: dict[str, float | None]
+
+
+class VerifyDetails(Details, total=False):
+    """Of ``verify``."""
+
+    log: str
+    elements: list[str]
+    gain: float | None
+    checks: list[Check]
+    filters: list[dict[str, Any]]
+    delay: Pair | None
+    longer_delays_not_looked_at: bool
+    margins: list[dict[str, Any]]
+    play: list[dict[str, Any]]
+
+
+class CompareDetails(Details, total=False):
+    """Of ``compare``; ``gain`` is the margin that is still proved."""
+
+    kind: Literal["devices", "profiles", "profile and device"]
+    changes: list[dict[str, Any]]
+    effects: list[dict[str, Any]]
+    holds: bool | None
+    gain: float | None
+
+
+class ExciteDetails(Details, total=False):
+    """Of ``excite``; shares are parts of the limits."""
+
+    duration: float
+    limits: dict[str, float | None]
+    guesses: dict[str, float]
+    candidates: list[dict[str, Any]]
+    predicted: dict[str, float]
+    stated: dict[str, float]
+    worst: list[dict[str, Any]]
+    rows: int
+
+
+class SimulateDetails(Details, total=False):
+    """Of ``simulate``."""
+
+    scenario: str
+    description: str
+    samples: int
+    sample_time: float

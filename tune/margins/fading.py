@@ -1,0 +1,164 @@
+"""How slowly an element has to fade: the shortest fade that no hand was found to pump with.
+
+An element with mass is faded in and out, its level l[k] rising or falling by at most T/τ a sample.
+At each constant level the loop is stable; a swing may still gain from a level that moves with it,
+as a pendulum does from a string drawn in and let out. In the same coordinates at all levels
+
+    x[k+1] = (A + l[k]·e·cᵀ)·x[k],
+
+and a hand that enters and leaves decides l. What pumps most goes to and fro between two levels and
+waits at each for part of a half swing: the eigenvalues of one such period tell whether it grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.loop.filters import Filters
+from tune.loop.law_states import law_states
+from tune.loop.state_space import Corner, SampledLoop
+
+FloatArray = NDArray[np.float64]
+Values = tuple[float, float, float]
+
+#: Steps of a fade, and those at which it may turn: where a spring fades, low levels swing slowest.
+_STEPS = 16
+_STOPS = (0, 1, 2, 4, 8, 12, 16)
+#: Waits at a stop, evenly from none to half a swing.
+_WAITS = 8
+#: s, the first fade looked at, the ratio of each to the next, and the longest. Where turning at low
+#: levels asks for more, the device hardly loses anything, and these waves are no guide to others.
+_FIRST, _RATIO, _LONGEST, _LONGEST_WHOLE = 0.05, 2**0.5, 1.0, 5.0
+#: An eigenvalue of a period this far beyond the circle grows; less is the rounding of a double one.
+_GROWS = 1e-6
+
+
+def shortest_fade(
+    places: Sequence[Corner],
+    filters: Filters,
+    beside: Values,
+    fading: Values,
+    *,
+    whole: bool = False,
+) -> float:
+    """Shortest fade, s, at which no wave of the level was found to make any loop grow.
+
+    It is necessary, not sufficient: waves of other shapes are not looked at.
+
+    Args:
+        places: ways the device may be.
+        filters: of velocity and acceleration.
+        beside: K, B and M of what does not fade, N/m, N·s/m and kg.
+        fading: of what does, at its full level.
+        whole: whether the level always goes all the way; else it may turn at other levels too.
+
+    Returns:
+        0.05 s at least; inf where none up to 1 s, or 5 s all the way, is slow enough.
+    """
+    loops = [
+        FadedLoop.of(place, filters, beside, fading)
+        for place in places
+        # Without any spring nothing swings.
+        if beside[0] or fading[0] or place.position_stiffness or place.modes
+    ]
+    fade = _FIRST
+    for loop in loops:
+        while loop.grows(fade, (0, _STEPS) if whole else _STOPS):
+            fade *= _RATIO
+            if fade > (_LONGEST_WHOLE if whole else _LONGEST):
+                return float("inf")
+    return fade
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FadedLoop:
+    """x[k+1] = (still + level·more)·x[k], each of shape (states, states).
+
+    Attributes:
+        still: the loop without what fades.
+        more: what it adds at its full level.
+        sample_time: s.
+        held: whether a spring of device or law binds the place at some level.
+    """
+
+    still: FloatArray
+    more: FloatArray
+    sample_time: float
+    held: bool
+
+    @classmethod
+    def of(cls, place: Corner, filters: Filters, beside: Values, fading: Values) -> FadedLoop:
+        """The estimates follow every reading; only what is made of them has a level."""
+        step = place.sample_time
+        plant = SampledLoop.of(place, filters, (1.0, 0.0, 0.0))
+        size = len(plant.read)
+        command = plant.command
+        enter = (plant.pushed - plant.free) @ command / (command @ command)
+        estimates = [
+            law_states(filters, step, 0.0, 1.0, 0.0),
+            law_states(filters, step, 0.0, 0.0, 1.0),
+        ]
+        total = size + sum(len(each.update) for each in estimates)
+        still = np.zeros((total, total))
+        still[:size, :size] = plant.free
+        rows = np.zeros((3, total))
+        rows[0, :size] = command
+        start = size
+        for row, each in zip(rows[1:], estimates, strict=True):
+            end = start + len(each.update)
+            still[start:end, start:end] = each.update
+            still[start:end, :size] = np.outer(each.drive, plant.read)
+            row[start:end] = each.command
+            row[:size] = each.direct * plant.read
+            start = end
+        drive = np.zeros(total)
+        drive[:size] = enter
+        return cls(
+            still=still + np.outer(drive, np.array(beside) @ rows),
+            more=np.outer(drive, np.array(fading) @ rows),
+            sample_time=step,
+            held=bool(beside[0] or fading[0] or place.position_stiffness),
+        )
+
+    def at(self, level: FloatArray) -> FloatArray:
+        """Transitions at some levels, shape (levels, states, states)."""
+        return self.still + level[:, None, None] * self.more
+
+    def grows(self, fade: float, stops: Sequence[int]) -> bool:
+        """Whether some wave between two stops, as fast as a fade of so many seconds, pumps."""
+        count = max(1, int(fade / self.sample_time / _STEPS))
+        middles = (np.arange(_STEPS) + 0.5) / _STEPS
+        steps = np.linalg.matrix_power(self.at(middles), count)
+        waits = {stop: self._waits(stop / _STEPS) for stop in stops}
+        for place, low in enumerate(stops):
+            up = down = np.eye(len(self.still))
+            before = low
+            for high in stops[place + 1 :]:
+                for step in steps[before:high]:
+                    up, down = step @ up, down @ step
+                before = high
+                periods = (down @ waits[high])[None] @ (up @ waits[low])[:, None]
+                if self._radius(periods) > 1 + _GROWS:
+                    return True
+        return False
+
+    def _radius(self, periods: FloatArray) -> float:
+        """Largest eigenvalue of some periods, without the one of a place that nothing holds."""
+        values = np.linalg.eigvals(periods).reshape(-1, len(self.still))
+        if not self.held:
+            values[np.arange(len(values)), np.abs(values - 1).argmin(axis=1)] = 0
+        return float(np.abs(values).max())
+
+    def _waits(self, level: float) -> FloatArray:
+        """Transitions over the waits at a level, the longest half a swing that dies out last."""
+        matrix = self.at(np.array([level]))[0]
+        poles = np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
+        swings = poles[poles.imag > 0]
+        slowest = swings[np.argmax(np.abs(swings))] if swings.size else None
+        half = 0.0 if slowest is None else float(np.pi / np.angle(slowest))
+        spans = np.unique(np.linspace(0, half, _WAITS).astype(int))
+        return np.stack([np.linalg.matrix_power(matrix, int(span)) for span in spans])

@@ -1,0 +1,1 @@
+"""Results as pictures, and as one page to read, print and sign."""

@@ -1,0 +1,156 @@
+"""Pictures of a profile: where its elements lie in the stable region, and what they feel like."""
+
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tune.documents.profile import Design
+from tune.presentation.boundaries import Boundaries
+from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shortened
+from tune.presentation.labels import place_labels
+from tune.presentation.slices import draw_region
+from tune.presentation.units import UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+#: Inches: least height of the first picture, and what each effect adds once they are many.
+_FIRST, _EFFECT = 4.6, 0.28
+#: Elements that are drawn one by one, at most: a picture of more would be read by nobody.
+MOST_ELEMENTS = 12
+
+
+def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) -> Figure:
+    """Stable region in (B, K) with every element in it, beside the perceived steps of each effect.
+
+    The boundaries are exact: the largest stiffness for each damping, for the best estimate of the
+    device, for the worst corner of its box, and for that corner with the whole margin kept.
+
+    Args:
+        profile: certified or not.
+        boundaries: of the same profile; None computes them.
+    """
+    from identification import NotebookFigure
+
+    figure = NotebookFigure(figsize=(WIDTH, overview_height(profile)))
+    draw_overview(figure, profile, boundaries or Boundaries.of(profile))
+    return figure
+
+
+def profile_sheet(profile: Design) -> Figure:
+    """The overview, then each element with its slice of the region, limits, step and impact.
+
+    Of more than `MOST_ELEMENTS` elements the first are drawn, which is said.
+    """
+    from identification import NotebookFigure
+
+    names = list(profile.elements)[:MOST_ELEMENTS]
+    heights = [overview_height(profile), *(HEIGHT for _ in names)]
+    figure = NotebookFigure(figsize=(WIDTH, sum(heights)))
+    grid: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
+    parts: list[SubFigure] = list(grid[:, 0])
+    boundaries = Boundaries.of(profile)
+    for part, name in zip(parts[1:], names, strict=True):
+        draw_element(part, profile, name, boundaries)
+    draw_overview(parts[0], profile, boundaries)
+    return figure
+
+
+def overview_height(profile: Design) -> float:
+    """Inches that the overview needs for the effects it shows."""
+    effects = sum(len(element.limited_by) for element in profile.elements.values())
+    return max(_FIRST, 1.2 + _EFFECT * effects)
+
+
+def draw_overview(figure: Figure | SubFigure, profile: Design, boundaries: Boundaries) -> None:
+    """Draw region and perceived steps on a figure or a part of one."""
+    height = overview_height(profile)
+    left, right = figure.subplots(
+        1,
+        2,
+        gridspec_kw={
+            "left": 0.075,
+            "right": 0.985,
+            "top": 1 - 0.85 / height,
+            "bottom": 0.5 / height,
+            "wspace": 0.16 + 0.018 * max(map(len, _effects(profile))),
+        },
+    )
+    late = profile.margin.extra_delay_samples
+    figure.suptitle(
+        f"{shortened(profile.scene)} on {shortened(profile.device.name)}: safe for every gain up "
+        f"to {profile.margin.gain:g} with {late} extra sample{'s' * (late != 1)}",
+        fontsize=11,
+        y=1 - 0.12 / height,
+    )
+    _draw_steps(right, profile)
+    _draw_places(left, profile, boundaries)
+
+
+def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
+    """The region for M = 0 and every element; open circles lie in planes of their own mass."""
+    units, elements = UNITS[profile.device.motion], profile.elements
+    dampings = [element.damping for element in elements.values()]
+    draw_region(
+        axes,
+        boundaries,
+        0.0,
+        (min(0.0, *dampings), max(0.0, *dampings)),
+        max(element.stiffness for element in elements.values()),
+        units,
+    )
+    axes.set_title("region for M = 0; elements with a mass lie in other planes: open circles",
+                   fontsize=8, loc="left", pad=16)  # fmt: skip
+    labels: list[tuple[float, float, str]] = []
+    for name, element in elements.items():
+        fill = "none" if element.mass else "black"
+        axes.scatter(
+            [element.damping],
+            [element.stiffness],
+            s=25,
+            facecolors=fill,
+            edgecolors="k",
+            clip_on=False,
+            zorder=5,
+        )
+        note = shortened(name) + (
+            f", M = {element.mass:.2g} {units['mass']}" if element.mass else ""
+        )
+        labels.append((element.damping, element.stiffness, note))
+    place_labels(axes, labels)
+
+
+def _effects(profile: Design) -> list[str]:
+    """Element and effect of everything that a scene asked for."""
+    return [
+        f"{shortened(name)} {effect}"
+        for name, element in profile.elements.items()
+        for effect in element.limited_by
+    ]
+
+
+def _draw_steps(axes: Axes, profile: Design) -> None:
+    units = UNITS[profile.device.motion]
+    labels = _effects(profile)
+    steps: list[float] = []
+    words: list[str] = []
+    for element in profile.elements.values():
+        for effect, reason in element.limited_by.items():
+            steps.append(element.perceived_steps.get(effect, 0.0))
+            value: float = getattr(element, effect)
+            why = "as wanted" if reason == "wanted" else f"limited by {reason}"
+            words.append(f" {value:.4g} {units[effect]}, {why}")
+    places = np.arange(len(labels))[::-1]
+    axes.barh(places, steps, color="tab:green", alpha=0.6)
+    axes.axvline(1, color="k", lw=0.8, ls=":")
+    axes.set_yticks(places, labels, fontsize=8)
+    for place, step, word in zip(places, steps, words, strict=True):
+        axes.text(step, float(place), word, va="center", fontsize=7)
+    axes.set_xlim(0, 2.2 * max([*steps, 1.0]))
+    axes.set_xlabel("steps a hand can tell apart")

@@ -1,0 +1,78 @@
+"""A node of ROS 2 around the certified law: one axis, effort out for each position in.
+
+    ros2 run ... haptune_node.py --ros-args --params-file haptune_params.yaml
+
+Reads sensor_msgs/JointState from ``joint_states`` and writes std_msgs/Float64MultiArray to
+``commands``, as effort controllers of ros2_control take it; remap both as needed. Fill in
+``touched``. The joint is the profile's axis, or the parameter ``joint``. Stamps number the periods
+of the loop, so they have to be those of the readings. What is certified is the law, not the way
+that messages take: its time belongs to the delay of the device. A loop that must not miss a period
+plays the C guard.
+"""
+
+from __future__ import annotations
+
+import rclpy
+from haptune_law import Law, Status
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+_NANOSECONDS = 1_000_000_000
+
+
+class HaptuneNode(Node):
+    """Plays the elements that are touched."""
+
+    def __init__(self) -> None:
+        super().__init__("${node}", automatically_declare_parameters_from_overrides=True)
+        found = {name: each.value for name, each in self.get_parameters_by_prefix("").items()}
+        self.law = Law(found)
+        self.joint = found.get("joint", found["axis"])
+        self.first: int | None = None
+        self.inside: dict[str, tuple[float, int]] = {}
+        self.commands = self.create_publisher(Float64MultiArray, "commands", 1)
+        self.create_subscription(JointState, "joint_states", self.read, 1)
+
+    def touched(self, position: float) -> dict[str, tuple[float, int]]:
+        """Fill in: each element touched there, with (rest, side).
+
+        Rest, m (rad), is where its spring gives no force, the face of a wall; side is 1 for a wall
+        that pushes towards growing positions and -1 for the other way. Both are taken when an
+        element is entered.
+        """
+        del position
+        return {}
+
+    def read(self, message: JointState) -> None:
+        """One reading: the force of what is touched goes out, zero after anything not certified."""
+        position = message.position[list(message.name).index(self.joint)]
+        stamp = message.header.stamp.sec * _NANOSECONDS + message.header.stamp.nanosec
+        self.first = stamp if self.first is None else self.first
+        period = round((stamp - self.first) / (self.law.sample_time * _NANOSECONDS))
+        now = self.touched(position)
+        for name in now.keys() - self.inside.keys():
+            self.law.reset([name], *now[name])
+        force = self.law.force(list(now), period, position)
+        # What was ended is entered anew once the device is outside of it.
+        self.inside = now
+        if self.law.status is not Status.OK:
+            text = f"{self.law.status.name}: {self.law.status.value}"
+            self.get_logger().warning(text, throttle_duration_sec=1.0)
+        self.commands.publish(Float64MultiArray(data=[force]))
+
+
+def main() -> None:
+    """Run the node until it is told to stop."""
+    rclpy.init()
+    node = HaptuneNode()
+    try:
+        rclpy.spin(node)
+    finally:
+        node.commands.publish(Float64MultiArray(data=[0.0]))
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

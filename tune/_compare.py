@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from identification import Device, Quantity, SlopeRange, UsageError
+from tune.certificate.transfer import certify_on, gain_kept
 from tune.documents.effects import EFFECT_NAMES
 from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design, SafeProfile
-from tune.certificate.transfer import certify_on, gain_kept
 
 #: Quantities of a device in the order of its file.
 _QUANTITIES = (

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from tune.cli.identify import target_picture
+from tune.cli.drawing import draw_profile, target_picture
 from tune.cli.options import Json, MarginOption, Picture, Quiet
 from tune.cli.session import Session, run_command
-from tune.cli.tune import IN_DEVICE, draw_profile
+from tune.cli.tune import IN_DEVICE
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tune.cli.identify import device_in, draw_identified, identified, target_picture
+from tune.cli.drawing import device_in, draw_identified, draw_profile, target_picture
+from tune.cli.identify import identified
 from tune.cli.options import (
     Allow,
     Axis,
@@ -31,7 +32,7 @@ from tune.cli.options import (
     TimeGain,
 )
 from tune.cli.session import Session, run_command
-from tune.cli.tune import draw_profile, tuned, wanted
+from tune.cli.tune import tuned, wanted
 
 if TYPE_CHECKING:
     from identification import Device, Identification

@@ -7,10 +7,9 @@ from typing import Annotated, Optional
 
 import typer
 
-from tune.cli.identify import target_picture
+from tune.cli.drawing import draw_profile, target_picture
 from tune.cli.options import Json, Picture, Quiet
 from tune.cli.session import Session, run_command
-from tune.cli.tune import draw_profile
 
 
 def check(

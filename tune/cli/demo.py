@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tune.cli.drawing import draw
 from tune.cli.identify import DEVICE_COMMENT, identified
 from tune.cli.new import template
 from tune.cli.options import Json, Quiet
@@ -38,7 +39,7 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
 
             fit = found.logs[0]
             picture = fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)
-            session.draw(Path("identification.png"), picture)
-            session.draw(Path("profile.png"), profile_picture(profile))
+            draw(session, Path("identification.png"), picture)
+            draw(session, Path("profile.png"), profile_picture(profile))
 
     run_command("demo", action, as_json=json, quiet=quiet)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tune.cli.identify import read_log, target_picture, tell_reading
+from tune.cli.drawing import draw, target_picture
+from tune.cli.identify import read_log, tell_reading
 from tune.cli.options import (
     Allow,
     Axis,
@@ -122,7 +123,7 @@ def _draw(session: Session, picture: Path, trajectory: Trajectory, seen: Examina
             drawn = log_picture(trajectory)
         else:
             drawn = identified_picture(seen.found.device, seen.found.logs)
-    session.draw(picture, drawn)
+    draw(session, picture, drawn)
 
 
 def _table(seen: Examination) -> Table:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
+from tune.cli.drawing import draw
 from tune.cli.options import DryRun, Json, Quiet
 from tune.cli.session import Session, run_command
 
@@ -60,7 +61,7 @@ def excite(
             return
         session.write(output, text)
         if picture is not None and drawing is not None:
-            session.draw(picture, drawing)
+            draw(session, picture, drawing)
 
     run_command("excite", action, as_json=json, quiet=quiet)
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
+from tune.cli.drawing import device_in, draw_identified, target_picture
 from tune.cli.options import (
     Allow,
     Axis,
@@ -90,39 +91,6 @@ def identify(
             draw_identified(session, picture, result, before)
 
     run_command("identify", action, as_json=json, quiet=quiet)
-
-
-def target_picture(session: Session, picture: Path | None, *others: Path | None) -> None:
-    """Refuse, before any work is done, a picture that cannot be written or is another file."""
-    if picture is not None:
-        session.target(picture, *others)
-
-
-def device_in(output: Path) -> Device | None:
-    """The device that a file states which is about to be replaced; None where there is none."""
-    from identification import Device, IdentificationError, load_mapping, parse_document
-
-    if not output.is_file():
-        return None
-    try:
-        content = load_mapping(output)
-        inside: object = content.get("device")
-        known = cast("dict[str, object]", inside) if isinstance(inside, dict) else content
-        return parse_document(Device, known, output)
-    except IdentificationError:
-        return None
-
-
-def draw_identified(
-    session: Session, picture: Path, found: Identification, before: Device | None
-) -> None:
-    """Draw fit, residual, friction and intervals of an identification."""
-    from identification import identified_picture
-
-    with session.progress() as say:
-        say("drawing")
-        drawn = identified_picture(found.device, found.logs, before=before)
-    session.draw(picture, drawn)
 
 
 def _warn_of_refusal(session: Session, device: Device) -> None:

@@ -62,7 +62,7 @@ def report(
     """One page to sign, complete in itself, after the check; exit code 6 if that fails."""
 
     def action(session: Session) -> None:
-        from identification import LogColumns
+        from identification import LogColumns, to_mapping
         from tune.certificate.check import check
         from tune.cli.report_page import page_of
         from tune.presentation.page import html_of
@@ -87,11 +87,13 @@ def report(
             trajectories = [_own_log(path, columns, safe, profile) for path in given]
             say("identifying")
             found = _identified_again(safe.device, trajectories)
+        if found is not None:
+            session.found(found.findings)
         alternatives = None if what_if is None else _alternatives(session, safe, what_if)
         with session.progress() as say:
             say("drawing")
             text = html_of(page_of(safe, found, alternatives))
-        session.details |= {"profile": str(profile), "digest": safe.digest, "logs": len(given)}
+        session.details["profile"] = to_mapping(safe)
         session.store(output, text.encode())
         session.say(
             f"{profile} passed its check. Open the page in a browser, read it, print it and sign it"
@@ -148,9 +150,9 @@ def _alternatives(session: Session, safe: SafeProfile, scene_file: Path) -> tupl
         UsageError: the scene of another profile.
     """
     from identification import UsageError
-    from tune._what_if import what_if
     from tune.cli.options import MarginChoice
     from tune.cli.tune import wanted
+    from tune.cli.what_if import say_what_would_help
 
     wish = wanted(scene_file, MarginChoice(safe.margin.name))
     strange = sorted(set(safe.elements) - set(wish.scene.elements))
@@ -160,5 +162,4 @@ def _alternatives(session: Session, safe: SafeProfile, scene_file: Path) -> tupl
             f"{scene_file} has no element {', '.join(strange)}, which the profile has",
             "Give the scene that the profile was tuned for",
         )
-    with session.progress() as say:
-        return what_if(safe.device, wish.scene, table=wish.table, profile=safe, progress=say)
+    return say_what_would_help(session, safe, wish.scene, wish.table)

@@ -7,8 +7,9 @@ from dataclasses import asdict
 from datetime import date
 from typing import TYPE_CHECKING
 
+from tune.cli.device_table import device_table
 from tune.cli.page_tables import table_view
-from tune.cli.tables import certificate_lines, device_table, elements_table
+from tune.cli.tables import certificate_lines, elements_table
 from tune.cli.what_if import alternatives_table
 from tune.presentation.page import FindingView, Page, PictureView, Statement, picture_view
 

@@ -27,8 +27,6 @@ from tune.cli.interruption import FilesWhole, ignore_signals, was_interrupted
 from tune.cli.streams import undelivered, wrapped
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from identification import Finding
 
 #: Columns where no terminal says how wide it is: tables are as wide as they need to be.
@@ -129,16 +127,6 @@ class Session:
             self.say(f"{path} written; the file before is {replaced.backup.name}")
         else:
             self.say(f"{path} {'unchanged' if before else 'written'}")
-
-    def draw(self, path: Path, figure: Figure) -> None:
-        """Write a picture atomically, PNG but for .svg and .pdf. Raises NotWrittenError."""
-        from io import BytesIO
-
-        stream = BytesIO()
-        picture: Any = figure
-        kind = path.suffix.lower().removeprefix(".")
-        picture.savefig(stream, format=kind if kind in {"svg", "pdf"} else "png", dpi=120)
-        self.store(path, stream.getvalue())
 
     def store(self, path: Path, content: bytes) -> None:
         """Write a file that nobody reads as text atomically. Raises NotWrittenError."""

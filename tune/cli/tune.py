@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tune.cli.identify import target_picture
+from tune.cli.drawing import draw_profile, target_picture
 from tune.cli.options import (
     Candidates,
     DryRun,
@@ -25,7 +25,7 @@ from tune.cli.session import Session, run_command
 if TYPE_CHECKING:
     from identification import Device
     from tune.documents.perception import PerceptionTable
-    from tune.documents.profile import Design, SafeProfile
+    from tune.documents.profile import SafeProfile
     from tune.documents.scene import Scene
     from tune.optimisation.candidates import Candidate, CandidateEffect
 
@@ -69,16 +69,6 @@ def tune(
             draw_profile(session, picture, profile)
 
     run_command("tune", action, as_json=json, quiet=quiet)
-
-
-def draw_profile(session: Session, picture: Path, profile: Design) -> None:
-    """Draw region, limits and responses of every element."""
-    from tune.presentation.profile_picture import profile_sheet
-
-    with session.progress() as say:
-        say("drawing")
-        drawn = profile_sheet(profile)
-    session.draw(picture, drawn)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

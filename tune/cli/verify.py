@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
+from tune.cli.drawing import draw
 from tune.cli.identify import tell_reading
 from tune.cli.options import (
     Axis,
@@ -112,7 +113,7 @@ def verify(
         session.say(_table(seen))
         session.details |= _plain(seen, others)
         if picture is not None and drawing is not None:
-            session.draw(picture, drawing)
+            draw(session, picture, drawing)
         if seen.disagreements:
             raise CheckFailedError((_disagreements(seen),))
         if not seen.assessed:

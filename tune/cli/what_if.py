@@ -22,7 +22,7 @@ _HARDLY = 0.05
 
 def say_what_would_help(
     session: Session, profile: SafeProfile, scene: Scene, perception: PerceptionTable
-) -> None:
+) -> tuple[Alternative, ...]:
     """Tune for each changed device, the best change first, and show what it brings."""
     with session.progress() as say:
         found = what_if(profile.device, scene, table=perception, profile=profile, progress=say)
@@ -31,6 +31,7 @@ def say_what_would_help(
         if each.reason is not None:
             session.say(f"{each.change}: {each.reason}")
     session.details["what_if"] = [_plain(each, found[0]) for each in found]
+    return found
 
 
 def alternatives_table(found: tuple[Alternative, ...]) -> Table:

@@ -72,7 +72,7 @@ DETAILS: dict[str, type] = {
     "verify": VerifyDetails,
     "compare": CompareDetails,
     "export": Details,
-    "report": Details,
+    "report": TuneDetails,
     "excite": ExciteDetails,
     "simulate": SimulateDetails,
 }

@@ -113,7 +113,7 @@ class IdentifyDetails(Details, total=False):
 
 
 class TuneDetails(Details, total=False):
-    """Of ``tune``."""
+    """Of ``tune``, and of ``report``, which has no candidates."""
 
     candidates: list[dict[str, Any]]
     what_if: list[AlternativeResult]

@@ -50,6 +50,7 @@ class Wanted:
     reference: float
     unit: float
     level: int
+    given: bool = False
 
     @property
     def label(self) -> str:
@@ -110,13 +111,16 @@ def felt_share(device: Device, filter_hz: float | None, power: int) -> float:
 def felt_rows(
     device: Device, wanted: list[Wanted], filters_hz: tuple[float | None, float | None]
 ) -> FloatArray:
-    """Rows a with a·sizes <= 1: mass and damping at both ends within a step of what is asked."""
+    """Rows a with a·sizes <= 1: mass and damping at both ends within a step of what is asked.
+
+    Elements of wanted values alone are met as they are commanded.
+    """
     rows: list[FloatArray] = []
     for frequency in (_SLOW, _FAST):
         felt = felt_of(device, filters_hz, np.array(frequency))
         mass, damping = felt.imag / (2 * np.pi * frequency), felt.real
         mass[0] = 0.0  # a spring is felt as a spring
-        for name in {one.element for one in wanted}:
+        for name in {one.element for one in wanted if not one.given}:
             for effect, own, parts in (
                 (1, device.damping.value, damping),
                 (2, device.mass.value, mass),
@@ -131,7 +135,7 @@ def felt_rows(
                 )
                 rows.append((given - step * asked) / (own * (step - 1)))
                 rows.append((asked / step - given) / (own * (1 - 1 / step)))
-    return np.array(rows)
+    return np.array(rows).reshape(len(rows), len(wanted))
 
 
 def wanted_of(
@@ -171,4 +175,5 @@ def wanted_of(
             reference=reference,
             unit=unit,
             level=0 if wish.kind == "value" else element.priority,
+            given=wish.kind == "value",
         )

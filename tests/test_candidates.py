@@ -240,3 +240,15 @@ def test_calibrate_compares_too() -> None:
     assert ended.code == 0
     assert len(ended.result["details"]["candidates"]) == 3
     assert load_profile(Path("profile.yaml")).margin.name == "balanced"
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("here")
+def test_candidates_are_drawn_beside_the_profile() -> None:
+    ended = haptune(
+        "tune", "homerehab", "scene.yaml", "--candidates", "--picture", "seen.svg", "--json"
+    )
+    assert ended.code == 0
+    assert set(ended.result["outputs"]) == {"profile.yaml", "seen.svg", "seen-candidates.svg"}
+    drawn = Path("seen-candidates.svg").read_text(encoding="utf-8")
+    assert drawn.startswith("<?xml")

@@ -99,3 +99,19 @@ def test_a_profile_that_does_not_say_how_fine_hands_are_is_checked_for_the_rest(
     setting = setting_of(design, ("wall",))
     assert setting is not None
     assert felt_failures(design, "wall", setting) == []
+
+
+def test_a_mass_that_is_honey_is_refused_unless_a_person_asked_for_it() -> None:
+    """At 20 Hz one kilogram lags by 17 ms: at 5 Hz it brakes by 15 N·s/m, the device by 10."""
+    cup = {"cup": {"mass": 1.0, "acceleration": 2.0}}
+    scene = {"elements": cup, "loop": {"acceleration_filter_hz": 20.0}}
+    wanted = optimise(load_device("homerehab"), Scene.model_validate(scene))
+    setting = setting_of(wanted, ("cup",))
+    assert setting is not None
+    assert wanted.elements["cup"].as_commanded
+    assert felt_failures(wanted, "cup", setting) == []
+    claimed = wanted.elements["cup"].model_copy(update={"as_commanded": False})
+    forged = wanted.model_copy(update={"elements": {"cup": claimed}})
+    (honey,) = felt_failures(forged, "cup", setting)
+    assert honey.startswith("cup: at 5 Hz a hand feels 15.1")
+    assert "0 is asked for" in honey

@@ -42,7 +42,29 @@ def felt_failures(design: Design, name: str, setting: Setting) -> list[str]:
             *_steps(design, element, impedance),
         )
         if not abs(seen - said) <= _AGREE * size
-    ]
+    ] + _honey(design, name, impedance)
+
+
+def _honey(design: Design, name: str, impedance: dict[str, ComplexArray]) -> list[str]:
+    """Mass and damping that are felt as more than a step from what the element asks for."""
+    element, table = design.elements[name], design.perception
+    if table is None or element.as_commanded:
+        return []
+    moving = impedance["damping"] + impedance["mass"]
+    felt = {"mass": moving.imag / _turns(), "damping": (moving + impedance["stiffness"]).real}
+    failures: list[str] = []
+    for effect, values in felt.items():
+        own, asked = _reference(design, table, effect), float(getattr(element, effect))
+        step = 1 + float(getattr(table, effect))
+        for place, frequency in ((0, _SLOWEST), (-1, _FASTEST)):
+            seen = float(values[place])
+            if not (own + asked) / step <= own + seen <= (own + asked) * step:
+                failures.append(
+                    f"{name}: at {frequency:g} Hz a hand feels {seen:.4g} of {effect} where "
+                    f"{asked:.4g} is asked for, more than a step of {step - 1:.2g} from it beside "
+                    f"the {own:.4g} of the device; ask for less, or filter less, and tune again"
+                )
+    return failures
 
 
 def _alone(setting: Setting, effect: str) -> Setting:

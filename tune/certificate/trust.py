@@ -39,6 +39,10 @@ TAKEN_ON_TRUST = (
         reason="as asked for or found; that all that must not be switched fades is checked, not "
         "once more whether a hand could pump it",
     ),
+    Trusted(
+        key="elements.*.as_commanded",
+        reason="that values were wanted; what is felt of others is checked against them",
+    ),
     Trusted(key="elements.*.margins.gain", reason="that no more could be proved"),
     Trusted(key="elements.*.margins.extra_delay_samples", reason="that no more could be proved"),
     Trusted(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tune.cli.drawing import device_in, draw_identified, draw_profile, target_picture
+from tune.cli.drawing import beside, device_in, draw_identified, draw_profile, target_picture
 from tune.cli.identify import identified
 from tune.cli.options import (
     Allow,
@@ -75,7 +75,9 @@ def calibrate(
         session.target(output, *logs, scene, hardware)
         inputs = (*logs, scene, hardware, output)
         target_picture(session, picture, *inputs)
-        target_picture(session, picture and beside(picture), *inputs)
+        target_picture(session, picture and beside(picture, "profile"), *inputs)
+        sheet = picture and beside(picture, "candidates") if candidates else None
+        target_picture(session, sheet, *inputs)
         columns = LogColumns(
             time=time,
             force=force,
@@ -92,7 +94,7 @@ def calibrate(
         found.device.require_stated(
             subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
         )
-        profile = tuned(session, found.device, wish, compare=candidates)
+        profile = tuned(session, found.device, wish, compare=candidates, sheet=sheet)
         before = None if picture is None else device_in(output)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
         if picture is not None:
@@ -110,9 +112,4 @@ def _draw(
 ) -> None:
     """Draw what was identified, and beside it (-profile) what was tuned."""
     draw_identified(session, picture, found, before)
-    draw_profile(session, beside(picture), profile)
-
-
-def beside(picture: Path) -> Path:
-    """The file of the second picture, of the profile."""
-    return picture.with_name(f"{picture.stem}-profile{picture.suffix}")
+    draw_profile(session, beside(picture, "profile"), profile)

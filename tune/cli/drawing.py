@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 
     from identification import Device, Identification
     from tune.documents.profile import Design
+    from tune.optimisation.candidates import CandidateEffect
 
 #: Kinds of picture beside PNG, by the ending of the file.
 _VECTORS = {".svg": "svg", ".pdf": "pdf"}
@@ -30,6 +32,11 @@ def target_picture(session: Session, picture: Path | None, *others: Path | None)
     """Refuse, before any work is done, a picture that cannot be written or is another file."""
     if picture is not None:
         session.target(picture, *others)
+
+
+def beside(picture: Path, what: str) -> Path:
+    """The file of a further picture: what it shows, after the name of the first."""
+    return picture.with_name(f"{picture.stem}-{what}{picture.suffix}")
 
 
 def device_in(output: Path) -> Device | None:
@@ -67,3 +74,10 @@ def draw_profile(session: Session, picture: Path, profile: Design) -> None:
         say("drawing")
         drawn = profile_sheet(profile)
     draw(session, picture, drawn)
+
+
+def draw_candidates(session: Session, picture: Path, rows: Sequence[CandidateEffect]) -> None:
+    """Draw the steps of every effect with each candidate."""
+    from tune.optimisation.candidates_picture import candidates_picture
+
+    draw(session, picture, candidates_picture(rows))

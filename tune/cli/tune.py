@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tune.cli.drawing import draw_profile, target_picture
+from tune.cli.drawing import beside, draw_candidates, draw_profile, target_picture
 from tune.cli.options import (
     Candidates,
     DryRun,
@@ -56,10 +56,12 @@ def tune(
 
         session.target(output, scene, Path(device))
         target_picture(session, picture, scene, Path(device), output)
+        sheet = picture and beside(picture, "candidates") if candidates else None
+        target_picture(session, sheet, scene, Path(device), output)
         known = load_device(device)
         known.require_stated(subject=device, where=IN_DEVICE)
         wish = wanted(scene, margin)
-        profile = tuned(session, known, wish, compare=candidates)
+        profile = tuned(session, known, wish, compare=candidates, sheet=sheet)
         if what_if:
             from tune.cli.what_if import say_what_would_help
 
@@ -89,7 +91,14 @@ def wanted(scene_file: Path, margin: MarginChoice | None) -> Wanted:
     return Wanted(scene=scene, table=perception_of(scene, scene_file.parent))
 
 
-def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = False) -> SafeProfile:
+def tuned(
+    session: Session,
+    device: Device,
+    wish: Wanted,
+    *,
+    compare: bool = False,
+    sheet: Path | None = None,
+) -> SafeProfile:
     """Tune, show the result and return it; shared with calibrate and demo.
 
     Args:
@@ -97,6 +106,7 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
         device: to tune for.
         wish: what is to be felt.
         compare: tune all candidates and show them side by side.
+        sheet: where to draw the candidates that are compared; None to draw none.
     """
     from identification import to_mapping
     from tune.certificate.words import taken_on_trust
@@ -105,7 +115,7 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
     from tune.optimisation._optimise import optimise
 
     if compare:
-        profile = _chosen(session, device, wish)
+        profile = _chosen(session, device, wish, sheet)
     else:
         with session.progress() as say:
             profile = optimise(device, wish.scene, table=wish.table, progress=say)
@@ -125,7 +135,7 @@ def tuned(session: Session, device: Device, wish: Wanted, *, compare: bool = Fal
     return profile
 
 
-def _chosen(session: Session, device: Device, wish: Wanted) -> SafeProfile:
+def _chosen(session: Session, device: Device, wish: Wanted, sheet: Path | None) -> SafeProfile:
     """The candidate with the scene's margin, after all three were shown.
 
     Raises:
@@ -149,6 +159,8 @@ def _chosen(session: Session, device: Device, wish: Wanted) -> SafeProfile:
     if chosen.profile is None:
         assert chosen.error is not None
         raise chosen.error
+    if sheet is not None:
+        draw_candidates(session, sheet, rows)
     return chosen.profile
 
 

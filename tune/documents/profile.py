@@ -113,7 +113,9 @@ class ElementProfile(Document):
     ``perceived_steps`` count what is felt of an effect at the motions people make, none where less
     than nothing is left of the device; ``rendered`` and ``contact`` are absent in profiles written
     before they were computed, which `check` refuses. A ``one_sided`` element pushes only; its force
-    fades in and out over ``fade_time``, s, where 0 lets it be switched at any moment.
+    fades in and out over ``fade_time``, s, where 0 lets it be switched at any moment. What is felt
+    lies within one step of what is asked for, but of an element whose every effect was wanted with
+    one value: it is played ``as_commanded``.
     """
 
     stiffness: float
@@ -128,6 +130,7 @@ class ElementProfile(Document):
     contact: Contact | None = None
     one_sided: bool = False
     fade_time: float = Field(default=0.0, ge=0, le=LONGEST_FADE)
+    as_commanded: bool = False
 
     @property
     def cut(self) -> bool:

@@ -208,6 +208,7 @@ def element_profile(
         ),
         one_sided=wanted.one_sided,
         fade_time=SHORTEST_FADE if pumps else 0.0,
+        as_commanded=bool(own) and all(problem.unknowns[i].wish.kind == "value" for i in own),
     )
 
 

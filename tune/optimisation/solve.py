@@ -97,8 +97,11 @@ def _solved(
     *,
     beside: Solved | None = None,
     second_opinion: bool,
+    gone: Mapping[str, str] | None = None,
 ) -> Solved:
     """One group with certain springs cut at the limit of force.
+
+    What is proved to less than one step is dropped, and the rest is tuned without it.
 
     Args:
         job: device, scene, perception and region.
@@ -107,9 +110,10 @@ def _solved(
         cut: elements whose springs are cut.
         beside: the same with none cut, where the search may begin as well.
         second_opinion: ask all solvers, and for proofs of what is cut or one-sided.
+        gone: effects that are left out, with the reason.
     """
     problem, optimum, dropped = optimum_of(
-        job, elements, filters, cut=cut, second_opinion=second_opinion
+        job, elements, filters, cut=cut, second_opinion=second_opinion, gone=gone
     )
     if optimum is None or optimum.sizes is None:
         return Solved(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
@@ -122,14 +126,21 @@ def _solved(
         if beside is not None and _labels(beside.problem) == _labels(problem):
             starts.append(beside.sizes)
         sizes, found = absolutely_stable(problem, starts, backends(second_opinion=False))
-        short = {
-            unknown.label: f"pushing on one side, or cut, it is proved stable to {size:.4g} at most"
-            for unknown, size in zip(problem.unknowns, sizes, strict=True)
-            if size < unknown.low
-        }
-        if short:
+        parts = sizes / problem.low
+        if np.any(parts < 1):
+            index = int(np.argmin(parts))
+            why = f"pushing on one side, or cut, it is proved stable to {sizes[index]:.4g} at most"
+            short = {problem.unknowns[index].label: why}
             _refuse_broken_ranges(problem, short)
-            return Solved(problem=problem, sizes=np.empty(0), dropped=dropped | short)
+            return _solved(
+                job,
+                elements,
+                filters,
+                cut,
+                beside=beside,
+                second_opinion=second_opinion,
+                gone=dropped | short,
+            )
     return Solved(
         problem=problem,
         sizes=sizes,
@@ -153,6 +164,7 @@ def optimum_of(
     cut: frozenset[str] = frozenset(),
     second_opinion: bool = True,
     known: Sequence[FloatArray] = (),
+    gone: Mapping[str, str] | None = None,
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
@@ -163,6 +175,7 @@ def optimum_of(
         cut: elements whose force may be cut at its limit.
         second_opinion: ask all solvers.
         known: allowed sizes of all effects to begin with, where there are some.
+        gone: effects that are left out, with the reason.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -176,8 +189,8 @@ def optimum_of(
             return closed_form(problem)
         return largest_product(problem, backends(second_opinion=second_opinion), known)
 
-    dropped: dict[str, str] = {}
-    problem = posed(frozenset())
+    dropped = dict(gone or {})
+    problem = posed(frozenset(dropped))
     while impossible := reasons_for_nothing(problem):
         _refuse_broken_ranges(problem, impossible)
         dropped |= impossible

@@ -124,7 +124,7 @@ def test_demo_writes_its_five_files() -> None:
 def test_json_of_success_is_one_object_and_nothing_else() -> None:
     ended = haptune("tune", "homerehab", "scene.yaml", "--json")
     assert ended.err == ""
-    assert ended.result.pop("details")["profile"]["name"]
+    assert ended.result.pop("details")["profile"]["device"]["name"] == "homerehab"
     assert ended.result == {
         "schema": "haptune/result/1",
         "command": "tune",

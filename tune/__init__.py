@@ -11,7 +11,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
     from tune._audit import Audit, audit
-    from tune._compare import Change, Comparison, compare
+    from tune.comparison.compare import Change, Comparison, compare
     from tune._what_if import Alternative, what_if
     from tune.certificate.check import CheckReport, check
     from tune.documents.effects import Effects

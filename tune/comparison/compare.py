@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from identification import Device, Quantity, SlopeRange, UsageError
-from tune.certificate.transfer import certify_on, gain_kept
+from tune.comparison.transfer import certify_on, gain_kept
 from tune.documents.effects import EFFECT_NAMES
 from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design, SafeProfile

@@ -1,0 +1,1 @@
+"""Two devices or two profiles side by side, and whether the old profile holds on the new device."""

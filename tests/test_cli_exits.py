@@ -146,7 +146,7 @@ def _full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_finding_carries_what_was_seen_what_is_needed_and_what_to_do() -> None:
     findings = haptune("identify", "constant.csv", "--json").result["findings"]
     assert [set(finding) for finding in findings] == [
-        {"code", "severity", "seen", "needed", "remedy"}
+        {"code", "severity", "source", "seen", "needed", "remedy"}
     ]
     assert findings[0]["code"] == "constant-column"
     assert findings[0]["severity"] == "refusal"

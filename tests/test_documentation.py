@@ -29,7 +29,7 @@ LINKING = (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md")
 #: Blocks in other languages: shown, not run.
 SHOWN = {"c"}
 #: Commands that install what runs here, and the command that runs this test.
-LEFT_OUT = ("python -m pip install", "python -m pytest")
+LEFT_OUT = ("python -m pip", "python -m pytest")
 #: The element that is played for ``haptune verify``, and its gain.
 PLAYED, GAIN = "rubber", 0.3
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -113,7 +113,7 @@ __all__ = [
 #: optimise): once loaded, it would take the function's place.
 _HOMES = {
     "_audit": "Audit audit",
-    "_compare": "Change Comparison compare",
+    "comparison.compare": "Change Comparison compare",
     "_what_if": "Alternative what_if",
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",

@@ -129,7 +129,14 @@ class FadedLoop:
         return self.still + level[:, None, None] * self.more
 
     def grows(self, fade: float, stops: Sequence[int]) -> bool:
-        """Whether some wave between two stops, as fast as a fade of so many seconds, pumps."""
+        """Whether some wave between two stops, as fast as a fade of so many seconds, pumps.
+
+        A loop that is unstable at some level overflows, which is growth.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._grows(fade, stops)
+
+    def _grows(self, fade: float, stops: Sequence[int]) -> bool:
         count = max(1, int(fade / self.sample_time / _STEPS))
         middles = (np.arange(_STEPS) + 0.5) / _STEPS
         steps = np.linalg.matrix_power(self.at(middles), count)
@@ -142,7 +149,7 @@ class FadedLoop:
                     up, down = step @ up, down @ step
                 before = high
                 periods = (down @ waits[high])[None] @ (up @ waits[low])[:, None]
-                if self._radius(periods) > 1 + _GROWS:
+                if not np.isfinite(periods).all() or self._radius(periods) > 1 + _GROWS:
                     return True
         return False
 

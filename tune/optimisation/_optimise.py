@@ -99,7 +99,8 @@ def _proposed(
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
     if all(not solved.problem.unknowns for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
-    return as_stored(design_of(job, filters, solutions, dropped)), _witnesses(job, solutions)
+    design = with_fades(design_of(job, filters, solutions, dropped), job.scene)
+    return as_stored(design), _witnesses(job, solutions)
 
 
 def _witnesses(job: Job, solutions: Sequence[Solved]) -> dict[str, AbsoluteStability]:
@@ -184,7 +185,7 @@ def design_of(
         if solved.problem.moments
     }
     played = {name: elements[name] for name in scene.elements if name in elements}
-    bare = Design(
+    design = Design(
         device=device,
         scene=scene.name,
         loop=LoopProfile(
@@ -204,7 +205,6 @@ def design_of(
         notes=tuple(note_of_dropped(label) + why for label, why in dropped.items()),
         method=methods,
     )
-    design = with_fades(bare, scene)
     return design.model_copy(update={"skipped": skipped_parts(design)})
 
 

@@ -58,7 +58,7 @@ def test_tune_and_the_eigenvalues_of_one_sample_agree(setting: dict[str, Any]) -
     np.testing.assert_allclose(ours, exact_limits(SampledBench(**DEVICE, **setting)), rtol=1e-8)
 
 
-@pytest.mark.parametrize("settings", [RIGID, FLEXIBLE], ids=["rigid", "flexible"])
+@pytest.mark.parametrize("settings", [RIGID, pytest.param(FLEXIBLE, marks=pytest.mark.long)])
 def test_the_limit_of_a_linear_loop_is_found_at_the_bench(
     settings: tuple[dict[str, Any], ...],
 ) -> None:

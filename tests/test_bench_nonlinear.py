@@ -98,6 +98,7 @@ def apparent() -> dict[str, FloatArray]:
     return dict(zip(names, off, strict=True))
 
 
+@pytest.mark.long
 def test_an_encoder_makes_the_limit_look_a_little_lower(apparent: dict[str, FloatArray]) -> None:
     """Measured 0.1 to 0.2 % low."""
     np.testing.assert_allclose(apparent["linear"], 0.0, atol=CLOSE)

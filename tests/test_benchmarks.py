@@ -13,6 +13,7 @@ from datasets_synthetic import Rig, multisine, simulate
 from identification import Trajectory
 from identification.estimators.model import Model
 from tests.estimates import estimate_by
+from tests.thinned import thinned
 
 
 @pytest.mark.parametrize(
@@ -46,7 +47,7 @@ def test_without_noise_every_method_finds_the_truth(
     np.testing.assert_allclose(found, [MASS, DAMPING], rtol=tolerance)
 
 
-@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("uneven", thinned([True, False], 1))
 def test_a_long_log_is_what_the_simulator_gives(uneven: bool) -> None:
     log = long_log(12_000, uneven=uneven)
     assert len(log) == 12_000

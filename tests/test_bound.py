@@ -15,6 +15,7 @@ from identification.estimators import ESTIMATORS
 from identification.estimators.model import Model
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
+from tests.thinned import thinned
 
 Array = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ FACTORS: dict[str, tuple[float, float]] = {
 }
 
 
-@pytest.mark.parametrize("method", ESTIMATORS)
+@pytest.mark.parametrize("method", thinned(reversed(ESTIMATORS), 2))
 def test_errors_over_the_bound(method: str) -> None:
     """One device; the few seeds leave a sampling error of the ratio that is allowed for thrice."""
     seeds = 150 if method == "output-error" else 40

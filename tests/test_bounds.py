@@ -161,6 +161,7 @@ def test_the_largest_scene_is_no_offence(tmp_path: Path) -> None:
     assert len(load_scene(path).subsets()) == MOST_ELEMENTS + MOST_SUMS
 
 
+@pytest.mark.long
 def test_a_profile_of_the_largest_scene_is_read(tmp_path: Path) -> None:
     """With every key that an element can have, and every moment named where moments are named."""
     profile = optimise(load_device("homerehab"), Scene.model_validate(_FULL))

@@ -230,6 +230,7 @@ def test_a_chosen_margin_without_a_profile_ends_as_it_does_alone() -> None:
     assert files() == {"scene.yaml"}
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("here")
 def test_calibrate_compares_too() -> None:
     log, hardware = (str(bundled(f"homerehab.{kind}")) for kind in ("csv", "hardware.yaml"))

@@ -9,6 +9,7 @@ import pytest
 
 from datasets_synthetic import bundled
 from tests.commands import files, haptune
+from tests.thinned import thinned
 from tune.cli.new import excitation_of
 
 #: The second name is wider than its column.
@@ -34,7 +35,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copy(bundled("homerehab.csv"), "log.csv")
 
 
-@pytest.mark.parametrize("arguments", TABLES)
+@pytest.mark.parametrize("arguments", thinned(TABLES, 2))
 def test_a_narrow_terminal_loses_nothing_and_a_pipe_gets_no_blanks(arguments: str) -> None:
     wide = haptune(*arguments.split())
     assert wide.code == 0, wide.err

@@ -13,6 +13,7 @@ import pytest
 
 from identification import load_device, quantity
 from tests.filter_cases import DEVICES, RIPPLES, SCENES, best_of_grid, job_of, worth_of
+from tests.thinned import thinned
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune.documents.perception import default_table
 from tune.loop.filters import Filters
@@ -37,7 +38,7 @@ def _never(sentence: str) -> None:
     raise AssertionError(sentence)
 
 
-@pytest.mark.parametrize(("device", "ripple"), list(product(DEVICES, RIPPLES)))
+@pytest.mark.parametrize(("device", "ripple"), thinned(product(DEVICES, RIPPLES), 6))
 def test_a_mass_alone_is_within_a_percent_of_every_cutoff(device: str, ripple: float) -> None:
     job = job_of(device, {"cup": {"mass": "max"}}, ripple)
     filters = choose_filters(job, _silent)
@@ -45,6 +46,7 @@ def test_a_mass_alone_is_within_a_percent_of_every_cutoff(device: str, ripple: f
     assert _within(worth_of(job, filters), best_of_grid(job, 30))
 
 
+@pytest.mark.long
 def test_a_scene_is_within_a_percent_of_every_cutoff() -> None:
     job = job_of("homerehab", SCENES["mix"])
     filters = choose_filters(job, _silent)

@@ -76,6 +76,7 @@ def test_a_device_without_any_interval_is_certified_as_it_is() -> None:
 # The mass of the device may be anything within a decade.
 
 
+@pytest.mark.long
 def test_a_mass_known_to_a_decade_is_tuned_for_its_worst() -> None:
     device = _device(mass=quantity(3.0, 0.95, 9.5))
     ended = _tuned(device, BLOCK)

@@ -126,6 +126,7 @@ def test_what_hardware_does_not_say_is_missing_and_the_log_suggests_it() -> None
     assert device.logs[0].digest == log().digest
 
 
+@pytest.mark.long
 def test_a_stated_delay_of_zero_is_honoured() -> None:
     device = identify(log(), hardware=Hardware(delay=quantity(0.0))).device
     assert (device.delay.value, device.delay.source) == (0.0, "hardware")
@@ -141,6 +142,7 @@ def test_the_wrong_sign_is_noticed() -> None:
     assert "sign-flip" in {finding.code for finding in caught.value.findings}
 
 
+@pytest.mark.long
 def test_half_widths_do_not_depend_on_the_units() -> None:
     """Gram and millimetre: the same log, the same relative answer."""
     scaled = Trajectory(time=log().time, force=log().force * 1e6, position=log().position * 1e3)

@@ -22,6 +22,7 @@ from identification.estimators.rows import Signals
 from identification.estimators.shaping import whiteness
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
+from tests.thinned import thinned
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -55,7 +56,7 @@ def test_encoder_count_is_found_and_not_invented() -> None:
     assert encoder_count(np.ones(500)) is None
 
 
-@pytest.mark.parametrize("deviation", [1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("deviation", thinned([1e-5, 1e-6, 1e-4], 1))
 def test_position_noise_is_read_from_the_log(deviation: float) -> None:
     axis = Axis()
     force = excited(axis)
@@ -97,7 +98,7 @@ def noise_free(damping: float, delay: float) -> Trajectory:
 
 
 @pytest.mark.parametrize("method", ESTIMATORS)
-@pytest.mark.parametrize("damping", [0.0, 2.0, 300.0])
+@pytest.mark.parametrize("damping", thinned([2.0, 0.0, 300.0], 1))
 @pytest.mark.parametrize("delay", [0.0, 1.6 * STEP])
 def test_noise_free_logs_give_the_truth(method: str, damping: float, delay: float) -> None:
     found = estimate_by(method, noise_free(damping, delay), Model(coulomb=False), delay)
@@ -122,6 +123,7 @@ def test_friction_with_stick_and_slip(coulomb: float) -> None:
     assert found.value("force_offset") == pytest.approx(-0.3, abs=5e-3)
 
 
+@pytest.mark.long
 def test_refined_direction_is_the_true_one() -> None:
     axis = Axis(coulomb=3.0)
     force = excited(axis, samples=4000)
@@ -157,7 +159,7 @@ def looked_for(trajectory: Trajectory, model: Model) -> Delay:
     return find_delay(trajectory, table)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.7, 1.0, 3.4])
+@pytest.mark.parametrize("delay", thinned([0.0, 0.7, 1.0, 3.4], 2))
 def test_the_delay_is_found(delay: float) -> None:
     axis = Axis(delay=delay * STEP)
     force = excited(axis)

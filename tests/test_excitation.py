@@ -17,6 +17,7 @@ from identification.planning.information import NORMAL_95, predict
 from identification.planning.stick_slip import Guess
 from tests.estimates import estimate_by
 from tests.excitation_plans import FRICTION, LIMITS, RANGES, STEP, Array, planned, rig_of, spec
+from tests.thinned import thinned
 
 
 @pytest.mark.parametrize(
@@ -43,7 +44,7 @@ def test_the_simulated_device_keeps_the_limits_and_comes_back_to_rest(name: str)
     assert abs(speed[-1]) < 1e-3 * limits.speed
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.8])
+@pytest.mark.parametrize("friction", thinned([0.8, 0.0], 1))
 def test_every_device_between_the_guesses_keeps_the_limits(friction: float) -> None:
     ranges: dict[str, Any] = {
         name: {"value": value, "low": 0.7 * value, "high": 1.3 * value}
@@ -116,7 +117,7 @@ def test_hand_picked_sweeps_use_the_limits() -> None:
     np.testing.assert_allclose(used, 1.0, rtol=0.02)
 
 
-@pytest.mark.parametrize("name", LIMITS)
+@pytest.mark.parametrize("name", thinned(LIMITS, 1))
 def test_intervals_are_30_percent_narrower_than_the_best_of_ten_sweeps(name: str) -> None:
     """Each against the sweep that is best for it, so no single sweep is as good as the ten."""
     plan = planned(name)
@@ -142,6 +143,7 @@ def obtained(plan: ExcitationSpec, force: Array, logs: int, seed: int = 1000) ->
     return NORMAL_95 * np.std(values, axis=0, ddof=1)
 
 
+@pytest.mark.long
 def test_predicted_and_obtained_intervals_agree() -> None:
     plan = planned("homerehab")
     got = obtained(plan.spec, plan.best.force, logs=250)

@@ -12,6 +12,7 @@ from datasets_synthetic import Clock, simulate
 from identification import InvalidInputError
 from tests.simulated.families import FAMILIES, POSE_FACTORS, family_named, pose_logs, poses
 from tests.simulated.family import Family
+from tests.thinned import thinned
 
 FloatArray = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def test_the_ten_families_of_the_plan_are_there() -> None:
         family_named("fractional")
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", thinned(FAMILIES, 3))
 def test_a_log_depends_on_its_seed_only(name: str) -> None:
     family = FAMILIES[name]
     first, second, third = family.logs([5, 6, 2])
@@ -73,7 +74,7 @@ def _count(family: Family) -> float:
     return float(family.rig.encoder_resolution[0])
 
 
-@pytest.mark.parametrize("name", WHITE)
+@pytest.mark.parametrize("name", thinned(WHITE, 3))
 def test_quantisation_of_the_white_families_is_white(name: str) -> None:
     """Noise of half a count or more; what the encoder adds is then no function of the motion."""
     family = FAMILIES[name]

@@ -64,7 +64,7 @@ def check_good(count: int, seed: int) -> None:
 
 
 def test_no_good_log_is_refused() -> None:
-    check_good(8, 1)
+    check_good(4, 1)
 
 
 @pytest.mark.long

@@ -22,6 +22,7 @@ from tests.commands import haptune
 from tests.exact_axis import Axis, positions
 from tests.excitation_plans import LIMITS, STEP, planned, spec
 from tests.first_plays import Unknown, stored
+from tests.thinned import thinned
 from tune.cli.new import excitation_of
 
 Array = NDArray[np.float64]
@@ -157,7 +158,7 @@ def check_two_plays(seed: int, duration: float, folder: Path) -> bool:
     return True
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", thinned(range(8), 3))
 def test_a_gentle_play_makes_the_full_one_safe(seed: int, tmp_path: Path) -> None:
     assert check_two_plays(seed, 1.0, tmp_path)
 
@@ -210,6 +211,7 @@ def test_what_a_device_file_says_stands_in_for_the_guesses(tmp_path: Path) -> No
         load_excitation(path)
 
 
+@pytest.mark.long
 def test_the_command_warns_with_numbers_and_says_the_next_step(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -39,6 +39,7 @@ from tests.simulated.friction_rigs import (
     hardware,
     record,
 )
+from tests.thinned import thinned
 from tests.true_loops import judged
 from tests.unlimited import BOUNDLESS
 from tune import SafeProfile, Scene, optimise
@@ -99,7 +100,7 @@ def test_a_spring_that_yields_follows_its_width() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "servo"),
-    [("quadratic", False), ("stribeck", True), ("place", False), ("presliding", True)],
+    thinned([("quadratic", False), ("presliding", True), ("place", False), ("stribeck", True)], 2),
 )
 def test_each_kind_is_named_and_mass_and_slope_are_right_beside_it(kind: Kind, servo: bool) -> None:
     log = record(friction_of(kind, SHARES["middle"]), range(3, 4), servo=servo, seconds=6.0)[0]
@@ -146,6 +147,7 @@ def test_the_box_takes_the_wider_of_interval_and_slopes() -> None:
     assert wider.simultaneous_box() == replace(plain, damping=(4.0, plain.damping[1]))
 
 
+@pytest.mark.long
 def test_what_holds_before_it_slides_is_proved_beside_what_slides() -> None:
     device = load_device("homerehab").model_copy(
         update={"presliding_stiffness": SlopeRange(low=10.0, high=800.0)}

@@ -20,6 +20,7 @@ from identification import (
 )
 from tests.axis_logs import COUNT, HARDWARE, STEP, Array, holds, homerehab, log
 from tests.exact_axis import Axis, closed_loop, counted, multisine, positions
+from tests.thinned import thinned
 
 
 def test_clean_logs_are_right_to_a_thousandth() -> None:
@@ -31,6 +32,7 @@ def test_clean_logs_are_right_to_a_thousandth() -> None:
         assert not found.findings
 
 
+@pytest.mark.long
 def test_friction_and_unknown_force_cost_less_than_a_per_cent() -> None:
     for trajectory in homerehab(0.8, disturbance=5e-3)[:3]:
         found = identify(trajectory, hardware=HARDWARE)
@@ -98,6 +100,7 @@ def check_fleet(runs: int, seed: int) -> None:
             assert found.device == as_stored(found.device)
 
 
+@pytest.mark.long
 def test_the_simultaneous_box_holds_devices_of_every_size() -> None:
     check_fleet(runs=8, seed=2)
 
@@ -119,7 +122,7 @@ def test_coarse_encoders_and_short_logs() -> None:
     assert identify(short, hardware=HARDWARE).device.damping.value == pytest.approx(10, rel=2e-2)
 
 
-@pytest.mark.parametrize("shape", ["square", "prbs", "chirp", "sine"])
+@pytest.mark.parametrize("shape", thinned(["square", "chirp", "prbs", "sine"], 2))
 def test_no_usual_excitation_is_refused(shape: str) -> None:
     time = np.arange(12000) * STEP
     generator = np.random.default_rng(3)
@@ -159,7 +162,7 @@ def tracked(coulomb: float, push: float) -> tuple[Array, Array]:
     return force[:, 0], counted(place, COUNT)[:, 0]
 
 
-@pytest.mark.parametrize(("coulomb", "push"), [(0.0, 0.0), (0.8, 5e-3), (0.8, 0.2)])
+@pytest.mark.parametrize(("coulomb", "push"), thinned([(0.8, 5e-3), (0.0, 0.0), (0.8, 0.2)], 1))
 def test_a_log_in_closed_loop(coulomb: float, push: float) -> None:
     force, place = tracked(coulomb, push)
     hardware = HARDWARE.model_copy(update={"force_limit": None})

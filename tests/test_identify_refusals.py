@@ -25,6 +25,7 @@ from tests.exact_axis import Axis, counted, multisine, positions
 from tests.simulated.families import FAMILIES
 
 
+@pytest.mark.long
 def test_jitter_is_doubted_and_then_refused() -> None:
     plain = homerehab()[0]
     generator = np.random.default_rng(7)
@@ -103,6 +104,7 @@ def test_a_slow_log_does_not_tell_the_mass() -> None:
     assert "not-exciting-mass" in refused(log(force[:, 0], place), hardware=hardware)
 
 
+@pytest.mark.long
 def test_a_fast_log_does_not_tell_the_damping() -> None:
     time = np.arange(20000) * STEP
     axis = Axis(mass=3.0, damping=1.0)

@@ -43,6 +43,7 @@ def test_delay_stated_assumed_or_read() -> None:
         assert "delay-unknown" not in codes(stated)
 
 
+@pytest.mark.long
 def test_doubt_about_the_delay_widens_the_damping() -> None:
     """A delay of d reads as -m·ω²·d of damping."""
     trajectory = homerehab()[0]

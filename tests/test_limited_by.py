@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.optimum_pairs import random_pair
+from tests.thinned import thinned
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.perception import default_table
 from tune.documents.profile import LimitedBy
@@ -81,9 +82,7 @@ def _judge(seed: int) -> Counter[str]:
     return Counter(words)
 
 
-@pytest.mark.parametrize(
-    "seeds", [range(16), range(16, 32), pytest.param(range(32, 48), marks=pytest.mark.long)]
-)
+@pytest.mark.parametrize("seeds", thinned([range(16), range(16, 32), range(32, 48)], 1))
 def test_relaxing_the_limit_named_lets_an_effect_grow(seeds: range) -> None:
     seen = sum((_judge(seed) for seed in seeds), Counter[str]())
     assert {"force", "ripple", "rendering", "delay-margin"} <= set(seen)

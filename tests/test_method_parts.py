@@ -96,6 +96,7 @@ def test_a_parameter_that_changes_nothing_does_not_move() -> None:
     assert move[1] == 0
 
 
+@pytest.mark.long
 def test_white_noise_is_seldom_taken_for_coloured() -> None:
     """Eight octaves, each once in 10 000 times: 8 of 10 000 logs at most."""
     noise = np.random.default_rng(7)

@@ -64,6 +64,7 @@ def test_first_steps_ends_with_a_checked_profile(tmp_path: Path) -> None:
     assert re.search(r"^[1-9]\d* points certified", text, re.MULTILINE)
 
 
+@pytest.mark.long
 def test_the_positive_region_is_nearly_a_cube_of_side_two(tmp_path: Path) -> None:
     """The paper's remark on figure 5: true to a per cent at δ = 0.01, wrong by 40 % at 0.5."""
     figures, text = _figures_and_text("paper_figures", tmp_path)
@@ -106,6 +107,7 @@ def test_a_best_cut_off_exists_beside_an_encoder(tmp_path: Path) -> None:
     assert best[3] < 0.7 * best[1]  # a coarser encoder wants more filtering
 
 
+@pytest.mark.long
 def test_the_replayed_study_stands_beside_table_3(tmp_path: Path) -> None:
     figures, text = _figures_and_text("perception_study", tmp_path)
     assert len(figures) == FIGURES["perception_study"]

@@ -24,6 +24,7 @@ from tests.optimum_reference import Reference
 from tests.optimum_search import any_place, gaps, local
 from tests.reference import crossings
 from tests.sampled_loops import loop_along
+from tests.thinned import thinned
 from tests.unlimited import stated
 from tune.certificate.check import check
 from tune.documents.errors import NoFeasibleEffectError
@@ -98,7 +99,7 @@ def _out_of_reach(pair: Pair, solved: Solved, label: str) -> bool:
     return any_place(reference, starts=20, rng=np.random.default_rng(0)) is None
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 5, 6, 9, 23, 31])
+@pytest.mark.parametrize("seed", thinned([0, 2, 6, 23, 1, 5, 9, 31], 4))
 def test_no_search_finds_better(seed: int) -> None:
     """A few starts on one device for each kind of scene; the long study has 200 on 300."""
     _judge(seed, starts=3, fine=False)

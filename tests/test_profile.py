@@ -13,6 +13,7 @@ import pytest
 
 from identification import Device, load_device, load_mapping, quantity, to_mapping, to_yaml
 from tests.commands import haptune
+from tests.thinned import thinned
 from tune import CheckFailedError, Scene, check, damping_needed, load_profile, optimise
 from tune.certificate.bounds import passivity_failures
 from tune.certificate.passivity import passive
@@ -53,7 +54,7 @@ def _digits_are_guarded(text: str, path: Path, others: Callable[[str], str], eve
     return len(places)
 
 
-@pytest.mark.parametrize("rich", [False, True])
+@pytest.mark.parametrize("rich", thinned([False, True], 1))
 def test_every_sixth_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -> None:
     chance = np.random.default_rng(5)
     text = _profile(rich=rich).to_yaml()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import Reference
+from tests.thinned import thinned
 from tune.documents.perception import default_table
 from tune.optimisation.backends import Rank
 from tune.optimisation.backends.multipliers import multipliers
@@ -66,7 +67,7 @@ def _rows(reach: Reach, sizes: FloatArray) -> tuple[FloatArray, FloatArray, Floa
 
 
 # Two together, in a hand, made lighter, three effects, three elements, a fixed value.
-@pytest.mark.parametrize("seed", [1, 2, 3, 5, 7, 9, 13, 14, 15, 21, 23, 33])
+@pytest.mark.parametrize("seed", thinned([1, 5, 13, 21, 2, 3, 7, 9, 14, 15, 23, 33], 4))
 def test_the_reach_and_its_slopes_are_those_of_crossings_found_otherwise(seed: int) -> None:
     pair, problem, sizes = _posed(seed)
     reference, reach = _reference(pair, problem), _reach(problem)

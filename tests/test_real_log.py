@@ -56,6 +56,7 @@ def test_identify_lands_in_the_published_bands(
     assert (damping.high - damping.low) / 2 >= 1.5 * 1.96 * 1.15
 
 
+@pytest.mark.long
 def test_calibrate_writes_a_profile_that_check_passes_and_a_changed_digit_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

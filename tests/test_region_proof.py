@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.random_boxes import EXTRA, around, draw, safe_gain, unstable_samples
+from tests.thinned import thinned
 from tune.certificate.point import Setting
 from tune.certificate.proof import Claim, prove
 from tune.certificate.region import HandRegion, Region
@@ -25,7 +26,16 @@ CELLS = 200_000
 
 @pytest.mark.parametrize(
     ("stiffness", "damping", "mass"),
-    [(2000.0, 0.0, 0.0), (0.0, 100.0, 0.0), (1000.0, 10.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)],
+    thinned(
+        [
+            (1000.0, 10.0, 1.0),
+            (2000.0, 0.0, 0.0),
+            (0.0, 100.0, 0.0),
+            (0.0, 0.0, 1.0),
+            (0.0, 0.0, -1.0),
+        ],
+        2,
+    ),
 )
 def test_the_proof_reaches_to_the_very_edge_of_the_margin(
     stiffness: float, damping: float, mass: float

@@ -28,6 +28,7 @@ STIFF = Vibration(frequency_hz=260.0, damping_ratio=0.01, at_encoder=-0.3, at_ha
 GRIP = Hand(mass=0.4, damping=6.0, stiffness=300.0, rest=0.002)
 
 
+@pytest.mark.long
 def test_modes_hand_lag_and_fractional_delay_match_an_adaptive_integrator() -> None:
     device = rig(
         delay=1.37 * T, current_lag=0.4 * T, force_offset=0.7, modes=(SOFT, STIFF), damping=4.0

@@ -83,7 +83,10 @@ NASTY_TRIPLES = (
 )
 
 
-@pytest.mark.parametrize("names", NASTY_TRIPLES)
+@pytest.mark.parametrize(
+    "names",
+    [NASTY_TRIPLES[0], *(pytest.param(each, marks=pytest.mark.long) for each in NASTY_TRIPLES[1:])],
+)
 def test_a_profile_goes_round(tmp_path: Path, names: tuple[str, ...]) -> None:
     _goes_round(_renamed(names), tmp_path / "profile.yaml")
 

@@ -57,6 +57,7 @@ def _axis() -> KnownAxis:
     return next(axis for axis in _axes() if len(axis.shares) >= 2 and not axis.rotary)
 
 
+@pytest.mark.long
 def test_true_terms_are_named_in_a_dozen_logs() -> None:
     right, report = _study(_axes())
     assert right >= 11, report
@@ -85,6 +86,7 @@ def _unrelated(seed: int, names: tuple[str, ...], rows: int = 6000) -> dict[str,
     return {name: _series(generator, rows, 0.97) for name in ("mass", "damping", *names)}
 
 
+@pytest.mark.long
 def test_coloured_residuals_are_not_taken_for_terms() -> None:
     """Ordinary standard deviations are some four times too small here."""
     invented = 0
@@ -223,6 +225,7 @@ def _swung(rig: Rig, travel: float, centre: float = 0.0) -> Trajectory:
 _ARM = Rig(mass=0.5, damping=1.0, sample_time=0.001, encoder_resolution=1e-5, motion="rotary")
 
 
+@pytest.mark.long
 def test_gravity_needs_range() -> None:
     """Over 0.3 rad it looks like a constant and a spring, over 2 rad like gravity."""
     pulled = replace(_ARM, gravity_sine=2.0, gravity_cosine=1.0)

@@ -18,6 +18,7 @@ from datasets_synthetic import SCENARIOS, log_text, named_rig, run
 from identification import Hardware, Trajectory, load_device
 from identification.findings.units import units
 from tests.commands import Ended, haptune
+from tests.thinned import thinned
 from tune import load_profile
 
 #: Scenario of a good log of each named device.
@@ -111,7 +112,7 @@ def _judge(case: Mangled, *, hardware: bool) -> None:
         assert f"{case.remedy[0]} " in ended.err
 
 
-@pytest.mark.parametrize("case", VERSIONS, ids=str)
+@pytest.mark.parametrize("case", thinned(VERSIONS, 7), ids=str)
 def test_another_unit_with_hardware_is_refused_and_its_gain_named(case: Mangled) -> None:
     _judge(case, hardware=True)
 

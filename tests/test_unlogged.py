@@ -117,6 +117,7 @@ def _coverage(seeds: range, force_noise: float, method: Method) -> np.ndarray:
     return np.mean(inside, axis=0)
 
 
+@pytest.mark.long
 def test_intervals_of_output_error_hold_under_a_force_the_log_does_not_know() -> None:
     """Without what is added 85 % of masses and 75 % of dampings."""
     assert np.all(_coverage(range(1), 1e-3, "output-error") >= 0.92)

@@ -161,6 +161,7 @@ def test_the_cutoffs_that_a_rounded_force_allows_are_stated() -> None:
         assert seen.cutoffs[0].low <= 134.1 <= seen.cutoffs[0].high
 
 
+@pytest.mark.long
 def test_what_is_advised_tells() -> None:
     rubber, wall = advise(PROFILE, (("rubber",), ("wall",)))
     assert rubber.play is not None

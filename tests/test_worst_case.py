@@ -132,6 +132,7 @@ def _agree(
     return said
 
 
+@pytest.mark.long
 def test_proof_and_search_settle_boxes_on_either_side_of_the_limit() -> None:
     """At 0.97 of the corners' safe gain boxes are proved, at 1.03 a point is found."""
     said = [_agree(seed, 0.1, (0.97, 1.03), 2000, everything=False) for seed in range(5)]

@@ -106,6 +106,7 @@ def test_an_encoder_makes_the_limit_look_a_little_lower(apparent: dict[str, Floa
         assert np.all((apparent[name] > -0.01) & (apparent[name] < CLOSE))
 
 
+@pytest.mark.long
 def test_coulomb_friction_makes_the_limit_look_higher_the_slower_the_push(
     apparent: dict[str, FloatArray],
 ) -> None:

@@ -47,6 +47,7 @@ def test_without_noise_every_method_finds_the_truth(
     np.testing.assert_allclose(found, [MASS, DAMPING], rtol=tolerance)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("uneven", thinned([True, False], 1))
 def test_a_long_log_is_what_the_simulator_gives(uneven: bool) -> None:
     log = long_log(12_000, uneven=uneven)

@@ -21,6 +21,7 @@ import pytest
 from identification import InvalidInputError, load_device, load_trajectory
 from identification.documents.yaml_reading import LARGEST_FILE, MOST_EVENTS, load_mapping
 from identification.readers.limits import LONGEST_HEADER, MOST_COLUMNS
+from tests.thinned import thinned
 from tune.documents.moments import MOST_ELEMENTS, MOST_SUMS, moments_of
 from tune.documents.profile import load_profile
 from tune.documents.scene import Scene, load_scene
@@ -98,7 +99,7 @@ YAML = {
 }
 
 
-@pytest.mark.parametrize("name", YAML)
+@pytest.mark.parametrize("name", thinned(YAML, 1))
 def test_lists_without_end(tmp_path: Path, name: str) -> None:
     path = tmp_path / "list.yaml"
     item = YAML[name]

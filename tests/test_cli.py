@@ -271,6 +271,7 @@ def test_an_audit_loads_no_solver() -> None:
     assert not {"casadi", "nlopt", "pysindy", "scipy.optimize", "scipy.signal"} & loaded
 
 
+@pytest.mark.long
 def test_letters_a_terminal_cannot_show_do_not_stop_a_command() -> None:
     main = "import sys; sys.argv[0] = 'haptune'; from tune.cli import main; main()"
     done = _shell(main, "simulate", "knob", PYTHONIOENCODING="ascii", PYTHONUTF8="0")

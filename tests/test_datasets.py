@@ -90,7 +90,9 @@ def test_scenario_stays_within_its_limits_and_moves(name: str) -> None:
     assert scenario.description.endswith(".")
 
 
-@pytest.mark.parametrize("name", [name for name in SCENARIOS if SCENARIOS[name].force > 0])
+@pytest.mark.parametrize(
+    "name", thinned([name for name in SCENARIOS if SCENARIOS[name].force > 0], 2)
+)
 def test_excitation_reaches_a_limit_and_tells_mass_from_damping(name: str) -> None:
     """Either the travel or the force is used; speed and acceleration are both there."""
     scenario = SCENARIOS[name]

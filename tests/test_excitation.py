@@ -44,6 +44,7 @@ def test_the_simulated_device_keeps_the_limits_and_comes_back_to_rest(name: str)
     assert abs(speed[-1]) < 1e-3 * limits.speed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("friction", thinned([0.8, 0.0], 1))
 def test_every_device_between_the_guesses_keeps_the_limits(friction: float) -> None:
     ranges: dict[str, Any] = {

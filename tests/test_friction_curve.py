@@ -204,6 +204,7 @@ def _unsafe(friction: Friction, pairs: Sequence[tuple[Recorded, Device]]) -> lis
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("drag", DRAGS[2:3])
 def test_drag_never_costs_the_margin(drag: float) -> None:
     _drag_never_costs_the_margin(drag)

@@ -111,6 +111,7 @@ def test_the_simultaneous_box_holds_hundreds_of_devices(seed: int) -> None:
     check_fleet(runs=60, seed=100 + seed)
 
 
+@pytest.mark.long
 def test_coarse_encoders_and_short_logs() -> None:
     trajectory = homerehab(0.8, disturbance=5e-3)[0]
     coarse = log(trajectory.force, counted(trajectory.position, 1e-4))

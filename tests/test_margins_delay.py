@@ -45,6 +45,7 @@ def _compare(count: int, seed: int, *, between: int, plain: bool = False) -> int
     return crossings
 
 
+@pytest.mark.long
 def test_delay_margins_of_random_loops() -> None:
     assert _compare(3, seed=3, between=8) >= 1
 

@@ -76,7 +76,11 @@ def _felt_by_experiment(law: tuple[Any, ...], frequencies: FloatArray) -> Comple
     return held / (turn * position) - B - turn * M
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize(
+    "law",
+    [*LAWS[1:3], *(pytest.param(each, marks=pytest.mark.long) for each in LAWS[::3])],
+    ids=str,
+)
 def test_a_hand_that_shakes_a_simulated_device_feels_the_impedance(law: tuple[Any, ...]) -> None:
     frequencies = np.array([0.5, 2.0, 5.0])
     felt = impedances(

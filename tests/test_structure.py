@@ -185,6 +185,7 @@ def _table(trajectory: Trajectory, delay: float = 0.0) -> Regression:
     return prepare(trajectory, Model(), delay)
 
 
+@pytest.mark.long
 def test_the_answer_does_not_depend_on_the_units_of_columns() -> None:
     axis = _axis()
     table = _table(axis.trajectory, axis.delay)

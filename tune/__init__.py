@@ -11,9 +11,9 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
     from tune._audit import Audit, audit
-    from tune.comparison.compare import Change, Comparison, compare
     from tune._what_if import Alternative, what_if
     from tune.certificate.check import CheckReport, check
+    from tune.comparison.compare import Change, Comparison, compare
     from tune.documents.effects import Effects
     from tune.documents.errors import (
         CheckFailedError,

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -79,7 +80,8 @@ def _explained(log: RawLog) -> tuple[FloatArray, FloatArray]:
     """Columns of mass, damping, friction and offset (n, 4), and what each is multiplied by (4,)."""
     speed = _velocity(log)
     columns = np.column_stack((_acceleration(log), speed, np.sign(speed), np.ones_like(speed)))
-    return columns, np.linalg.lstsq(columns, log.force[_SPAN:-_SPAN], rcond=None)[0]
+    sizes = np.linalg.lstsq(columns, log.force[_SPAN:-_SPAN], rcond=None)[0]
+    return columns, sizes.astype(np.float64)
 
 
 def _unexplained(log: RawLog) -> FloatArray:
@@ -167,7 +169,8 @@ def picture_of(case: Case, good: RawLog) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, view: View, log: RawLog, title: str) -> None:
+def _draw(panel: Axes, view: View, log: RawLog, title: str) -> None:
+    axes: Any = panel  # its methods take what their types do not say
     abscissa, ordinate = view.points(log)
     if view.seconds is not None:
         begun = log.time[log.time.size // 4]
@@ -187,7 +190,8 @@ def main(folder: Path) -> None:
     good = machines.good(SEED)[0]
     for case in cases(SEED):
         if case.level == VIEWS[case.code].level:
-            picture_of(case, good).savefig(folder / f"{case.code}.png", dpi=DOTS)
+            figure: Any = picture_of(case, good)
+            figure.savefig(folder / f"{case.code}.png", dpi=DOTS)
 
 
 if __name__ == "__main__":

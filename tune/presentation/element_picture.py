@@ -108,7 +108,7 @@ def _draw_limits(axes: Axes, design: Design, name: str, units: dict[str, str]) -
         if reason in {"wanted", "range", "stability", "not-perceptible"}
     )
     axes.set_title(
-        "part of each limit that is used" + (f"; besides: {others}" if others else ""),
+        "part of each limit that is used" + (f"\nbesides: {others}" if others else ""),
         fontsize=8,
         loc="left",
     )

@@ -29,7 +29,7 @@ _KEPT = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Slsqp:
-    """Sequential quadratic proposals; keeps its own best feasible point in case nlopt fails.
+    """Sequential quadratic proposals; keeps its own best point in case nlopt ends by rounding.
 
     Attributes:
         tolerance: of the sum of logarithms of steps, at which a search ends.
@@ -55,7 +55,7 @@ class Slsqp:
             if gradient.size:
                 gradient[:] = np.nan_to_num(here.jacobian)
             value = objective(y, np.empty(0))
-            if np.all(result <= 0) and (not best or value < best[0][0]):
+            if np.all(result <= _KEPT) and (not best or value < best[0][0]):
                 best[:] = [(value, np.array(y))]
 
         y: FloatArray | None = start

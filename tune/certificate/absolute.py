@@ -22,12 +22,20 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.forms import ComplexArray, FloatArray, Form, Term, least_real
+from tune.certificate.affine import AffineForm, ComplexArray, FloatArray, Term, real_lower_bound
 from tune.certificate.mechanism import Mechanism
 from tune.certificate.point import Setting
-from tune.certificate.proof import Cells, Claim, Proof, as_form, cover, mechanism_of, terms_of
 from tune.certificate.region import Region
-from tune.certificate.response import rate_of, sampled_plant, sinc
+from tune.certificate.value_set import rate_of, sampled_plant, sinc
+from tune.certificate.zero_exclusion import (
+    Cells,
+    Claim,
+    Proof,
+    as_affine,
+    branch_and_bound,
+    mechanism_of,
+    terms_of,
+)
 from tune.documents.certified import Multiplier
 
 
@@ -64,7 +72,7 @@ def prove_absolute(
     def examine(merged: Region, cells: Cells) -> tuple[NDArray[np.bool_], FloatArray]:
         symbols = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
         terms = terms_of(cells, symbols)
-        theta = as_form(terms[0], cells, len(symbols))
+        theta = as_affine(terms[0], cells, len(symbols))
         with np.errstate(all="ignore"):
             condition = _determinant(
                 theta,
@@ -74,13 +82,13 @@ def prove_absolute(
                 claim.gain,
                 None if steady is None else (terms[1], steady),
             )
-            holds = least_real(condition) > 0
+            holds = real_lower_bound(condition) > 0
         pull = np.zeros_like(cells.low)
         for index, row in enumerate(symbols):
             pull[row] = np.abs(condition.slopes[index].real)
         return holds, pull + condition.real * _bent(cells, longest)
 
-    return cover(region, [Claim(gain=level, extra=claim.extra)], examine, most_cells)
+    return branch_and_bound(region, [Claim(gain=level, extra=claim.extra)], examine, most_cells)
 
 
 def multiplier_failure(region: Region, switched: Setting, multiplier: Multiplier) -> str | None:
@@ -131,13 +139,13 @@ def _bent(cells: Cells, longest: int) -> FloatArray:
 
 
 def _determinant(
-    theta: Form,
+    theta: AffineForm,
     mechanism: Mechanism,
     switched: Setting,
     multiplier: Multiplier,
     gain: float,
     steady: tuple[Term, Setting] | None,
-) -> Form:
+) -> AffineForm:
     """|D|² times the determinant, both without what they have of θ where nothing is held."""
     plant = sampled_plant(theta, mechanism)
     step, held = mechanism.sample_time, mechanism.held
@@ -148,7 +156,7 @@ def _determinant(
         part, setting = steady
         bottom = bottom + seen * (s * rate_of(theta, plant.half_sinc, step, setting)) * part
     sizes: list[Term] = []
-    products: list[Form] = []
+    products: list[AffineForm] = []
     if switched.stiffness:
         real, product = _of_spring(theta, multiplier, held=held)
         sizes.append(real * (1 / (gain * switched.stiffness)))
@@ -176,7 +184,9 @@ def _determinant(
     return total
 
 
-def _of_spring(theta: Form, multiplier: Multiplier, *, held: bool) -> tuple[Form, Form]:
+def _of_spring(
+    theta: AffineForm, multiplier: Multiplier, *, held: bool
+) -> tuple[AffineForm, AffineForm]:
     """(Re M, M), or (Re M, M/(jθ)) where nothing is held and M has no constant."""
     real = product = theta * 0.0 + multiplier.constant
     square = _real(theta * theta)
@@ -198,20 +208,22 @@ def _product(terms: list[Term], without: tuple[int, ...] = ()) -> Term:
     return total
 
 
-def _conjugate(form: Form) -> Form:
-    return Form(np.conj(form.centre), np.conj(form.slopes), form.real, form.imag)
+def _conjugate(form: AffineForm) -> AffineForm:
+    return AffineForm(np.conj(form.centre), np.conj(form.slopes), form.real, form.imag)
 
 
-def _real(form: Form) -> Form:
+def _real(form: AffineForm) -> AffineForm:
     """The real part."""
-    return Form(_complex(form.centre), _complex(form.slopes), form.real, np.zeros_like(form.real))
+    return AffineForm(
+        _complex(form.centre), _complex(form.slopes), form.real, np.zeros_like(form.real)
+    )
 
 
 def _complex(values: ComplexArray) -> ComplexArray:
     return values.real.astype(np.complex128)
 
 
-def _squared(form: Form) -> Form:
+def _squared(form: AffineForm) -> AffineForm:
     """|x|²."""
     real, imag = _real(form), _real(form * -1j)
     return real * real + imag * imag

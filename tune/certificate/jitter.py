@@ -14,12 +14,12 @@ from itertools import product
 
 import numpy as np
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.polynomial import law_of
 from tune.certificate.precision import precision
 from tune.certificate.region import Region, regions_of
-from tune.certificate.sampled import held_motion, state_space
+from tune.certificate.sampled_loops import held_motion, state_space
 from tune.documents.profile import Design
 
 #: Of a sample time, beyond which no jitter is looked at.

@@ -15,8 +15,8 @@ from math import prod
 
 import numpy as np
 
+from tune.certificate.affine import AffineForm, FloatArray, Term, inverse, range_of, stacked
 from tune.certificate.aliases import MOST, folded
-from tune.certificate.forms import FloatArray, Form, Term, ends, inverse, stacked
 
 #: Aliases are looked at one by one until the rest is below this part of 1/mass, or the most.
 _NEGLIGIBLE = 1e-6
@@ -43,7 +43,7 @@ class Mechanism:
     mass: Term
     damping: Term
     sample_time: Term
-    delay: Form
+    delay: AffineForm
     lag: Term
     position_stiffness: Term
     hand: tuple[Term, Term, Term] | None
@@ -130,7 +130,7 @@ class Scaled:
             held=self.held,
         )
 
-    def plant(self, s: Form) -> tuple[Term, Form]:
+    def plant(self, s: AffineForm) -> tuple[Term, AffineForm]:
         """(numerator, denominator) of P at S; a denominator that vanishes at 0 is divided by S."""
         damped = s * self.mass + self.damping  # Y/S
         resonances = [s * (s + a) + c for a, c in self.modes]
@@ -156,7 +156,9 @@ class Scaled:
             denominator = denominator * (s * self.lag + 1.0)
         return numerator, denominator
 
-    def _apart(self, resonances: Sequence[Form], others: Sequence[Term], inertial: Term) -> Term:
+    def _apart(
+        self, resonances: Sequence[AffineForm], others: Sequence[Term], inertial: Term
+    ) -> Term:
         """How the encoder still moves where the hand holds the handle at rest."""
         moves = _weighed(others, [(e - h) ** 2 for e, h in self.participations])
         for i, j in combinations(range(len(resonances)), 2):
@@ -165,7 +167,7 @@ class Scaled:
             moves = moves + inertial * both * (ei * hj - ej * hi) ** 2
         return moves * self.per_mass
 
-    def folded(self, theta: Form, delay: Form) -> Form:
+    def folded(self, theta: AffineForm, delay: AffineForm) -> AffineForm:
         """Σ P(S)·e^(-2πjkx)/S over all k but 0."""
         count = self._aliases()
         total: Term = 0.0
@@ -214,7 +216,7 @@ class Scaled:
         return first, second
 
     def _aliases(self) -> int:
-        least = ends(self.mass)[0]
+        least = range_of(self.mass)[0]
         for count in range(_MOST_ALIASES):
             if self._rest(count) * least <= _NEGLIGIBLE:
                 return count
@@ -226,15 +228,17 @@ class Scaled:
         With the mass divided out, P = g'(M + C/S + K/S²)^-1·g/S² with M not below 1, so that what
         follows 1/S³ is at most g²·(K + ρ'²/(1-ρ))/S⁴, ρ = C/S + K/S² by norms.
         """
-        least = ends(self.mass)[0]
+        least = range_of(self.mass)[0]
         handle = 1 + sum(h * h for _, h in self.participations)
         encoder = 1 + sum(e * e for e, _ in self.participations)
-        damping = max(np.abs(ends(self.ratio)).max(), *(ends(a)[1] for a, _ in self.modes), 0.0)
-        own = 0.0 if self.spring_ratio is None else float(ends(self.spring_ratio)[1])
-        spring = max(own, *(ends(c)[1] for _, c in self.modes), 0.0)
+        damping = max(
+            np.abs(range_of(self.ratio)).max(), *(range_of(a)[1] for a, _ in self.modes), 0.0
+        )
+        own = 0.0 if self.spring_ratio is None else float(range_of(self.spring_ratio)[1])
+        spring = max(own, *(range_of(c)[1] for _, c in self.modes), 0.0)
         if self.hand is not None:
-            damping += ends(self.hand[1] * self.per_mass)[1] * handle
-            spring += ends(self.hand[2] * self.per_mass)[1] * handle
+            damping += range_of(self.hand[1] * self.per_mass)[1] * handle
+            spring += range_of(self.hand[2] * self.per_mass)[1] * handle
         nearest = np.pi * (2 * count + 1)
         share = (damping + spring / nearest) / nearest
         if share >= 1:
@@ -242,7 +246,7 @@ class Scaled:
         if self.lag is None:
             bend = spring + (damping + spring / nearest) ** 2 / (1 - share)
             return float(encoder * bend * _tail(5, count) / least)
-        slow = ends(self.lag)[0]
+        slow = range_of(self.lag)[0]
         size = min(_tail(3, count), _tail(4, count) / slow if slow > 0 else np.inf)
         return float(encoder / (1 - share) * size / least)
 
@@ -252,7 +256,7 @@ def _scalar(a: Sequence[float], b: Sequence[float]) -> float:
     return float(sum(x * y for x, y in zip(a, b, strict=True)))
 
 
-def _product(terms: Sequence[Form], without: tuple[int, ...] = ()) -> Term:
+def _product(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term:
     chosen = [term for i, term in enumerate(terms) if i not in without]
     return prod(chosen[1:], start=chosen[0]) if chosen else 1.0
 

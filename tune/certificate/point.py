@@ -1,4 +1,4 @@
-"""One way the device, the hand and the loop may be, and what the controller plays."""
+"""A point of the uncertain region: one device, hand and loop, and what the controller plays."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_poly
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.plant import sampled_plant
 from tune.certificate.point import ModePoint, Point, Setting
 from tune.certificate.precision import BITS, precision

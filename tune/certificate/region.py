@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.point import ModePoint, Point
 from tune.documents.certified import HandPlace
 from tune.documents.profile import Design

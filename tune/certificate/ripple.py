@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from flint import arb_poly
 
-from tune.certificate.forms import ComplexArray
+from tune.certificate.affine import ComplexArray
 from tune.certificate.plant import sampled_plant
 from tune.certificate.point import Point, Setting
 from tune.certificate.polynomial import law_of, moved

@@ -8,9 +8,9 @@ from itertools import combinations
 
 from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
 from tune.certificate.point import Setting
-from tune.certificate.proof import Claim, Proof, prove
 from tune.certificate.region import Region
 from tune.certificate.roots import judge
+from tune.certificate.zero_exclusion import Claim, Proof, prove
 from tune.documents.certified import AbsoluteStability, Multiplier
 from tune.documents.profile import Design
 

@@ -109,7 +109,7 @@ def tuned(
         sheet: where to draw the candidates that are compared; None to draw none.
     """
     from identification import to_mapping
-    from tune.certificate.words import taken_on_trust
+    from tune.certificate.assumptions import trusted_facts
     from tune.cli.rehearse import refuse_restless
     from tune.cli.tables import certificate_lines, elements_table
     from tune.optimisation._optimise import optimise
@@ -120,7 +120,7 @@ def tuned(
         with session.progress() as say:
             profile = optimise(device, wish.scene, table=wish.table, progress=say)
         session.say(elements_table(profile))
-    trusted = taken_on_trust(profile.device)
+    trusted = trusted_facts(profile.device)
     session.details |= {"profile": to_mapping(profile.signed()), "taken_on_trust": trusted}
     for note in profile.notes:
         session.say(note)

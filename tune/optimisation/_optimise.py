@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 
 from identification import Device, as_stored
+from tune.certificate.assumptions import note_of_dropped, skipped_parts
 from tune.certificate.refusal import refusal_of
-from tune.certificate.words import note_of_dropped, skipped_parts
 from tune.documents.certified import AbsoluteStability
 from tune.documents.effects import EffectName
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError

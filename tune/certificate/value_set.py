@@ -1,4 +1,4 @@
-"""The loop at a frequency and all its aliases, over cells of everything not known exactly.
+"""Value set of the characteristic function on the unit circle, over cells of the unknowns.
 
 A pole is on the unit circle at z = e^jθ where 1 + s·C·G = 0, with the sampled plant
 
@@ -19,14 +19,22 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.forms import ROUNDING, FloatArray, Form, Term, inverse, least_real, most
+from tune.certificate.affine import (
+    ROUNDING,
+    AffineForm,
+    FloatArray,
+    Term,
+    inverse,
+    modulus_bound,
+    real_lower_bound,
+)
 from tune.certificate.mechanism import Mechanism, Scaled
 from tune.certificate.point import Setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Response:
-    """D + s·N, whose zeros are poles on the unit circle.
+class ValueSet:
+    """Value set of D + s·N over cells; its zeros are poles on the unit circle.
 
     Attributes:
         fixed: D.
@@ -37,9 +45,9 @@ class Response:
             has no zero for any s > 0 however small. None elsewhere.
     """
 
-    fixed: Form
-    varied: Form
-    start: Form
+    fixed: AffineForm
+    varied: AffineForm
+    start: AffineForm
     rising: FloatArray | None = None
 
 
@@ -55,14 +63,14 @@ class SampledPlant:
         half_sinc: sinc(θ/2).
     """
 
-    numerator: Form
-    denominator: Form
-    whole: Form
-    aliases: Form
-    half_sinc: Form
+    numerator: AffineForm
+    denominator: AffineForm
+    whole: AffineForm
+    aliases: AffineForm
+    half_sinc: AffineForm
 
 
-def sampled_plant(theta: Form, mechanism: Mechanism) -> SampledPlant:
+def sampled_plant(theta: AffineForm, mechanism: Mechanism) -> SampledPlant:
     """The plant over cells of θ in [0, π] and of the mechanism."""
     scaled = Scaled.of(mechanism)
     s = theta * 1j
@@ -80,8 +88,8 @@ def sampled_plant(theta: Form, mechanism: Mechanism) -> SampledPlant:
     )
 
 
-def respond(theta: Form, mechanism: Mechanism, setting: Setting) -> Response:
-    """The loop over cells of θ in [0, π] and of the mechanism."""
+def value_set(theta: AffineForm, mechanism: Mechanism, setting: Setting) -> ValueSet:
+    """Value set of D + s·N over cells of θ in [0, π] and of the mechanism."""
     plant = sampled_plant(theta, mechanism)
     s = theta * 1j
     seen, denominator, whole = plant.numerator, plant.denominator, plant.whole
@@ -92,27 +100,31 @@ def respond(theta: Form, mechanism: Mechanism, setting: Setting) -> Response:
         law = s * rate
     else:
         varied = seen * rate
-        rising = least_real(varied) if mechanism.free_and_rigid else None
-        return Response(fixed=denominator, varied=varied, start=denominator, rising=rising)
+        rising = real_lower_bound(varied) if mechanism.free_and_rigid else None
+        return ValueSet(fixed=denominator, varied=varied, start=denominator, rising=rising)
     varied = law * seen
     if mechanism.held:
-        return Response(fixed=whole, varied=varied, start=denominator)
+        return ValueSet(fixed=whole, varied=varied, start=denominator)
     rising = None
     if mechanism.free_and_rigid:
         # N = (K + jθ·rate)·sinc·e^(-jφ)·(1 + jθ·D·aliases) with φ = θ(x + 1/2): the imaginary part
         # of what K is multiplied by is not below -φ - θ·|D·aliases|.
-        late = most(mechanism.delay + 0.5) + most(whole) * most(plant.aliases)
-        rising = least_real(seen * rate) - setting.stiffness * late
-    return Response(fixed=whole, varied=varied, start=denominator * 1j, rising=rising)
+        late = modulus_bound(mechanism.delay + 0.5) + modulus_bound(whole) * modulus_bound(
+            plant.aliases
+        )
+        rising = real_lower_bound(seen * rate) - setting.stiffness * late
+    return ValueSet(fixed=whole, varied=varied, start=denominator * 1j, rising=rising)
 
 
-def at_ends(response: Response, low: FloatArray, high: FloatArray) -> tuple[Form, Form]:
+def gain_vertices(
+    response: ValueSet, low: FloatArray, high: FloatArray
+) -> tuple[AffineForm, AffineForm]:
     """D + s·N at both end gains; D with its zero at θ = 0 taken out where the lower gain is 0."""
     fixed, varied, start = response.fixed, response.varied, response.start
     top = fixed + varied * high
     above = fixed + varied * low
     none = low == 0
-    bottom = Form(
+    bottom = AffineForm(
         np.where(none, start.centre, above.centre),
         np.where(none, start.slopes, above.slopes),
         np.where(none, start.real, above.real),
@@ -121,8 +133,8 @@ def at_ends(response: Response, low: FloatArray, high: FloatArray) -> tuple[Form
     return bottom, top
 
 
-def one_sided(*forms: Form) -> NDArray[np.bool_]:
-    """All forms strictly on the same side of some line through zero.
+def excludes_zero(*forms: AffineForm) -> NDArray[np.bool_]:
+    """Whether zero lies outside the convex hull of affine forms: all on one side of some line.
 
     The best line runs along an edge of one of the sets, or square to one of the centres.
     """
@@ -141,7 +153,7 @@ def one_sided(*forms: Form) -> NDArray[np.bool_]:
     return excluded
 
 
-def _clearance(form: Form, unit: NDArray[np.complex128]) -> FloatArray:
+def _clearance(form: AffineForm, unit: NDArray[np.complex128]) -> FloatArray:
     """Least distance from the line through zero with this normal; nan where there is no normal."""
     across, along = unit.real, unit.imag
     centre = across * form.centre.real + along * form.centre.imag
@@ -151,7 +163,7 @@ def _clearance(form: Form, unit: NDArray[np.complex128]) -> FloatArray:
     return centre - slopes - rest - ROUNDING * size
 
 
-def sinc(angle: Form) -> Form:
+def sinc(angle: AffineForm) -> AffineForm:
     """sin(x)/x of a real form."""
     x = angle.centre.real
     small = np.abs(x) < 1e-4
@@ -168,7 +180,7 @@ def sinc(angle: Form) -> Form:
     return angle.of_real(value, slope, 1 / 3)
 
 
-def rate_of(theta: Form, half_sinc: Form, step: Term, setting: Setting) -> Term:
+def rate_of(theta: AffineForm, half_sinc: AffineForm, step: Term, setting: Setting) -> Term:
     """(B·velocity + M·acceleration)/(jθ) per position."""
     per_step = inverse(step)
     difference = (theta * 0.5).turn() * half_sinc
@@ -198,7 +210,9 @@ def rate_of(theta: Form, half_sinc: Form, step: Term, setting: Setting) -> Term:
     return rate
 
 
-def _low_pass(theta: Form, step: Term, cutoff: float | None, order: int, ratio: float) -> Term:
+def _low_pass(
+    theta: AffineForm, step: Term, cutoff: float | None, order: int, ratio: float
+) -> Term:
     """Response of a filter with the poles exp(-2π·f·T) or exp(-2π·f·T·(ζ ± j√(1-ζ²)))."""
     if cutoff is None:
         return 1.0
@@ -211,9 +225,9 @@ def _low_pass(theta: Form, step: Term, cutoff: float | None, order: int, ratio: 
     return first * _pole(theta, step, 2 * np.pi * cutoff * complex(ratio, -turn))
 
 
-def _pole(theta: Form, step: Term, rate: complex) -> Form:
+def _pole(theta: AffineForm, step: Term, rate: complex) -> AffineForm:
     """(1 - a)/(1 - a·e^-jθ) with a = exp(-rate·T)."""
     exponent = theta * 1j + step * rate
-    known = not isinstance(step, Form)
+    known = not isinstance(step, AffineForm)
     top = -np.expm1(-rate * step) if known else 1.0 - (step * -rate).exponential()
     return (1.0 - (exponent * -1.0).exponential()).inverse() * top

@@ -1,4 +1,4 @@
-"""No pole can cross the unit circle anywhere in a region: proved by splitting it into cells.
+"""Zero exclusion by branch and bound: no pole crosses the unit circle anywhere in a region.
 
 In a cell of θ, of everything not known exactly and of gains between two ends, the condition of a
 crossing D + s·N = 0 cannot be met if one straight line through zero has D + s·N strictly on one
@@ -16,11 +16,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.forms import ROUNDING, FloatArray, Form, Term
+from tune.certificate.affine import ROUNDING, AffineForm, FloatArray, Term
 from tune.certificate.mechanism import Mechanism
 from tune.certificate.point import Setting
 from tune.certificate.region import Region
-from tune.certificate.response import at_ends, one_sided, respond
+from tune.certificate.value_set import excludes_zero, gain_vertices, value_set
 
 #: Cells looked at together: enough to keep numpy busy, few enough to stay in the cache.
 _BATCH = 4096
@@ -45,7 +45,7 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proof:
-    """Outcome of the splitting.
+    """Outcome of branch and bound.
 
     Attributes:
         proved: every cell was excluded.
@@ -91,10 +91,12 @@ def prove(region: Region, setting: Setting, claims: Sequence[Claim], most_cells:
         claims: gains and extra delays.
         most_cells: budget.
     """
-    return cover(region, claims, lambda merged, cells: _examine(merged, setting, cells), most_cells)
+    return branch_and_bound(
+        region, claims, lambda merged, cells: _exclusion_test(merged, setting, cells), most_cells
+    )
 
 
-def _examine(
+def _exclusion_test(
     region: Region, setting: Setting, cells: Cells
 ) -> tuple[NDArray[np.bool_], FloatArray]:
     """(no crossing in the cell, how much each side moves the loop)."""
@@ -102,11 +104,11 @@ def _examine(
     symbols = [row for row in moving if row != 1]
     terms = terms_of(cells, symbols)
     with np.errstate(all="ignore"):
-        response = respond(
-            as_form(terms[0], cells, len(symbols)), mechanism_of(region, terms), setting
+        response = value_set(
+            as_affine(terms[0], cells, len(symbols)), mechanism_of(region, terms), setting
         )
-        bottom, top = at_ends(response, cells.low[1], cells.high[1])
-        excluded = one_sided(bottom, top)
+        bottom, top = gain_vertices(response, cells.low[1], cells.high[1])
+        excluded = excludes_zero(bottom, top)
         if response.rising is not None and region.damping[0] >= 0:
             excluded |= response.rising > 0
         pull = np.zeros_like(cells.low)
@@ -116,8 +118,10 @@ def _examine(
         return excluded, pull
 
 
-def cover(region: Region, claims: Sequence[Claim], examine: Examine, most_cells: int) -> Proof:
-    """Split a region until everything asked for holds in every cell.
+def branch_and_bound(
+    region: Region, claims: Sequence[Claim], examine: Examine, most_cells: int
+) -> Proof:
+    """Branch and bound: split a region until everything asked for holds in every cell.
 
     Args:
         region: the box.
@@ -126,7 +130,7 @@ def cover(region: Region, claims: Sequence[Claim], examine: Examine, most_cells:
         most_cells: budget.
     """
     region = region.merged()
-    waiting = _beginning(region, claims)
+    waiting = _initial_cells(region, claims)
     widest = (waiting.high - waiting.low).max(axis=1, keepdims=True)
     seen = 0
     while len(waiting):
@@ -137,7 +141,7 @@ def cover(region: Region, claims: Sequence[Claim], examine: Examine, most_cells:
         open_ = cells.chosen(~holds)
         if not len(open_):
             continue
-        parts, narrow = _split(open_, pull[:, ~holds], widest)
+        parts, narrow = _branch(open_, pull[:, ~holds], widest)
         if narrow is not None or seen + len(waiting) + len(parts) > most_cells:
             index = 0 if narrow is None else narrow
             middle = (open_.low[:, index] + open_.high[:, index]) / 2
@@ -146,7 +150,7 @@ def cover(region: Region, claims: Sequence[Claim], examine: Examine, most_cells:
     return Proof(proved=True, cells=seen)
 
 
-def _beginning(region: Region, claims: Sequence[Claim]) -> Cells:
+def _initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
     """Frequencies in steps of one ratio down to where the device's damping takes over."""
     least = min(1.0, max(1e-9, region.damping[0] * region.sample_time[0] / region.mass[1]))
     count = max(2, int(np.ceil(np.log(np.pi / (0.3 * least)) / np.log(_RATIO))))
@@ -184,17 +188,17 @@ def terms_of(cells: Cells, symbols: Sequence[int]) -> list[Term]:
         if row in symbols:
             slopes[symbols.index(row)] = (high - low) / 2
         error = ROUNDING * np.maximum(np.abs(low), np.abs(high))
-        terms.append(Form(centre + 0j, slopes, error, np.zeros_like(error)))
+        terms.append(AffineForm(centre + 0j, slopes, error, np.zeros_like(error)))
     return terms
 
 
-def as_form(term: Term, cells: Cells, symbols: int) -> Form:
+def as_affine(term: Term, cells: Cells, symbols: int) -> AffineForm:
     """A term as a form in so many symbols, a number as one that none of them moves."""
-    if isinstance(term, Form):
+    if isinstance(term, AffineForm):
         return term
     count = len(cells)
     zero = np.zeros(count)
-    return Form(np.full(count, term + 0j), np.zeros((symbols, count), complex), zero, zero)
+    return AffineForm(np.full(count, term + 0j), np.zeros((symbols, count), complex), zero, zero)
 
 
 def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
@@ -219,14 +223,14 @@ def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
     )
 
 
-def _samples(delay: Term, step: Term, extra: Term, like: Term) -> Form:
+def _samples(delay: Term, step: Term, extra: Term, like: Term) -> AffineForm:
     """τ/T + extra as a form, whatever is known exactly."""
-    assert isinstance(like, Form)  # θ always has a width
-    per_step = step.inverse() if isinstance(step, Form) else 1 / step
+    assert isinstance(like, AffineForm)  # θ always has a width
+    per_step = step.inverse() if isinstance(step, AffineForm) else 1 / step
     return like * 0.0 + (delay * per_step + extra)
 
 
-def _split(cells: Cells, pull: FloatArray, widest: FloatArray) -> tuple[Cells, int | None]:
+def _branch(cells: Cells, pull: FloatArray, widest: FloatArray) -> tuple[Cells, int | None]:
     """(halves across what moves the loop most, index of a cell too narrow to be split)."""
     pull = np.where(np.isfinite(pull), pull, 0.0)
     width = cells.high - cells.low

@@ -1,4 +1,4 @@
-"""Many sampled loops at once in doubles: to search with, never to decide."""
+"""Sampled loops in double precision, many at once: to search with, never to decide."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.forms import ComplexArray, FloatArray
+from tune.certificate.affine import ComplexArray, FloatArray
 from tune.certificate.point import Setting
 from tune.certificate.polynomial import law_of
 from tune.certificate.precision import precision
@@ -235,6 +235,6 @@ def _padded(a: FloatArray, length: int) -> FloatArray:
     return np.pad(a, ((0, 0), (0, length - a.shape[1])))
 
 
-def whole_circle(count: int, slowest: float) -> NDArray[np.complex128]:
+def upper_half_circle(count: int, slowest: float) -> NDArray[np.complex128]:
     """Points of the upper half circle, in equal ratios of frequency and to the very end."""
     return np.exp(1j * np.pi * np.geomspace(slowest, 1.0, count))

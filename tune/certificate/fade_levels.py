@@ -1,4 +1,4 @@
-"""Elements that fade while others are felt: stable at every constant level of each of them.
+"""Stability at every constant level of elements that fade, proved on the hull of their corners.
 
 On the way in and out an element is played in part, its level anywhere in [0, 1], and each element
 of a moment has a level of its own. For one device, frequency and gain the loop D + s·N is straight
@@ -15,11 +15,19 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.forms import FloatArray, Form
+from tune.certificate.affine import AffineForm, FloatArray
 from tune.certificate.point import Setting, setting_of
-from tune.certificate.proof import Cells, Claim, Proof, as_form, cover, mechanism_of, terms_of
 from tune.certificate.region import Region
-from tune.certificate.response import Response, at_ends, one_sided, respond
+from tune.certificate.value_set import ValueSet, excludes_zero, gain_vertices, value_set
+from tune.certificate.zero_exclusion import (
+    Cells,
+    Claim,
+    Proof,
+    as_affine,
+    branch_and_bound,
+    mechanism_of,
+    terms_of,
+)
 from tune.documents.profile import Design
 
 
@@ -98,7 +106,7 @@ def prove_levels(region: Region, corners: Corners, claim: Claim, most_cells: int
     def examine(merged: Region, cells: Cells) -> tuple[NDArray[np.bool_], FloatArray]:
         return _examine(merged, corners, cells)
 
-    return cover(region, [claim], examine, most_cells)
+    return branch_and_bound(region, [claim], examine, most_cells)
 
 
 def _examine(
@@ -108,23 +116,23 @@ def _examine(
     moving = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
     symbols = [row for row in moving if row != 1]
     terms = terms_of(cells, symbols)
-    theta = as_form(terms[0], cells, len(symbols))
+    theta = as_affine(terms[0], cells, len(symbols))
     mechanism = mechanism_of(region, terms)
     low, high = cells.low[1], cells.high[1]
     with np.errstate(all="ignore"):
-        responses = [respond(theta, mechanism, setting) for setting in corners.settings]
+        responses = [value_set(theta, mechanism, setting) for setting in corners.settings]
         springs = any(setting.stiffness for setting in corners.settings)
         turned = [
             springs and not setting.stiffness and not mechanism.held for setting in corners.settings
         ]
-        forms: list[Form] = []
+        forms: list[AffineForm] = []
         for response, turn in zip(responses, turned, strict=True):
             # Where no spring acts jθ has been taken out of D and N; what is left of it turns by j.
-            forms += [form * 1j if turn else form for form in at_ends(response, low, high)]
+            forms += [form * 1j if turn else form for form in gain_vertices(response, low, high)]
         if corners.nothing:
             start = responses[0].start
             forms.append(start * 1j if turned[0] else start)
-        excluded = one_sided(*forms)
+        excluded = excludes_zero(*forms)
         rising = _rising(responses)
         if rising is not None and region.damping[0] >= 0:
             excluded |= rising > 0
@@ -136,7 +144,7 @@ def _examine(
         return excluded, pull
 
 
-def _rising(responses: Sequence[Response]) -> FloatArray | None:
+def _rising(responses: Sequence[ValueSet]) -> FloatArray | None:
     """The least of what each corner adds to the imaginary part; None where one does not tell."""
     found = [response.rising for response in responses if response.rising is not None]
     return np.min(found, axis=0) if len(found) == len(responses) else None

@@ -14,10 +14,10 @@ import pytest
 from tests.random_boxes import EXTRA, around, draw, safe_gain, unstable_samples
 from tests.thinned import thinned
 from tune.certificate.point import Setting
-from tune.certificate.proof import Claim, prove
 from tune.certificate.region import HandRegion, Region
 from tune.certificate.roots import judge
-from tune.certificate.worst import worst_point
+from tune.certificate.worst_point import worst_point
+from tune.certificate.zero_exclusion import Claim, prove
 
 #: What is left of the safe gain, as the studies ask.
 LEFT = 1.5

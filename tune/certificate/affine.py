@@ -1,10 +1,10 @@
-"""Numbers that depend on the unknowns of a cell: straight in each, with a bound of the rest.
+"""Affine arithmetic: complex numbers linear in the unknowns of a cell, with a bound of the rest.
 
-A form is c + Σ sᵢ·uᵢ + r with every uᵢ in [-1, 1] and r anywhere in a rectangle of the complex
-plane. Straight parts of a sum cancel as they should, and what is not straight shrinks with the
-square of the cell: that is what makes boxes of ±20 % provable near the boundary, where intervals
-would be hopeless. Real and imaginary part of the rest are kept apart, because a loop near its limit
-is told from an unstable one by its phase. Cells are the last axis of every array.
+An affine form is c + Σ sᵢ·uᵢ + r with every uᵢ in [-1, 1] and r anywhere in a rectangle of the
+complex plane. Linear parts of a sum cancel as they should, and the rest shrinks with the square of
+the cell. So boxes of ±20 % can be proved near the boundary, where interval arithmetic cannot. Real
+and imaginary part of the rest are kept apart, because a loop near its limit is told from an unstable
+one by its phase. Cells are the last axis of every array.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _WIDEST_PHASE = 1.2
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
-    """c + Σ sᵢ·uᵢ + r over cells.
+class AffineForm:
+    """An affine form c + Σ sᵢ·uᵢ + r with |uᵢ| <= 1, one for each cell.
 
     Attributes:
         centre: c, shape (..., cells).
@@ -43,25 +43,27 @@ class Form:
     real: FloatArray
     imag: FloatArray
 
-    def __add__(self, other: Form | Factor) -> Form:
-        if not isinstance(other, Form):
+    def __add__(self, other: AffineForm | Factor) -> AffineForm:
+        if not isinstance(other, AffineForm):
             centre: ComplexArray = self.centre + other
             error = ROUNDING * np.abs(centre)
-            return Form(centre, self.slopes, self.real + error, self.imag + error)
+            return AffineForm(centre, self.slopes, self.real + error, self.imag + error)
         centre, slopes = self.centre + other.centre, self.slopes + other.slopes
         error = ROUNDING * (np.abs(centre) + _reach(slopes))
-        return Form(centre, slopes, self.real + other.real + error, self.imag + other.imag + error)
+        return AffineForm(
+            centre, slopes, self.real + other.real + error, self.imag + other.imag + error
+        )
 
     __radd__ = __add__
 
-    def __sub__(self, other: Form | Factor) -> Form:
+    def __sub__(self, other: AffineForm | Factor) -> AffineForm:
         return self + other * -1.0
 
-    def __rsub__(self, other: Factor) -> Form:
+    def __rsub__(self, other: Factor) -> AffineForm:
         return self * -1.0 + other
 
-    def __mul__(self, other: Form | Factor) -> Form:
-        if not isinstance(other, Form):
+    def __mul__(self, other: AffineForm | Factor) -> AffineForm:
+        if not isinstance(other, AffineForm):
             return self._scaled(np.asarray(other, dtype=np.complex128))
         x, y = self.centre, other.centre
         centre = x * y
@@ -77,15 +79,15 @@ class Form:
         error = ROUNDING * (
             np.abs(centre) + np.abs(x) * _reach(other.slopes) + np.abs(y) * _reach(self.slopes)
         )
-        return Form(centre, slopes, real + error, imag + error)
+        return AffineForm(centre, slopes, real + error, imag + error)
 
     __rmul__ = __mul__
 
-    def _scaled(self, factor: ComplexArray) -> Form:
+    def _scaled(self, factor: ComplexArray) -> AffineForm:
         centre, slopes = self.centre * factor, self.slopes * factor
         size_r, size_i = np.abs(factor.real), np.abs(factor.imag)
         error = ROUNDING * (np.abs(centre) + _reach(slopes))
-        return Form(
+        return AffineForm(
             centre,
             slopes,
             size_r * self.real + size_i * self.imag + error,
@@ -103,43 +105,47 @@ class Form:
         """Bound of the modulus of what is added to the centre."""
         return _reach(self.slopes) + np.hypot(self.real, self.imag) * (1 + ROUNDING)
 
-    def stacked(self) -> Form:
+    def stacked(self) -> AffineForm:
         """With an axis before that of the cells, to broadcast against."""
-        return Form(self.centre[None], self.slopes[:, None], self.real[None], self.imag[None])
+        return AffineForm(self.centre[None], self.slopes[:, None], self.real[None], self.imag[None])
 
-    def total(self) -> Form:
+    def total(self) -> AffineForm:
         """Sum over the axis before that of the cells."""
         centre, slopes = self.centre.sum(axis=-2), self.slopes.sum(axis=-2)
         error = ROUNDING * (np.abs(self.centre) + _reach(self.slopes)).sum(axis=-2)
-        return Form(centre, slopes, self.real.sum(axis=-2) + error, self.imag.sum(axis=-2) + error)
+        return AffineForm(
+            centre, slopes, self.real.sum(axis=-2) + error, self.imag.sum(axis=-2) + error
+        )
 
-    def widened(self, error: FloatArray | float) -> Form:
+    def widened(self, error: FloatArray | float) -> AffineForm:
         """With anything of that modulus added."""
-        return Form(self.centre, self.slopes, self.real + error, self.imag + error)
+        return AffineForm(self.centre, self.slopes, self.real + error, self.imag + error)
 
-    def inverse(self) -> Form:
+    def inverse(self) -> AffineForm:
         """1/x; without bound where x may be zero."""
         centre = self.centre
         size, spread = np.abs(centre) * (1 - ROUNDING), self.spread()
         with np.errstate(all="ignore"):
             inverse = 1 / centre
             rest = np.where(spread < size, spread**2 / (size**2 * (size - spread)), np.inf)
-        straight = Form(centre * 0, self.slopes, self.real, self.imag)._scaled(-inverse * inverse)
+        straight = AffineForm(centre * 0, self.slopes, self.real, self.imag)._scaled(
+            -inverse * inverse
+        )
         error = rest + 4 * ROUNDING * np.abs(inverse)
-        return Form(inverse, straight.slopes, straight.real + error, straight.imag + error)
+        return AffineForm(inverse, straight.slopes, straight.real + error, straight.imag + error)
 
-    def exponential(self) -> Form:
+    def exponential(self) -> AffineForm:
         """e^x for x of moderate size."""
         value = np.exp(self.centre)
         spread = self.spread()
         size = np.abs(value)
         with np.errstate(over="ignore"):
             rest = size * spread**2 / 2 * np.exp(spread)
-        straight = Form(self.centre * 0, self.slopes, self.real, self.imag)._scaled(value)
+        straight = AffineForm(self.centre * 0, self.slopes, self.real, self.imag)._scaled(value)
         error = rest + ROUNDING * size * (1 + np.abs(self.centre))
-        return Form(value, straight.slopes, straight.real + error, straight.imag + error)
+        return AffineForm(value, straight.slopes, straight.real + error, straight.imag + error)
 
-    def turn(self) -> Form:
+    def turn(self) -> AffineForm:
         """e^(-jx) of a real form: anywhere on the unit circle where x is not known well."""
         at = self.centre.real
         spread = np.sum(np.abs(self.slopes.real), axis=0) + self.real
@@ -150,14 +156,14 @@ class Form:
         real = square * np.minimum(1, np.abs(cosine) + spread) + np.abs(sine) * self.real + rounding
         imag = square * np.minimum(1, np.abs(sine) + spread) + np.abs(cosine) * self.real + rounding
         value = cosine - 1j * sine
-        return Form(
+        return AffineForm(
             np.where(lost, 0, value).astype(np.complex128),
             np.where(lost, 0, -1j * value * self.slopes.real).astype(np.complex128),
             np.where(lost, 1 + ROUNDING, real),
             np.where(lost, 1 + ROUNDING, imag),
         )
 
-    def of_real(self, value: FloatArray, slope: FloatArray, bend: float) -> Form:
+    def of_real(self, value: FloatArray, slope: FloatArray, bend: float) -> AffineForm:
         """A real function, of size about one, of a real form from its value and slope.
 
         Args:
@@ -172,37 +178,37 @@ class Form:
             + ROUNDING * (1 + np.abs(value) + np.abs(slope) * (np.abs(self.centre) + spread))
         )
         centre = np.asarray(value, dtype=np.complex128)
-        return Form(centre, slope * self.slopes, error, np.zeros_like(error))
+        return AffineForm(centre, slope * self.slopes, error, np.zeros_like(error))
 
 
 #: What a cell knows exactly is a number.
-Term = Form | float
+Term = AffineForm | float
 
 
 def inverse(term: Term) -> Term:
     """1/x of a form or a number."""
-    return term.inverse() if isinstance(term, Form) else 1 / term
+    return term.inverse() if isinstance(term, AffineForm) else 1 / term
 
 
 def stacked(term: Term) -> Term:
     """Room for an axis before that of the cells."""
-    return term.stacked() if isinstance(term, Form) else term
+    return term.stacked() if isinstance(term, AffineForm) else term
 
 
-def least_real(form: Form) -> FloatArray:
+def real_lower_bound(form: AffineForm) -> FloatArray:
     """Lower bound of the real part."""
     wide = np.sum(np.abs(form.slopes.real), axis=0) + form.real
     return form.centre.real - wide - ROUNDING * (np.abs(form.centre.real) + wide)
 
 
-def most(form: Form) -> FloatArray:
+def modulus_bound(form: AffineForm) -> FloatArray:
     """Upper bound of the modulus."""
     return (np.abs(form.centre) + form.spread()) * (1 + ROUNDING)
 
 
-def ends(term: Term) -> tuple[float, float]:
+def range_of(term: Term) -> tuple[float, float]:
     """Least and largest value of a real term over all cells."""
-    if not isinstance(term, Form):
+    if not isinstance(term, AffineForm):
         return term, term
     wide = term.spread()
     return float(np.min(term.centre.real - wide)), float(np.max(term.centre.real + wide))

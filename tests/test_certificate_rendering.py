@@ -9,9 +9,9 @@ import pytest
 
 from identification import load_device, quantity, to_mapping
 from tests.thinned import thinned
-from tune.certificate import felt
-from tune.certificate.felt import felt_failures
+from tune.certificate import rendered
 from tune.certificate.point import setting_of
+from tune.certificate.rendered import rendering_failures
 from tune.documents.profile import Design, SafeProfile
 from tune.documents.scene import Scene
 from tune.optimisation._optimise import optimise
@@ -50,14 +50,14 @@ def _profile(name: str, loop: dict[str, Any], *, lag: bool, delay: float) -> Saf
 def test_what_is_written_is_what_the_law_makes_felt(
     monkeypatch: pytest.MonkeyPatch, name: str, loop: dict[str, Any], lag: bool, delay: float
 ) -> None:
-    monkeypatch.setattr(felt, "_AGREE", CLOSE)
+    monkeypatch.setattr(rendered, "_AGREE", CLOSE)
     profile = _profile(name, loop, lag=lag, delay=delay)
     assert profile.perception is not None
     for element, said in profile.elements.items():
         setting = setting_of(profile, (element,))
         assert setting is not None
         assert said.perceived_steps
-        assert felt_failures(profile, element, setting) == []
+        assert rendering_failures(profile, element, setting) == []
 
 
 def test_every_number_is_looked_at() -> None:
@@ -86,7 +86,7 @@ def test_every_number_is_looked_at() -> None:
         setting = setting_of(forged, (element,))
         assert setting is not None
         assert any(
-            f"{part}.{key} says" in words for words in felt_failures(forged, element, setting)
+            f"{part}.{key} says" in words for words in rendering_failures(forged, element, setting)
         )
 
 
@@ -99,7 +99,7 @@ def test_a_profile_that_does_not_say_how_fine_hands_are_is_checked_for_the_rest(
     )
     setting = setting_of(design, ("wall",))
     assert setting is not None
-    assert felt_failures(design, "wall", setting) == []
+    assert rendering_failures(design, "wall", setting) == []
 
 
 def test_a_mass_that_is_honey_is_refused_unless_a_person_asked_for_it() -> None:
@@ -110,9 +110,9 @@ def test_a_mass_that_is_honey_is_refused_unless_a_person_asked_for_it() -> None:
     setting = setting_of(wanted, ("cup",))
     assert setting is not None
     assert wanted.elements["cup"].as_commanded
-    assert felt_failures(wanted, "cup", setting) == []
+    assert rendering_failures(wanted, "cup", setting) == []
     claimed = wanted.elements["cup"].model_copy(update={"as_commanded": False})
     forged = wanted.model_copy(update={"elements": {"cup": claimed}})
-    (honey,) = felt_failures(forged, "cup", setting)
+    (honey,) = rendering_failures(forged, "cup", setting)
     assert honey.startswith("cup: at 5 Hz a hand feels 15.1")
     assert "0 is asked for" in honey

@@ -1,4 +1,4 @@
-"""What a certificate says it takes for granted, what it leaves to others, where there is none."""
+"""Assumptions of a certificate, and what it leaves to others, in sentences."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ LOG_UNITS = (
 ASSUMED = "of the device, what was only assumed: {}"
 
 
-def taken_on_trust(device: Device) -> tuple[str, ...]:
+def trusted_facts(device: Device) -> tuple[str, ...]:
     """Facts that no log and no calculation can confirm, and who has to answer for them."""
     units = ("N", "m") if device.motion == "linear" else ("N m", "rad")
     facts = ["sample time", "delay"]
@@ -121,7 +121,7 @@ def assumptions(design: Design) -> tuple[str, ...]:
         *((FADING_SPRINGS,) if _fades(design, "stiffness") else ()),
         *((NOT_CUT,) if _fades(design) and _walls(design) else ()),
         *((MISSED,) if _walls(design) else ()),
-        *taken_on_trust(device),
+        *trusted_facts(device),
         NO_HAND if design.hand is None else WITH_HAND,
         *(() if device.slope_at_zero == 0 else (SPRUNG,)),
         WITH_MODES if device.modes else RIGID,

@@ -1,4 +1,4 @@
-"""The worst point of a region by search: what a proof must not contradict.
+"""Search for the worst point of a region: a proof must not contradict what it finds.
 
 From corners, faces and chance points, each the best of a start climbs to larger pole radius at the
 full gain, and others to where the Nyquist curve comes nearest to -1/s for any gain s. It works in
@@ -15,12 +15,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.point import Point, Setting
-from tune.certificate.proof import Claim
 from tune.certificate.region import Region
 from tune.certificate.roots import Verdict, judge
-from tune.certificate.sampled import Loops, sampled_loops, whole_circle
+from tune.certificate.sampled_loops import Loops, sampled_loops, upper_half_circle
+from tune.certificate.zero_exclusion import Claim
 
 #: What a climb raises, of every loop.
 Aim = Callable[[Loops], FloatArray]
@@ -33,13 +33,13 @@ _CLIMBERS = 4
 #: Steps of a climb: from a quarter of a side down to 1/500.
 _STEPS = 0.25 * 0.6 ** np.arange(10)
 #: Points of the circle at which the Nyquist curve is looked at, and the slowest of them over π.
-_CIRCLE = whole_circle(160, 1e-5)
+_CIRCLE = upper_half_circle(160, 1e-5)
 #: The generator of chance points starts here, so that a certificate can be repeated.
 _SEED = 20_240_607
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Worst:
+class WorstCase:
     """The worst point found, and what many digits say of it; how many points they looked at."""
 
     point: Point
@@ -53,7 +53,7 @@ def worst_point(
     claim: Claim,
     starts: FloatArray | None = None,
     thorough: int = 1,
-) -> Worst:
+) -> WorstCase:
     """Search a region for one claim; see ``worst_points``."""
     return worst_points(region, setting, [claim], starts, thorough)[0]
 
@@ -64,7 +64,7 @@ def worst_points(
     claims: Sequence[Claim],
     starts: FloatArray | None = None,
     thorough: int = 1,
-) -> list[Worst]:
+) -> list[WorstCase]:
     """Search a region for each of some claims.
 
     All climb at once, for what takes time is how often loops are computed, not how many.
@@ -201,16 +201,16 @@ class _Climb:
         return self.box.unfolded(self.parts[:, np.argsort(-self.best, kind="stable")[:count]])
 
 
-def _worst(region: Region, setting: Setting, box: _Box, candidates: FloatArray) -> Worst:
+def _worst(region: Region, setting: Setting, box: _Box, candidates: FloatArray) -> WorstCase:
     """The worst of some points, one a column, in many digits; one met twice is judged once."""
-    worst: Worst | None = None
-    known: dict[bytes, Worst] = {}
+    worst: WorstCase | None = None
+    known: dict[bytes, WorstCase] = {}
     for column in candidates.T:
         place = column.tobytes()
         if place not in known:
             point = region.point(column[:-1], float(column[-1]))
             verdict = judge(point, setting, box.claim.gain)
-            known[place] = Worst(point=point, verdict=verdict, judged=candidates.shape[1])
+            known[place] = WorstCase(point=point, verdict=verdict, judged=candidates.shape[1])
         one = known[place]
         if worst is None or _badness(one.verdict) > _badness(worst.verdict):
             worst = one

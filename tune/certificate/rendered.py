@@ -1,4 +1,4 @@
-"""What a hand is said to feel: rendered mass and damping, and steps, from the law in balls."""
+"""Rendered mass and damping, and perceived steps, recomputed from the law in ball arithmetic."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from flint import arb_poly
 
-from tune.certificate.forms import ComplexArray, FloatArray
+from tune.certificate.affine import ComplexArray, FloatArray
 from tune.certificate.point import Setting
 from tune.certificate.polynomial import law_of, moved
 from tune.certificate.precision import precision
@@ -31,7 +31,7 @@ _DEPTH = {"linear": 0.01, "rotary": 0.1}
 _EFFECTS = ("stiffness", "damping", "mass")
 
 
-def felt_failures(design: Design, name: str, setting: Setting) -> list[str]:
+def rendering_failures(design: Design, name: str, setting: Setting) -> list[str]:
     """What an element claims to make felt and how many steps, against the same computed anew."""
     element = design.elements[name]
     impedance = {effect: _impedance(design, _alone(setting, effect)) for effect in _EFFECTS}
@@ -42,10 +42,12 @@ def felt_failures(design: Design, name: str, setting: Setting) -> list[str]:
             *_steps(design, element, impedance),
         )
         if not abs(seen - said) <= _AGREE * size
-    ] + _honey(design, name, impedance)
+    ] + _excess_over_request(design, name, impedance)
 
 
-def _honey(design: Design, name: str, impedance: dict[str, ComplexArray]) -> list[str]:
+def _excess_over_request(
+    design: Design, name: str, impedance: dict[str, ComplexArray]
+) -> list[str]:
     """Mass and damping that are felt as more than a step from what the element asks for."""
     element, table = design.elements[name], design.perception
     if table is None or element.as_commanded:

@@ -10,12 +10,12 @@ from flint import acb
 from tests.random_boxes import around
 from tests.thinned import thinned
 from tune.certificate import aliases
-from tune.certificate.forms import Form
+from tune.certificate.affine import AffineForm
 from tune.certificate.mechanism import Mechanism
 from tune.certificate.point import Setting
 from tune.certificate.polynomial import closed_loop, precision
 from tune.certificate.region import HandRegion, ModeRegion, Region
-from tune.certificate.response import respond
+from tune.certificate.value_set import value_set
 
 
 def _folded_exactly(n: int, theta: float, x: float) -> complex:
@@ -89,16 +89,18 @@ def _region(rng: np.random.Generator, spread: float) -> tuple[Region, Setting]:
     return region, setting
 
 
-def _forms(low: np.ndarray, high: np.ndarray) -> list[Form | float]:  # type: ignore[type-arg]
+def _forms(low: np.ndarray, high: np.ndarray) -> list[AffineForm | float]:  # type: ignore[type-arg]
     """One cell: every side that has a width in its own symbol."""
     free = np.flatnonzero(high > low)
-    forms: list[Form | float] = []
+    forms: list[AffineForm | float] = []
     for row, (bottom, top) in enumerate(zip(low, high, strict=True)):
         if top == bottom:
             forms.append(float(bottom))
             continue
         slopes = (free == row)[:, None] * ((top - bottom) / 2 + 0j)
-        forms.append(Form(np.array([(bottom + top) / 2 + 0j]), slopes, np.zeros(1), np.zeros(1)))
+        forms.append(
+            AffineForm(np.array([(bottom + top) / 2 + 0j]), slopes, np.zeros(1), np.zeros(1))
+        )
     return forms
 
 
@@ -116,8 +118,8 @@ def test_forms_hold_the_loop_of_the_matrix_exponential(spread: float) -> None:
         )
         low, high = np.array(sides).T
         theta, mass, damping, step, delay, lag, spring, *rest = _forms(low, high)
-        assert isinstance(theta, Form)
-        assert isinstance(step, Form)
+        assert isinstance(theta, AffineForm)
+        assert isinstance(step, AffineForm)
         hand = None
         if region.hand is not None:
             hand, rest = (rest[0], rest[1], rest[2]), rest[3:]
@@ -135,7 +137,7 @@ def test_forms_hold_the_loop_of_the_matrix_exponential(spread: float) -> None:
             held=region.held,
         )
         with np.errstate(all="ignore"):
-            response = respond(theta, mechanism, setting)
+            response = value_set(theta, mechanism, setting)
         free = np.flatnonzero(high > low)
         for _ in range(3):
             u = (
@@ -158,9 +160,9 @@ def test_forms_hold_the_loop_of_the_matrix_exponential(spread: float) -> None:
     assert bounded > 90
 
 
-def _at(form: Form, u: np.ndarray) -> complex:  # type: ignore[type-arg]
+def _at(form: AffineForm, u: np.ndarray) -> complex:  # type: ignore[type-arg]
     return complex(form.centre[0] + u @ form.slopes[:, 0])
 
 
-def _rest(form: Form) -> float:
+def _rest(form: AffineForm) -> float:
     return float(np.hypot(form.real[0], form.imag[0]))

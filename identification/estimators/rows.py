@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Commands, mean_step
 from identification.estimators.noise import position_noise
+from identification.estimators.zero_order_hold import Commands, mean_step
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

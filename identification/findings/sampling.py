@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from identification.device.device import Hardware
 from identification.errors import Finding, InvalidInputError
-from identification.estimators.held import LOST
-from identification.findings.balance import balance_of
+from identification.estimators.zero_order_hold import LOST
+from identification.findings.force_balance import balance_of
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -24,7 +24,7 @@ from identification.fitting.one_log import LogFit
 from identification.fitting.suggested import (
     delay_of,
     force_limit_of,
-    marked_stated,
+    mark_stated,
     resolution_of,
     sample_time_of,
 )
@@ -68,7 +68,7 @@ def device_from(
         coulomb_friction=_envelope(fits, "coulomb_friction"),
         force_offset=_envelope(fits, "force_offset"),
         delay=delay_of(fits, hardware),
-        encoder_resolution=marked_stated(hardware.encoder_resolution)
+        encoder_resolution=mark_stated(hardware.encoder_resolution)
         or quantity(resolution_of(fits), source="log"),
         force_limit=hardware.force_limit or force_limit_of(fits),
         modes=hardware.modes,

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.friction import Kind
-from identification.estimators.held import Held
 from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
+from identification.estimators.zero_order_hold import HeldColumn
 from identification.structure.hysteresis import stop_operators
 
 FloatArray = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Forces:
         moving, steps = self.table.motion.moving, self.table.signals.steps
         found: dict[Kind, FloatArray] = {}
         for kind, held in self._held():
-            made = [self.table.filtered(Held.constant(each * moving, steps)) for each in held]
+            made = [self.table.filtered(HeldColumn.constant(each * moving, steps)) for each in held]
             found[kind] = np.stack(made, axis=1)
         return found
 

@@ -74,7 +74,7 @@ class Resampled:
         return fitted, float(missed @ missed)
 
 
-def cut(columns: FloatArray, answer: FloatArray, *, nuisance: int) -> Resampled:
+def cut_into_blocks(columns: FloatArray, answer: FloatArray, *, nuisance: int) -> Resampled:
     """The least-squares fit of an answer, in blocks.
 
     Args:

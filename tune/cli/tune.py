@@ -190,6 +190,6 @@ def _plain(candidate: Candidate, rows: list[CandidateEffect]) -> dict[str, objec
 
 def _short(number: float | None) -> float | None:
     """Four digits, as profiles state steps: the interval is no better known."""
-    from identification import rounded
+    from identification import round_to_digits
 
-    return None if number is None else rounded(number, 4)
+    return None if number is None else round_to_digits(number, 4)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from identification import rounded
+from identification import round_to_digits
 from tune.documents.effects import EffectName
 from tune.documents.scene import Cutoff
 from tune.loop.filters import Filters
@@ -92,7 +92,7 @@ class _Axis:
         """The cut-off as it is written; None for no filter."""
         if not self.free:
             return self.fixed
-        return None if place > self.first[-2] else rounded(math.exp(place), _DIGITS)
+        return None if place > self.first[-2] else round_to_digits(math.exp(place), _DIGITS)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device, rounded
+from identification import Device, round_to_digits
 from tune.documents.effects import EFFECT_NAMES, SHORTEST_FADE, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Scene
@@ -160,7 +160,7 @@ def element_profile(
         values[unknown.effect] = unknown.sign * float(sizes[index])
         counted = unknown.steps(float(sizes[index]))
         if np.isfinite(counted):
-            steps[unknown.effect] = rounded(counted, 4)
+            steps[unknown.effect] = round_to_digits(counted, 4)
         open_ = float(sizes[index]) < unknown.high * (1 - _BINDS)
         saturates = index in bound or _spared(problem, sizes, index)
         limited[unknown.effect] = "saturation" if saturates and open_ else word
@@ -194,7 +194,7 @@ def element_profile(
             jitter=_jitter(device, problem, moments, sizes),
             absolute_gain=absolute_gain,
         ),
-        ripple=None if noise is None else rounded(noise, 4),
+        ripple=None if noise is None else round_to_digits(noise, 4),
         limited_by=limited,
         motion=motion,
         rendered=rendered(device, problem.filters, **values),
@@ -237,7 +237,7 @@ def _jitter(
         felt = problem.effects(moment, sizes)
         K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
         found = min(found, jitter_margin(places, problem.filters, (K, B, M)))
-    return rounded(found, 4)
+    return round_to_digits(found, 4)
 
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import rounded
+from identification import round_to_digits
 from tune.documents.certified import AbsoluteStability, Multiplier
 from tune.documents.scene import Margin
 from tune.optimisation.backends import Backend
@@ -168,7 +168,7 @@ def _floored(size: float) -> float:
     if size <= 0:
         return 0.0
     unit = 10.0 ** (np.floor(np.log10(size)) - 5)
-    return rounded(float(np.floor(size / unit) * unit))
+    return round_to_digits(float(np.floor(size / unit) * unit))
 
 
 def all_found(problem: Problem, sizes: FloatArray) -> AllFound:

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import rounded
+from identification import round_to_digits
 from tune.optimisation.limits import allowed_points
 from tune.optimisation.nash import SAME
 from tune.optimisation.problem import Problem
@@ -45,4 +45,4 @@ def settled(problem: Problem, sizes: FloatArray) -> FloatArray:
 
 
 def _rounded(sizes: FloatArray) -> list[float]:
-    return [rounded(float(size)) for size in sizes]
+    return [round_to_digits(float(size)) for size in sizes]

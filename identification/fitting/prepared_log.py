@@ -1,4 +1,4 @@
-"""One log prepared once, and every estimate made of it."""
+"""Prepared log: one log filtered once as a regression, and the estimates of it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Protocol, cast
 import numpy as np
 
 from identification.device.quantities import Quantity
-from identification.estimators.answer import Point
 from identification.estimators.delay import Delay, find_delay
 from identification.estimators.drive import MOST_SAMPLES
 from identification.estimators.intervals import NORMAL_95
 from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.model import Estimate, Model
+from identification.estimators.point_estimate import PointEstimate
 from identification.trajectory import Trajectory
 
 #: Change of delay, in samples, for the slope of the estimates over delay.
@@ -28,11 +28,13 @@ class _Estimator(Protocol):
 
     def fit(self, table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate: ...
 
-    def point(self, table: Regression, delay: float | None, *, start: float = 0.0) -> Point: ...
+    def point(
+        self, table: Regression, delay: float | None, *, start: float = 0.0
+    ) -> PointEstimate: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Workshop:
+class PreparedLog:
     """A prepared log and its estimates.
 
     Attributes:
@@ -52,7 +54,7 @@ class Workshop:
     made: dict[str, Estimate] = field(default_factory=dict[str, Estimate])
 
     @classmethod
-    def of(cls, trajectory: Trajectory, model: Model, stated: Quantity | None) -> Workshop:
+    def of(cls, trajectory: Trajectory, model: Model, stated: Quantity | None) -> PreparedLog:
         """Find the delay, unless it is stated, and the direction of motion."""
         step = trajectory.sample_time
         # Forces from before the log are left out up to the longest delay that is looked at.
@@ -60,7 +62,9 @@ class Workshop:
         return cls._begun(trajectory, prepare(trajectory, model, room, refine=False), stated)
 
     @classmethod
-    def _begun(cls, trajectory: Trajectory, rough: Regression, stated: Quantity | None) -> Workshop:
+    def _begun(
+        cls, trajectory: Trajectory, rough: Regression, stated: Quantity | None
+    ) -> PreparedLog:
         found = find_delay(trajectory, rough) if stated is None else None
         delay = stated.value if stated is not None else found.value if found is not None else 0.0
         # From the first look on, where turns seen at other delays leave nothing behind.
@@ -72,11 +76,11 @@ class Workshop:
         table = table.refined(delay)
         return cls(trajectory=trajectory, table=table, rough=rough, stated=stated, found=found)
 
-    def widened(self, model: Model) -> Workshop:
+    def widened(self, model: Model) -> PreparedLog:
         """The same log with more terms: without them delay and direction may have gone astray."""
-        return Workshop._begun(self.trajectory, self.rough.with_model(model), self.stated)
+        return PreparedLog._begun(self.trajectory, self.rough.with_model(model), self.stated)
 
-    def narrowed(self, model: Model) -> Workshop:
+    def narrowed(self, model: Model) -> PreparedLog:
         """The same log with fewer terms, which the delay does not miss."""
         if model == self.model:
             return self
@@ -124,7 +128,7 @@ class Workshop:
             self.made[method] = self._of_table(self.table, method)
         return self.made[method]
 
-    def point(self, table: Regression, method: str) -> Point:
+    def point(self, table: Regression, method: str) -> PointEstimate:
         """The point estimate of one method from this log with other terms or another filter."""
         if self._fits_delay(method):
             return _estimator(method).point(table, None, start=self.delay)

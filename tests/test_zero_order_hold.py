@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import Trajectory
-from identification.estimators.held import LOST, Commands, Held, unknown_intervals
-from identification.estimators.held_response import Coasting, phi
+from identification.estimators.held_response import HeldResponse, phi
 from identification.estimators.rows import FIRST, LAST, Kinematics, Signals, of_rows
+from identification.estimators.zero_order_hold import LOST, Commands, HeldColumn, unknown_intervals
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -80,7 +80,7 @@ def test_phi_to_the_last_bits(delta: float) -> None:
 def test_responses_and_slopes_are_exact(grid: str, delay: float, rate: float) -> None:
     steps = GRIDS[grid]
     force = np.random.default_rng(1).standard_normal(SAMPLES)
-    device = Coasting.at(rate, steps)
+    device = HeldResponse.at(rate, steps)
     held = Commands.of(force, steps).after(delay)
     place, speed = device.position(device.gain(held))
     by_rate = device.position_slope(speed, device.slope_by_rate(held))
@@ -111,9 +111,9 @@ def test_turns_inside_intervals_are_exact(grid: str) -> None:
     generator = np.random.default_rng(2)
     early, late = generator.standard_normal((2, SAMPLES - 1))
     fraction = np.append(generator.uniform(0, 1, SAMPLES - 3), (0.0, 1.0))
-    held = Held.turning(early, late, fraction, steps)
+    held = HeldColumn.turning(early, late, fraction, steps)
     lengths = np.diff(stamps(steps))
-    device = Coasting.at(4.0, steps)
+    device = HeldResponse.at(4.0, steps)
     place, speed = device.position(device.gain(held), start=0.3)
     means, areas = [], []
     at, rate = mpmath.mpf(0), mpmath.mpf("0.3")

@@ -1,4 +1,4 @@
-"""How white a residual is, and the causal filter that whitens it, from its own spectrum.
+"""Whitening: how white a residual is, and the causal filter that whitens it, from its spectrum.
 
 Tremor of a hand, cogging and friction that a model misses colour the residual in bands no moving
 average of two terms can follow, and it is in these bands that mass and damping are read. The
@@ -38,7 +38,7 @@ def spectrum(residual: FloatArray) -> FloatArray:
     return np.abs(np.fft.rfft((residual - np.mean(residual)) * window)[1:]) ** 2
 
 
-def smoothed(power: FloatArray) -> FloatArray:
+def smooth_spectrum(power: FloatArray) -> FloatArray:
     """Mean over a constant part of the frequency about each line, same shape."""
     line = np.arange(1, power.size + 1)
     half = np.maximum(_FEWEST_LINES, (_RELATIVE * line).astype(np.intp))
@@ -92,7 +92,7 @@ def whitener(residual: FloatArray) -> FloatArray:
     """
     from scipy.fft import irfft, rfft
 
-    power = smoothed(spectrum(residual))
+    power = smooth_spectrum(spectrum(residual))
     level = np.log(np.maximum(power, _SILENT * max(float(power.max()), np.finfo(float).tiny)))
     place = np.linspace(0, level.size, _GRID // 2 + 1)
     grid = np.interp(place, np.arange(1, level.size + 1), level)

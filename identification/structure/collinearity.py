@@ -1,4 +1,4 @@
-"""Columns brought to one size, and those of them that a motion can tell apart."""
+"""Collinearity: columns scaled to one size, and those of them that a motion can tell apart."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ DISTINCT = 0.02
 FAR = 10.0
 
 
-def normalised(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+def normalise_columns(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Columns of mean square 1, in which no unit is left; a column of zeros stays zero."""
     counted = dict(columns)
     if OFFSET in counted and POSITION in counted:
         counted[POSITION] = _from_its_middle(counted[POSITION], counted[OFFSET])
-    return {name: scaled(column) for name, column in counted.items()}
+    return {name: scale_to_unit_rms(column) for name, column in counted.items()}
 
 
-def scaled(column: FloatArray) -> FloatArray:
+def scale_to_unit_rms(column: FloatArray) -> FloatArray:
     """A column over its rms, found without overflow whatever the unit."""
     largest = float(np.max(np.abs(column)))
     if largest == 0:
@@ -40,7 +40,9 @@ def scaled(column: FloatArray) -> FloatArray:
     return moderate / np.sqrt(np.mean(moderate**2))
 
 
-def distinct(table: Mapping[str, FloatArray]) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+def distinguishable_columns(
+    table: Mapping[str, FloatArray],
+) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
     """The candidates this motion can tell apart, and the names of those it cannot.
 
     Args:

@@ -1,4 +1,4 @@
-"""Columns that are held between samples: delayed force, direction of motion, a constant.
+"""Columns under a zero-order hold: delayed force, direction of motion, a constant.
 
 Interval k is [t[k], t[k+1]); a log of n samples has n - 1 of them, of any lengths. Everything that
 acts on the device is constant over an interval but for jumps inside it, so the equation of motion
@@ -22,7 +22,7 @@ _HARDLY = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Held:
+class HeldColumn:
     """A column that is constant over each interval but for jumps.
 
     Attributes:
@@ -40,7 +40,7 @@ class Held:
     interval: IndexArray | None
 
     @classmethod
-    def constant(cls, level: FloatArray, steps: float | FloatArray) -> Held:
+    def constant(cls, level: FloatArray, steps: float | FloatArray) -> HeldColumn:
         """One value for each interval, without jumps."""
         nothing = np.zeros(0)
         return cls(
@@ -54,7 +54,7 @@ class Held:
     @classmethod
     def turning(
         cls, early: FloatArray, late: FloatArray, fraction: FloatArray, steps: float | FloatArray
-    ) -> Held:
+    ) -> HeldColumn:
         """``early`` for a fraction of each interval, then ``late``; all of shape (n - 1,)."""
         jumps = np.flatnonzero((early != late) & (fraction > 0) & (fraction < 1))
         lengths = np.broadcast_to(np.asarray(steps), early.shape)[jumps]
@@ -95,7 +95,7 @@ class Held:
             rising = half + self.added(self.left) - after
         return (falling[1:] + rising[:-1]) / mean_step(self.steps)
 
-    def times(self, factor: FloatArray) -> Held:
+    def times(self, factor: FloatArray) -> HeldColumn:
         """The column times a factor for each interval, shape (n - 1,)."""
         of_jump = factor if self.interval is None else factor[self.interval]
         return replace(self, level=self.level * factor, change=self.change * of_jump)
@@ -146,7 +146,7 @@ class Commands:
         count = int(np.searchsorted(self.sent, np.sum(steps), side="right"))
         return Commands(steps=steps, value=self.value[:count], sent=self.sent[:count])
 
-    def after(self, delay: float) -> Held:
+    def after(self, delay: float) -> HeldColumn:
         """The forces where they act, a delay in s later, not negative, need not be whole steps.
 
         The first ``unknown_intervals`` feel forces from before the log; they repeat its first.
@@ -158,8 +158,8 @@ class Commands:
             padded = np.concatenate((before, self.value))[: self.value.size]
             late, early = padded[1:], padded[:-1]
             if fraction == 0:
-                return Held.constant(late, steps)
-            return Held(
+                return HeldColumn.constant(late, steps)
+            return HeldColumn(
                 steps=steps, level=early, change=late - early, left=steps - fraction, interval=None
             )
         time = np.concatenate(([0.0], np.cumsum(self.steps)))
@@ -171,7 +171,7 @@ class Commands:
         inside[inside] = arrival[inside] > time[interval[inside]]
         inside[0] = False
         interval = interval[inside]
-        return Held(
+        return HeldColumn(
             steps=self.steps,
             level=self.value[np.maximum(acting, 0)],
             change=np.diff(self.value, prepend=self.value[0])[inside],

@@ -1,4 +1,4 @@
-"""Does the force depend on where the device is?"""
+"""Position dependence: gravity and springs, told from a force that follows the position."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from identification.errors import Finding
 from identification.estimators.intervals import half_width
 from identification.estimators.linear import solve, unit_columns
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance
+from identification.findings.force_balance import ForceBalance
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -33,7 +33,9 @@ _REMEDY = (
 )
 
 
-def place(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
+def position_dependence(
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
+) -> tuple[Finding, ...]:
     """``gravity``: a weight, a spring or a magnet whose force is not the same everywhere."""
     total = float(np.std(balance.force))
     gain, force = position_force(balance)
@@ -57,7 +59,7 @@ def place(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[F
 
 
 def _uncarried(
-    trajectory: Trajectory, balance: Balance, chosen: Estimate, gain: float, force: FloatArray
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, gain: float, force: FloatArray
 ) -> Finding:
     shifts = _shifts(balance, chosen)
     refused = any(
@@ -74,13 +76,13 @@ def _uncarried(
     )
 
 
-def carried_or_not(balance: Balance) -> float:
+def position_force_rms(balance: ForceBalance) -> float:
     """Rms of the force of position that the log shows, whether the estimate has it or not, N."""
     gain, force = position_force(balance)
     return float(np.std(_carried_force(balance) + (force if gain >= LEAST_GAIN else 0.0)))
 
 
-def _carried_force(balance: Balance) -> FloatArray:
+def _carried_force(balance: ForceBalance) -> FloatArray:
     """Force of the position terms of the estimate's model at each row, N."""
     carried = balance.carried
     if carried.shape[1] == 0:
@@ -89,7 +91,7 @@ def _carried_force(balance: Balance) -> FloatArray:
     return carried @ weights[-carried.shape[1] :]
 
 
-def position_force(balance: Balance) -> tuple[float, FloatArray]:
+def position_force(balance: ForceBalance) -> tuple[float, FloatArray]:
     """How much of what the estimate's terms leave over position explains.
 
     Both where it was fitted and where it was not count, and the smaller share is taken: a part of
@@ -151,7 +153,7 @@ def powers_of(position: FloatArray) -> FloatArray:
     return np.stack([unit**power for power in _POWERS], axis=1)
 
 
-def _shifts(balance: Balance, chosen: Estimate) -> list[tuple[str, float, float]]:
+def _shifts(balance: ForceBalance, chosen: Estimate) -> list[tuple[str, float, float]]:
     """What mass and damping move by when position gets its term, and their half-widths."""
     columns = np.column_stack((balance.plant, balance.carried))
     plain = solve(columns, balance.force)

@@ -1,4 +1,4 @@
-"""Do parameters fitted on one part of a log, or at one cut-off, predict the other?"""
+"""Cross-validation: do parameters fitted on one part of a log predict the other?"""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from identification.errors import Finding
 from identification.estimators.intervals import half_width
 from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance, even_sizes
+from identification.findings.force_balance import ForceBalance, even_sizes
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -34,7 +34,9 @@ _JUDGED = ("mass", "damping")
 _HARMLESS = 0.02
 
 
-def heldout(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
+def cross_validation(
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
+) -> tuple[Finding, ...]:
     """``heldout-misfit``: the device changed while it was logged, or the model is wrong."""
     missed = _misses(balance, chosen)
     worst = int(np.argmax(missed))
@@ -57,7 +59,7 @@ def heldout(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple
     )
 
 
-def stability(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
+def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
     """``heldout-misfit``: what the cut-off moves is more than the interval without it holds.
 
     A model that is right is right at every frequency. The move is in the interval all the same.
@@ -89,7 +91,7 @@ def stability(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
     )
 
 
-def _misses(balance: Balance, chosen: Estimate) -> FloatArray:
+def _misses(balance: ForceBalance, chosen: Estimate) -> FloatArray:
     """Excess of each part's prediction over its own fit, rms in N, shape (parts,); 0 if chance.
 
     Only rows of a part that move no faster than the rest count: others are extrapolated.

@@ -1,4 +1,4 @@
-"""The coarse grid on which forces are designed: limits and merit of a net force."""
+"""Design grid: the coarse grid of times on which forces are designed, with their limits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.planning.merit import Friction, Merit
+from identification.planning.design_criterion import DesignCriterion, Friction
 from identification.planning.response import Response
 from identification.planning.spec import ExcitationSpec
 
@@ -28,7 +28,7 @@ _WINDOW = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bench:
+class DesignGrid:
     """Where forces are tried.
 
     Attributes:
@@ -46,10 +46,10 @@ class Bench:
     step: float
     count: int
     devices: tuple[tuple[float, Response], ...]
-    merit: Merit
+    merit: DesignCriterion
 
     @classmethod
-    def of(cls, spec: ExcitationSpec) -> Bench:
+    def of(cls, spec: ExcitationSpec) -> DesignGrid:
         """The bench for limits and guesses."""
         mass, damping = spec.mass.value, spec.damping.value
         room = force_room(spec)
@@ -89,7 +89,7 @@ class Bench:
                 acceleration=room / mass,
             )
         response = devices[0][1]
-        merit = Merit(
+        merit = DesignCriterion(
             response=response,
             unknowns=response.unknowns(),
             friction=friction,

@@ -1,4 +1,4 @@
-"""The balance of forces in short windows: what the findings look at after an estimate is made.
+"""Force balance in short windows: what the findings look at after an estimate is made.
 
 Each row weighs the log with one smooth window w of unit area: mean held force, mean acceleration
 -∫ w'·q̇, mean velocity, direction of motion, position. No derivative of the position is taken
@@ -53,7 +53,7 @@ _LONGEST_INTERVAL = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Balance:
+class ForceBalance:
     """Rows of one log, each array of shape (rows,), SI.
 
     Attributes:
@@ -113,13 +113,13 @@ class Balance:
 
     def unexplained(self, *more: FloatArray) -> FloatArray:
         """Force that the columns of ``plant`` and more columns leave over, N."""
-        return left_over(np.column_stack((self.plant, *more)), self.force)
+        return least_squares_residual(np.column_stack((self.plant, *more)), self.force)
 
     def __len__(self) -> int:
         return self.time.size
 
 
-def left_over(columns: FloatArray, right: FloatArray) -> FloatArray:
+def least_squares_residual(columns: FloatArray, right: FloatArray) -> FloatArray:
     """Residual of a least-squares fit, shape (rows,)."""
     return right - columns @ solve(columns, right)
 
@@ -129,7 +129,7 @@ def even_sizes(rows: int, parts: int) -> IntArray:
     return rows // parts + (np.arange(parts) < rows % parts)
 
 
-def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> Balance:
+def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> ForceBalance:
     """Rows with the narrowest window that noise of position does not spoil.
 
     Args:
@@ -160,7 +160,7 @@ def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> Balanc
     return replace(rows, gravity=gravity)
 
 
-def balance_at(trajectory: Trajectory, half_width: float, delay: float) -> Balance:
+def balance_at(trajectory: Trajectory, half_width: float, delay: float) -> ForceBalance:
     """Rows with a window of a given half-width, s, and a delay, s.
 
     They follow each other by half of the half-width; a log too long for that is looked at in its
@@ -180,7 +180,7 @@ def _rows(
     *,
     span: float = np.inf,
     bend_only: bool = False,
-) -> Balance:
+) -> ForceBalance:
     """Rows of a log; with ``bend_only`` of the acceleration alone, the rest being zero."""
     time = trajectory.time
     first, last = time[0] + max(half_width, delay) + half_width, time[-1] - half_width
@@ -209,7 +209,7 @@ def _rows(
     table = table[good]
     power = float(np.mean(table[:, 1] ** 2))
     parasitic = noise**2 * gain
-    return Balance(
+    return ForceBalance(
         time=middle[good],
         force=table[:, 0],
         acceleration=table[:, 1],

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from datasets_synthetic import Faults
 from identification import LogRefusedError, Method, identify
-from identification.estimators.unlogged import covariance
+from identification.estimators.process_noise import process_noise_covariance
 from tests.fleet_hardware import data_sheet, log_of
 from tests.simulated.fleet import random_devices
 
@@ -46,7 +46,7 @@ def _fits(force: bool, count: int = 150) -> tuple[np.ndarray, np.ndarray, np.nda
     values = np.linalg.lstsq(columns.T, measured.T)[0].T
     added = np.stack(
         [
-            covariance(columns, rest, 2, mass=MASS, rate=RATE, step=STEP)
+            process_noise_covariance(columns, rest, 2, mass=MASS, rate=RATE, step=STEP)
             for rest in measured - values @ columns
         ]
     )
@@ -73,16 +73,16 @@ def test_without_such_a_force_little_is_added() -> None:
 def test_units_of_position_force_and_parameters_do_not_matter() -> None:
     columns, rng = _columns(), np.random.default_rng(1)
     rest = rng.normal(0, NOISE, ROWS) + _drifts(1, rng)[0]
-    plain = covariance(columns, rest, 2, mass=MASS, rate=RATE, step=STEP)
+    plain = process_noise_covariance(columns, rest, 2, mass=MASS, rate=RATE, step=STEP)
     scales = np.array([3.0, 0.1, 1.0, 7.0])
-    other = covariance(
+    other = process_noise_covariance(
         1e3 * columns * scales[:, None], 1e3 * rest, 2, mass=5 * MASS, rate=RATE, step=STEP
     )
     np.testing.assert_allclose(other * np.outer(scales[:2], scales[:2]), plain, rtol=1e-9)
 
 
 def test_nothing_is_added_to_a_perfect_fit() -> None:
-    added = covariance(_columns(), np.zeros(ROWS), 2, mass=MASS, rate=RATE, step=STEP)
+    added = process_noise_covariance(_columns(), np.zeros(ROWS), 2, mass=MASS, rate=RATE, step=STEP)
     np.testing.assert_array_equal(added, 0)
 
 
@@ -90,7 +90,7 @@ def test_nothing_is_added_to_a_perfect_fit() -> None:
 def test_nothing_is_added_where_the_fit_takes_all(rows: int) -> None:
     rest = np.random.default_rng(rows).normal(0, NOISE, rows)
     columns = _columns()[:, 100 : 100 + rows]
-    added = covariance(columns, rest, 2, mass=MASS, rate=RATE, step=STEP)
+    added = process_noise_covariance(columns, rest, 2, mass=MASS, rate=RATE, step=STEP)
     assert np.all(np.isfinite(added))
     if rows < len(columns):
         np.testing.assert_array_equal(added, 0)

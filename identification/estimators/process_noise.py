@@ -1,4 +1,4 @@
-"""A white force that the log does not know: how strong, and what it does to a fit of positions.
+"""Process noise: a white force that is not logged, and what it does to a fit of positions.
 
 Integrated twice it is a slow drift. While position noise still covers it in every octave of the
 residual, it moves damping and friction by more than that noise does, and hardly differs from one
@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held_response import Push
+from identification.estimators.held_response import StepResponse
 from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.linear_filters import recursive
 
@@ -29,7 +29,7 @@ _LEAST, _MOST, _RATIO = 1e-3, 1e9, 1.15
 _NOTHING = 1e-10
 
 
-def covariance(
+def process_noise_covariance(
     jacobian: FloatArray, residual: FloatArray, keep: int, *, mass: float, rate: float, step: float
 ) -> FloatArray:
     """What the force adds to the covariance of a least-squares fit of positions.
@@ -62,7 +62,7 @@ class _Pushed:
     """Positions under a force held for one part of a log each, from rest."""
 
     def __init__(self, mass: float, rate: float, span: float) -> None:
-        push = Push.during(span, rate)
+        push = StepResponse.during(span, rate)
         speed, place, decay = float(push.speed), float(push.place), float(push.decay)
         self._above = np.array([place, speed * speed - place * decay]) / mass
         self._below = -1.0 - decay, decay

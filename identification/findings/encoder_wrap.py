@@ -1,4 +1,4 @@
-"""Did the position counter run over, or slip?"""
+"""Encoder wrap: did the position counter run over, or slip?"""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
-from identification.estimators.held import LOST
+from identification.estimators.zero_order_hold import LOST
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +23,7 @@ LEAST_JUMP = 0.02
 _NAMED = 0.02
 
 
-def wrapping(trajectory: Trajectory) -> tuple[Finding, ...]:
+def encoder_wrap(trajectory: Trajectory) -> tuple[Finding, ...]:
     """``encoder-wrap``: jumps of one size, far above what speed allows.
 
     A counter that starts anew jumps by its range; a reading that is lost goes there and back.

@@ -1,4 +1,4 @@
-"""Two plays instead of one: a gentle first that makes the full second one safe.
+"""Two-stage design: a gentle first play that makes the full second one safe.
 
 What is guessed may be two times wrong, and a constant force that nobody knows of makes a device
 without a spring drift: f0/b metres a second, for as long as the play lasts. So the first play is
@@ -11,15 +11,15 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from identification.device.box import BOX_CONFIDENCE, widened, widening
+from identification.device.box import BOX_CONFIDENCE, widen_interval, widening
 from identification.device.device import Device
 from identification.device.known_devices import load_device, named_devices
 from identification.device.quantities import Quantity, quantity
 from identification.documents.document import load_document, parse_document, to_mapping
 from identification.errors import InvalidInputError
-from identification.planning.response import pushed
+from identification.planning.response import step_response
 from identification.planning.spec import ABOVE_FRICTION, FEWEST_RAMPS, ExcitationSpec
-from identification.planning.worst import UNPLANNED, WRONG
+from identification.planning.worst_motion import UNPLANNED, WRONG
 from identification.trajectory import SHORTEST
 
 #: The gentle play uses at most this part of the force limit, more only where friction asks for it.
@@ -82,7 +82,7 @@ def _duration(spec: ExcitationSpec, force: float, mass: float, damping: float) -
     """The longest play, at most as stated, over which a constant force drifts no farther, s."""
 
     def drift(duration: float) -> float:
-        return force / mass * pushed(damping / mass, duration)[1].real
+        return force / mass * step_response(damping / mass, duration)[1].real
 
     low, high = min(_FEWEST * spec.sample_time, spec.duration), spec.duration
     room = _DRIFT * spec.travel
@@ -107,10 +107,10 @@ def _duration(spec: ExcitationSpec, force: float, mass: float, damping: float) -
 
 def load_excitation(path: str | PathLike[str]) -> ExcitationSpec:
     """Read and validate excitation.yaml, and the device it names. Raises InvalidInputError."""
-    return identified_spec(load_document(ExcitationSpec, path), Path(path).parent)
+    return spec_from_device(load_document(ExcitationSpec, path), Path(path).parent)
 
 
-def identified_spec(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
+def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
     """The spec with the guesses replaced by what its device file says.
 
     The 95 % intervals of the file are widened to hold all at once with 99.9 %, as they are for
@@ -143,14 +143,14 @@ def identified_spec(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
     if device.friction_by_direction is not None:
         pair = device.friction_by_direction
         frictions += [pair.forward, pair.backward]
-    ends = [widened(each, factor) for each in frictions]
+    ends = [widen_interval(each, factor) for each in frictions]
     changes = {
         "mass": quantity(device.mass.value, *box.mass),
         "damping": _not_negative(device.damping.value, *box.damping),
         "coulomb_friction": _not_negative(
             friction.value, min(low for low, _ in ends), max(high for _, high in ends)
         ),
-        "force_offset": quantity(offset.value, *widened(offset, factor)),
+        "force_offset": quantity(offset.value, *widen_interval(offset, factor)),
     }
     stated = {name: each.model_dump() for name, each in changes.items()}
     return parse_document(ExcitationSpec, to_mapping(spec) | stated, spec.device)

@@ -1,4 +1,4 @@
-"""A planned force as the controller reads it, and a picture of it and its predicted motion."""
+"""Planned force as a table for the controller, and a picture of it and its predicted motion."""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false

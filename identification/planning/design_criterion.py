@@ -1,4 +1,4 @@
-"""How good a force is, on a coarse grid, with its gradient: the smaller the better.
+"""Criterion of optimal experiment design: predicted variance of a force, with its gradient.
 
 The merit is the logarithm of the product of the variances of mass and damping: D-optimal but for
 the correlation of the two. Without friction these are the Cramér-Rao variances. With friction they
@@ -43,7 +43,7 @@ class Friction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Merit:
+class DesignCriterion:
     """The merit of net forces per mass on one grid.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Can the log tell the delay that nobody states?"""
+"""Unknown delay: can the log tell the delay that nobody states?"""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SIGMAS = 4.0
 _APART = 0.25
 
 
-def lateness(trajectory: Trajectory, delay: Delay | None) -> tuple[Finding, ...]:
+def unknown_delay(trajectory: Trajectory, delay: Delay | None) -> tuple[Finding, ...]:
     """``delay-unknown``: beyond what is looked for, or nowhere in particular.
 
     Args:

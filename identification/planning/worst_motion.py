@@ -1,4 +1,4 @@
-"""How far and how fast a planned force may move a device that is not the one it was planned for.
+"""Worst motion: how far and how fast a planned force may move any device of a box.
 
 Many devices are stepped at once, in the closed form of stick_slip.py between two turns of the
 velocity. A net force F/m moves a lighter device further at the same b/m, so the farthest device of
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.quantities import Quantity
-from identification.planning.response import pushed
+from identification.planning.response import step_response
 from identification.planning.spec import ExcitationSpec
 from identification.planning.stick_slip import Guess
 
@@ -36,7 +36,7 @@ _SERIES_BELOW = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Worst:
+class WorstMotion:
     """Farthest and fastest motion of a set of devices under one force.
 
     Attributes:
@@ -106,7 +106,7 @@ class Region:
         ]
 
 
-def worst_motions(spec: ExcitationSpec, force: FloatArray) -> tuple[Worst, ...]:
+def worst_motions(spec: ExcitationSpec, force: FloatArray) -> tuple[WorstMotion, ...]:
     """Worst travel and speed of a force over the devices that a user may really have.
 
     Args:
@@ -118,12 +118,12 @@ def worst_motions(spec: ExcitationSpec, force: FloatArray) -> tuple[Worst, ...]:
     every = list(dict.fromkeys(device for some in devices for device in some))
     place = {device: index for index, device in enumerate(every)}
     reach, speed = extremes(force[:-1], every, spec.sample_time)
-    found: list[Worst] = []
+    found: list[WorstMotion] = []
     for (name, words, _), some in zip(regions, devices, strict=True):
         index = [place[device] for device in some]
         spread = BETWEEN if len(some) > 1 else 1.0
         found.append(
-            Worst(
+            WorstMotion(
                 name=name,
                 words=words,
                 travel=spread * float(np.max(reach[index])),
@@ -230,7 +230,7 @@ def _pushes(rate: FloatArray, span: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _push(rate: float, span: float) -> tuple[float, float]:
-    near, far = pushed(rate, span)
+    near, far = step_response(rate, span)
     return near.real, far.real
 
 

@@ -1,4 +1,4 @@
-"""Output error with Coulomb friction: the turns of the simulated device, not of the measured one.
+"""Output error with Coulomb friction: velocity reversals come from the simulated device.
 
 Where the direction of motion is read from a noisy position, every turn is off by part of a sample,
 always a little to the same side, and the error integrates twice. Here it follows from the
@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.drive import Drive
-from identification.estimators.held import Held
-from identification.estimators.held_response import Coasting, Gain, carried
+from identification.estimators.held_response import Gain, HeldResponse, accumulate_decay
 from identification.estimators.linear import gauss_newton
 from identification.estimators.model import Model
 from identification.estimators.motion import Motion
 from identification.estimators.rows import Signals
-from identification.estimators.stick_slip import Path, Way, path
+from identification.estimators.stick_slip import Direction, Path, path
 from identification.estimators.terms import others, terms
+from identification.estimators.zero_order_hold import HeldColumn
 
 FloatArray = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ _NOTHING = 1e-13
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fitted:
+class PositionFit:
     """A fit of the simulated to the measured position.
 
     Attributes:
@@ -73,8 +73,8 @@ class _Simulated:
     """
 
     values: FloatArray
-    ways: tuple[Coasting, ...]
-    inputs: tuple[Held, ...]
+    ways: tuple[HeldResponse, ...]
+    inputs: tuple[HeldColumn, ...]
     along: Path
     residual: FloatArray
 
@@ -82,7 +82,7 @@ class _Simulated:
     def cost(self) -> float:
         return float(self.residual @ self.residual)
 
-    def by_way(self, of_device: Callable[[Coasting], FloatArray]) -> FloatArray:
+    def by_way(self, of_device: Callable[[HeldResponse], FloatArray]) -> FloatArray:
         """A quantity of each interval, from the device as it moves there."""
         if len(self.ways) == 1:
             return of_device(self.ways[0])
@@ -91,8 +91,8 @@ class _Simulated:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turns:
-    """The problem of one log.
+class FrictionProblem:
+    """The output-error problem of one log with Coulomb friction.
 
     Attributes:
         signals: of the log.
@@ -108,12 +108,12 @@ class Turns:
     known: int
     mean_speed: float
 
-    def part(self, samples: int) -> Turns:
+    def part(self, samples: int) -> FrictionProblem:
         """The same of the first samples alone."""
         signals = self.signals.part(samples)
         return replace(self, signals=signals, drive=Drive.bare(signals, self.drive.delay))
 
-    def fit(self, start: FloatArray) -> Fitted | None:
+    def fit(self, start: FloatArray) -> PositionFit | None:
         """The best fit; None if friction or mass vanish at the start.
 
         Args:
@@ -136,7 +136,7 @@ class Turns:
             if trial is None:
                 break
             best, fresh = trial, False
-        return Fitted(
+        return PositionFit(
             values=best.values, jacobian=jacobian, residual=best.residual, converged=converged
         )
 
@@ -161,7 +161,7 @@ class Turns:
         asymmetry = known.get("damping_asymmetry", 0.0)
         known["force_offset"] = known.get("force_offset", 0.0) - asymmetry * self.mean_speed
         ways = tuple(
-            Coasting.at((known["damping"] + side) / mass, steps)
+            HeldResponse.at((known["damping"] + side) / mass, steps)
             for side in ((asymmetry, -asymmetry) if model.directional else (0.0,))
         )
         slowest, fastest = self.drive.rates
@@ -172,9 +172,11 @@ class Turns:
         anyway = Motion.always(self.drive.moving.size, steps)
         plain = replace(model, directional=False)
         rest = others(plain, anyway, self.signals.position, steps, known)
-        resisting = Held.constant(rest, steps)
+        resisting = HeldColumn.constant(rest, steps)
         driven = [
-            Way.of(way, way.speed((way.gain(force).velocity - way.gain(resisting).velocity) / mass))
+            Direction.of(
+                way, way.speed((way.gain(force).velocity - way.gain(resisting).velocity) / mass)
+            )
             for way in ways
         ]
         along = path(
@@ -229,7 +231,7 @@ class Turns:
         whole = point.by_way(lambda way: np.broadcast_to(way.whole.speed, moving.shape))
         # A device that stands at the start does not heed a small velocity.
         start = [*([0.0] * (len(names) - 1)), float(moving[0])]
-        speeds = carried(decay * along.kept, [added[name][0] for name in names], start)
+        speeds = accumulate_decay(decay * along.kept, [added[name][0] for name in names], start)
         jacobian = np.empty((len(names) + 1, intervals + 1))
         jacobian[-1], jacobian[:-1, 0] = 1.0, 0.0
         for row, name in enumerate(names):
@@ -244,19 +246,19 @@ def _pair(gain: Gain) -> FloatArray:
     return np.stack((gain.velocity, gain.distance))
 
 
-def _distance(held: Held, way: Coasting) -> FloatArray:
+def _distance(held: HeldColumn, way: HeldResponse) -> FloatArray:
     return way.gain(held).distance
 
 
-def _gain(held: Held, way: Coasting) -> FloatArray:
+def _gain(held: HeldColumn, way: HeldResponse) -> FloatArray:
     return _pair(way.gain(held))
 
 
-def _slope(held: Held, way: Coasting) -> FloatArray:
+def _slope(held: HeldColumn, way: HeldResponse) -> FloatArray:
     return _pair(way.slope_by_rate(held))
 
 
-def _coasting_slope(way: Coasting) -> FloatArray:
+def _coasting_slope(way: HeldResponse) -> FloatArray:
     """Slope by p of what is left of a velocity and of the distance coasted, (2, 1 or n - 1)."""
     whole = way.whole
     return np.stack((np.atleast_1d(whole.decay_slope), np.atleast_1d(whole.speed_slope)))

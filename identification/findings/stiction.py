@@ -1,4 +1,4 @@
-"""Does the device stand although the force changes?"""
+"""Stiction: does the device stand although the force changes?"""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from identification.device.device import Hardware
 from identification.errors import Finding
 from identification.estimators.noise import finest_reading
-from identification.estimators.running import running_maximum, running_range
+from identification.estimators.running_extremes import running_maximum, running_range
 from identification.trajectory import Trajectory
 
 #: The device stands where its position stays within this many readings of the finest resolution, a
@@ -28,7 +28,7 @@ DOUBTED = 0.25
 REFUSED = 0.9
 
 
-def standing(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
+def stiction(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
     """``stiction``: the device is held, or sticks and slips, under a force that changes."""
     held = _held(trajectory, hardware)
     share = float(np.mean(held))

@@ -1,4 +1,4 @@
-"""Smooth test functions of compact support, and what they make of the rows of a log."""
+"""Modulating functions: smooth, of compact support, and the integrals of a log under them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Held
 from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
+from identification.estimators.zero_order_hold import HeldColumn
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -26,7 +26,7 @@ SPACING = 0.7
 _READ = FIRST + LAST + 1
 
 
-def bumps(place: FloatArray, deviation: float) -> csr_array:
+def bump_weights(place: FloatArray, deviation: float) -> csr_array:
     """Weights of the rows of a log in each test function, shape (functions, rows).
 
     Test function j is (1 - ((t - c[j])/h)²)^EXPONENT for |t - c[j]| < h. Those at the ends of a
@@ -91,7 +91,7 @@ class Operators:
             comb = np.zeros(samples)
             comb[phase::_READ] = 1.0
             moved = Kinematics.of(comb, steps)
-            middle = Held.constant((comb[1:] + comb[:-1]) / 2, steps)
+            middle = HeldColumn.constant((comb[1:] + comb[:-1]) / 2, steps)
             answer = (moved.acceleration, moved.velocity, of_rows(middle.triangle()))
             which = (phase - np.arange(rows)) % _READ
             coefficients[:, np.arange(rows), which] = answer

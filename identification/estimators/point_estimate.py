@@ -1,4 +1,4 @@
-"""From a fit to an Estimate: the part that is alike whatever the method."""
+"""Point estimates, and how an Estimate with intervals is made of one, whatever the method."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.intervals import Spread
-from identification.estimators.linear import explained
+from identification.estimators.linear import explained_share
 from identification.estimators.model import Estimate, Model
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
+class PointEstimate:
     """A point estimate: values without intervals.
 
     Attributes:
@@ -34,13 +34,13 @@ class Point:
     @property
     def explained(self) -> float:
         """Share of the mean square of the signal that is not in the residual."""
-        return explained(self.signal, self.residual)
+        return explained_share(self.signal, self.residual)
 
 
-def answer(
+def complete_estimate(
     method: str,
     model: Model,
-    point: Point,
+    point: PointEstimate,
     around: Spread,
     *,
     fitted: bool,

@@ -14,7 +14,7 @@ from tune.documents.errors import LoopError
 from tune.documents.hand import FREE_TO_RIGID, Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.optimisation.region import Region, Spot
+from tune.optimisation.region import PlantPoint, Region
 from tune.stability.verdict import largest
 
 MODE = {
@@ -107,7 +107,7 @@ def test_a_sample_time_that_varies_has_loops_of_its_own() -> None:
 
 def test_a_spot_found_later_joins_with_its_delay() -> None:
     region = Region.of(_device(), None, extra=2)
-    spot = Spot(mass=2.0, damping=5.0, sample_time=0.001, delay=0.0025)
+    spot = PlantPoint(mass=2.0, damping=5.0, sample_time=0.001, delay=0.0025)
     wider = replace(region, found=(spot,))
     added = wider.loops(Filters(), 2)[-1]
     assert added.beyond == pytest.approx(1.5)

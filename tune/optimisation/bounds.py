@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
 from tune.loop.loop import Loop
-from tune.optimisation.limits import quiet_alone, ripple, stable_points
+from tune.optimisation.limits import largest_quiet_size, ripple, stable_points
 from tune.optimisation.problem import Moment, Problem
 from tune.stability.bracketing import CLOSE, last_within
 from tune.stability.intervals import stable_intervals
@@ -37,7 +37,7 @@ def ripple_bound(problem: Problem, sizes: FloatArray, index: int, top: float) ->
     if top <= 0 or problem.limits.encoder_resolution is None:
         return np.inf
     if len(problem.unknowns) == 1:
-        return quiet_alone(problem, index, top)
+        return largest_quiet_size(problem, index, top)
     moments = [m for m in problem.moments if any(index in members for members in m.members)]
     trial = sizes.copy()
 

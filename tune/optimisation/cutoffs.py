@@ -10,10 +10,17 @@ from identification import round_to_digits
 from tune.documents.effects import EffectName
 from tune.documents.scene import Cutoff
 from tune.loop.filters import Filters
-from tune.optimisation.cutting_planes import climbed
-from tune.optimisation.problem import Job
+from tune.optimisation.cutoff_objective import (
+    CutoffObjective,
+    Tuned,
+    approximate_objective,
+    ranks_of,
+    slope_of,
+    tune_with_filters,
+)
+from tune.optimisation.cutting_planes import maximise
+from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import groups
-from tune.optimisation.worth import Tuned, Worth, ranks_of, roughly, slope_of, tuned
 from tune.rendering.rendered import FASTEST
 
 #: Hz; a filter must pass the motions people make.
@@ -31,7 +38,7 @@ _STEP = 1e-4
 _DIGITS = 4
 
 
-def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
+def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
     """The fixed cut-offs, and for free ones the least filtering that does nearly as well as any.
 
     What a cut-off is worth is told by `worth`, for all elements together. Free cut-offs are looked
@@ -40,7 +47,7 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
     A filter is only there for an effect that uses it: without a damper no velocity filter, without
     a virtual mass no acceleration filter.
     """
-    scene = job.scene
+    scene = task.scene
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
     windowed = scene.loop.velocity_window_samples if "damping" in wishes else None
     kind = Filters(
@@ -49,10 +56,10 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
         filter_damping_ratio=scene.loop.filter_damping_ratio,
         velocity_window_samples=windowed,
     )
-    nyquist = 0.5 / job.device.sample_time.high
+    nyquist = 0.5 / task.device.sample_time.high
     velocity, acceleration = scene.loop.velocity_filter_hz, scene.loop.acceleration_filter_hz
     search = _Search(
-        job=job,
+        task=task,
         kind=kind,
         say=say,
         axes=(
@@ -100,7 +107,7 @@ class _Search:
     """Filters that were tried, and what they are worth.
 
     Attributes:
-        job: what is tuned.
+        task: what is tuned.
         kind: order, damping ratio and window of the filters.
         say: called before each try.
         axes: choices of the velocity and the acceleration filter.
@@ -110,17 +117,17 @@ class _Search:
         rough: worth of each group on rays, by the filters that it uses.
     """
 
-    job: Job
+    task: DesignTask
     kind: Filters
     say: Callable[[str], None]
     axes: tuple[_Axis, _Axis]
-    tried: dict[Filters, Worth] = field(default_factory=dict[Filters, Worth])
+    tried: dict[Filters, CutoffObjective] = field(default_factory=dict[Filters, CutoffObjective])
     known: dict[tuple[tuple[str, ...], Filters], Tuned] = field(
         default_factory=dict[tuple[tuple[str, ...], Filters], Tuned]
     )
     last: dict[tuple[str, ...], Tuned] = field(default_factory=dict[tuple[str, ...], Tuned])
-    rough: dict[tuple[tuple[str, ...], Filters], Worth | None] = field(
-        default_factory=dict[tuple[tuple[str, ...], Filters], Worth | None]
+    rough: dict[tuple[tuple[str, ...], Filters], CutoffObjective | None] = field(
+        default_factory=dict[tuple[tuple[str, ...], Filters], CutoffObjective | None]
     )
 
     def best(self) -> Filters:
@@ -135,7 +142,7 @@ class _Search:
         for chosen in [free] if self._coupled() else [[index] for index in free]:
             point = self._refined(point, chosen)
         most = max(self.tried.values(), key=lambda each: each.order)
-        enough = Worth(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
+        enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
         return min((f for f, worth in self.tried.items() if worth.order >= enough), key=_lag)
 
     def _coarsely(self, point: Sequence[float], index: int) -> list[float]:
@@ -148,16 +155,16 @@ class _Search:
             return max(good, key=lambda pair: pair[0])[1]
         return max(points, key=lambda each: self._worth(each).order)
 
-    def _roughly(self, point: Sequence[float]) -> Worth | None:
+    def _roughly(self, point: Sequence[float]) -> CutoffObjective | None:
         """What all elements are worth on rays; None where some of them are no good on any."""
         filters = self._filters(point)
         self._say(filters)
-        total = Worth(kept=(0,) * len(ranks_of(self.job)), value=0.0)
-        for elements in groups(self.job.scene):
+        total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
+        for elements in groups(self.task.scene):
             used = self._of(elements, filters)
             if self._used(elements) & {"damping", "mass"}:
                 if (elements, used) not in self.rough:
-                    self.rough[elements, used] = roughly(self.job, elements, used)
+                    self.rough[elements, used] = approximate_objective(self.task, elements, used)
                 found = self.rough[elements, used]
                 if found is None:
                     return None
@@ -173,11 +180,11 @@ class _Search:
     def _coupled(self) -> bool:
         """True where elements that are tuned together use both filters, and both are free."""
         return all(axis.free for axis in self.axes) and any(
-            {"damping", "mass"} <= self._used(elements) for elements in groups(self.job.scene)
+            {"damping", "mass"} <= self._used(elements) for elements in groups(self.task.scene)
         )
 
     def _used(self, elements: Sequence[str]) -> set[EffectName]:
-        return {effect for name in elements for effect in self.job.scene.elements[name].wishes()}
+        return {effect for name in elements for effect in self.task.scene.elements[name].wishes()}
 
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
         """From a point to one that is worth more than all around it."""
@@ -201,7 +208,7 @@ class _Search:
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
         radius = math.log(_COARSE) / 2
-        return whole(climbed(value, slopes, start, ends, radius=radius, gain=_SAME))
+        return whole(maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
 
     def _slope(self, point: Sequence[float], index: int) -> float:
         """Of the worth, by the logarithm of one cut-off."""
@@ -211,18 +218,18 @@ class _Search:
         step = -_STEP if math.log(hertz) + _STEP > self.axes[index].first[-2] else _STEP
         there = replace(here, **{name: hertz * math.exp(step)})
         total = 0.0
-        for elements in groups(self.job.scene):
+        for elements in groups(self.task.scene):
             filters, moved = (self._of(elements, each) for each in (here, there))
             if filters != moved:
-                total += slope_of(self.job, self._tuned(elements, filters), moved)
+                total += slope_of(self.task, self._tuned(elements, filters), moved)
         return total / step
 
-    def _worth(self, point: Sequence[float]) -> Worth:
+    def _worth(self, point: Sequence[float]) -> CutoffObjective:
         filters = self._filters(point)
         if filters not in self.tried:
             self._say(filters)
-            total = Worth(kept=(0,) * len(ranks_of(self.job)), value=0.0)
-            for elements in groups(self.job.scene):
+            total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
+            for elements in groups(self.task.scene):
                 if self._used(elements) & {"damping", "mass"}:
                     total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
             self.tried[filters] = total
@@ -240,7 +247,7 @@ class _Search:
     def _tuned(self, elements: tuple[str, ...], filters: Filters) -> Tuned:
         """One group; known if it was tried before with the filters that it uses."""
         if (elements, filters) not in self.known:
-            found = tuned(self.job, elements, filters, self.last.get(elements))
+            found = tune_with_filters(self.task, elements, filters, self.last.get(elements))
             self.known[elements, filters] = self.last[elements] = found
         return self.known[elements, filters]
 

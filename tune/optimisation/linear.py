@@ -29,7 +29,7 @@ _NO_FORCE = 1e-30
 _OF_A_STEP = 0.997
 
 
-class Reached(Protocol):
+class ForceReach(Protocol):
     """What a force is counted for: members and the motion of each."""
 
     @property
@@ -82,7 +82,7 @@ class LinearLimits:
 
 
 def force_rows(
-    moments: Sequence[Reached], unknowns: int, continuous: float | None, peak: float | None
+    moments: Sequence[ForceReach], unknowns: int, continuous: float | None, peak: float | None
 ) -> Iterator[tuple[LinearWord, FloatArray]]:
     """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration.
 

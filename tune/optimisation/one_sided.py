@@ -32,7 +32,7 @@ _ALIKE, _TINY = 1e-2, 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class ProvedGain:
     """The largest gain found for a moment, and the multipliers that give it.
 
     Attributes:
@@ -47,10 +47,10 @@ class Found:
 
 
 #: By the elements of each moment that pushes on one side only.
-AllFound = Mapping[tuple[str, ...], Found]
+AllFound = Mapping[tuple[str, ...], ProvedGain]
 
 
-def found_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> Found:
+def search_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> ProvedGain:
     """The gain up to which a moment is absolutely stable at every corner and delay of the margin.
 
     Args:
@@ -59,8 +59,8 @@ def found_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> Found:
         sizes: of the unknowns, shape (unknowns,).
     """
     if not problem.region.box.damping[0] > 0:
-        return Found(gain=0.0)
-    switched, steady = split(problem, moment, sizes)
+        return ProvedGain(gain=0.0)
+    switched, steady = split_moment(problem, moment, sizes)
     # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
     gains = [_MOST_GAIN if steady is None else problem.margin.gain * (1 + 2 * ROOM)]
     multipliers: dict[bool, Multiplier | None] = {}
@@ -68,10 +68,12 @@ def found_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> Found:
         gain, multiplier = _at(problem.loops, loop, switched, steady)
         gains.append(gain)
         multipliers[loop.held] = multiplier
-    return Found(gain=min(gains), free=multipliers.get(False), held=multipliers.get(True))
+    return ProvedGain(gain=min(gains), free=multipliers.get(False), held=multipliers.get(True))
 
 
-def split(problem: Problem, moment: Moment, sizes: FloatArray) -> tuple[Effects, Effects | None]:
+def split_moment(
+    problem: Problem, moment: Moment, sizes: FloatArray
+) -> tuple[Effects, Effects | None]:
     """(springs and positive dampers, masses and what is negative at the gain of the margin)."""
     signed = [u.sign * float(size) for u, size in zip(problem.unknowns, sizes, strict=True)]
     stiffness, damping, mass = ([signed[i] for i in members] for members in moment.members)

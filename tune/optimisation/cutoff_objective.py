@@ -1,4 +1,4 @@
-"""What cut-offs are worth: the effects kept, then the product of their steps, and its slope.
+"""Objective of cut-offs: the effects kept, then the product of their steps, and its slope.
 
 By rank as many effects as can be kept count first; then the sum of the logarithms of steps, those
 of a wanted value over all that it asks for, each rank a tenth of the one before. The slope of that
@@ -18,13 +18,13 @@ from tune.documents.errors import NoFeasibleEffectError
 from tune.loop.filters import Filters
 from tune.optimisation.backends import Rank
 from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.cut import may_be_cut
-from tune.optimisation.limits import allowed_points, weakest
+from tune.optimisation.initial_points import initial_points_of
+from tune.optimisation.limits import feasible_points, least_margin_loops
 from tune.optimisation.nash import Optimum
-from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.reasons import reasons_for_nothing
+from tune.optimisation.saturable import may_saturate
 from tune.optimisation.solve import optimum_of
-from tune.optimisation.starts import starts_of
 
 FloatArray = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ _RETREATS = (1.0, 0.98, 0.9, 0.75, 0.5, 0.25)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Worth:
+class CutoffObjective:
     """What elements are worth with certain filters.
 
     Attributes:
@@ -46,10 +46,10 @@ class Worth:
     kept: tuple[int, ...]
     value: float
 
-    def plus(self, other: Worth) -> Worth:
+    def plus(self, other: CutoffObjective) -> CutoffObjective:
         """Of both."""
         kept = tuple(a + b for a, b in zip(self.kept, other.kept, strict=True))
-        return Worth(kept=kept, value=self.value + other.value)
+        return CutoffObjective(kept=kept, value=self.value + other.value)
 
     @property
     def order(self) -> tuple[tuple[int, ...], float]:
@@ -67,13 +67,13 @@ class Tuned:
         optimum: None where nothing is kept.
     """
 
-    worth: Worth
+    worth: CutoffObjective
     problem: Problem
     optimum: Optimum | None
 
 
-def tuned(
-    job: Job, elements: Sequence[str], filters: Filters, before: Tuned | None = None
+def tune_with_filters(
+    task: DesignTask, elements: Sequence[str], filters: Filters, before: Tuned | None = None
 ) -> Tuned:
     """A group tuned by one solver, from where it was with other filters.
 
@@ -81,54 +81,56 @@ def tuned(
     """
     known: list[FloatArray] = []
     if before is not None and before.optimum is not None and before.optimum.sizes is not None:
-        known = _taken_over(job, elements, filters, before.problem, before.optimum.sizes)
+        known = _taken_over(task, elements, filters, before.problem, before.optimum.sizes)
     try:
         problem, optimum, _ = optimum_of(
-            job,
+            task,
             elements,
             filters,
-            cut=may_be_cut(job, elements),
+            cut=may_saturate(task, elements),
             second_opinion=False,
             known=known,
         )
     except NoFeasibleEffectError:
-        problem = _posed(job, elements, filters)
-        kept = tuple(-len(problem.unknowns) for _ in ranks_of(job))
-        return Tuned(worth=Worth(kept=kept, value=0.0), problem=problem, optimum=None)
+        problem = _posed(task, elements, filters)
+        kept = tuple(-len(problem.unknowns) for _ in ranks_of(task))
+        return Tuned(worth=CutoffObjective(kept=kept, value=0.0), problem=problem, optimum=None)
     sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
     levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
-    kept = tuple(levels.count(rank) for rank in ranks_of(job))
-    worth = Worth(kept=kept, value=_value(job, problem, sizes))
+    kept = tuple(levels.count(rank) for rank in ranks_of(task))
+    worth = CutoffObjective(kept=kept, value=_value(task, problem, sizes))
     return Tuned(worth=worth, problem=problem, optimum=optimum)
 
 
-def roughly(job: Job, elements: Sequence[str], filters: Filters) -> Worth | None:
+def approximate_objective(
+    task: DesignTask, elements: Sequence[str], filters: Filters
+) -> CutoffObjective | None:
     """What a group is worth at the best point of some rays; None where none is good on them."""
-    problem = _posed(job, elements, filters)
+    problem = _posed(task, elements, filters)
     if len(problem.unknowns) < 2 or reasons_for_nothing(problem):
-        return tuned(job, elements, filters).worth
-    found = starts_of(problem, 1)
+        return tune_with_filters(task, elements, filters).worth
+    found = initial_points_of(problem, 1)
     if not found:
         return None
     levels = [unknown.level for unknown in problem.unknowns]
-    kept = tuple(levels.count(rank) for rank in ranks_of(job))
-    return Worth(kept=kept, value=_value(job, problem, found[0]))
+    kept = tuple(levels.count(rank) for rank in ranks_of(task))
+    return CutoffObjective(kept=kept, value=_value(task, problem, found[0]))
 
 
-def ranks_of(job: Job) -> tuple[int, ...]:
+def ranks_of(task: DesignTask) -> tuple[int, ...]:
     """Ranks of a scene: wanted values are 0, then the priorities of the elements."""
     return tuple(
         sorted(
             {
                 0 if wish.kind == "value" else element.priority
-                for element in job.scene.elements.values()
+                for element in task.scene.elements.values()
                 for wish in element.wishes().values()
             }
         )
     )
 
 
-def slope_of(job: Job, found: Tuned, moved: Filters) -> float:
+def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
     """How much more a group is worth with filters that are moved a little, to first order."""
     problem, optimum = found.problem, found.optimum
     if optimum is None or optimum.sizes is None:
@@ -138,27 +140,27 @@ def slope_of(job: Job, found: Tuned, moved: Filters) -> float:
     gone = frozenset(
         f"{name}.{effect}"
         for name in elements
-        for effect in job.scene.elements[name].wishes()
+        for effect in task.scene.elements[name].wishes()
         if f"{name}.{effect}" not in labels
     )
-    beside = pose(job, elements=elements, filters=moved, gone=gone, cut=problem.cut)
+    beside = pose(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
     sizes = optimum.sizes
     if sizes.size == 1:
         top = largest_allowed(beside, np.zeros(1), 0)
-        there = _value(job, beside, np.array([top])) if top > 0 else -np.inf
+        there = _value(task, beside, np.array([top])) if top > 0 else -np.inf
         return max(there - found.worth.value, -1.0)
     from tune.optimisation.backends.evaluation import Evaluation
     from tune.optimisation.backends.multipliers import multipliers
     from tune.optimisation.backends.program import program_of
 
-    weights = np.array(_weights(job, problem))
+    weights = np.array(_weights(task, problem))
     rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
     scenarios = list(optimum.scenarios)
     prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
     if prices is None:
-        scenarios = sorted(weakest(problem, sizes))
+        scenarios = sorted(least_margin_loops(problem, sizes))
         prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
-    change = _value(job, beside, sizes) - found.worth.value
+    change = _value(task, beside, sizes) - found.worth.value
     if prices is None:
         return change
     rows = [
@@ -171,30 +173,30 @@ def slope_of(job: Job, found: Tuned, moved: Filters) -> float:
     return change - float(prices[binding] @ (rows[1] - rows[0])[binding])
 
 
-def _posed(job: Job, elements: Sequence[str], filters: Filters) -> Problem:
-    return pose(job, elements=elements, filters=filters, cut=may_be_cut(job, elements))
+def _posed(task: DesignTask, elements: Sequence[str], filters: Filters) -> Problem:
+    return pose(task, elements=elements, filters=filters, cut=may_saturate(task, elements))
 
 
-def _weights(job: Job, problem: Problem) -> list[float]:
-    ranks = ranks_of(job)
+def _weights(task: DesignTask, problem: Problem) -> list[float]:
+    ranks = ranks_of(task)
     return [u.weight * _NEXT_RANK ** ranks.index(u.level) for u in problem.unknowns]
 
 
-def _value(job: Job, problem: Problem, sizes: FloatArray) -> float:
+def _value(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
     """The weighed sum of the logarithms of steps."""
-    each = zip(_weights(job, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
+    each = zip(_weights(task, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
     return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))
 
 
 def _taken_over(
-    job: Job, elements: Sequence[str], filters: Filters, before: Problem, sizes: FloatArray
+    task: DesignTask, elements: Sequence[str], filters: Filters, before: Problem, sizes: FloatArray
 ) -> list[FloatArray]:
     """Sizes that were good with other filters, as far as they are allowed with these."""
-    problem = _posed(job, elements, filters)
+    problem = _posed(task, elements, filters)
     if [u.label for u in problem.unknowns] != [u.label for u in before.unknowns]:
         return []
     if sizes.size < 2:
         return []
     points = np.maximum(np.minimum(np.outer(_RETREATS, sizes), problem.high), problem.low)
-    good = np.flatnonzero(allowed_points(problem, points))
+    good = np.flatnonzero(feasible_points(problem, points))
     return [points[good[0]]] if good.size else []

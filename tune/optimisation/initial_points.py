@@ -1,4 +1,4 @@
-"""Where a search begins: the best of some rays through what is allowed, before any solver is asked.
+"""Initial points of a search: the best of some rays through the feasible set.
 
 What is allowed is not convex; from nothing a solver may end on the wrong hill. On each ray the
 perceived steps of the unknowns keep a proportion, from one step to what each may be by itself.
@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.optimisation.bounds import linear_bound
-from tune.optimisation.limits import allowed, allowed_points, cheaply_allowed, likely_stable
+from tune.optimisation.limits import (
+    feasible_points,
+    is_feasible,
+    passes_cheap_limits,
+    stable_in_doubles,
+)
 from tune.optimisation.problem import Problem
 
 FloatArray = NDArray[np.float64]
@@ -30,7 +35,7 @@ _INSIDE = 0.98
 _STARTS = 2
 
 
-def starts_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
+def initial_points_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
     """Allowed settings a little inside, the best by the ranks of its unknowns first; or none.
 
     Args:
@@ -46,7 +51,7 @@ def starts_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
     rays = _rays(len(unknowns))
     steps = np.clip(rays[:, None] * levels[:, None], least, caps).reshape(-1, len(unknowns))
     steps, places = np.unique(steps, axis=0, return_index=True)
-    kept = np.flatnonzero(cheaply_allowed(problem, _sizes(problem, steps)))
+    kept = np.flatnonzero(passes_cheap_limits(problem, _sizes(problem, steps)))
     ranks = np.array([unknown.level for unknown in unknowns])
     order = kept[_best_first(np.log(steps[kept]), ranks)]
     wanted = np.array([unknown.wish.kind == "value" for unknown in unknowns])
@@ -57,16 +62,16 @@ def starts_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
         chosen = order[first : first + size]
         # The best is good more often than not; the more are not, the more are looked at together.
         first, size = first + size, 2 * size
-        chosen = chosen[likely_stable(problem, _sizes(problem, steps[chosen]))]
+        chosen = chosen[stable_in_doubles(problem, _sizes(problem, steps[chosen]))]
         # What is met exactly stays so: then no solver has to be asked for it.
         inside = np.where(wanted & (steps[chosen] >= caps), 1.0, _INSIDE) * steps[chosen]
         points = _sizes(problem, np.maximum(inside, least))
-        for place in np.flatnonzero(allowed_points(problem, points)):
+        for place in np.flatnonzero(feasible_points(problem, points)):
             if len(found) < count and np.any(order):
                 found.append(points[place])
                 # The others of this ray lie below.
                 order = order[(ray[order] != ray[chosen[place]]) | (np.arange(order.size) < first)]
-    if not found and allowed(problem, low):
+    if not found and is_feasible(problem, low):
         return [low]
     return found
 

@@ -1,4 +1,4 @@
-"""From what a scene asks of an element to the unknowns of the design problem."""
+"""Unknowns of the design problem, made from what a scene asks of its elements."""
 
 from __future__ import annotations
 

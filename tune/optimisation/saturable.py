@@ -1,28 +1,28 @@
-"""Springs into which a hand may go as deep as it likes: their force is cut at its limit."""
+"""Saturable springs: a hand may go as deep as it likes, and their force is cut at its limit."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from tune.documents.scene import DEFAULT_MOTION
-from tune.optimisation.problem import Job
+from tune.optimisation.problem import DesignTask
 
 
-def may_be_cut(job: Job, elements: Sequence[str]) -> frozenset[str]:
+def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
     """Elements whose springs the usual motion would bound, and which may be cut at the force limit.
 
     They state no penetration, and nothing felt with them has mass or takes something away: what
     pumps must not be cut.
     """
-    device, scene = job.device, job.scene
+    device, scene = task.device, task.scene
     limit, usual = device.force_limit, DEFAULT_MOTION[device.motion].penetration
-    if limit is None or usual is None or not job.region.box.damping[0] > 0:
+    if limit is None or usual is None or not task.region.box.damping[0] > 0:
         return frozenset()
     # A force that friction masks is none to be cut at.
-    if limit.continuous <= max(device.coulomb_friction.value, job.table.threshold(device.motion)):
+    if limit.continuous <= max(device.coulomb_friction.value, task.table.threshold(device.motion)):
         return frozenset()
     within = set(elements)
-    groups = [set(s) for name in elements for s in job.subsets(name) if within >= {*s}]
+    groups = [set(s) for name in elements for s in task.subsets(name) if within >= {*s}]
     cut: set[str] = set()
     for name in elements:
         wish = scene.elements[name].stiffness

@@ -1,4 +1,4 @@
-"""Which effects are kept: as many at one perceived step or more as can be, by rank.
+"""Maximum feasible subsets: as many effects at one perceived step or more as can be, by rank.
 
 Of the first rank as many as can be kept together, then of the next beside them, and so on. Nothing
 is weighed against the product of steps: an effect is left out only where one step of it is out of
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from tune.optimisation.backends import Rank
 from tune.optimisation.backends.program import program_of
 from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.limits import allowed, weakest
+from tune.optimisation.initial_points import initial_points_of
+from tune.optimisation.limits import is_feasible, least_margin_loops
 from tune.optimisation.problem import Problem
-from tune.optimisation.starts import starts_of
 from tune.optimisation.unknown import Unknown
 
 FloatArray = NDArray[np.float64]
@@ -33,7 +33,7 @@ _ALONE = 0.8
 _MOST_ROUNDS = 4
 
 
-def kept_sets(
+def feasible_subsets(
     unknowns: Sequence[Unknown], feasible: Callable[[frozenset[str]], bool]
 ) -> list[frozenset[str]]:
     """The sets of effects, by label, that hold as many of each rank as can be.
@@ -86,8 +86,10 @@ def any_allowed(problem: Problem) -> FloatArray | None:
     """
     if len(problem.unknowns) == 1:
         sizes = np.array([largest_allowed(problem, np.zeros(1), 0)])
-        return sizes if sizes[0] >= problem.unknowns[0].low and allowed(problem, sizes) else None
-    found = starts_of(problem, 1)
+        return (
+            sizes if sizes[0] >= problem.unknowns[0].low and is_feasible(problem, sizes) else None
+        )
+    found = initial_points_of(problem, 1)
     return found[0] if found else _least_broken(problem)
 
 
@@ -100,7 +102,7 @@ def _least_broken(problem: Problem) -> FloatArray | None:
     most = [largest_allowed(problem, least, i) for i in range(low.size)]
     up = np.log(np.maximum(most, problem.low)) - low
     beginnings = [part * up for part in _BEGINNINGS] + list(_ALONE * np.diag(up))
-    scenarios = sorted(weakest(problem, problem.low))
+    scenarios = sorted(least_margin_loops(problem, problem.low))
     for begins in beginnings:
         start = low + begins
         for _ in range(_MOST_ROUNDS):
@@ -108,9 +110,9 @@ def _least_broken(problem: Problem) -> FloatArray | None:
             if answer is None:
                 break
             sizes = np.exp(np.clip(answer, low, high))
-            if allowed(problem, sizes):
+            if is_feasible(problem, sizes):
                 return sizes
-            broken = set(weakest(problem, sizes, broken=True)) - set(scenarios)
+            broken = set(least_margin_loops(problem, sizes, broken=True)) - set(scenarios)
             if not broken:
                 break
             scenarios += sorted(broken)

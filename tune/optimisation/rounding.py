@@ -1,4 +1,4 @@
-"""Sizes as they are written: wanted values met exactly, the rest rounded to six digits."""
+"""Rounding: sizes as they are written, wanted values met exactly, the rest to six digits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
-from tune.optimisation.limits import allowed_points
+from tune.optimisation.limits import feasible_points
 from tune.optimisation.nash import SAME
 from tune.optimisation.problem import Problem
 
@@ -24,7 +24,7 @@ _RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
 _MOST_WAYS = 5
 
 
-def settled(problem: Problem, sizes: FloatArray) -> FloatArray:
+def round_sizes(problem: Problem, sizes: FloatArray) -> FloatArray:
     """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
     caps = problem.high
     met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
@@ -38,7 +38,7 @@ def settled(problem: Problem, sizes: FloatArray) -> FloatArray:
         units = 10.0 ** (np.floor(np.log10(sizes)) - _DIGITS + 1)
         whole = np.floor(sizes * (1 - retreat) / units) + ups
         trials = np.where(met, caps, np.minimum([_rounded(row) for row in whole * units], caps))
-        good = np.flatnonzero(allowed_points(problem, trials))
+        good = np.flatnonzero(feasible_points(problem, trials))
         if good.size:
             return trials[good[0]]
     return sizes * (1 - SAME)

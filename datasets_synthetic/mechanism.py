@@ -17,8 +17,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.hand import Hand
-from datasets_synthetic.members import per_member
 from datasets_synthetic.rig import Rig
 
 FloatArray = NDArray[np.float64]

@@ -31,7 +31,7 @@ from tune.optimisation.rounding import round_sizes
 from tune.optimisation.solve import Solution, backends
 from tune.rendering.contact import contact
 from tune.rendering.ripple import count_jump, handle_vibration
-from tune.rendering.vibration import felt_vibration
+from tune.rendering.vibration import vibration_in_thresholds
 
 FloatArray = NDArray[np.float64]
 
@@ -233,7 +233,7 @@ def _vibration(
     count = device.encoder_resolution.value
     loop = Loop.from_parts(device, used_filters(filters, felt))
     shaken = float(handle_vibration(loop, felt, count))
-    return shaken, felt_vibration(loop, felt, count) if device.motion == "linear" else None
+    return shaken, vibration_in_thresholds(loop, felt, count) if device.motion == "linear" else None
 
 
 def _wall(problem: Problem, design: Design) -> Contact:

@@ -190,7 +190,7 @@ def inverse(term: Term) -> Term:
     return term.inverse() if isinstance(term, AffineForm) else 1 / term
 
 
-def stacked(term: Term) -> Term:
+def add_axis(term: Term) -> Term:
     """Room for an axis before that of the cells."""
     return term.stacked() if isinstance(term, AffineForm) else term
 

@@ -74,7 +74,7 @@ def sums(theta: FloatArray, x: FloatArray, first: int, last: int) -> list[Comple
     return found
 
 
-def folded(theta: AffineForm, x: AffineForm) -> tuple[AffineForm, AffineForm]:
+def folded_sums(theta: AffineForm, x: AffineForm) -> tuple[AffineForm, AffineForm]:
     """(t_3, t_4) as forms in θ and x, both real forms."""
     at, late = theta.centre.real, x.centre.real
     values = sums(at, late, 2, 5)

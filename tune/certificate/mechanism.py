@@ -15,8 +15,8 @@ from math import prod
 
 import numpy as np
 
-from tune.certificate.affine import AffineForm, FloatArray, Term, inverse, range_of, stacked
-from tune.certificate.aliases import MOST, folded
+from tune.certificate.affine import AffineForm, FloatArray, Term, add_axis, inverse, range_of
+from tune.certificate.aliases import MOST, folded_sums
 
 #: Aliases are looked at one by one until the rest is below this part of 1/mass, or the most.
 _NEGLIGIBLE = 1e-6
@@ -116,16 +116,16 @@ class Scaled:
     def stacked(self) -> Scaled:
         """With room for an axis of aliases."""
         return Scaled(
-            mass=stacked(self.mass),
-            per_mass=stacked(self.per_mass),
-            damping=stacked(self.damping),
-            ratio=stacked(self.ratio),
-            spring=None if self.spring is None else stacked(self.spring),
-            spring_ratio=None if self.spring_ratio is None else stacked(self.spring_ratio),
-            lag=None if self.lag is None else stacked(self.lag),
+            mass=add_axis(self.mass),
+            per_mass=add_axis(self.per_mass),
+            damping=add_axis(self.damping),
+            ratio=add_axis(self.ratio),
+            spring=None if self.spring is None else add_axis(self.spring),
+            spring_ratio=None if self.spring_ratio is None else add_axis(self.spring_ratio),
+            lag=None if self.lag is None else add_axis(self.lag),
             hand=self.hand
-            and (stacked(self.hand[0]), stacked(self.hand[1]), stacked(self.hand[2])),
-            modes=tuple((stacked(a), stacked(b)) for a, b in self.modes),
+            and (add_axis(self.hand[0]), add_axis(self.hand[1]), add_axis(self.hand[2])),
+            modes=tuple((add_axis(a), add_axis(b)) for a, b in self.modes),
             participations=self.participations,
             held=self.held,
         )
@@ -173,7 +173,7 @@ class Scaled:
         total: Term = 0.0
         leading = self._leading() if self.lag is None else None
         if leading is not None:
-            third, fourth = folded(theta, delay)
+            third, fourth = folded_sums(theta, delay)
             total = third * leading[0] + fourth * leading[1]
         if count:
             k: FloatArray = np.concatenate([np.arange(1.0, count + 1), -np.arange(1.0, count + 1)])
@@ -185,7 +185,7 @@ class Scaled:
             if not self.held:
                 value = value * per_s
             if leading is not None:
-                first, second = (stacked(x) for x in leading)
+                first, second = (add_axis(x) for x in leading)
                 value = value - per_s * per_s * (first + per_s * second)
             turn = (delay.stacked() * k).turn()
             total = (value * per_s * turn).total() + total

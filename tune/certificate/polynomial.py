@@ -21,8 +21,8 @@ __all__ = [
     "Setting",
     "closed_loop",
     "law_of",
-    "moved",
     "precision",
+    "shift_to_one",
 ]
 
 
@@ -101,7 +101,7 @@ def law_of(setting: Setting, sample_time: float) -> Law:
     return Law(numerator=damper + inertia, denominator=denominator, vanishes=True)
 
 
-def moved(polynomial: arb_poly) -> FloatArray:
+def shift_to_one(polynomial: arb_poly) -> FloatArray:
     """Descending coefficients in powers of z - 1: those of z cancel at low frequency."""
     return np.array([float(c) for c in polynomial(arb_poly([1, 1])).coeffs()][::-1])
 

@@ -10,7 +10,7 @@ from flint import arb_poly
 
 from tune.certificate.affine import ComplexArray, FloatArray
 from tune.certificate.point import Setting
-from tune.certificate.polynomial import law_of, moved
+from tune.certificate.polynomial import law_of, shift_to_one
 from tune.certificate.precision import precision
 from tune.documents.profile import Design, ElementProfile, PerceptionProfile
 
@@ -93,7 +93,7 @@ def _impedance(design: Design, setting: Setting) -> ComplexArray:
     with precision():
         law = law_of(setting, step)
         top = law.numerator * arb_poly([-1, 1]) if law.vanishes else law.numerator
-        numerator, denominator = moved(top), moved(law.denominator)
+        numerator, denominator = shift_to_one(top), shift_to_one(law.denominator)
     if not numerator.size:
         return np.zeros(_POINTS, dtype=np.complex128)
     away = np.expm1(1j * turn * step)

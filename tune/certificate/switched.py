@@ -71,7 +71,7 @@ def judge_switched(
             "fade and whose masses and negative effects are not alike, so that their levels are "
             "not proved one by one. Let only one of them be felt together with it"
         )
-    switched, steady = split(design, moment, setting)
+    switched, steady = split_moment(design, moment, setting)
     claim = Claim(gain=witness.gain, extra=extra)
     cells = 0
     for region in regions:
@@ -93,7 +93,7 @@ def judge_switched(
     return Outcome(cells=cells, proved=witness.model_copy(update={"covers": covers}))
 
 
-def split(
+def split_moment(
     design: Design, moment: tuple[str, ...], setting: Setting
 ) -> tuple[Setting, Setting | None]:
     """(springs and positive dampers, what fades slowly and is part of the device meanwhile)."""

@@ -143,11 +143,11 @@ def _chosen(session: Session, device: Device, wish: Wanted, sheet: Path | None) 
         CheckFailedError: what it allows was not certified.
     """
     from tune.cli.tables import candidates_lines, candidates_table
-    from tune.optimisation.candidates import candidates, compared
+    from tune.optimisation.candidates import candidates, compare_candidates
 
     with session.progress() as say:
         found = candidates(device, wish.scene, table=wish.table, progress=say)
-    rows = compared(found, wish.table)
+    rows = compare_candidates(found, wish.table)
     session.details["candidates"] = [
         _plain(candidate, [row for row in rows if row.candidate == candidate.name])
         for candidate in found

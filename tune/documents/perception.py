@@ -223,7 +223,7 @@ class Telling:
     answers: Answers | None
 
 
-def told_apart(
+def chance_to_tell_apart(
     effect: EffectName,
     first: float,
     second: float,

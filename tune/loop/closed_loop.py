@@ -43,7 +43,7 @@ class ClosedLoop:
     def poles(self) -> ComplexArray:
         """Poles in w, shape (degree,); a pole at z = -1 is infinite."""
         roots = np.full(len(self.closed) - 1, np.inf, dtype=np.complex128)
-        found = polished(np.roots(self.closed[::-1]).astype(np.complex128), self.closed)
+        found = polish_roots(np.roots(self.closed[::-1]).astype(np.complex128), self.closed)
         roots[: found.size] = found
         return roots
 
@@ -104,7 +104,7 @@ def slope(polynomial: FloatArray) -> FloatArray:
     return polynomial[1:] * np.arange(1, len(polynomial))
 
 
-def polished(roots: ComplexArray, polynomial: FloatArray) -> ComplexArray:
+def polish_roots(roots: ComplexArray, polynomial: FloatArray) -> ComplexArray:
     """Roots improved by Newton's method on the polynomial itself."""
     derivative = slope(polynomial)
     for _ in range(_POLISHES):

@@ -118,10 +118,10 @@ class Law:
 
 def law_of(filters: Filters, sample_time: FloatArray) -> Law:
     """The law of filters in a loop of the given sample time, s, of any shape."""
-    return combined(_velocity(filters, sample_time), _acceleration(filters, sample_time))
+    return common_denominator(_velocity(filters, sample_time), _acceleration(filters, sample_time))
 
 
-def combined(velocity: Estimator, acceleration: Estimator) -> Law:
+def common_denominator(velocity: Estimator, acceleration: Estimator) -> Law:
     """Both estimates over the least common multiple of their denominators."""
     missing = list(velocity.factors)
     only_acceleration: list[Polynomial] = []

@@ -21,13 +21,13 @@ from tune.loop.factors import Factors
 from tune.loop.filters import (
     Filters,
     Law,
-    combined,
+    common_denominator,
     first_order_velocity,
     law_of,
     twofold_acceleration,
 )
 from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.loop.polynomials import padded
+from tune.loop.polynomials import pad_coefficients
 from tune.loop.sampled_plant import (
     HoldEquivalent,
     SampledPlant,
@@ -163,7 +163,7 @@ class Loop:
         )
         samples, fraction = split_delay(np.asarray(delay_samples, float))
         assert fraction is None
-        law = combined(first_order_velocity(av, 1 - av), twofold_acceleration(aa, 1 - aa))
+        law = common_denominator(first_order_velocity(av, 1 - av), twofold_acceleration(aa, 1 - aa))
         return _closed(ideal_equivalent(delta, samples), law, delta)
 
     @property
@@ -252,5 +252,5 @@ def _lift(coefficients: FloatArray, dimensions: int) -> FloatArray:
 
 def _terms(*parts: FloatArray) -> Terms:
     length = max(len(part) for part in parts)
-    free, alpha, beta, gamma = (padded(part, length) for part in parts)
+    free, alpha, beta, gamma = (pad_coefficients(part, length) for part in parts)
     return Terms(free=free, alpha=alpha, beta=beta, gamma=gamma)

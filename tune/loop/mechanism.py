@@ -26,7 +26,7 @@ from identification import Mode
 from tune.documents.errors import LoopError
 from tune.documents.hand import Hand
 from tune.loop.polynomials import Polynomial
-from tune.loop.quadratics import split, split_fractions
+from tune.loop.quadratics import split_fractions, split_into_quadratics
 
 FloatArray = NDArray[np.float64]
 
@@ -230,7 +230,7 @@ def _coupled(
     )
     seen = others(0).plus(*(others(i).scaled(encoder[i] * handle[i]) for i in range(1, count)))
     lead = denominator.value[-1]
-    quadratics = split(denominator.scaled(1 / lead))
+    quadratics = split_into_quadratics(denominator.scaled(1 / lead))
     first = split_fractions(numerator.scaled(1 / lead), quadratics)
     second = split_fractions(seen.scaled(1 / lead), quadratics)
     return tuple(

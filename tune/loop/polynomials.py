@@ -85,7 +85,7 @@ def total(p: FloatArray, q: FloatArray) -> FloatArray:
     return grown
 
 
-def padded(part: FloatArray, length: int) -> FloatArray:
+def pad_coefficients(part: FloatArray, length: int) -> FloatArray:
     """With zeros for the powers that are missing."""
     missing = length - len(part)
     return np.concatenate([part, np.zeros((missing, *part.shape[1:]))]) if missing else part

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from tune.loop.coefficients import Terms, Transfer
 from tune.loop.loop import Loop
-from tune.loop.polynomials import padded
+from tune.loop.polynomials import pad_coefficients
 
 FloatArray = NDArray[np.float64]
 
 
-def stacked(loops: Sequence[Loop]) -> Loop:
+def stack_loops(loops: Sequence[Loop]) -> Loop:
     """Loops of shape (corners,), all held or all free, as one of shape (all corners,)."""
     if len(loops) == 1:
         return loops[0]
@@ -30,7 +30,7 @@ def stacked(loops: Sequence[Loop]) -> Loop:
             _raised(part(loop), by if lift else 0) for loop, by in zip(loops, lifts, strict=True)
         ]
         length = max(len(one) for one in raised)
-        return np.concatenate([padded(one, length) for one in raised], axis=1)
+        return np.concatenate([pad_coefficients(one, length) for one in raised], axis=1)
 
     def terms(which: Callable[[Loop], Terms]) -> Terms:
         return Terms(

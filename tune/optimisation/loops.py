@@ -18,7 +18,7 @@ from tune.documents.certified import Multiplier
 from tune.documents.effects import EffectName, Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.loop.stacking import stacked
+from tune.loop.stacking import stack_loops
 from tune.optimisation.region import Region
 from tune.rendering.ripple import force_ripple
 from tune.stability.bracketing import last_within
@@ -136,7 +136,7 @@ class Loops:
 def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:
     """One loop of all that are free and one of all whose position is bound."""
     alike = [[loop for loop in loops if loop.held == held] for held in (False, True)]
-    return tuple(stacked(group) for group in alike if group)
+    return tuple(stack_loops(group) for group in alike if group)
 
 
 def _end(loops: Sequence[Loop], effect: EffectName, sign: int) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.loop.companion import companion_roots
-from tune.loop.polynomials import UNIT, padded, product
+from tune.loop.polynomials import UNIT, pad_coefficients, product
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -79,12 +79,14 @@ def crossings(
     resultant = product(odd[1], even[0])
     other = product(even[1], odd[0])
     length = max(len(resultant), len(other))
-    scale = padded(np.abs(resultant), length) + padded(np.abs(other), length)
-    resultant = padded(resultant, length) - padded(other, length)
+    scale = pad_coefficients(np.abs(resultant), length) + pad_coefficients(np.abs(other), length)
+    resultant = pad_coefficients(resultant, length) - pad_coefficients(other, length)
     resultant[np.abs(resultant) <= 4 * UNIT * scale] = 0.0
     roots = _roots_of(resultant)
     x = real_parts(roots, _NEARLY_REAL)
-    both = np.stack([padded(part, len(even[0])) for part in (even[0], odd[0], even[1], odd[1])], 1)
+    both = np.stack(
+        [pad_coefficients(part, len(even[0])) for part in (even[0], odd[0], even[1], odd[1])], 1
+    )
     both = both[:, :, None]
     s = _gain_at(x, both)
     for _ in range(polishes):

@@ -16,10 +16,10 @@ from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.loop.coefficients import Terms
 from tune.loop.factors import Factors
 from tune.loop.loop import Loop
+from tune.stability.batch_verdicts import judge_of
 from tune.stability.criterion import VerdictArray, routh
 from tune.stability.crossings import Ratio
 from tune.stability.intervals import Intervals, stable_intervals, stable_up_to
-from tune.stability.lone_effects import judge_of
 
 FloatArray = NDArray[np.float64]
 #: Points from which it is worth while to set up a judge of many.

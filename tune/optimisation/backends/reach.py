@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tune.loop.loop import Loop
 from tune.optimisation.backends.gaps import gap_phase
 from tune.optimisation.problem import Problem
-from tune.stability.intervals import reached
+from tune.stability.intervals import stability_limits
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -106,7 +106,7 @@ def _reach(
     spread = [np.broadcast_to(part[skip:, None], shape) for part in (fixed, fixed_size)]
     together = (spread[0], varied, spread[1], varied_size)
     free, law, free_size, law_size = (part.reshape(shape[0], -1) for part in together)
-    found = reached(free, law, free_size, law_size, gain)
+    found = stability_limits(free, law, free_size, law_size, gain)
     gap, place = gap_phase(free, law, found.near, gain, found.broken)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         value = np.stack([np.log(gain / found.end), gap])

@@ -1,4 +1,4 @@
-"""Each comparison of a verification as a picture: what is seen above what is predicted."""
+"""Picture of each comparison of a verification: what is measured above what is predicted."""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false
@@ -50,7 +50,7 @@ def ranges_of(seen: Verification) -> dict[str, tuple[Range, Range]]:
     return found
 
 
-def draw_seen(axes: Axes, seen: Verification) -> None:
+def draw_measured(axes: Axes, seen: Verification) -> None:
     """Every comparison in words; those of two ranges also as bars on one scale.
 
     Args:

@@ -1,4 +1,4 @@
-"""The law and its gain: does the logged force follow from the positions as the profile says?"""
+"""Measured control law: does the logged force follow from the positions as the profile says?"""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design
-from tune.verification.elements import effects_of, scaled, spoken
+from tune.verification.elements import effects_of, moment_in_words, scale_effects
 from tune.verification.explanations import EXPLAINS, MATERIAL_SIZE, Explanation, explain
 from tune.verification.law import LawFit, fit_scaled, noise_gain
 from tune.verification.outcome import Outcome, not_assessed
@@ -41,7 +41,7 @@ _UNITS = {"mm": 1e-3, "cm": 1e-2, "µm": 1e-6, "degrees": np.pi / 180}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LawSeen:
+class MeasuredLaw:
     """What the controller runs, as far as the log tells.
 
     Attributes:
@@ -70,7 +70,7 @@ def judge_law(
     position: FloatArray,
     gain: float | None,
     unit: str,
-) -> LawSeen:
+) -> MeasuredLaw:
     """Compare the logged force with the law of each moment.
 
     Args:
@@ -102,13 +102,13 @@ def judge_law(
             found.residual > max(nothing, EXPLAINS * fit.residual) or not found.material
         ):
             found = None
-    rounded = _DIGITS * _digits(profile, force, position, scaled(effects[moment], fit.gain))
+    rounded = _DIGITS * _digits(profile, force, position, scale_effects(effects[moment], fit.gain))
     agrees = found is None and fit.residual <= max(rounded, _MISFIT * columns.scale)
     outcome = _law_outcome(fit, columns.scale, found, moment, unit, agrees=agrees)
     predicted = np.full(force.size, np.nan)
     predicted[columns.rows] = force[columns.rows] - fit.left
     if found is not None:
-        return LawSeen(
+        return MeasuredLaw(
             moment=found.moment,
             loop=found.loop,
             effects=found.effects,
@@ -120,10 +120,10 @@ def judge_law(
     if not agrees:
         unsaid = (outcome, not_assessed("gain", "no law explains the force"))
         return _unseen(profile, moment, log, unsaid)
-    return LawSeen(
+    return MeasuredLaw(
         moment=moment,
         loop=profile.loop,
-        effects=scaled(effects[moment], fit.gain),
+        effects=scale_effects(effects[moment], fit.gain),
         gain=fit.gain,
         predicted=predicted,
         used=log.used,
@@ -173,9 +173,9 @@ def _alike(
 
 def _digits(profile: Design, force: FloatArray, position: FloatArray, effects: Effects) -> float:
     """rms of force that rounding to the printed digits explains, N."""
-    rounding = printed_digit(force) / np.sqrt(12)
+    rounding = decimal_digit(force) / np.sqrt(12)
     resolution = profile.device.encoder_resolution
-    digit = printed_digit(position)
+    digit = decimal_digit(position)
     if resolution is not None and digit > 0:
         counts = position / resolution.value
         if np.all(np.abs(counts - np.rint(counts)) * resolution.value < _WHOLE * digit):
@@ -184,7 +184,7 @@ def _digits(profile: Design, force: FloatArray, position: FloatArray, effects: E
     return float(np.hypot(rounding, moved))
 
 
-def printed_digit(column: FloatArray) -> float:
+def decimal_digit(column: FloatArray) -> float:
     """The decimal digit all values are multiples of; 0 where none of the first twelve is."""
     for power in range(_MOST_DIGITS):
         shifted = column * 10.0**power
@@ -203,7 +203,9 @@ def _law_outcome(
     agrees: bool,
 ) -> Outcome:
     left = f"{fit.residual:.2g} {unit} rms of {scale:.3g} {unit} unexplained"
-    predicted = f"-gain·(K·y + B·v + M·a) of {spoken(moment)} with the filters of the profile"
+    predicted = (
+        f"-gain·(K·y + B·v + M·a) of {moment_in_words(moment)} with the filters of the profile"
+    )
     tolerance = f"{_MISFIT:.0%} unexplained, and no other law that explains it better"
     numbers = {"seen": fit.residual, "scale": scale, "tolerance": _MISFIT}
     if agrees:
@@ -263,11 +265,11 @@ def _gain_outcome(
         ]
         remedy = "Check the gain, and the units of force and position. "
         remedy += f"Is one of them in {units[0]}?" if units else ""
-    same = "".join(f", or {part:.5g} of {spoken(other)}" for other, part in others.items())
+    same = "".join(f", or {part:.5g} of {moment_in_words(other)}" for other, part in others.items())
     return Outcome(
         check="gain",
         verdict="agrees" if agrees else "disagrees",
-        seen=f"{seen:.5g} of {spoken(moment)}{same}",
+        seen=f"{seen:.5g} of {moment_in_words(moment)}{same}",
         predicted=predicted,
         tolerance=f"{MATERIAL_SIZE:.0%}",
         remedy=remedy.strip(),
@@ -275,15 +277,15 @@ def _gain_outcome(
             "seen": seen,
             "tolerance": MATERIAL_SIZE,
             **({} if stated is None else {"predicted": stated}),
-            **{f"seen as {spoken(other)}": part for other, part in others.items()},
+            **{f"seen as {moment_in_words(other)}": part for other, part in others.items()},
         },
     )
 
 
 def _unseen(
     profile: Design, moment: tuple[str, ...], log: Log, outcomes: tuple[Outcome, ...]
-) -> LawSeen:
-    return LawSeen(
+) -> MeasuredLaw:
+    return MeasuredLaw(
         moment=moment,
         loop=profile.loop,
         effects=None,

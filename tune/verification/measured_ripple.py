@@ -1,4 +1,4 @@
-"""Force ripple of the encoder in a log against the closed form, in the band above the motion."""
+"""Measured force ripple of the encoder against the closed form, above the band of motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What moves in a simulation, from one sample to the next: a rigid device, or a mechanism."""
+"""Dynamics of a simulated device from one sample to the next: a rigid mass, or a mechanism."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.field import Field
 from datasets_synthetic.hand import Hand
-from datasets_synthetic.members import per_member
 from datasets_synthetic.motion import Drag, Stride, advance
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.timetable import Part
@@ -32,7 +32,7 @@ class Loads:
     handle: FloatArray | None
 
 
-class Mover(Protocol):
+class Dynamics(Protocol):
     """A batch of devices in motion; every array shape (batch,)."""
 
     def rate(self) -> FloatArray:
@@ -68,7 +68,7 @@ class Mover(Protocol):
         ...
 
 
-class RigidMover:
+class RigidDynamics:
     """A rigid mass with friction, in a field or free; see motion.py."""
 
     __slots__ = ("_drag", "_forces", "_mass", "_offset", "_resisted", "_state", "_strides")

@@ -1,4 +1,4 @@
-"""AllowedLoops: the devices and delays under which a loop would move as the log shows.
+"""Devices and delays under which the loop would move as the log shows.
 
 In free motion a delay d under a spring K looks like damping: what decays is m·q̈ + (b - K·d)·q̇ +
 K·q, so one log at one gain tells b - K·d and never d alone. What it tells is the set of all
@@ -32,7 +32,7 @@ _KNOTS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModeSeen:
+class MeasuredMode:
     """What is known of the slow mode, intervals and tolerances included; None where nothing is.
 
     Attributes:
@@ -45,7 +45,7 @@ class ModeSeen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AllowedLoops:
+class ConsistentLoops:
     """Devices and delays whose loop has a given slow mode, each of shape (n,).
 
     Attributes:
@@ -124,7 +124,7 @@ class Modes:
         self._values = _mode(device, filters, effects, self._knots)
         self.most, self.step, self.stated = most, step, stated
 
-    def allow(self, seen: ModeSeen) -> AllowedLoops:
+    def allow(self, seen: MeasuredMode) -> ConsistentLoops:
         """The loops whose slow mode is the one seen."""
         grid = np.meshgrid(*self._places, indexing="ij")
         inside = np.ones(grid[0].shape, dtype=np.bool_)
@@ -133,7 +133,7 @@ class Modes:
                 between = _interpolated(self._knots, values, self._places)
                 reach = _reach(between)
                 inside &= (between + reach >= wanted[0]) & (between - reach <= wanted[1])
-        return AllowedLoops(
+        return ConsistentLoops(
             mass=np.exp(grid[1][inside]),
             damping=grid[2][inside],
             position_stiffness=grid[3][inside],

@@ -1,4 +1,4 @@
-"""Frequency and decay of the free motion in a log against the poles of the loop."""
+"""Measured free motion: its frequency and decay against the poles of the loop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
-from tune.verification.allowed import ModeSeen
+from tune.verification.consistent_loops import MeasuredMode
 from tune.verification.free_motion import FreeMotion, measure_sprung, measure_unsprung
 from tune.verification.motion_outcomes import (
     DECAY_TOLERANCE,
@@ -18,7 +18,7 @@ from tune.verification.motion_outcomes import (
     decay_outcome,
     frequency_outcome,
     frequency_tolerance,
-    judged_decay,
+    judge_decay,
 )
 from tune.verification.outcome import Outcome, not_assessed
 from tune.verification.prediction import Prediction, binding_stiffness, predict
@@ -40,7 +40,7 @@ _STILL = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionSeen:
+class MeasuredMotion:
     """The free motion and what the loop predicts of it.
 
     Attributes:
@@ -56,16 +56,16 @@ class MotionSeen:
     outcomes: tuple[Outcome, ...]
 
     @property
-    def mode(self) -> ModeSeen:
+    def mode(self) -> MeasuredMode:
         """Frequency and decay, as far as they were assessed, with intervals and tolerances."""
         measured, prediction = self.measured, self.prediction
         if measured is None or prediction is None:
-            return ModeSeen(frequency=None, decay=None)
+            return MeasuredMode(frequency=None, decay=None)
         told = {each.check for each in self.outcomes if each.verdict != "not assessed"}
         swings = "frequency" in told and self.release is not None and bool(self.release.turns)
         hertz = frequency_tolerance(prediction) * measured.frequency + measured.frequency_half
         slack = DECAY_TOLERANCE * prediction.nominal.decay + measured.decay_half
-        return ModeSeen(
+        return MeasuredMode(
             frequency=(measured.frequency - hertz, measured.frequency + hertz) if swings else None,
             decay=(measured.decay - slack, measured.decay + slack) if "decay" in told else None,
         )
@@ -79,7 +79,7 @@ def judge_motion(
     used: NDArray[np.bool_],
     sample_time: float,
     first: int,
-) -> MotionSeen:
+) -> MeasuredMotion:
     """Compare the free motion of a log with the slowest mode of a loop.
 
     Args:
@@ -117,7 +117,7 @@ def judge_motion(
     if measured.misfit > _MISFIT:
         return _not_one_mode(measured, release, prediction)
     friction = None if measured.friction is None else measured.friction * stiffness
-    return MotionSeen(
+    return MeasuredMotion(
         release=release,
         measured=measured,
         prediction=prediction,
@@ -144,7 +144,7 @@ def obstacle(prediction: Prediction) -> str | None:
 
 def _unsprung(
     position: FloatArray, sample_time: float, release: Release, prediction: Prediction
-) -> MotionSeen:
+) -> MeasuredMotion:
     """Decay of speed after a push, from the fastest row on."""
     from scipy.ndimage import uniform_filter1d
 
@@ -158,23 +158,23 @@ def _unsprung(
         rows = end - top
         why = f"the handle moves freely for {rows} rows only"
         decay = not_assessed("decay", why, LOUDER, rows=rows)
-        return MotionSeen(
+        return MeasuredMotion(
             release=None, measured=None, prediction=prediction, outcomes=(no_frequency, decay)
         )
     measured = measure_unsprung(position, sample_time, top, end, prediction.nominal.decay)
     if measured.misfit > _MISFIT:
         return _not_one_mode(measured, release, prediction)
-    return MotionSeen(
+    return MeasuredMotion(
         release=release,
         measured=measured,
         prediction=prediction,
-        outcomes=(no_frequency, judged_decay(measured, 0, prediction, "", "")),
+        outcomes=(no_frequency, judge_decay(measured, 0, prediction, "", "")),
     )
 
 
-def _growing(release: Release, prediction: Prediction) -> MotionSeen:
+def _growing(release: Release, prediction: Prediction) -> MeasuredMotion:
     low, high = prediction.decay
-    return MotionSeen(
+    return MeasuredMotion(
         release=release,
         measured=None,
         prediction=prediction,
@@ -194,13 +194,13 @@ def _growing(release: Release, prediction: Prediction) -> MotionSeen:
     )
 
 
-def _not_one_mode(measured: FreeMotion, release: Release, prediction: Prediction) -> MotionSeen:
+def _not_one_mode(measured: FreeMotion, release: Release, prediction: Prediction) -> MeasuredMotion:
     why = (
         f"one damped mode with Coulomb friction leaves {measured.misfit:.1%} of the motion, at "
         f"most {_MISFIT:.0%} is free motion"
     )
     remedy = "Take the hand off, and state with --release when; or cut the log to the free motion."
-    return MotionSeen(
+    return MeasuredMotion(
         release=release,
         measured=measured,
         prediction=prediction,
@@ -208,8 +208,8 @@ def _not_one_mode(measured: FreeMotion, release: Release, prediction: Prediction
     )
 
 
-def _unseen(why: str, remedy: str, prediction: Prediction) -> MotionSeen:
-    return MotionSeen(
+def _unseen(why: str, remedy: str, prediction: Prediction) -> MeasuredMotion:
+    return MeasuredMotion(
         release=None,
         measured=None,
         prediction=prediction,

@@ -1,4 +1,4 @@
-"""Verdicts for many settings of one loop, a block of points at a time.
+"""Batch verdicts: stability of many settings of one loop, a block of points at a time.
 
 Both classes decide what error bounds common to all the points of a block can decide, and leave the
 rest at 0 for `criterion.routh`. Their arrays are made once and reused, so that a block stays in the

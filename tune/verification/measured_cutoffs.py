@@ -1,4 +1,4 @@
-"""The interval of each filter's cut-off that the logged force allows."""
+"""Measured cut-offs: the interval of each filter that the logged force allows."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _THE_SAME = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CutoffSeen:
+class MeasuredCutoff:
     """What a log tells of one low-pass.
 
     Attributes:
@@ -56,7 +56,7 @@ class CutoffSeen:
         )
 
 
-def cutoffs_seen(log: Log, loop: LoopProfile, effects: Effects) -> tuple[CutoffSeen, ...]:
+def measured_cutoffs(log: Log, loop: LoopProfile, effects: Effects) -> tuple[MeasuredCutoff, ...]:
     """The interval of each cut-off in use, the other one as stated.
 
     Args:
@@ -64,7 +64,7 @@ def cutoffs_seen(log: Log, loop: LoopProfile, effects: Effects) -> tuple[CutoffS
         loop: filters that were recognised.
         effects: as played; a filter without its effect is not looked at.
     """
-    found: list[CutoffSeen] = []
+    found: list[MeasuredCutoff] = []
     for name, size in (("velocity", effects.damping), ("acceleration", effects.mass)):
         stated: float | None = getattr(loop, f"{name}_filter_hz")
         if size is None or stated is None:
@@ -84,11 +84,11 @@ def cutoffs_seen(log: Log, loop: LoopProfile, effects: Effects) -> tuple[CutoffS
         nyquist = 0.5 / loop.sample_time
         low = _end(allowed, stated, stated / _WIDEST)
         high = _end(allowed, stated, min(stated * _WIDEST, nyquist))
-        found.append(CutoffSeen(name=name, stated=stated, low=low, high=high))
+        found.append(MeasuredCutoff(name=name, stated=stated, low=low, high=high))
     return tuple(found)
 
 
-def filters_allowed(loop: LoopProfile, cutoffs: tuple[CutoffSeen, ...]) -> tuple[Filters, ...]:
+def filters_allowed(loop: LoopProfile, cutoffs: tuple[MeasuredCutoff, ...]) -> tuple[Filters, ...]:
     """The stated filters, and every corner of the intervals of their cut-offs."""
     every = [filters_of(loop)]
     for each in cutoffs:

@@ -1,4 +1,4 @@
-"""The delay: the interval that a log allows, and what keeps the profile's margin over all of it."""
+"""Measured delay: the interval a log allows, and what keeps the profile's margin over it."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design
 from tune.loop.filters import Filters
-from tune.verification.allowed import AllowedLoops, Modes, ModeSeen
-from tune.verification.cutoffs_seen import CutoffSeen, filters_allowed
-from tune.verification.elements import moments_of, spoken
+from tune.verification.consistent_loops import ConsistentLoops, MeasuredMode, Modes
+from tune.verification.elements import moment_in_words, moments_of
 from tune.verification.margins_kept import Kept, margin_kept
+from tune.verification.measured_cutoffs import MeasuredCutoff, filters_allowed
 from tune.verification.outcome import Outcome, not_assessed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DelaySeen:
+class MeasuredDelay:
     """What a log tells of the delay, and whether what was played keeps its margin.
 
     Attributes:
@@ -27,7 +27,7 @@ class DelaySeen:
         outcome: "delay".
     """
 
-    allowed: AllowedLoops | None
+    allowed: ConsistentLoops | None
     played: Kept | None
     filters: tuple[Filters, ...]
     outcome: Outcome
@@ -38,9 +38,9 @@ def judge_delay(
     loop: LoopProfile,
     moment: tuple[str, ...],
     effects: Effects,
-    mode: ModeSeen,
-    cutoffs: tuple[CutoffSeen, ...],
-) -> DelaySeen:
+    mode: MeasuredMode,
+    cutoffs: tuple[MeasuredCutoff, ...],
+) -> MeasuredDelay:
     """Find the delays a log allows and judge the profile's margin on all loops of these.
 
     Args:
@@ -60,13 +60,13 @@ def judge_delay(
     extra = profile.margin.extra_delay_samples
     allowed = Modes(profile.device, filters[0], effects, extra=extra).allow(mode)
     played = margin_kept(profile, moment, filters, allowed)
-    return DelaySeen(
+    return MeasuredDelay(
         allowed=allowed, played=played, filters=filters, outcome=_outcome(profile, allowed, played)
     )
 
 
 def margins_of_others(
-    profile: Design, seen: DelaySeen, say: Callable[[str], None] = lambda _: None
+    profile: Design, seen: MeasuredDelay, say: Callable[[str], None] = lambda _: None
 ) -> tuple[Kept, ...]:
     """Which moments that were not played keep their margin on all loops that the log allows."""
     if seen.allowed is None or seen.played is None:
@@ -74,23 +74,23 @@ def margins_of_others(
     found: list[Kept] = []
     others = [moment for moment in moments_of(profile, None) if moment != seen.played.moment]
     for number, moment in enumerate(others, 1):
-        say(f"what the log tells of {spoken(moment)} ({number} of {len(others)})")
+        say(f"what the log tells of {moment_in_words(moment)} ({number} of {len(others)})")
         found.append(margin_kept(profile, moment, seen.filters, seen.allowed))
     return tuple(found)
 
 
-def unknown_delay(why: str) -> DelaySeen:
+def unknown_delay(why: str) -> MeasuredDelay:
     """Nothing is known of the delay, and why."""
-    return DelaySeen(allowed=None, played=None, filters=(), outcome=not_assessed("delay", why))
+    return MeasuredDelay(allowed=None, played=None, filters=(), outcome=not_assessed("delay", why))
 
 
-def spoken_delays(low: float, high: float) -> str:
+def delays_in_words(low: float, high: float) -> str:
     """A range of delays in words."""
     return f"{low:.3g} sample(s)" if low == high else f"{low:.3g} to {high:.3g} samples"
 
 
-def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
-    stated = spoken_delays(*allowed.stated)
+def _outcome(profile: Design, allowed: ConsistentLoops, played: Kept) -> Outcome:
+    stated = delays_in_words(*allowed.stated)
     margin = profile.margin
     kept = f"gain {margin.gain:g} and {margin.extra_delay_samples:g} sample(s) kept at each"
     numbers = {
@@ -110,7 +110,7 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
             numbers=numbers | {"most": allowed.most},
         )
     numbers |= {"seen_low": allowed.delays[0], "seen_high": allowed.delays[1]}
-    seen = spoken_delays(*allowed.delays) + (" or more" if allowed.open_ended else "")
+    seen = delays_in_words(*allowed.delays) + (" or more" if allowed.open_ended else "")
     if not allowed.allow_stated:
         return Outcome(
             check="delay",
@@ -127,7 +127,9 @@ def _outcome(profile: Design, allowed: AllowedLoops, played: Kept) -> Outcome:
             verdict="cannot tell",
             seen=seen,
             predicted=stated,
-            tolerance=f"{kept}: lost from {played.lost_at:.3g} on for {spoken(played.moment)}",
+            tolerance=(
+                f"{kept}: lost from {played.lost_at:.3g} on for {moment_in_words(played.moment)}"
+            ),
             numbers=numbers | {"lost_at": played.lost_at},
         )
     return Outcome(

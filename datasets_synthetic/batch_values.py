@@ -1,4 +1,4 @@
-"""One value a member of a batch, or one that all of them share."""
+"""Batch values: one value a member of a batch, or one that all of them share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def per_member(values: ArrayLike, batch: int) -> FloatArray:
     return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), (batch,)))
 
 
-def chosen(values: ArrayLike, which: NDArray[np.intp]) -> FloatArray:
+def choose_members(values: ArrayLike, which: NDArray[np.intp]) -> FloatArray:
     """The values of these members; one that all share stays one value."""
     array = np.asarray(values, dtype=np.float64)
     return array if array.size == 1 else array[which]

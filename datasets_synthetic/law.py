@@ -1,4 +1,4 @@
-"""A controller at work: a force for every reading."""
+"""Control law of a simulated controller: a force for every reading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Continuous motion of a mass with friction, in a field or free, under a held force.
+"""Continuous motion of a mass with friction under a held force, in a field or free.
 
 The law is m·dv/dt = u - b·v - Fc·sign(v) - field(x), dx/dt = v, with u constant over one step and b
 and Fc each with a value for v > 0 and one for v < 0; a mass at rest stays there while the pull

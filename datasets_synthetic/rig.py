@@ -1,4 +1,4 @@
-"""The truth about simulated devices."""
+"""Rig: the true parameters of simulated devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a profile says of entering an element, against the same followed sample by sample."""
+"""Contact numbers of a profile, followed sample by sample and compared with what it says."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the steps of the loop may be as uneven as a profile says, computed anew.
+"""Jitter margin of a profile, computed anew: how uneven the steps of the loop may be.
 
 The law comes from its polynomials in z in controllable form, the mechanism from the certificate's
 own matrices. In the modes of the even loop, weighed by the Perron vectors of the largest moduli,

@@ -1,4 +1,4 @@
-"""What of a moment is one-sided, saturates or is switched, and the proof that it is safe so."""
+"""Switched and saturating moments: what of them is nonlinear, and the proof of stability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the controller estimates velocity and acceleration, as factors in w."""
+"""Filters: estimators of velocity and acceleration, as factors in w (bilinear transform)."""
 
 from __future__ import annotations
 

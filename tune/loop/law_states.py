@@ -1,4 +1,4 @@
-"""The control law in states, sample by sample: readings in, force out."""
+"""State space of the control law: readings in, force out, sample by sample."""
 
 from __future__ import annotations
 

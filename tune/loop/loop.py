@@ -1,4 +1,4 @@
-"""Loop: the sampled haptic loop as a real polynomial in w, affine in K, B and M.
+"""Loop: the sampled haptic loop after the bilinear transform, a polynomial in w affine in K, B, M.
 
 With z = (1+w)/(1-w) every factor of the loop has exact coefficients (z-1 → 2w, z → 1+w,
 z-ε → (1-ε)+(1+ε)w, z-a → (1-a)+(1+a)w, all over 1-w), so the polynomial is a product of factors

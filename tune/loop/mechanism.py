@@ -1,4 +1,4 @@
-"""The mechanism in continuous time: rigid mass, modes and a hand, as a sum of second-order blocks.
+"""Modal model of the mechanism in continuous time: rigid mass, modes and a hand.
 
 In units of the mass and the sample time, d0 = s² + δs + k is the rigid mass on its damper and on
 the slope of its own force by position, di = s² + 2ζΩs + Ω² a

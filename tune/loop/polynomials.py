@@ -1,4 +1,4 @@
-"""Polynomials in w whose coefficients carry what they were added up from.
+"""Polynomials in w with a bound of the rounding errors of their coefficients.
 
 A coefficient comes with a size: its error is at most a few units of roundoff of it. Products and
 sums keep that true, because sizes are multiplied and added without signs.

@@ -1,4 +1,4 @@
-"""Loops of different delays side by side, so that one call judges all of them.
+"""Stacked loops: loops of different delays side by side, judged in one call.
 
 A loop of lower degree is multiplied by (1+w) as often as it takes. Its new poles lie at w = -1,
 z = 0, where nothing is ever in doubt, and no verdict, limit or margin changes.

@@ -1,4 +1,4 @@
-"""How fast a closed loop comes to rest and how little it rings: from its poles in s."""
+"""Damping ratio and decay rate of a closed loop, from its poles in s."""
 
 from __future__ import annotations
 

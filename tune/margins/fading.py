@@ -1,4 +1,4 @@
-"""How slowly an element has to fade: the shortest fade that no hand was found to pump with.
+"""Fade time: the shortest over which an element may fade so that no hand was found to pump.
 
 An element with mass is faded in and out, its level l[k] rising or falling by at most T/τ a sample.
 At each constant level the loop is stable; a swing may still gain from a level that moves with it,

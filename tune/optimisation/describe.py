@@ -1,4 +1,4 @@
-"""What a chosen setting amounts to: which limit binds, margins, steps, and what was not needed."""
+"""Description of a chosen setting: which limit binds, margins, steps, what was not needed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The time over which each element fades: so slowly that no hand pumps by entering and leaving."""
+"""Fade times of the elements: so slow that no hand pumps by entering and leaving."""
 
 from __future__ import annotations
 

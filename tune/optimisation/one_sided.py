@@ -1,4 +1,4 @@
-"""The gain up to which a moment that is one-sided or cut is proved absolutely stable.
+"""One-sided moments: the gain up to which they are proved absolutely stable.
 
 Multipliers are found once for sizes in about one ratio and kept with the loops: the gain falls as
 sizes grow, whatever the multiplier.

@@ -1,4 +1,4 @@
-"""Where polynomials A(w) + s·B(w), s > 0, have a root on the boundary of stability.
+"""Crossings of the stability boundary by A(w) + s·B(w), s > 0: its roots on Re w = 0.
 
 A root can only cross the boundary at w = jω. With x = ω² both even and odd part vanish there:
 E_A(x) + s·E_B(x) = 0 and O_A(x) + s·O_B(x) = 0, so x is a positive root of one polynomial,

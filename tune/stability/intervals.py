@@ -1,4 +1,4 @@
-"""The intervals of s > 0 on which polynomials A(w) + s·B(w) are stable.
+"""Stability intervals: the s > 0 for which polynomials A(w) + s·B(w) are stable.
 
 Between two neighbouring crossings of the boundary nothing changes: the criterion decides once.
 """

@@ -1,4 +1,4 @@
-"""The multiplier that proves the largest gain, found by line searches alone.
+"""Zames-Falb multipliers: the one that proves the largest gain, found by line searches.
 
 The gain that a multiplier proves is quasiconcave in its weights and constants (for a fixed gain the
 condition is a linear matrix inequality in them), and one or two taps reach it to a per cent: a

@@ -1,4 +1,4 @@
-"""Largest value of a quotient P(x)/Q(x), x = v², over all frequencies: found by levels, no grid.
+"""Peak of a quotient P(x)/Q(x), x = v², over all frequencies, by level sets and no grid.
 
 Where P - level·Q has no positive root the level is nowhere exceeded. From the largest value known,
 the roots at that level enclose whatever exceeds it; the middles of those gaps give a larger value,

@@ -1,4 +1,4 @@
-"""Frequency responses of loops on the upper half of the unit circle, plant and estimates apart."""
+"""Frequency responses of loops on the upper half of the unit circle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is a loop stable, over which gains, and how large may one effect become? In closed form.
+"""Stability verdict: is a loop stable, over which gains, how large may one effect become.
 
 One criterion and one way of finding boundaries serve every combination of effects: the published
 limits (6), (13), (19), (25), (28), (36) and (43) are what `largest` and `is_stable` answer when

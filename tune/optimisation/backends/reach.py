@@ -1,4 +1,4 @@
-"""The stability constraint as solvers see it: how far the gain is from where stability ends.
+"""Stability constraint for solvers: how far the gain is from where stability ends.
 
 With the sizes fixed, the loop is stable for gains up to some g; ln g is exact (`intervals`), and so
 is its slope: the root that crosses at w = jω keeps to the axis when effects and gain change

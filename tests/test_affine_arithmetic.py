@@ -134,7 +134,7 @@ def test_forms_hold_the_loop_of_the_matrix_exponential(spread: float) -> None:
             hand=hand,
             modes=tuple((rest[2 * i], rest[2 * i + 1]) for i in range(len(region.modes))),
             participations=tuple((mode.at_encoder, mode.at_handle) for mode in region.modes),
-            held=region.held,
+            grounded=region.grounded,
         )
         with np.errstate(all="ignore"):
             response = value_set(theta, mechanism, setting)

@@ -42,7 +42,7 @@ def test_a_rigid_device_alone_has_four_corners_at_each_delay() -> None:
     region = Region.of(_device(), None, extra=2)
     late = region.loops(Filters(), 2)
     assert [one.beyond for one in late] == [0, 1, 2]
-    assert all(one.loop.scales[0].shape == (4,) and not one.loop.held for one in late)
+    assert all(one.loop.scales[0].shape == (4,) and not one.loop.grounded for one in late)
 
 
 def test_the_corners_are_those_of_the_simultaneous_box() -> None:
@@ -82,7 +82,10 @@ def test_delays_are_judged_at_their_ends_and_at_whole_samples(
 
 def test_a_hand_adds_its_corners_and_the_device_alone_stays() -> None:
     late = Region.of(_device(), FREE_TO_RIGID["linear"], extra=1).loops(Filters(), 0)
-    assert [(one.loop.held, one.loop.scales[0].size) for one in late] == [(False, 4), (True, 32)]
+    assert [(one.loop.grounded, one.loop.scales[0].size) for one in late] == [
+        (False, 4),
+        (True, 32),
+    ]
 
 
 def test_a_hand_that_is_known_is_one_corner() -> None:

@@ -147,8 +147,8 @@ def _rest(
         friction: N.
         mobility: length of the intervals over mass, s/kg.
     """
-    held = np.abs(pull) < friction
-    first = held & ~np.concatenate(([False], held[:-1]))
+    stuck = np.abs(pull) < friction
+    first = stuck & ~np.concatenate(([False], stuck[:-1]))
     if not first.any():
         return np.zeros_like(velocity)
     begin = np.maximum.accumulate(np.where(first, np.arange(velocity.size), 0))
@@ -156,13 +156,13 @@ def _rest(
     speed = np.maximum(sense * velocity, 0.0)
     # What friction takes from the speed in one interval.
     loss = (friction - sense * pull) * mobility
-    used_up = held & (speed <= loss)
+    used_up = stuck & (speed <= loss)
     if not used_up.any():
         return np.zeros_like(velocity)
     part = 1 - speed / np.where(used_up & (loss > 0), loss, np.inf)
     count = np.concatenate(([0], np.cumsum(used_up)))
     earlier = count[:-1] > count[begin]
-    return np.where(held & earlier, 1.0, np.where(used_up, part, 0.0))
+    return np.where(stuck & earlier, 1.0, np.where(used_up, part, 0.0))
 
 
 def _released(

@@ -30,12 +30,12 @@ REFUSED = 0.9
 
 def stiction(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
     """``stiction``: the device is held, or sticks and slips, under a force that changes."""
-    held = _held(trajectory, hardware)
-    share = float(np.mean(held))
+    stuck = _stuck(trajectory, hardware)
+    share = float(np.mean(stuck))
     if share < DOUBTED:
         return ()
-    stops = int(np.count_nonzero(np.diff(held.astype(np.int8)) == 1)) + int(held[0])
-    largest = float(np.max(np.abs(trajectory.force[:-1][held])))
+    stops = int(np.count_nonzero(np.diff(stuck.astype(np.int8)) == 1)) + int(stuck[0])
+    largest = float(np.max(np.abs(trajectory.force[:-1][stuck])))
     refused = share >= REFUSED
     return (
         Finding(
@@ -50,7 +50,7 @@ def stiction(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding
     )
 
 
-def _held(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool_]:
+def _stuck(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool_]:
     """Which of the n - 1 intervals lie in a standstill under a changing force."""
     place, force = trajectory.position, trajectory.force
     stated = None if hardware is None else hardware.encoder_resolution

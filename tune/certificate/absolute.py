@@ -54,7 +54,7 @@ def prove_absolute(
     and with steady effects for the proof of their linear loop.
 
     Args:
-        region: the box, all of it free or all of it held.
+        region: the box, all of it free or all of it grounded.
         switched: stiffness of springs that are one-sided or saturate, damping and mass of what is
             switched; none negative.
         steady: damping and mass that act at any constant part from nothing to the gain; None for
@@ -95,9 +95,9 @@ def multiplier_failure(region: Region, switched: Setting, multiplier: Multiplier
     """Why a multiplier says nothing about a region; None where it may."""
     if switched.stiffness and not multiplier.taps and not multiplier.constant:
         return "the multiplier of the spring is nothing"
-    if region.held and switched.stiffness and not multiplier.constant:
-        return "a device that is held asks for a constant in the multiplier"
-    if not region.held and multiplier.constant:
+    if region.grounded and switched.stiffness and not multiplier.constant:
+        return "a device that is grounded asks for a constant in the multiplier"
+    if not region.grounded and multiplier.constant:
         return "a device that nothing holds asks for a multiplier without a constant"
     for name in ("damping", "mass"):
         if getattr(switched, name) and getattr(multiplier, name) is None:
@@ -109,7 +109,7 @@ def open_device_failure(region: Region) -> str | None:
     """Why a device may have poles by itself that the theorem does not allow; None where not.
 
     With damping above zero on the rigid mass and on every mode all that moves loses energy, so that
-    every pole of the mechanism, held by springs and hands or not, lies in the left half-plane, but
+    every pole of the mechanism, bound by springs and hands or not, lies in the left half-plane, but
     one at zero where nothing holds the position; a lag is stable, the hold maps s to e^(sT), and a
     delay adds poles at z = 0.
     """
@@ -146,11 +146,11 @@ def _determinant(
     gain: float,
     steady: tuple[Term, Setting] | None,
 ) -> AffineForm:
-    """|D|² times the determinant, both without what they have of θ where nothing is held."""
+    """|D|² times the determinant, both without what they have of θ where nothing is grounded."""
     plant = sampled_plant(theta, mechanism)
-    step, held = mechanism.sample_time, mechanism.held
+    step, grounded = mechanism.sample_time, mechanism.grounded
     # What the estimates have of s = jθ meets the pole of the plant.
-    s = theta * 1j if held else theta * 0.0 + 1.0
+    s = theta * 1j if grounded else theta * 0.0 + 1.0
     seen, bottom = plant.numerator, plant.denominator
     if steady is not None:
         part, setting = steady
@@ -158,7 +158,7 @@ def _determinant(
     sizes: list[Term] = []
     products: list[AffineForm] = []
     if switched.stiffness:
-        real, product = _of_spring(theta, multiplier, held=held)
+        real, product = _of_spring(theta, multiplier, grounded=grounded)
         sizes.append(real * (1 / (gain * switched.stiffness)))
         products.append(product)
     for name, constant, power in (
@@ -185,9 +185,9 @@ def _determinant(
 
 
 def _of_spring(
-    theta: AffineForm, multiplier: Multiplier, *, held: bool
+    theta: AffineForm, multiplier: Multiplier, *, grounded: bool
 ) -> tuple[AffineForm, AffineForm]:
-    """(Re M, M), or (Re M, M/(jθ)) where nothing is held and M has no constant."""
+    """(Re M, M), or (Re M, M/(jθ)) where nothing is grounded and M has no constant."""
     real = product = theta * 0.0 + multiplier.constant
     square = _real(theta * theta)
     for tap in multiplier.taps:
@@ -196,7 +196,7 @@ def _of_spring(
         # 1 - e^(-jx) = jx·sinc(x/2)·e^(-jx/2), and its real part 2·sin²(x/2).
         real = real + square * (ratio * ratio) * (tap.weight * tap.samples**2 / 2)
         turned = ratio * half.turn() * (tap.weight * tap.samples)
-        product = product + (theta * 1j * turned if held else turned)
+        product = product + (theta * 1j * turned if grounded else turned)
     return real, product
 
 

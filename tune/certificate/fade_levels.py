@@ -123,7 +123,8 @@ def _examine(
         responses = [value_set(theta, mechanism, setting) for setting in corners.settings]
         springs = any(setting.stiffness for setting in corners.settings)
         turned = [
-            springs and not setting.stiffness and not mechanism.held for setting in corners.settings
+            springs and not setting.stiffness and not mechanism.grounded
+            for setting in corners.settings
         ]
         forms: list[AffineForm] = []
         for response, turn in zip(responses, turned, strict=True):

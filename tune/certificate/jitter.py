@@ -75,7 +75,7 @@ def _largest_norm(region: Region, setting: Setting, values: FloatArray, jitter: 
     transitions = _transitions(region, setting, values, 1 + jitter * np.array(_STEPS))
     poles, modes = np.linalg.eig(transitions[_STEPS.index(0.0)])
     seen = np.linalg.inv(modes) @ transitions @ modes
-    if not setting.stiffness and not region.held:
+    if not setting.stiffness and not region.grounded:
         free = int(np.argmin(np.abs(poles - 1)))
         seen = np.delete(np.delete(seen, free, axis=1), free, axis=2)
     moduli = np.max(np.abs(seen), axis=0)

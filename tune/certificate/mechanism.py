@@ -37,7 +37,7 @@ class Mechanism:
         hand: mass, damping and stiffness of the grip; None is no hand.
         modes: frequency in Hz and damping ratio of each.
         participations: (e, h) of each mode.
-        held: a spring of device or hand holds the position.
+        grounded: a spring of device or hand holds the position.
     """
 
     mass: Term
@@ -49,12 +49,12 @@ class Mechanism:
     hand: tuple[Term, Term, Term] | None
     modes: tuple[tuple[Term, Term], ...]
     participations: tuple[tuple[float, float], ...]
-    held: bool
+    grounded: bool
 
     @property
     def free_and_rigid(self) -> bool:
         """A mass on a damper, both perhaps of device and hand together, and nothing else."""
-        return not self.held and not self.modes and self.lag == 0.0
+        return not self.grounded and not self.modes and self.lag == 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +72,7 @@ class Scaled:
         hand: (m_h/T², b_h/T, k_h) or None.
         modes: (2ζω, ω²) in samples of each.
         participations: (e, h) of each.
-        held: as in the mechanism.
+        grounded: as in the mechanism.
     """
 
     mass: Term
@@ -85,7 +85,7 @@ class Scaled:
     hand: tuple[Term, Term, Term] | None
     modes: tuple[tuple[Term, Term], ...]
     participations: tuple[tuple[float, float], ...]
-    held: bool
+    grounded: bool
 
     @classmethod
     def of(cls, given: Mechanism) -> Scaled:
@@ -110,7 +110,7 @@ class Scaled:
                 (w * zeta * 2.0, w * w) for w, (_, zeta) in zip(omegas, given.modes, strict=True)
             ),
             participations=given.participations,
-            held=given.held,
+            grounded=given.grounded,
         )
 
     def stacked(self) -> Scaled:
@@ -127,7 +127,7 @@ class Scaled:
             and (add_axis(self.hand[0]), add_axis(self.hand[1]), add_axis(self.hand[2])),
             modes=tuple((add_axis(a), add_axis(b)) for a, b in self.modes),
             participations=self.participations,
-            held=self.held,
+            grounded=self.grounded,
         )
 
     def plant(self, s: AffineForm) -> tuple[Term, AffineForm]:
@@ -141,13 +141,13 @@ class Scaled:
             inertial = s * (s + self.ratio)
             inertial = inertial if self.spring_ratio is None else inertial + self.spring_ratio
         numerator = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
-        rigid = damped * s if self.held else damped
+        rigid = damped * s if self.grounded else damped
         denominator = (rigid if self.spring is None else rigid + self.spring) * every
         if self.hand is not None:
             mass, damping, stiffness = self.hand
             followed = s * mass + damping
-            spring = s * followed + stiffness if self.held else followed
-            grip = spring if self.held else s * followed
+            spring = s * followed + stiffness if self.grounded else followed
+            grip = spring if self.grounded else s * followed
             grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
             denominator = denominator + spring * grasped
             if self.modes:
@@ -182,7 +182,7 @@ class Scaled:
             numerator, denominator = self.stacked().plant(s)
             per_s = s.inverse()
             value = denominator.inverse() * numerator
-            if not self.held:
+            if not self.grounded:
                 value = value * per_s
             if leading is not None:
                 first, second = (add_axis(x) for x in leading)

@@ -61,7 +61,7 @@ class Point:
         )
 
     @property
-    def held(self) -> bool:
+    def grounded(self) -> bool:
         """A spring of the device or of the hand binds the position."""
         return self.position_stiffness != 0 or (self.hand is not None and self.hand.stiffness > 0)
 

@@ -58,7 +58,7 @@ class Region:
     hand: HandRegion | None = None
 
     @property
-    def held(self) -> bool:
+    def grounded(self) -> bool:
         """Whether a spring of device or hand holds the position, everywhere in the region."""
         return self.position_stiffness[0] > 0 or (
             self.hand is not None and self.hand.stiffness[0] > 0

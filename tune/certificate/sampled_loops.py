@@ -97,7 +97,7 @@ def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: F
     numerator = np.pad(by_new, ((0, 0), (0, 1))) + np.pad(by_old, ((0, 0), (1, 0)))
     top, bottom = _laws(setting, step)
     if not setting.stiffness:
-        if region.held:
+        if region.grounded:
             top = _convolved(top, np.array([[1.0, -1.0]]))
         else:
             # Free motion: divided by z - 1, the remainder being nothing but rounding.

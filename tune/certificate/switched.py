@@ -75,7 +75,7 @@ def judge_switched(
     claim = Claim(gain=witness.gain, extra=extra)
     cells = 0
     for region in regions:
-        multiplier = witness.held if region.held else witness.free
+        multiplier = witness.held if region.grounded else witness.free
         failure, proof = _prove(region, switched, steady, multiplier, claim, most_cells)
         cells += 0 if proof is None else proof.cells
         if failure is not None:

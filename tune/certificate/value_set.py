@@ -75,7 +75,7 @@ def sampled_plant(theta: AffineForm, mechanism: Mechanism) -> SampledPlant:
     scaled = Scaled.of(mechanism)
     s = theta * 1j
     numerator, denominator = scaled.plant(s)
-    whole = denominator if mechanism.held else denominator * s
+    whole = denominator if mechanism.grounded else denominator * s
     half_sinc = sinc(theta * 0.5)
     held_force = half_sinc * (theta * (mechanism.delay + 0.5)).turn()
     aliases = scaled.folded(theta, mechanism.delay)
@@ -96,14 +96,14 @@ def value_set(theta: AffineForm, mechanism: Mechanism, setting: Setting) -> Valu
     rate = rate_of(theta, plant.half_sinc, mechanism.sample_time, setting)
     if setting.stiffness:
         law = s * rate + setting.stiffness
-    elif mechanism.held:
+    elif mechanism.grounded:
         law = s * rate
     else:
         varied = seen * rate
         rising = real_lower_bound(varied) if mechanism.free_and_rigid else None
         return ValueSet(fixed=denominator, varied=varied, start=denominator, rising=rising)
     varied = law * seen
-    if mechanism.held:
+    if mechanism.grounded:
         return ValueSet(fixed=whole, varied=varied, start=denominator)
     rising = None
     if mechanism.free_and_rigid:

@@ -219,7 +219,7 @@ def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
         hand=hand,
         modes=tuple((rest[2 * i], rest[2 * i + 1]) for i in range(len(region.modes))),
         participations=tuple((mode.at_encoder, mode.at_handle) for mode in region.modes),
-        held=region.held,
+        grounded=region.grounded,
     )
 
 

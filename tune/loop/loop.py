@@ -47,7 +47,7 @@ class Loop:
         sizes: the same with every factor taken absolutely; rounding errors scale with these.
         transfer: plant and control law apart.
         scales: (T²/m, T/m, 1/m): what turns (K, B, M) into (α, β, γ), each of the loop's shape.
-        held: a spring of the hand, or the device's own force by position, binds the position;
+        grounded: a spring of the hand, or the device's own force by position, binds the position;
             without one the pole at z = 1 is free motion, and is left out of the judgement where no
             virtual spring is there either.
         factors: the same unexpanded, where known; it makes limits of lightly damped loops exact.
@@ -57,12 +57,12 @@ class Loop:
     sizes: Terms
     transfer: Transfer
     scales: tuple[FloatArray, FloatArray, FloatArray]
-    held: bool = False
+    grounded: bool = False
     factors: Factors | None = None
 
     def __repr__(self) -> str:
-        held = "position bound" if self.held else "position free without a spring"
-        return f"Loop(degree {self.degree} in w, shape {self.terms.free.shape[1:]}, {held})"
+        ground = "position bound" if self.grounded else "position free without a spring"
+        return f"Loop(degree {self.degree} in w, shape {self.terms.free.shape[1:]}, {ground})"
 
     @classmethod
     def from_parts(
@@ -146,7 +146,7 @@ class Loop:
         return replace(
             _closed(sampled.plant, law_of(filters, T), sampled.delta),
             scales=(T * T / sampled.mass, T / sampled.mass, 1 / sampled.mass),
-            held=sampled.held,
+            grounded=sampled.grounded,
         )
 
     @classmethod
@@ -177,7 +177,7 @@ class Loop:
         The factor w of free motion (z = 1) then belongs to the structure and is not judged
         (docs/theory.md, 2).
         """
-        return effects.position_free and not self.held
+        return effects.position_free and not self.grounded
 
     def lowest_power(self, effects: Effects) -> int:
         """The power of w from which coefficients are judged: 1 where `has_free_pole`, else 0."""

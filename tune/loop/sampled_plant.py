@@ -67,14 +67,14 @@ class SampledPlant:
         delta: δ = bT/m, of the shape of all that was given, as the two below.
         mass: kg.
         sample_time: s.
-        held: the position is bound, by a spring of the hand or by the device's own force.
+        grounded: the position is bound, by a spring of the hand or by the device's own force.
     """
 
     plant: HoldEquivalent
     delta: FloatArray
     mass: FloatArray
     sample_time: FloatArray
-    held: bool
+    grounded: bool
 
     @classmethod
     def from_numbers(
@@ -124,7 +124,7 @@ class SampledPlant:
             delta=delta,
             mass=m,
             sample_time=T,
-            held=sprung or (grip is not None and bool(np.any(grip.stiffness > 0))),
+            grounded=sprung or (grip is not None and bool(np.any(grip.stiffness > 0))),
         )
 
 

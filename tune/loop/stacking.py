@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 
 def stack_loops(loops: Sequence[Loop]) -> Loop:
-    """Loops of shape (corners,), all held or all free, as one of shape (all corners,)."""
+    """Loops of shape (corners,), all grounded or all free, as one of shape (all corners,)."""
     if len(loops) == 1:
         return loops[0]
     degree = max(loop.degree for loop in loops)
@@ -57,7 +57,7 @@ def stack_loops(loops: Sequence[Loop]) -> Loop:
             np.concatenate([loop.scales[1] for loop in loops]),
             np.concatenate([loop.scales[2] for loop in loops]),
         ),
-        held=loops[0].held,
+        grounded=loops[0].grounded,
     )
 
 

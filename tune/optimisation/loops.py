@@ -135,7 +135,7 @@ class Loops:
 
 def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:
     """One loop of all that are free and one of all whose position is bound."""
-    alike = [[loop for loop in loops if loop.held == held] for held in (False, True)]
+    alike = [[loop for loop in loops if loop.grounded == grounded] for grounded in (False, True)]
     return tuple(stack_loops(group) for group in alike if group)
 
 

@@ -67,7 +67,7 @@ def search_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> ProvedGa
     for loop in problem.loops.late:
         gain, multiplier = _at(problem.loops, loop, switched, steady)
         gains.append(gain)
-        multipliers[loop.held] = multiplier
+        multipliers[loop.grounded] = multiplier
     return ProvedGain(gain=min(gains), free=multipliers.get(False), held=multipliers.get(True))
 
 
@@ -101,7 +101,7 @@ def _at(
     """
     responses = Responses.of(loop, steady)
     multiplier = loops.multiplier(
-        (loop.held, _direction(switched), None if steady is None else _sizes(steady)),
+        (loop.grounded, _direction(switched), None if steady is None else _sizes(steady)),
         lambda: find_multiplier(responses, switched),
     )
     if multiplier is None:

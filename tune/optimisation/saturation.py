@@ -76,7 +76,7 @@ class Saturation:
             _, steady = split_moment(problem, moment, sizes)
             known = found[moment.elements]
             for loop in problem.loops.late:
-                multiplier = known.held if loop.held else known.free
+                multiplier = known.held if loop.grounded else known.free
                 if multiplier is not None:
                     parts.append((moment, Responses.of(loop, steady), multiplier))
         return cls(problem=problem, parts=tuple(parts))

@@ -99,9 +99,9 @@ def program_of(
     structure = Structure(
         signs=tuple(unknown.sign for unknown in problem.unknowns),
         moments=tuple(moment.members for moment in problem.moments),
-        shapes=tuple((loop.degree, len(chosen), loop.held) for loop, chosen in shown),
+        shapes=tuple((loop.degree, len(chosen), loop.grounded) for loop, chosen in shown),
         laws=problem.loops.nominal.degree if ripple else 0,
-        bound=problem.loops.nominal.held,
+        bound=problem.loops.nominal.grounded,
         linear=(int(np.sum(~either)), int(np.sum(either))),
     )
     references = np.array([u.reference for u in problem.unknowns])

@@ -32,14 +32,14 @@ class Reach:
     Attributes:
         tables: of each loop with corners, (fixed, varied and their sizes), of shapes
             (degree+1, corners) and (3, degree+1, corners) in K, B and M.
-        held: whether device or hand bind the position, by loop.
+        grounded: whether device or hand bind the position, by loop.
         shares: what each unknown adds to K, B and M of the moments with a spring and of those
             without, (moments, 3, unknowns).
         gain: that must be stable.
     """
 
     tables: tuple[tuple[FloatArray, FloatArray, FloatArray, FloatArray], ...]
-    held: tuple[bool, ...]
+    grounded: tuple[bool, ...]
     shares: tuple[FloatArray, FloatArray]
     gain: float
 
@@ -56,7 +56,7 @@ class Reach:
         """
         return cls(
             tables=tuple(_table(loop, columns) for loop, columns in shown),
-            held=tuple(loop.held for loop, _ in shown),
+            grounded=tuple(loop.grounded for loop, _ in shown),
             shares=(problem.shares(sprung=True), problem.shares(sprung=False)),
             gain=gain,
         )
@@ -71,10 +71,10 @@ class Reach:
         """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
         values: list[FloatArray] = [np.empty(0)]
         slopes: list[FloatArray] = [np.empty((0, sizes.size))]
-        for table, held in zip(self.tables, self.held, strict=True):
+        for table, grounded in zip(self.tables, self.grounded, strict=True):
             for shares, sprung in zip(self.shares, (True, False), strict=True):
                 if len(shares):
-                    skip = 0 if sprung or held else 1
+                    skip = 0 if sprung or grounded else 1
                     value, slope = _reach(table, shares * sizes, skip, self.gain)
                     values.append(value.ravel())
                     slopes.append(slope.reshape(-1, sizes.size))

@@ -1,4 +1,4 @@
-"""Extremes over a window about each sample."""
+"""Running extremes: over a window about each sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear answer of a mass with viscous damping to held forces, its derivative, and its noise.
+"""Linear response of a mass with viscous damping to held forces, its derivative and its noise.
 
 Position answers a force per mass u, held for one step h, by q[k+1] = q[k] + h·φ1·v[k] + h²·φ2·u[k],
 v[k+1] = (1 - p·h·φ1)·v[k] + h·φ1·u[k] with φ1 = (1 - e^(-ph))/(ph), φ2 = (1 - φ1)/(ph): a filter of

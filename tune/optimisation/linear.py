@@ -1,4 +1,4 @@
-"""Limits that are linear in the sizes: forces of the stated motions, and what a hand must feel.
+"""Linear limits: forces of the stated motions, and what a hand must feel.
 
 Each row reads a·sizes <= 1. What is felt of an element's mass and damping at both ends of the
 motions people make, its parasitic parts included, lies within one step of what the element asks for

@@ -1,4 +1,4 @@
-"""SLSQP through nlopt, with the exact reach of stability and its slopes."""
+"""Sequential quadratic programming (SLSQP of nlopt), with the exact reach of stability."""
 
 from __future__ import annotations
 

@@ -14,6 +14,10 @@ def per_member(values: ArrayLike, batch: int) -> FloatArray:
 
 
 def choose_members(values: ArrayLike, which: NDArray[np.intp]) -> FloatArray:
-    """The values of these members; one that all share stays one value."""
+    """The values of these members; one that all share stays one value.
+
+    Values have shape (batch,) or (1,) or are one number; the answer has shape (members,) or that of
+    the one value.
+    """
     array = np.asarray(values, dtype=np.float64)
     return array if array.size == 1 else array[which]

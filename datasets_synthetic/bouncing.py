@@ -157,6 +157,8 @@ def contacts(
 
     Until then the wall gives no force, so this is what the handle had on reaching ``place`` (m) but
     for the work of the ``net`` force (N) beyond it, which is taken off.
+
+    Both answers have shape (contacts,).
     """
     assert recording.truth is not None
     inside = recording.position[member] > place

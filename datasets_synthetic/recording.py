@@ -38,7 +38,7 @@ class Truth:
         )
 
     def members(self, which: slice) -> Truth:
-        """Of these members."""
+        """The truth of these members."""
         return Truth(handle=self.handle[which], speed=self.speed[which], energy=self.energy[which])
 
 
@@ -121,7 +121,10 @@ class Recording:
 
 
 def read_only_copy(array: FloatArray) -> FloatArray:
-    """A read-only contiguous copy."""
+    """A read-only contiguous copy.
+
+    Any shape and unit.
+    """
     copy = np.array(array, order="C")
     copy.setflags(write=False)
     return copy

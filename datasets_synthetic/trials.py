@@ -94,7 +94,7 @@ class Sizes:
         push: float | FloatArray | None,
         duration: float,
     ) -> Sizes:
-        """Of what is given, or else of the rig's encoder and force limit; see ``rehearse``."""
+        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``."""
         if rig.batch != 1:
             raise ValueError(f"one device is rehearsed at a time, not {rig.batch}")
         count = float(rig.encoder_resolution[0])
@@ -122,7 +122,7 @@ class Sizes:
         return _NEAR * self.count
 
     def members(self, which: NDArray[np.intp]) -> Sizes:
-        """Of these controllers."""
+        """The trials of these controllers."""
         return replace(
             self, count=self.count[which], reach=self.reach[which], limit=self.limit[which]
         )

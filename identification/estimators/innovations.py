@@ -125,7 +125,7 @@ class _Problem:
 
 
 def _earlier(of_intervals: FloatArray) -> FloatArray:
-    """Of the interval before each inner sample."""
+    """Value of the interval before each inner sample."""
     return of_intervals if of_intervals.ndim == 0 else of_intervals[:-1]
 
 
@@ -149,7 +149,7 @@ def _row_slope(device: HeldResponse, gain: Gain, slope: Gain) -> FloatArray:
 
 
 def _row_of_position(device: HeldResponse, position: FloatArray) -> FloatArray:
-    """The same difference of speeds as the positions tell it."""
+    """Difference of speeds as the positions tell it."""
     return _difference(np.diff(position) / device.whole.speed, device.whole.decay)
 
 

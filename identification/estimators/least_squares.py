@@ -93,13 +93,13 @@ class Regression:
         return FIRST + self.low_pass.half + self.known
 
     def with_model(self, model: Model) -> Regression:
-        """The same log and filter with other terms."""
+        """This regression with other terms, log and filter as they are."""
         intervals = self.signals.speed.size
         motion = self.motion if model.coulomb else Motion.always(intervals, self.signals.steps)
         return replace(self, model=model)._moved(motion)
 
     def with_motion(self, motion: Motion) -> Regression:
-        """The same log with another direction of motion; itself where that is no other."""
+        """This regression with another direction of motion; itself where that is no other."""
         return self if motion is self.motion else self._moved(motion)
 
     def _moved(self, motion: Motion) -> Regression:
@@ -108,7 +108,7 @@ class Regression:
         return replace(self, motion=motion, filtered_forces=forces)._with_terms()
 
     def at_cut_off(self, frequency: float) -> Regression:
-        """The same log and direction of motion with another cut-off, Hz."""
+        """This regression at another cut-off, Hz, its direction of motion as it is."""
         return Regression.of(
             self.signals,
             self.model,
@@ -118,7 +118,7 @@ class Regression:
         )
 
     def knowing(self, delay: float) -> Regression:
-        """The same with the rows that feel only logged forces at a delay, s, or a shorter one."""
+        """With the rows that feel only logged forces at a delay, s, or a shorter one."""
         known = unknown_intervals(self.signals.steps, delay)
         return Regression.of(
             self.signals, self.model, self.motion, cut_off=self.cut_off, known=known
@@ -195,7 +195,7 @@ class Regression:
         return self.signals.noise**2 * np.array(of_columns)
 
     def refined(self, delay: float) -> Regression:
-        """The same with the direction of motion from the fitted model."""
+        """This regression with the direction of motion from the fitted model."""
         if not self.model.coulomb:
             return self
         signals = self.signals

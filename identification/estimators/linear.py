@@ -37,7 +37,10 @@ def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArra
 
 
 def explained_share(signal: FloatArray, residual: FloatArray) -> float:
-    """Share of the mean square of a signal that is not in the residual; 0 without a signal."""
+    """Share of the mean square of a signal that is not in the residual; 0 without a signal.
+
+    Both are of shape (rows,) and of one unit; the share has none.
+    """
     power = float(signal @ signal)
     return 1 - float(residual @ residual) / power if power > 0 else 0.0
 

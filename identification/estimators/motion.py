@@ -53,7 +53,7 @@ class Motion:
         return cls(direction=HeldColumn.constant(ones, steps), moving=ones)
 
     def released(self) -> Motion:
-        """The same direction, and nothing that holds the device still; itself if nothing does."""
+        """This motion with nothing that stops the device; itself if nothing does."""
         if np.all(self.moving == 1):
             return self
         return replace(self, moving=np.ones_like(self.moving))

@@ -109,7 +109,7 @@ class FrictionProblem:
     mean_speed: float
 
     def part(self, samples: int) -> FrictionProblem:
-        """The same of the first samples alone."""
+        """The problem of the first samples alone."""
         signals = self.signals.part(samples)
         return replace(self, signals=signals, drive=Drive.bare(signals, self.drive.delay))
 

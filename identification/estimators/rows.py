@@ -52,7 +52,11 @@ class Kinematics:
 
 
 def of_rows(triangles: FloatArray) -> FloatArray:
-    """Those of n - 2 triangles that have a row of kinematics."""
+    """Those of n - 2 triangles that have a row of kinematics.
+
+    The triangles have shape (n - 2,), the answer has the shape (n - 4,) of the kinematics, in the
+    unit of the triangles.
+    """
     return triangles[FIRST - 1 : triangles.size - LAST + 1]
 
 

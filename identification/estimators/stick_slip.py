@@ -91,6 +91,8 @@ def path(
 ) -> Path:
     """Simulate a log.
 
+    The pull has shape (n - 1,), one value an interval.
+
     Args:
         forward: q̇ > 0.
         backward: q̇ < 0; the same where friction does not differ by direction.

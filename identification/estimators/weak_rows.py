@@ -121,7 +121,7 @@ class TestedRows:
         )
 
     def force(self, delay: float) -> FloatArray:
-        """Of every test function with a delay in s, N, shape (functions,)."""
+        """Force under every test function with a delay in s, N, shape (functions,)."""
         held = self.table.held_force(delay).times(self.table.motion.moving)
         return self.weights @ of_rows(held.triangle())[self.table.known :]
 

@@ -53,6 +53,8 @@ def whiteness(residual: FloatArray) -> float:
     0 is white, 1 is all power at one end of the spectrum (Bartlett's test: Bartlett, An
     Introduction to Stochastic Processes, 1966, section 9.3.2; chance alone exceeds 1.63/√(n/2)
     once in a hundred times).
+
+    The residual has shape (rows,), any unit; the distance has none.
     """
     power = np.abs(np.fft.rfft(residual)[1:]) ** 2
     total = float(np.sum(power))
@@ -67,6 +69,8 @@ def is_coloured(residual: FloatArray) -> bool:
 
     Octaves, because what tells damping stands in the lowest few of a thousand lines. Only an excess
     counts: a fit of five parameters empties the lowest lines by itself.
+
+    The residual has shape (rows,), any unit.
     """
     from scipy.special import chdtri
 
@@ -89,6 +93,8 @@ def whitener(residual: FloatArray) -> FloatArray:
     The cepstrum of the smoothed spectrum, folded to positive times, is that of the minimum-phase
     response of this spectrum (Kolmogorov; Oppenheim and Schafer, Discrete-Time Signal Processing,
     section 13.5).
+
+    The residual has shape (rows,), any unit; the taps have shape (taps,) and no unit.
     """
     from scipy.fft import irfft, rfft
 

@@ -197,7 +197,10 @@ def even_taps(delay: float, step: float) -> tuple[int, tuple[float, float, float
 
 
 def mean_step(steps: float | FloatArray) -> float:
-    """Mean length of the intervals of a log, s."""
+    """Mean length of the intervals of a log, s.
+
+    The steps have shape (n - 1,), s, or are one value for all.
+    """
     return float(np.mean(steps)) if isinstance(steps, np.ndarray) else steps
 
 
@@ -208,7 +211,10 @@ def _split(delay: float, step: float) -> tuple[int, float]:
 
 
 def unknown_intervals(steps: float | FloatArray, delay: float) -> int:
-    """How many intervals at the start of a log feel forces from before it."""
+    """How many intervals at the start of a log feel forces from before it.
+
+    The steps have shape (n - 1,), s, or are one value for all; the delay is in s.
+    """
     if not isinstance(steps, np.ndarray):
         return int(np.ceil(delay / steps - _HARDLY))
     return int(np.searchsorted(np.cumsum(steps), delay)) + 1 if delay > 0 else 0

@@ -97,6 +97,8 @@ def position_force(balance: ForceBalance) -> tuple[float, FloatArray]:
     Both where it was fitted and where it was not count, and the smaller share is taken: a part of
     the log that is faster than the rest is told badly without position, too.
 
+    The force has shape (rows,), as the balance.
+
     Returns:
         Share of the mean square, at most 1; its force at each row, N, mean zero.
     """

@@ -203,7 +203,7 @@ def _other_clock(
 
 
 def _refuse_delay(trajectory: Trajectory, hardware: Hardware) -> None:
-    """Of a log shorter than many delays, hardly a row feels a force that was logged."""
+    """Refuse a log shorter than many delays: hardly a row of it feels a force that was logged."""
     if hardware.delay is None:
         return
     stated, span = hardware.delay.high, float(trajectory.time[-1] - trajectory.time[0])

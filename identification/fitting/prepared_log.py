@@ -77,11 +77,11 @@ class PreparedLog:
         return cls(trajectory=trajectory, table=table, rough=rough, stated=stated, found=found)
 
     def widened(self, model: Model) -> PreparedLog:
-        """The same log with more terms: without them delay and direction may have gone astray."""
+        """This log with more terms: without them delay and direction may have gone astray."""
         return PreparedLog._begun(self.trajectory, self.rough.with_model(model), self.stated)
 
     def narrowed(self, model: Model) -> PreparedLog:
-        """The same log with fewer terms, which the delay does not miss."""
+        """This log prepared with fewer terms, which the delay does not miss."""
         if model == self.model:
             return self
         table = self.table.with_model(model).refined(self.delay)

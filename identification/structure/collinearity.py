@@ -24,7 +24,10 @@ FAR = 10.0
 
 
 def normalise_columns(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Columns of mean square 1, in which no unit is left; a column of zeros stays zero."""
+    """Columns of mean square 1, in which no unit is left; a column of zeros stays zero.
+
+    Each column has shape (rows,), before and after.
+    """
     counted = dict(columns)
     if OFFSET in counted and POSITION in counted:
         counted[POSITION] = _from_its_middle(counted[POSITION], counted[OFFSET])
@@ -32,7 +35,10 @@ def normalise_columns(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray
 
 
 def scale_to_unit_rms(column: FloatArray) -> FloatArray:
-    """A column over its rms, found without overflow whatever the unit."""
+    """A column over its rms, found without overflow whatever the unit.
+
+    The column has shape (rows,), any unit; the answer has the same shape and no unit.
+    """
     largest = float(np.max(np.abs(column)))
     if largest == 0:
         return column
@@ -44,6 +50,8 @@ def distinguishable_columns(
     table: Mapping[str, FloatArray],
 ) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
     """The candidates this motion can tell apart, and the names of those it cannot.
+
+    Each column has shape (rows,) and no unit.
 
     Args:
         table: normalised columns, ALWAYS among them, the simplest candidate first.

@@ -96,7 +96,7 @@ class Forces:
         return ((position[1:] + position[:-1]) / 2 - middle) / half
 
     def _held(self) -> Iterator[tuple[Kind, list[FloatArray]]]:
-        """Of each interval of the log."""
+        """Columns of each kind of force, one value an interval of the log."""
         position = self.table.signals.position
         unit = self._speed / self.fastest
         place, sense = self._place, self.table.motion.direction.mean()
@@ -116,7 +116,10 @@ def _waves(place: FloatArray, count: int) -> Iterator[FloatArray]:
 
 
 def smooth_speed(table: Regression) -> FloatArray:
-    """Velocity of each interval, smooth enough that its square is not mostly noise."""
+    """Velocity of each interval, smooth enough that its square is not mostly noise.
+
+    The answer has shape (n - 1,), m/s (rad/s).
+    """
     from scipy.ndimage import gaussian_filter1d
 
     width = width_of(table.cut_off.frequency) / table.signals.step

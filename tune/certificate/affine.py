@@ -196,13 +196,19 @@ def add_axis(term: Term) -> Term:
 
 
 def real_lower_bound(form: AffineForm) -> FloatArray:
-    """Lower bound of the real part."""
+    """Lower bound of the real part.
+
+    The answer has the shape of the form's centre, cells last, and its unit.
+    """
     wide = np.sum(np.abs(form.slopes.real), axis=0) + form.real
     return form.centre.real - wide - ROUNDING * (np.abs(form.centre.real) + wide)
 
 
 def modulus_bound(form: AffineForm) -> FloatArray:
-    """Upper bound of the modulus."""
+    """Upper bound of the modulus.
+
+    The answer has the shape of the form's centre, cells last, and its unit.
+    """
     return (np.abs(form.centre) + form.spread()) * (1 + ROUNDING)
 
 

@@ -52,7 +52,10 @@ def _bernoulli() -> NDArray[np.float64]:
 
 
 def sums(theta: FloatArray, x: FloatArray, first: int, last: int) -> list[ComplexArray]:
-    """t_first .. t_last at points; first >= 2."""
+    """t_first .. t_last at points; first >= 2.
+
+    θ (rad) and x (samples) have shape (points,), and so has each sum; none has a unit.
+    """
     fraction = x - np.floor(x)
     size = last + _TERMS
     powers = np.vander(1 - fraction, size + 1, increasing=True).T

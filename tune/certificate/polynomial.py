@@ -102,7 +102,10 @@ def law_of(setting: Setting, sample_time: float) -> Law:
 
 
 def shift_to_one(polynomial: arb_poly) -> FloatArray:
-    """Descending coefficients in powers of z - 1: those of z cancel at low frequency."""
+    """Descending coefficients in powers of z - 1: those of z cancel at low frequency.
+
+    The polynomial has balls as coefficients, shape (degree + 1,); they keep their units.
+    """
     return np.array([float(c) for c in polynomial(arb_poly([1, 1])).coeffs()][::-1])
 
 

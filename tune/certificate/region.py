@@ -112,7 +112,7 @@ class Region:
         return np.array([(low + high) / 2 for low, high in self.sides()])
 
     def merged(self) -> Region:
-        """The same loops in fewer dimensions: a grip on a rigid device adds to all it has."""
+        """This region in fewer dimensions: a grip on a rigid device adds to all it has."""
         if self.hand is None or self.modes:
             return self
         return replace(

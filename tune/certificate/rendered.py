@@ -125,7 +125,7 @@ def _rendered(
 def _steps(
     design: Design, element: ElementProfile, impedance: dict[str, ComplexArray]
 ) -> Iterator[tuple[str, float, float, float]]:
-    """The same of perceived steps; nothing where the profile does not say how fine hands are."""
+    """Claims of perceived steps; nothing where the profile does not say how fine hands are."""
     table = design.perception
     if table is None:
         return

@@ -73,6 +73,8 @@ class Loops:
 def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: FloatArray) -> Loops:
     """Loops at points of a region.
 
+    Values have shape (sides, points), SI units; the extra delay has shape (points,).
+
     Args:
         region: which sides there are.
         setting: what is played.
@@ -236,5 +238,8 @@ def _padded(a: FloatArray, length: int) -> FloatArray:
 
 
 def upper_half_circle(count: int, slowest: float) -> NDArray[np.complex128]:
-    """Points of the upper half circle, in equal ratios of frequency and to the very end."""
+    """Points of the upper half circle, in equal ratios of frequency and to the very end.
+
+    The answer has shape (count,), no unit; the slowest angle is given as a part of π.
+    """
     return np.exp(1j * np.pi * np.geomspace(slowest, 1.0, count))

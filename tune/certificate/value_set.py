@@ -119,7 +119,10 @@ def value_set(theta: AffineForm, mechanism: Mechanism, setting: Setting) -> Valu
 def gain_vertices(
     response: ValueSet, low: FloatArray, high: FloatArray
 ) -> tuple[AffineForm, AffineForm]:
-    """D + s·N at both end gains; D with its zero at θ = 0 taken out where the lower gain is 0."""
+    """D + s·N at both end gains; D with its zero at θ = 0 taken out where the lower gain is 0.
+
+    The gains have shape (cells,) and no unit.
+    """
     fixed, varied, start = response.fixed, response.varied, response.start
     top = fixed + varied * high
     above = fixed + varied * low
@@ -137,6 +140,8 @@ def excludes_zero(*forms: AffineForm) -> NDArray[np.bool_]:
     """Whether zero lies outside the convex hull of affine forms: all on one side of some line.
 
     The best line runs along an edge of one of the sets, or square to one of the centres.
+
+    The centre of each form and the answer have shape (cells,).
     """
     excluded = np.zeros(forms[0].centre.shape, dtype=np.bool_)
     middle = np.zeros_like(forms[0].centre)

@@ -54,7 +54,10 @@ def worst_point(
     starts: FloatArray | None = None,
     thorough: int = 1,
 ) -> WorstCase:
-    """Search a region for one claim; see ``worst_points``."""
+    """Search a region for one claim; see ``worst_points``.
+
+    The starts have shape (sides + 1, starts), SI units and samples.
+    """
     return worst_points(region, setting, [claim], starts, thorough)[0]
 
 
@@ -68,6 +71,8 @@ def worst_points(
     """Search a region for each of some claims.
 
     All climb at once, for what takes time is how often loops are computed, not how many.
+
+    The starts have shape (sides + 1, starts), SI units and samples.
 
     Args:
         region: the box.
@@ -128,7 +133,7 @@ class _Box:
 
     @classmethod
     def of(cls, region: Region, claim: Claim) -> _Box:
-        """Of a region and a claim."""
+        """The box of a region and a claim."""
         low, high = np.array((*region.sides(), (0.0, claim.extra))).T
         return cls(claim=claim, low=low, high=high, free=np.flatnonzero(high > low))
 

@@ -65,6 +65,8 @@ def law_pulses(
 ) -> FloatArray:
     """Force of a law after a reading of 1 m among readings of 0, N/m, until it has died away.
 
+    The answer has shape (samples,).
+
     Args:
         filters: of velocity and acceleration.
         sample_time: T, s.

@@ -126,7 +126,11 @@ class Part:
 
 
 def vibration_of(numbers: Sequence[FloatArray], T: FloatArray) -> Vibration:
-    """The numbers of a mode at a sample time, s. Raises LoopError where it cannot be."""
+    """The numbers of a mode at a sample time, s. Raises LoopError where it cannot be.
+
+    Frequency (Hz), damping ratio and both participations have the shape of the loop, as has the
+    sample time.
+    """
     frequency, ratio, encoder, handle = numbers
     if not (np.all(frequency > 0) and np.all(ratio >= 0)):
         raise LoopError(
@@ -140,7 +144,10 @@ def vibration_of(numbers: Sequence[FloatArray], T: FloatArray) -> Vibration:
 
 
 def grip_of(numbers: Sequence[FloatArray], m: FloatArray, T: FloatArray) -> Grip:
-    """The numbers of a hand beside mass (kg) and sample time (s). Raises LoopError if negative."""
+    """The numbers of a hand beside mass (kg) and sample time (s). Raises LoopError if negative.
+
+    Mass, damping (N·s/m) and stiffness (N/m) have the shape of the loop, as have m and T.
+    """
     mass, damping, stiffness = numbers
     if not (np.all(mass >= 0) and np.all(damping >= 0) and np.all(stiffness >= 0)):
         raise LoopError(
@@ -154,6 +161,8 @@ def parts_of(
     delta: FloatArray, spring: FloatArray, modes: Sequence[Vibration], grip: Grip | None
 ) -> tuple[Part, ...]:
     """The blocks of a mechanism; without a hand the rigid mass and each mode are their own.
+
+    All arrays have the shape of the loop and no unit.
 
     Args:
         delta: δ = bT/m.

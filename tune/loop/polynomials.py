@@ -67,7 +67,10 @@ DIFFERENCE = Polynomial.exact(0.0, 2.0)
 
 
 def product(p: FloatArray, q: FloatArray) -> FloatArray:
-    """Product of two polynomials along the first axis; the other axes broadcast."""
+    """Product of two polynomials along the first axis; the other axes broadcast.
+
+    Shapes are (degree + 1, ...), ascending; the unit is the product of both.
+    """
     shape = _common(p, q)
     grown = np.zeros((len(p) + len(q) - 1, *shape))
     p = _lifted(p, shape)
@@ -77,7 +80,10 @@ def product(p: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def total(p: FloatArray, q: FloatArray) -> FloatArray:
-    """Sum of two polynomials along the first axis; the other axes broadcast."""
+    """Sum of two polynomials along the first axis; the other axes broadcast.
+
+    Shapes are (degree + 1, ...), ascending, of one unit.
+    """
     shape = _common(p, q)
     grown = np.zeros((max(len(p), len(q)), *shape))
     grown[: len(p)] += _lifted(p, shape)
@@ -86,7 +92,11 @@ def total(p: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def pad_coefficients(part: FloatArray, length: int) -> FloatArray:
-    """With zeros for the powers that are missing."""
+    """With zeros for the powers that are missing.
+
+    The part has shape (degree + 1, ...), ascending; the answer has shape (length, ...) and the unit
+    of the part.
+    """
     missing = length - len(part)
     return np.concatenate([part, np.zeros((missing, *part.shape[1:]))]) if missing else part
 

@@ -131,6 +131,8 @@ class SampledPlant:
 def split_delay(delay: FloatArray) -> tuple[int, FloatArray | None]:
     """Delays in samples as (whole samples, fraction of each or None where all are whole).
 
+    Delays have the shape of the loop, and so have the fractions.
+
     Raises:
         LoopError: delays that are negative, too long, or more than a sample apart.
     """
@@ -152,7 +154,10 @@ def split_delay(delay: FloatArray) -> tuple[int, FloatArray | None]:
 
 
 def ideal_equivalent(delta: FloatArray, samples: int) -> HoldEquivalent:
-    """Rigid mass and damper, (ψ+χw)(1-w) / (2w·[(1-ε)+(1+ε)w]), whole samples late."""
+    """Rigid mass and damper, (ψ+χw)(1-w) / (2w·[(1-ε)+(1+ε)w]), whole samples late.
+
+    δ has the shape of the loop and no unit; positions are over T²/m.
+    """
     plant = Plant.at(delta)
     top = Polynomial.exact(plant.psi, plant.chi)
     bottom = Polynomial.exact(0.0, 2.0).times(Polynomial.exact(plant.loss, 1 + plant.epsilon))

@@ -47,7 +47,7 @@ class CutoffObjective:
     value: float
 
     def plus(self, other: CutoffObjective) -> CutoffObjective:
-        """Of both."""
+        """The objective of both groups together."""
         kept = tuple(a + b for a, b in zip(self.kept, other.kept, strict=True))
         return CutoffObjective(kept=kept, value=self.value + other.value)
 

@@ -211,7 +211,7 @@ class _Search:
         return whole(maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
 
     def _slope(self, point: Sequence[float], index: int) -> float:
-        """Of the worth, by the logarithm of one cut-off."""
+        """Slope of the objective by the logarithm of one cut-off."""
         here = self._filters(point)
         name = ("velocity_filter_hz", "acceleration_filter_hz")[index]
         hertz: float = getattr(here, name)

@@ -52,7 +52,10 @@ _ORDER: tuple[LimitedBy, ...] = (
 
 
 def bindings(problem: Problem, sizes: FloatArray, indices: Sequence[int]) -> list[LimitedBy]:
-    """The constraint that keeps each of some effects from being larger, the others as they are."""
+    """The constraint that keeps each of some effects from being larger, the others as they are.
+
+    Sizes have shape (unknowns,), SI units.
+    """
     near = {index: float(sizes[index]) * _NEAR for index in indices}
     bounds = _bounds(problem, sizes, near)
     free = {index: np.inf for index, found in bounds.items() if not found}
@@ -136,6 +139,8 @@ def element_profile(
     absolute: AllFound,
 ) -> ElementProfile:
     """The profile entry of one element, every number computed from the written sizes.
+
+    Sizes have shape (unknowns,), SI units.
 
     Args:
         device: as it is stored.

@@ -83,6 +83,8 @@ def any_allowed(problem: Problem) -> FloatArray | None:
     """Some setting that every limit allows, each effect at its least or above.
 
     None if none is found: on rays first, then where the most broken limit is the least broken.
+
+    The answer has shape (unknowns,), SI units.
     """
     if len(problem.unknowns) == 1:
         sizes = np.array([largest_allowed(problem, np.zeros(1), 0)])

@@ -38,6 +38,8 @@ _STARTS = 2
 def initial_points_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
     """Allowed settings a little inside, the best by the ranks of its unknowns first; or none.
 
+    Each setting has shape (unknowns,), SI units.
+
     Args:
         problem: with all its limits.
         count: of settings on different rays, at most.

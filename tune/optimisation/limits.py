@@ -40,6 +40,8 @@ def least_margin_loops(
 ) -> Iterator[tuple[int, int]]:
     """(loop of ``problem.loops.late``, column) of the least margin of each moment and loop.
 
+    Sizes have shape (unknowns,), SI units.
+
     Args:
         problem: loops and margin.
         sizes: of the unknowns.
@@ -56,7 +58,10 @@ def least_margin_loops(
 
 
 def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
-    """Force ripple of one moment on the device at its best estimate, N rms; None if unknown."""
+    """Force ripple of one moment on the device at its best estimate, N rms; None if unknown.
+
+    Sizes have shape (unknowns,), SI units.
+    """
     if problem.limits.encoder_resolution is None:
         return None
     effects = problem.effects(moment, sizes)
@@ -83,7 +88,10 @@ def forces(moment: Moment, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def is_feasible(problem: Problem, sizes: FloatArray) -> bool:
-    """True where forces, rendering, ripple and stability with the whole margin hold, exactly."""
+    """True where forces, rendering, ripple and stability with the whole margin hold, exactly.
+
+    Sizes have shape (unknowns,), SI units.
+    """
     if not bool(keeps_linear_limits(problem, sizes)):
         return False
     if len(problem.unknowns) == 1:
@@ -110,7 +118,10 @@ def feasible_points(problem: Problem, points: FloatArray) -> BoolArray:
 
 
 def passes_cheap_limits(problem: Problem, points: FloatArray) -> BoolArray:
-    """True where forces, rendering and ripple keep to their limits; stability is not looked at."""
+    """True where forces, rendering and ripple keep to their limits; stability is not looked at.
+
+    Points have shape (points, unknowns), SI units; the answer has shape (points,).
+    """
     good = keeps_linear_limits(problem, points.T).copy()
     good[good] = _ripple_allowed(problem, points[good])
     return good

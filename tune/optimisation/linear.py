@@ -57,7 +57,7 @@ class LinearLimits:
 
     @classmethod
     def of(cls, rows: Iterable[tuple[LinearWord, FloatArray]], unknowns: int) -> LinearLimits:
-        """Of the rows that can bind: without a positive coefficient one never does."""
+        """The rows that can bind: without a positive coefficient one never does."""
         kept: list[tuple[LinearWord, FloatArray]] = [
             (word, row) for word, row in rows if np.any(row > 0)
         ]
@@ -86,6 +86,8 @@ def force_rows(
 ) -> Iterator[tuple[LinearWord, FloatArray]]:
     """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration.
 
+    Each row has shape (unknowns,), one over the unit of its unknown.
+
     Args:
         moments: elements felt at once; a penetration that nobody states bounds nothing.
         unknowns: how many there are.
@@ -112,6 +114,8 @@ def rendering_rows(
 
     An element whose every effect is a wanted value is met as it is commanded; the profile says what
     is felt of it.
+
+    Each row has shape (unknowns,), one over the unit of its unknown.
 
     Args:
         unknowns: of all elements.

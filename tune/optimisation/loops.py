@@ -89,7 +89,7 @@ class Loops:
         return self._kept((effect, sign, which, 0.0), lambda: _end(loops, effect, sign))
 
     def end_alone_at(self, effect: EffectName, sign: int, extra: float) -> float:
-        """The same at the device's longest delay and ``extra`` samples more."""
+        """Stable size of one effect, felt alone, ``extra`` samples beyond the longest delay."""
         return self._kept(
             (effect, sign, "latest", extra), lambda: _end(self.latest(extra), effect, sign)
         )

@@ -69,6 +69,8 @@ def largest_product(
 ) -> Optimum:
     """The largest product of the steps of several unknowns, rank after rank.
 
+    Each setting has shape (unknowns,), SI units.
+
     Args:
         problem: at least two unknowns.
         backends: solvers; all propose and the best allowed proposal is taken.
@@ -217,7 +219,10 @@ class Search:
 def bisect_to_feasible(
     problem: Problem, inner: FloatArray, proposal: FloatArray
 ) -> FloatArray | None:
-    """The last feasible point on the way from a feasible setting to a proposal."""
+    """The last feasible point on the way from a feasible setting to a proposal.
+
+    All settings have shape (unknowns,), SI units.
+    """
     # Towards the proposal in smaller and smaller steps: most are only a little beyond.
     parts = 1 - np.asarray(np.geomspace(1.0, SAME / 100, _SECTIONS), dtype=np.float64)
     while True:

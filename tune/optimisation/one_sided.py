@@ -74,7 +74,10 @@ def search_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> ProvedGa
 def split_moment(
     problem: Problem, moment: Moment, sizes: FloatArray
 ) -> tuple[Effects, Effects | None]:
-    """(springs and positive dampers, masses and what is negative at the gain of the margin)."""
+    """(springs and positive dampers, masses and what is negative at the gain of the margin).
+
+    Sizes have shape (unknowns,), SI units.
+    """
     signed = [u.sign * float(size) for u, size in zip(problem.unknowns, sizes, strict=True)]
     stiffness, damping, mass = ([signed[i] for i in members] for members in moment.members)
     positive = [value for value in damping if value > 0]

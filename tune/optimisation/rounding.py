@@ -25,7 +25,10 @@ _MOST_WAYS = 5
 
 
 def round_sizes(problem: Problem, sizes: FloatArray) -> FloatArray:
-    """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
+    """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed.
+
+    Sizes have shape (unknowns,), SI units, before and after.
+    """
     caps = problem.high
     met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
         sizes >= caps * (1 - 10 * SAME)

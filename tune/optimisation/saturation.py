@@ -41,6 +41,8 @@ def scale_to_feasible(problem: Problem, sizes: FloatArray) -> FloatArray:
     """Sizes at which every one-sided moment keeps the margin, its springs and dampers scaled alike.
 
     That is exact for one moment: its gain grows as its sizes fall. Sizes are 0 where none is safe.
+
+    Sizes have shape (unknowns,), SI units, before and after.
     """
     sizes = sizes.copy()
     least = problem.margin.gain * (1 + ROOM)
@@ -113,6 +115,8 @@ def absolutely_stable(
     Multipliers and sizes in turn: those that were the best at some sizes bound the next. Sizes are
     rounded to six digits.
 
+    All sizes have shape (unknowns,), SI units.
+
     Args:
         problem: with moments that ask for it.
         starts: sizes, the optimum without among them.
@@ -174,7 +178,10 @@ def _floored(size: float) -> float:
 
 
 def multipliers_found(problem: Problem, sizes: FloatArray) -> AllFound:
-    """`search_gain` of every moment that is one-sided."""
+    """`search_gain` of every moment that is one-sided.
+
+    Sizes have shape (unknowns,), SI units.
+    """
     return {
         moment.elements: search_gain(problem, moment, sizes)
         for moment in saturation_constraints(problem)

@@ -168,6 +168,8 @@ def optimum_of(
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
+    All sizes have shape (unknowns,), SI units.
+
     Args:
         task: device, scene, perception and region.
         elements: of the group.

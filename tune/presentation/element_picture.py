@@ -115,7 +115,7 @@ def _draw_limits(axes: Axes, design: Design, name: str, units: dict[str, str]) -
 
 
 def _color(use: Use) -> str:
-    """Of a bar: beyond its limit, at what binds, or neither."""
+    """Color of a bar: beyond its limit, at what binds, or neither."""
     if use.part > _BEYOND:
         return "tab:red"
     return "#74c476" if use.binds else "#d3e6d3"

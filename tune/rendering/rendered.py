@@ -73,7 +73,7 @@ class Shares:
 
     @classmethod
     def of(cls, device: Device, filters: Filters) -> Shares:
-        """Of a device at its best estimate; a vibration mode does not show at these motions."""
+        """Shares at the device's best estimate; a vibration mode does not show at these motions."""
         lag = device.current_lag
         return _shares(
             filters,

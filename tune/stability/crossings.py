@@ -52,7 +52,11 @@ def candidates(
 
 
 def with_ends(s: FloatArray, fixed: FloatArray, varied: FloatArray) -> FloatArray:
-    """Crossings with those at w = 0 and w = ∞, inf where unused."""
+    """Crossings with those at w = 0 and w = ∞, inf where unused.
+
+    s has shape (crossings, loops), the coefficients shape (degree + 1, loops); the answer has two
+    more rows.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = -fixed[[0, -1]] / varied[[0, -1]]
     points = np.concatenate([s, ends])
@@ -133,7 +137,10 @@ def _roots_of(polynomials: FloatArray) -> ComplexArray:
 
 
 def real_parts(roots: ComplexArray, nearly: float) -> FloatArray:
-    """Positive real parts of the roots that are real to a part of them, nan elsewhere."""
+    """Positive real parts of the roots that are real to a part of them, nan elsewhere.
+
+    Roots have any shape, and the answer has it too.
+    """
     with np.errstate(invalid="ignore"):
         real = (roots.real > 0) & (np.abs(roots.imag) <= nearly * np.abs(roots.real))
     return np.where(real, roots.real, np.nan)

@@ -45,7 +45,10 @@ def parts_on_axis(polynomial: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def positive_roots(polynomial: FloatArray) -> FloatArray:
-    """Positive and nearly real roots of a polynomial in x, ascending."""
+    """Positive and nearly real roots of a polynomial in x, ascending.
+
+    The coefficients have shape (degree + 1,), ascending; the answer has shape (roots,).
+    """
     roots = np.roots(polynomial[::-1])
     real = (roots.real > 0) & (np.abs(roots.imag) <= NEARLY_REAL * roots.real)
     return np.sort(roots.real[real]).astype(np.float64)
@@ -58,6 +61,8 @@ def peak(
     starts: FloatArray,
 ) -> tuple[float, float]:
     """(largest value, its v) of P/Q over v in [0, ∞].
+
+    Coefficients have shape (degree + 1,), starts shape (starts,).
 
     Args:
         value: P/Q at finite v, an array; it may know better digits than the expanded P and Q.

@@ -65,7 +65,10 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
 
 
 def is_stable(loop: Loop, effects: Effects) -> NDArray[np.bool_]:
-    """True where the loop is certainly stable; undecided counts as unstable. See `verdict`."""
+    """True where the loop is certainly stable; undecided counts as unstable. See `verdict`.
+
+    The answer has the shape of loop and effects together.
+    """
     return verdict(loop, effects) > 0
 
 
@@ -92,7 +95,10 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
-    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time."""
+    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time.
+
+    The answer has the shape of loop and effects together.
+    """
     return stable_up_to(*_by_gain(loop, effects), gain)
 
 

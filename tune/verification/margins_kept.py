@@ -63,7 +63,7 @@ class MarginJudge:
     __slots__ = ("_effects", "_hands", "_known", "_profile", "_tasks")
 
     def __init__(self, profile: Design, moment: tuple[str, ...]) -> None:
-        """Of a profile and elements felt together."""
+        """Takes a profile and elements felt together."""
         margin = profile.margin
         self._profile, self._effects = profile, effects_of(profile, moment)
         self._hands = hands_of(profile.hand)

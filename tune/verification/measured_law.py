@@ -185,7 +185,10 @@ def _digits(profile: Design, force: FloatArray, position: FloatArray, effects: E
 
 
 def decimal_digit(column: FloatArray) -> float:
-    """The decimal digit all values are multiples of; 0 where none of the first twelve is."""
+    """The decimal digit all values are multiples of; 0 where none of the first twelve is.
+
+    The column has shape (rows,), any unit, which the answer shares.
+    """
     for power in range(_MOST_DIGITS):
         shifted = column * 10.0**power
         if np.all(np.abs(shifted - np.rint(shifted)) < _WHOLE):

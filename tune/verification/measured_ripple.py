@@ -45,6 +45,8 @@ def judge_ripple(
 ) -> Outcome:
     """Compare the high-frequency part of the force while the handle moves freely.
 
+    Force and position have shape (rows,).
+
     Args:
         loop: at the best estimate of the device.
         effects: as played.

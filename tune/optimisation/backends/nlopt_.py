@@ -75,6 +75,8 @@ def least_violation(program: Program, rank: Rank, start: FloatArray) -> FloatArr
     """Log-sizes at which the most broken constraint is as little broken as can be found.
 
     Minimises t subject to every constraint being at most t; t stops a little inside.
+
+    Start and answer have shape (unknowns,): logarithms of sizes in SI units.
     """
     program_at = Evaluation(program, rank)
 

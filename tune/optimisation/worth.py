@@ -22,9 +22,7 @@ from tune.optimisation.cut import may_be_cut
 from tune.optimisation.limits import allowed_points, weakest
 from tune.optimisation.nash import Optimum
 from tune.optimisation.problem import Job, Problem, pose
-from tune.optimisation.reasons import reasons_for_nothing
 from tune.optimisation.solve import optimum_of
-from tune.optimisation.starts import starts_of
 
 FloatArray = NDArray[np.float64]
 
@@ -72,12 +70,27 @@ class Tuned:
     optimum: Optimum | None
 
 
-def tuned(
+def tuned_whole(
     job: Job, elements: Sequence[str], filters: Filters, before: Tuned | None = None
+) -> Tuned | None:
+    """A group tuned by one solver; None where not all of its effects can be kept."""
+    wished = sum(len(job.scene.elements[name].wishes()) for name in elements)
+    found = tuned(job, elements, filters, before, choosing=False)
+    return found if sum(found.worth.kept) == wished else None
+
+
+def tuned(
+    job: Job,
+    elements: Sequence[str],
+    filters: Filters,
+    before: Tuned | None = None,
+    *,
+    choosing: bool = True,
 ) -> Tuned:
     """A group tuned by one solver, from where it was with other filters.
 
-    Nothing is worth less than a range that cannot be met.
+    Nothing is worth less than a range that cannot be met. Unless asked for, none is chosen of
+    effects that cannot be kept together: then all of them count as left out.
     """
     known: list[FloatArray] = []
     if before is not None and before.optimum is not None and before.optimum.sizes is not None:
@@ -90,6 +103,7 @@ def tuned(
             cut=may_be_cut(job, elements),
             second_opinion=False,
             known=known,
+            choosing=choosing,
         )
     except NoFeasibleEffectError:
         problem = _posed(job, elements, filters)
@@ -100,19 +114,6 @@ def tuned(
     kept = tuple(levels.count(rank) for rank in ranks_of(job))
     worth = Worth(kept=kept, value=_value(job, problem, sizes))
     return Tuned(worth=worth, problem=problem, optimum=optimum)
-
-
-def roughly(job: Job, elements: Sequence[str], filters: Filters) -> Worth | None:
-    """What a group is worth at the best point of some rays; None where none is good on them."""
-    problem = _posed(job, elements, filters)
-    if len(problem.unknowns) < 2 or reasons_for_nothing(problem):
-        return tuned(job, elements, filters).worth
-    found = starts_of(problem, 1)
-    if not found:
-        return None
-    levels = [unknown.level for unknown in problem.unknowns]
-    kept = tuple(levels.count(rank) for rank in ranks_of(job))
-    return Worth(kept=kept, value=_value(job, problem, found[0]))
 
 
 def ranks_of(job: Job) -> tuple[int, ...]:

@@ -7,14 +7,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
-from identification import rounded
+from identification import round_to_digits
 from tune.documents.effects import EffectName
 from tune.documents.scene import Cutoff
 from tune.loop.filters import Filters
-from tune.optimisation.cutting_planes import climbed
-from tune.optimisation.problem import Job
+from tune.optimisation.cutoff_objective import (
+    CutoffObjective,
+    Tuned,
+    ranks_of,
+    slope_of,
+    tune_all_effects,
+    tune_with_filters,
+)
+from tune.optimisation.cutting_planes import maximise
+from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import groups
-from tune.optimisation.worth import Tuned, Worth, ranks_of, slope_of, tuned, tuned_whole
 from tune.rendering.rendered import FASTEST
 
 #: Hz; a filter must pass the motions people make.
@@ -34,7 +41,7 @@ _TIED = 1e-6
 _DIGITS = 4
 
 
-def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
+def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
     """The fixed cut-offs, and for free ones the least filtering that does nearly as well as any.
 
     What a cut-off is worth is told by `worth`, for all elements together. Free cut-offs are looked
@@ -43,7 +50,7 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
     A filter is only there for an effect that uses it: without a damper no velocity filter, without
     a virtual mass no acceleration filter.
     """
-    scene = job.scene
+    scene = task.scene
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
     windowed = scene.loop.velocity_window_samples if "damping" in wishes else None
     kind = Filters(
@@ -52,10 +59,10 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
         filter_damping_ratio=scene.loop.filter_damping_ratio,
         velocity_window_samples=windowed,
     )
-    nyquist = 0.5 / job.device.sample_time.high
+    nyquist = 0.5 / task.device.sample_time.high
     velocity, acceleration = scene.loop.velocity_filter_hz, scene.loop.acceleration_filter_hz
     search = _Search(
-        job=job,
+        task=task,
         kind=kind,
         say=say,
         axes=(
@@ -95,7 +102,7 @@ class _Axis:
         """The cut-off as it is written; None for no filter."""
         if not self.free:
             return self.fixed
-        return None if place > self.first[-2] else rounded(math.exp(place), _DIGITS)
+        return None if place > self.first[-2] else round_to_digits(math.exp(place), _DIGITS)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -103,7 +110,7 @@ class _Search:
     """Filters that were tried, and what they are worth.
 
     Attributes:
-        job: what is tuned.
+        task: what is tuned.
         kind: order, damping ratio and window of the filters.
         say: called before each try.
         axes: choices of the velocity and the acceleration filter.
@@ -113,11 +120,11 @@ class _Search:
         whole: whether all effects of each group are kept, by the filters that it uses.
     """
 
-    job: Job
+    task: DesignTask
     kind: Filters
     say: Callable[[str], None]
     axes: tuple[_Axis, _Axis]
-    tried: dict[Filters, Worth] = field(default_factory=dict[Filters, Worth])
+    tried: dict[Filters, CutoffObjective] = field(default_factory=dict[Filters, CutoffObjective])
     known: dict[tuple[tuple[str, ...], Filters], Tuned] = field(
         default_factory=dict[tuple[tuple[str, ...], Filters], Tuned]
     )
@@ -139,7 +146,7 @@ class _Search:
             for index in free:
                 point = self._refined(self._along(point, index), [index])
         most = max(self.tried.values(), key=lambda each: each.order)
-        enough = Worth(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
+        enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
         return min((f for f, worth in self.tried.items() if worth.order >= enough), key=_lag)
 
     def _starts(self, middle: list[float]) -> list[list[float]]:
@@ -174,13 +181,14 @@ class _Search:
         whole = [(worth, each) for each in points if (worth := self._whole(each))]
         return _most(whole) if whole else None
 
-    def _whole(self, point: Sequence[float]) -> Worth | None:
+    def _whole(self, point: Sequence[float]) -> CutoffObjective | None:
         """What all elements are worth; None where not all effects are kept, which is soon told."""
         filters = self._filters(point)
         for elements in self._filtered():
             used = self._of(elements, filters)
             if (elements, used) not in self.whole:
-                found = tuned_whole(self.job, elements, used, self.last.get(elements))
+                self._say(filters)
+                found = tune_all_effects(self.task, elements, used, self.last.get(elements))
                 self.whole[elements, used] = found is not None
                 if found is not None:
                     self.known[elements, used] = self.last[elements] = found
@@ -190,7 +198,7 @@ class _Search:
 
     def _filtered(self) -> list[tuple[str, ...]]:
         """Groups of elements that filters are for."""
-        every = groups(self.job.scene)
+        every = groups(self.task.scene)
         return [elements for elements in every if self._used(elements) & {"damping", "mass"}]
 
     def _say(self, filters: Filters) -> None:
@@ -202,11 +210,11 @@ class _Search:
     def _coupled(self) -> bool:
         """True where elements that are tuned together use both filters, and both are free."""
         return all(axis.free for axis in self.axes) and any(
-            {"damping", "mass"} <= self._used(elements) for elements in groups(self.job.scene)
+            {"damping", "mass"} <= self._used(elements) for elements in groups(self.task.scene)
         )
 
     def _used(self, elements: Sequence[str]) -> set[EffectName]:
-        return {effect for name in elements for effect in self.job.scene.elements[name].wishes()}
+        return {effect for name in elements for effect in self.task.scene.elements[name].wishes()}
 
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
         """From a point to one that is worth more than all around it."""
@@ -230,27 +238,27 @@ class _Search:
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
         radius = math.log(_COARSE) / 2
-        return whole(climbed(value, slopes, start, ends, radius=radius, gain=_SAME))
+        return whole(maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
 
     def _slope(self, point: Sequence[float], index: int) -> float:
-        """Of the worth, by the logarithm of one cut-off."""
+        """Slope of the objective by the logarithm of one cut-off."""
         here = self._filters(point)
         name = ("velocity_filter_hz", "acceleration_filter_hz")[index]
         hertz: float = getattr(here, name)
         step = -_STEP if math.log(hertz) + _STEP > self.axes[index].first[-2] else _STEP
         there = replace(here, **{name: hertz * math.exp(step)})
         total = 0.0
-        for elements in groups(self.job.scene):
+        for elements in groups(self.task.scene):
             filters, moved = (self._of(elements, each) for each in (here, there))
             if filters != moved:
-                total += slope_of(self.job, self._tuned(elements, filters), moved)
+                total += slope_of(self.task, self._tuned(elements, filters), moved)
         return total / step
 
-    def _worth(self, point: Sequence[float]) -> Worth:
+    def _worth(self, point: Sequence[float]) -> CutoffObjective:
         filters = self._filters(point)
         if filters not in self.tried:
             self._say(filters)
-            total = Worth(kept=(0,) * len(ranks_of(self.job)), value=0.0)
+            total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
             for elements in self._filtered():
                 total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
             self.tried[filters] = total
@@ -268,7 +276,7 @@ class _Search:
     def _tuned(self, elements: tuple[str, ...], filters: Filters) -> Tuned:
         """One group; known if it was tried before with the filters that it uses."""
         if (elements, filters) not in self.known:
-            found = tuned(self.job, elements, filters, self.last.get(elements))
+            found = tune_with_filters(self.task, elements, filters, self.last.get(elements))
             self.known[elements, filters] = self.last[elements] = found
         return self.known[elements, filters]
 
@@ -279,10 +287,10 @@ class _Search:
         return replace(self.kind, velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
 
 
-def _most(found: Sequence[tuple[Worth, list[float]]]) -> list[float]:
+def _most(found: Sequence[tuple[CutoffObjective, list[float]]]) -> list[float]:
     """The first of the points that are worth most; they tie where a cut-off changes nothing."""
     most = max((worth for worth, _ in found), key=lambda each: each.order)
-    enough = Worth(kept=most.kept, value=most.value - _TIED).order
+    enough = CutoffObjective(kept=most.kept, value=most.value - _TIED).order
     return next(point for worth, point in found if worth.order >= enough)
 
 

@@ -18,11 +18,9 @@ from tune.documents.errors import NoFeasibleEffectError
 from tune.loop.filters import Filters
 from tune.optimisation.backends import Rank
 from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.initial_points import initial_points_of
 from tune.optimisation.limits import feasible_points, least_margin_loops
 from tune.optimisation.nash import Optimum
 from tune.optimisation.problem import DesignTask, Problem, pose
-from tune.optimisation.reasons import reasons_for_nothing
 from tune.optimisation.saturable import may_saturate
 from tune.optimisation.solve import optimum_of
 
@@ -72,12 +70,27 @@ class Tuned:
     optimum: Optimum | None
 
 
-def tune_with_filters(
+def tune_all_effects(
     task: DesignTask, elements: Sequence[str], filters: Filters, before: Tuned | None = None
+) -> Tuned | None:
+    """A group tuned by one solver; None where not all of its effects can be kept."""
+    wished = sum(len(task.scene.elements[name].wishes()) for name in elements)
+    found = tune_with_filters(task, elements, filters, before, choosing=False)
+    return found if sum(found.worth.kept) == wished else None
+
+
+def tune_with_filters(
+    task: DesignTask,
+    elements: Sequence[str],
+    filters: Filters,
+    before: Tuned | None = None,
+    *,
+    choosing: bool = True,
 ) -> Tuned:
     """A group tuned by one solver, from where it was with other filters.
 
-    Nothing is worth less than a range that cannot be met.
+    Nothing is worth less than a range that cannot be met. Unless asked for, none is chosen of
+    effects that cannot be kept together: then all of them count as left out.
     """
     known: list[FloatArray] = []
     if before is not None and before.optimum is not None and before.optimum.sizes is not None:
@@ -90,6 +103,7 @@ def tune_with_filters(
             cut=may_saturate(task, elements),
             second_opinion=False,
             known=known,
+            choosing=choosing,
         )
     except NoFeasibleEffectError:
         problem = _posed(task, elements, filters)
@@ -100,21 +114,6 @@ def tune_with_filters(
     kept = tuple(levels.count(rank) for rank in ranks_of(task))
     worth = CutoffObjective(kept=kept, value=_value(task, problem, sizes))
     return Tuned(worth=worth, problem=problem, optimum=optimum)
-
-
-def approximate_objective(
-    task: DesignTask, elements: Sequence[str], filters: Filters
-) -> CutoffObjective | None:
-    """What a group is worth at the best point of some rays; None where none is good on them."""
-    problem = _posed(task, elements, filters)
-    if len(problem.unknowns) < 2 or reasons_for_nothing(problem):
-        return tune_with_filters(task, elements, filters).worth
-    found = initial_points_of(problem, 1)
-    if not found:
-        return None
-    levels = [unknown.level for unknown in problem.unknowns]
-    kept = tuple(levels.count(rank) for rank in ranks_of(task))
-    return CutoffObjective(kept=kept, value=_value(task, problem, found[0]))
 
 
 def ranks_of(task: DesignTask) -> tuple[int, ...]:

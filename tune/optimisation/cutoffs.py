@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 from identification import round_to_digits
 from tune.documents.effects import EffectName
@@ -13,9 +14,9 @@ from tune.loop.filters import Filters
 from tune.optimisation.cutoff_objective import (
     CutoffObjective,
     Tuned,
-    approximate_objective,
     ranks_of,
     slope_of,
+    tune_all_effects,
     tune_with_filters,
 )
 from tune.optimisation.cutting_planes import maximise
@@ -34,6 +35,8 @@ _SAME = 1e-3
 _GOOD_ENOUGH = 2e-3
 #: Step on the logarithmic scale of cut-offs over which a slope is taken.
 _STEP = 1e-4
+#: Two worths that differ by less, by rounding or by where a solver ends, are one.
+_TIED = 1e-6
 #: Digits of a written cut-off.
 _DIGITS = 4
 
@@ -114,7 +117,7 @@ class _Search:
         tried: worth of all elements.
         known: each group as tuned by the filters that it uses.
         last: each group as it was tuned last.
-        rough: worth of each group on rays, by the filters that it uses.
+        whole: whether all effects of each group are kept, by the filters that it uses.
     """
 
     task: DesignTask
@@ -126,8 +129,8 @@ class _Search:
         default_factory=dict[tuple[tuple[str, ...], Filters], Tuned]
     )
     last: dict[tuple[str, ...], Tuned] = field(default_factory=dict[tuple[str, ...], Tuned])
-    rough: dict[tuple[tuple[str, ...], Filters], CutoffObjective | None] = field(
-        default_factory=dict[tuple[tuple[str, ...], Filters], CutoffObjective | None]
+    whole: dict[tuple[tuple[str, ...], Filters], bool] = field(
+        default_factory=dict[tuple[tuple[str, ...], Filters], bool]
     )
 
     def best(self) -> Filters:
@@ -136,40 +139,67 @@ class _Search:
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
             return self._filters(point)
-        # What is looked for first is looked for again once the other cut-off is known.
-        for index in free if len(free) == 1 or not self._coupled() else (1, 0, 1):
-            point = self._coarsely(point, index)
-        for chosen in [free] if self._coupled() else [[index] for index in free]:
-            point = self._refined(point, chosen)
+        if self._coupled():
+            for start in self._starts(point):
+                self._refined(start, free)
+        else:
+            for index in free:
+                point = self._refined(self._along(point, index), [index])
         most = max(self.tried.values(), key=lambda each: each.order)
         enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
         return min((f for f, worth in self.tried.items() if worth.order >= enough), key=_lag)
 
-    def _coarsely(self, point: Sequence[float], index: int) -> list[float]:
-        """The point with the best of the first choices of one cut-off, least filtering first."""
-        places = reversed(self.axes[index].first)
-        points = [[*point[:index], place, *point[index + 1 :]] for place in places]
-        rough = [(self._roughly(each), each) for each in points]
-        good = [(worth.order, each) for worth, each in rough if worth is not None]
-        if good:
-            return max(good, key=lambda pair: pair[0])[1]
-        return max(points, key=lambda each: self._worth(each).order)
+    def _starts(self, middle: list[float]) -> list[list[float]]:
+        """Points to climb from: one cut-off after the other, in both orders.
 
-    def _roughly(self, point: Sequence[float]) -> CutoffObjective | None:
-        """What all elements are worth on rays; None where some of them are no good on any."""
+        Where no line through the middle keeps every effect, all pairs of first choices are asked.
+        """
+        starts: list[list[float]] = []
+        for first, then in ((1, 0), (0, 1)):
+            found = self._best_whole(self._line(middle, first))
+            again = found and self._best_whole(self._line(found, then))
+            if again and again not in starts:
+                starts.append(again)
+        if starts:
+            return starts
+        pairs = [list(pair) for pair in product(*(axis.first[::-1] for axis in self.axes))]
+        whole = self._best_whole(pairs)
+        return [whole or self._along(self._along(middle, 1), 0)]
+
+    def _line(self, point: Sequence[float], index: int) -> list[list[float]]:
+        """Points with the first choices of one cut-off, least filtering first."""
+        places = reversed(self.axes[index].first)
+        return [[*point[:index], place, *point[index + 1 :]] for place in places]
+
+    def _along(self, point: Sequence[float], index: int) -> list[float]:
+        """The point that is worth most among the first choices of one cut-off."""
+        points = self._line(point, index)
+        return self._best_whole(points) or _most([(self._worth(each), each) for each in points])
+
+    def _best_whole(self, points: Sequence[list[float]]) -> list[float] | None:
+        """The point that is worth most of those that keep every effect; None where none does."""
+        whole = [(worth, each) for each in points if (worth := self._whole(each))]
+        return _most(whole) if whole else None
+
+    def _whole(self, point: Sequence[float]) -> CutoffObjective | None:
+        """What all elements are worth; None where not all effects are kept, which is soon told."""
         filters = self._filters(point)
-        self._say(filters)
-        total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
-        for elements in groups(self.task.scene):
+        for elements in self._filtered():
             used = self._of(elements, filters)
-            if self._used(elements) & {"damping", "mass"}:
-                if (elements, used) not in self.rough:
-                    self.rough[elements, used] = approximate_objective(self.task, elements, used)
-                found = self.rough[elements, used]
-                if found is None:
-                    return None
-                total = total.plus(found)
-        return total
+            if (elements, used) not in self.whole:
+                self._say(filters)
+                found = tune_all_effects(self.task, elements, used, self.last.get(elements))
+                self.whole[elements, used] = found is not None
+                if found is not None:
+                    self.known[elements, used] = self.last[elements] = found
+            if not self.whole[elements, used]:
+                return None
+        return self._worth(point)
+
+    def _filtered(self) -> list[tuple[str, ...]]:
+        """Groups of elements that filters are for."""
+        every = groups(self.task.scene)
+        return [elements for elements in every if self._used(elements) & {"damping", "mass"}]
 
     def _say(self, filters: Filters) -> None:
         self.say(
@@ -229,9 +259,8 @@ class _Search:
         if filters not in self.tried:
             self._say(filters)
             total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
-            for elements in groups(self.task.scene):
-                if self._used(elements) & {"damping", "mass"}:
-                    total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
+            for elements in self._filtered():
+                total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
             self.tried[filters] = total
         return self.tried[filters]
 
@@ -256,6 +285,13 @@ class _Search:
             axis.hertz(place) for axis, place in zip(self.axes, point, strict=True)
         )
         return replace(self.kind, velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
+
+
+def _most(found: Sequence[tuple[CutoffObjective, list[float]]]) -> list[float]:
+    """The first of the points that are worth most; they tie where a cut-off changes nothing."""
+    most = max((worth for worth, _ in found), key=lambda each: each.order)
+    enough = CutoffObjective(kept=most.kept, value=most.value - _TIED).order
+    return next(point for worth, point in found if worth.order >= enough)
 
 
 def _lag(filters: Filters) -> float:

@@ -165,6 +165,7 @@ def optimum_of(
     second_opinion: bool = True,
     known: Sequence[FloatArray] = (),
     gone: Mapping[str, str] | None = None,
+    choosing: bool = True,
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
@@ -178,6 +179,8 @@ def optimum_of(
         second_opinion: ask all solvers.
         known: allowed sizes of all effects to begin with, where there are some.
         gone: effects that are left out, with the reason.
+        choosing: where effects that are possible alone are not so together, choose which are kept;
+            else the optimum has no sizes there.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -200,7 +203,7 @@ def optimum_of(
     if not problem.unknowns:
         return problem, None, dropped
     found = best(problem, [] if dropped else known)
-    if found.sizes is not None:
+    if found.sizes is not None or not choosing:
         return problem, found, dropped
     every = frozenset(unknown.label for unknown in problem.unknowns)
     before = frozenset(dropped)

@@ -1,4 +1,7 @@
-"""The one verb: does a low-gain closed-loop log behave as its profile predicts?"""
+"""The one verb: does a low-gain closed-loop log behave as its profile predicts?
+
+One file: the steps of one verb, in their order.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Measured control law: does the logged force follow from the positions as the profile says?"""
+"""Measured control law: does the logged force follow from the positions as the profile says?
+
+One file: one fit of the law, and what it is held to say.
+"""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from identification.trajectory import Trajectory
 #: Change of delay, in samples, for the slope of the estimates over delay.
 _DELAY_STEP = 0.05
 #: The method that is given a delay; the others fit one if nobody states it.
-_GIVEN = "least-squares"
+_GIVEN = frozenset({"least-squares"})
 
 
 class _Estimator(Protocol):
@@ -135,7 +135,7 @@ class PreparedLog:
         return _estimator(method).point(table, self.delay)
 
     def _fits_delay(self, method: str) -> bool:
-        return self.stated is None and method != _GIVEN
+        return self.stated is None and method not in _GIVEN
 
     def _of_table(self, table: Regression, method: str) -> Estimate:
         """The estimate of one method from this log with other terms."""

@@ -19,7 +19,7 @@ from tune.loop.filters import Filters
 from tune.optimisation.backends import Rank
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.limits import feasible_points, least_margin_loops
-from tune.optimisation.nash import Optimum
+from tune.optimisation.nash import SAME, Optimum
 from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.saturable import may_saturate
 from tune.optimisation.solve import optimum_of
@@ -144,10 +144,10 @@ def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
     )
     beside = pose(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
     sizes = optimum.sizes
-    if sizes.size == 1:
-        top = largest_allowed(beside, np.zeros(1), 0)
-        there = _value(task, beside, np.array([top])) if top > 0 else -np.inf
-        return max(there - found.worth.value, -1.0)
+    # Of one effect beside wanted values that are met, the largest is known without a program.
+    open_ends = np.flatnonzero(sizes < problem.high * (1 - SAME))
+    if open_ends.size <= 1:
+        return max(_value_alone(task, beside, sizes, open_ends) - found.worth.value, -1.0)
     from tune.optimisation.backends.evaluation import Evaluation
     from tune.optimisation.backends.multipliers import multipliers
     from tune.optimisation.backends.program import program_of
@@ -170,6 +170,16 @@ def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
         return change
     binding = prices > 0
     return change - float(prices[binding] @ (rows[1] - rows[0])[binding])
+
+
+def _value_alone(
+    task: DesignTask, problem: Problem, sizes: FloatArray, raised: NDArray[np.intp]
+) -> float:
+    """The objective where all sizes stay but at most one, which is as large as it may be."""
+    sizes = np.minimum(sizes, problem.high)
+    for index in raised.tolist():
+        sizes[index] = largest_allowed(problem, sizes, index)
+    return _value(task, problem, sizes) if np.all(sizes > 0) else -np.inf
 
 
 def _posed(task: DesignTask, elements: Sequence[str], filters: Filters) -> Problem:

@@ -10,10 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
-from identification import round_to_digits
 from tune.documents.effects import EffectName
-from tune.documents.scene import Cutoff
 from tune.loop.filters import Filters
+from tune.optimisation.cutoff_axis import COARSE, CutoffAxis
 from tune.optimisation.cutoff_objective import (
     CutoffObjective,
     Tuned,
@@ -25,13 +24,7 @@ from tune.optimisation.cutoff_objective import (
 from tune.optimisation.cutting_planes import maximise
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import groups
-from tune.rendering.rendered import FASTEST
 
-#: Hz; a filter must pass the motions people make.
-LOWEST = FASTEST
-#: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
-#: a mass it rises with each octave of filtering, until force, stability or honey makes it fall.
-_COARSE = 3.0
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 1e-3
 #: This little is given for less filtering.
@@ -40,16 +33,14 @@ _GOOD_ENOUGH = 2e-3
 _STEP = 1e-4
 #: Two worths that differ by less, by rounding or by where a solver ends, are one.
 _TIED = 1e-6
-#: Digits of a written cut-off.
-_DIGITS = 4
 
 
 def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
     """The fixed cut-offs, and for free ones the least filtering that does nearly as well as any.
 
-    What a cut-off is worth is told by `worth`, for all elements together. Free cut-offs are looked
-    for coarsely, one after the other, then together by cutting planes, on a logarithmic scale above
-    which there is no filter.
+    What a cut-off is worth is told by `cutoff_objective`, for all elements together. Free cut-offs
+    are looked for coarsely, one after the other in both orders, then together by cutting planes, on
+    a logarithmic scale above which there is no filter.
     A filter is only there for an effect that uses it: without a damper no velocity filter, without
     a virtual mass no acceleration filter.
     """
@@ -63,49 +54,21 @@ def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
         velocity_window_samples=windowed,
     )
     nyquist = 0.5 / task.device.sample_time.high
-    velocity, acceleration = scene.loop.velocity_filter_hz, scene.loop.acceleration_filter_hz
+    with_velocity = "damping" in wishes and windowed is None
+    velocity = scene.loop.velocity_filter_hz if with_velocity else "none"
+    acceleration = scene.loop.acceleration_filter_hz if "mass" in wishes else "none"
     search = _Search(
         task=task,
         kind=kind,
         say=say,
         axes=(
-            _Axis.of(velocity if "damping" in wishes and windowed is None else "none", nyquist),
-            _Axis.of(acceleration if "mass" in wishes else "none", nyquist),
+            CutoffAxis.of(
+                velocity if "damping" in wishes and windowed is None else "none", nyquist
+            ),
+            CutoffAxis.of(acceleration if "mass" in wishes else "none", nyquist),
         ),
     )
     return search.best()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Axis:
-    """The choices of one cut-off on a logarithmic scale.
-
-    Attributes:
-        first: places to begin with, ascending; beyond the last but one there is no filter. One
-            place where the cut-off is not free.
-        fixed: Hz or none, where it is not free.
-    """
-
-    first: tuple[float, ...]
-    fixed: float | None = None
-
-    @classmethod
-    def of(cls, cutoff: Cutoff, nyquist: float) -> _Axis:
-        if cutoff != "free" or nyquist <= LOWEST:
-            return cls(first=(0.0,), fixed=cutoff if isinstance(cutoff, float) else None)
-        low, high = math.log(LOWEST), math.log(nyquist)
-        count = math.ceil((high - low) / math.log(_COARSE))
-        return cls(first=tuple(low + (high - low) * k / count for k in range(count + 2)))
-
-    @property
-    def free(self) -> bool:
-        return len(self.first) > 1
-
-    def hertz(self, place: float) -> float | None:
-        """The cut-off as it is written; None for no filter."""
-        if not self.free:
-            return self.fixed
-        return None if place > self.first[-2] else round_to_digits(math.exp(place), _DIGITS)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -126,7 +89,7 @@ class _Search:
     task: DesignTask
     kind: Filters
     say: Callable[[str], None]
-    axes: tuple[_Axis, _Axis]
+    axes: tuple[CutoffAxis, CutoffAxis]
     tried: dict[Filters, CutoffObjective] = field(default_factory=dict[Filters, CutoffObjective])
     known: dict[tuple[tuple[str, ...], Filters], Tuned] = field(
         default_factory=dict[tuple[tuple[str, ...], Filters], Tuned]
@@ -240,7 +203,7 @@ class _Search:
 
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
-        radius = math.log(_COARSE) / 2
+        radius = math.log(COARSE) / 2
         return whole(maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
 
     def _slope(self, point: Sequence[float], index: int) -> float:

@@ -118,7 +118,7 @@ def test_no_file_has_more_lines_than_planned(package: str) -> None:
 def unexplained(path: Path, most: int) -> bool:
     """Whether a file of more lines does not say in its docstring why it is one."""
     text = path.read_text(encoding="utf-8")
-    told = ast.get_docstring(ast.parse(text)) or ""
+    told = " ".join((ast.get_docstring(ast.parse(text)) or "").split())
     return len(text.splitlines()) > most and "One file:" not in told
 
 
@@ -145,7 +145,7 @@ def test_a_long_file_without_a_reason_is_found(tmp_path: Path) -> None:
             "identify(load_trajectory('datasets_synthetic/logs/homerehab.csv'))\n",
         ),
         (
-            113,
+            114,
             "from identification import load_device\n"
             "from tune import Scene, optimise\n"
             "elements = {'wall': {'stiffness': 'max', 'damping': 'max'},"

@@ -18,6 +18,7 @@ from tests.commands import haptune, log_text
 from tune import SafeProfile, Scene, optimise, profile_picture
 from tune.cli.drawing import draw
 from tune.cli.session import Session
+from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.state_space import SampledLoop, corners_of
 from tune.presentation.boundaries import Boundaries
@@ -25,7 +26,6 @@ from tune.presentation.element_picture import element_picture
 from tune.presentation.labels import place_labels
 from tune.presentation.limits import uses_of
 from tune.presentation.responses import impact_response, step_response
-from tune.presentation.units import UNITS
 
 DEVICE = load_device("homerehab")
 #: A name that matplotlib would take for a broken formula.

@@ -148,7 +148,8 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
     from tune._audit import ELEMENT
     from tune.cli.contacts import contact_words, varied
     from tune.cli.friction_rows import friction_rows
-    from tune.cli.tables import UNITS, further_delay
+    from tune.cli.tables import further_delay
+    from tune.documents.units import UNITS
 
     design, margins = found.design, found.margins
     units = UNITS[design.device.motion]

@@ -113,14 +113,18 @@ class IdentifyDetails(Details, total=False):
 
 
 class TuneDetails(Details, total=False):
-    """Of ``tune``, and of ``report``, which has no candidates."""
+    """Of ``tune``."""
 
     candidates: list[dict[str, Any]]
     what_if: list[AlternativeResult]
 
 
 class CalibrateDetails(IdentifyDetails, TuneDetails, total=False):
-    """Of ``calibrate``, ``demo`` and ``report``, which show a device and a profile."""
+    """Of ``calibrate``, ``demo`` and ``report``, which show a device and a profile.
+
+    The ``half_widths`` of ``report`` are of the device in the profile; its ``device``, where logs
+    were given, is as identified from them again.
+    """
 
 
 class CheckDetails(TypedDict, total=False):

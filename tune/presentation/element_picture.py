@@ -11,11 +11,11 @@ import numpy as np
 
 from identification import legend_above
 from tune.documents.profile import Design, ElementProfile
+from tune.documents.units import UNITS, spoken
 from tune.presentation.boundaries import Boundaries
 from tune.presentation.limits import Use, uses_of
 from tune.presentation.responses import Response, impact_response, step_response
 from tune.presentation.slices import draw_slice
-from tune.presentation.units import UNITS, spoken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tune.documents.profile import Design
+from tune.documents.units import UNITS, spoken
 from tune.presentation.boundaries import Boundaries
 from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shortened
 from tune.presentation.labels import place_labels
 from tune.presentation.slices import draw_region
-from tune.presentation.units import UNITS, spoken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

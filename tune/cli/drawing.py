@@ -12,7 +12,7 @@ from tune.cli.session import Session
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from identification import Device, Identification
+    from identification import Device, Identification, Motion
     from tune.documents.profile import Design
     from tune.optimisation.candidates import CandidateEffect
 
@@ -76,8 +76,10 @@ def draw_profile(session: Session, picture: Path, profile: Design) -> None:
     draw(session, picture, drawn)
 
 
-def draw_candidates(session: Session, picture: Path, rows: Sequence[CandidateEffect]) -> None:
+def draw_candidates(
+    session: Session, picture: Path, rows: Sequence[CandidateEffect], motion: Motion
+) -> None:
     """Draw the steps of every effect with each candidate."""
     from tune.optimisation.candidates_picture import candidates_picture
 
-    draw(session, picture, candidates_picture(rows))
+    draw(session, picture, candidates_picture(rows, motion))

@@ -153,15 +153,18 @@ def _draw_impact(
     _draw_devices(axes, found, found.force)
     if limit is not None:
         most = max(float(np.max(np.abs(found.force))), 1e-12)
-        for level, words in ((limit.peak, "peak"), (limit.continuous, "continuous")):
+        for level, words, dashes in (
+            (limit.continuous, "continuous force", ":"),
+            (limit.peak, "peak force", "--"),
+        ):
             if level < 3 * most:
                 for side in (-1, 1):
                     axes.axhline(
                         side * level,
                         color="tab:red",
                         lw=0.8,
-                        ls="--" if words == "peak" else ":",
-                        label="force limits" if side > 0 and words == "peak" else None,
+                        ls=dashes,
+                        label=words if side > 0 else None,
                     )
     axes.set_ylabel(f"force, {units['force']}")
     axes.set_xlabel("time, s")

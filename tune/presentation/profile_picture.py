@@ -46,7 +46,7 @@ def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) ->
 def profile_sheet(profile: Design) -> Figure:
     """The overview, then each element with its slice of the region, limits, step and impact.
 
-    Of more than `MOST_ELEMENTS` that play something the first are drawn.
+    Of more than `MOST_ELEMENTS` that play something the first are drawn, and the picture says so.
     """
     from identification import NotebookFigure
 
@@ -58,18 +58,30 @@ def profile_sheet(profile: Design) -> Figure:
     boundaries = Boundaries.of(profile)
     for part, name in zip(parts[1:], names, strict=True):
         draw_element(part, profile, name, boundaries)
-    draw_overview(parts[0], profile, boundaries)
+    draw_overview(parts[0], profile, boundaries, words_of_shown(profile))
     return figure
 
 
 def shown_elements(profile: Design) -> list[str]:
     """Names of the elements that are drawn one by one: those that play something, the first."""
-    playing = (
+    return _playing(profile)[:MOST_ELEMENTS]
+
+
+def words_of_shown(profile: Design) -> str:
+    """Which elements are drawn one by one, in words; "" where all are."""
+    playing = len(_playing(profile))
+    if playing <= MOST_ELEMENTS:
+        return ""
+    return f"of {playing} elements the first {MOST_ELEMENTS} are drawn one by one"
+
+
+def _playing(profile: Design) -> list[str]:
+    """Names of the elements that play something."""
+    return [
         name
         for name, element in profile.elements.items()
         if element.stiffness or element.damping or element.mass
-    )
-    return list(playing)[:MOST_ELEMENTS]
+    ]
 
 
 def overview_height(profile: Design) -> float:
@@ -78,8 +90,10 @@ def overview_height(profile: Design) -> float:
     return max(_FIRST, 1.2 + _EFFECT * effects)
 
 
-def draw_overview(figure: Figure | SubFigure, profile: Design, boundaries: Boundaries) -> None:
-    """Draw region and perceived steps on a figure or a part of one."""
+def draw_overview(
+    figure: Figure | SubFigure, profile: Design, boundaries: Boundaries, note: str = ""
+) -> None:
+    """Draw region and perceived steps on a figure or a part of one, with a note below the title."""
     height = overview_height(profile)
     left, right = figure.subplots(
         1,
@@ -99,6 +113,8 @@ def draw_overview(figure: Figure | SubFigure, profile: Design, boundaries: Bound
         fontsize=11,
         y=1 - 0.12 / height,
     )
+    if note:
+        figure.text(0.5, 1 - 0.42 / height, note, fontsize=9, ha="center", va="bottom")
     _draw_steps(right, profile)
     _draw_places(left, profile, boundaries)
 
@@ -135,7 +151,11 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
             f", M = {element.mass:.2g} {units['mass']}" if element.mass else ""
         )
         labels.append((element.damping, element.stiffness, note))
-    place_labels(axes, labels)
+    left_out = len(labels) - len(place_labels(axes, labels))
+    if left_out:
+        named = "names have" if left_out > 1 else "name has"
+        axes.set_title(f"{axes.get_title(loc='left')}\n{left_out} {named} no room",
+                       fontsize=8, loc="left", pad=16)  # fmt: skip
 
 
 def _effects(profile: Design) -> list[str]:

@@ -223,6 +223,27 @@ def test_no_text_of_a_profile_falls_on_another(profile: SafeProfile) -> None:
     assert "8 of 14 N" in words
 
 
+def test_a_picture_calls_safe_only_what_is(
+    profile: SafeProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tune.presentation.profile_picture.draw_element", lambda *_: None)
+    titles: list[str] = []
+    monkeypatch.setattr("tune.cli.drawing.draw", lambda *given: titles.append(_title(given[2])))
+    picture = str(tmp_path / "audit.png")
+    assert haptune("audit", "homerehab", "--stiffness", "30000", "--picture", picture).code == 6
+    assert titles[0].endswith("NOT SAFE: stability and force")
+    assert ": safe for every gain up to 2 with 1 extra sample" in _title(profile_sheet(profile))
+    design = Design.model_validate({name: getattr(profile, name) for name in Design.model_fields})
+    assert ": margin: every gain up to 2" in _title(profile_sheet(design))
+
+
+def _title(figure: Figure) -> str:
+    """The title of the overview on a sheet."""
+    title = figure.subfigs[0].get_suptitle()
+    assert title
+    return title
+
+
 def test_correlation_is_that_of_a_known_process() -> None:
     noise = np.random.default_rng(4).standard_normal(40_000)
     column = np.empty_like(noise)

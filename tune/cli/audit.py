@@ -89,10 +89,13 @@ def audit(
         session.details["taken_on_trust"] = trusted = taken_on_trust(found.design.device)
         for line in trusted:
             session.say(f"taken on trust: {line}")
+        proved = f"safe with margin {found.design.margin.name}, proved over the whole box"
+        wrong = " and ".join(dict.fromkeys(fault.limit for fault in found.faults))
         if picture is not None:
-            draw_profile(session, picture, found.design)
+            verdict = proved if found.safe else f"NOT SAFE: {wrong}"
+            draw_profile(session, picture, found.design, verdict)
         if found.safe:
-            session.say(f"safe with margin {found.design.margin.name}, proved over the whole box")
+            session.say(proved)
             return
         nearest = _sentence(found.nearest)
         raise CheckFailedError(

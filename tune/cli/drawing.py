@@ -66,13 +66,15 @@ def draw_identified(
     draw(session, picture, drawn)
 
 
-def draw_profile(session: Session, picture: Path, profile: Design) -> None:
-    """Draw region, limits and responses of every element."""
+def draw_profile(
+    session: Session, picture: Path, profile: Design, verdict: str | None = None
+) -> None:
+    """Draw region, limits and responses of every element, with a verdict in the title."""
     from tune.presentation.profile_picture import profile_sheet
 
     with session.progress() as say:
         say("drawing")
-        drawn = profile_sheet(profile)
+        drawn = profile_sheet(profile, verdict)
     draw(session, picture, drawn)
 
 

@@ -32,6 +32,8 @@ _DIRECTIONS = (
     (0.3, -1.2),
     (-0.6, 1.0),
     (-0.6, -1.2),
+    (0.8, 0.8),
+    (-0.8, 0.8),
 )
 #: Farther than this, points, a line leads from the label to its point.
 _FAR = 20
@@ -66,9 +68,8 @@ def place_labels(
         label = axes.annotate(
             text, (x, y), xytext=(0, 0), textcoords="offset points", fontsize=fontsize
         )
-        place = room.place(
-            label.get_window_extent(renderer), axes.transData.transform((x, y)), pixels
-        )
+        across, up = (float(each) for each in axes.transData.transform((x, y)))
+        place = room.place(label.get_window_extent(renderer), (across, up), pixels)
         if place is None:
             label.remove()
             continue
@@ -96,7 +97,7 @@ class _Room:
     labels: list[Bbox] = field(default_factory=list[Bbox])
     lines: list[Path] = field(default_factory=list[Path])
 
-    def place(self, size: Bbox, point: Sequence[float], pixels: float) -> Place | None:
+    def place(self, size: Bbox, point: tuple[float, float], pixels: float) -> Place | None:
         """Take the first place that is free for a label; None where none is.
 
         Places whose line crosses no label are sought first.
@@ -112,7 +113,7 @@ class _Room:
                 box = size.translated(left, up * pixels)
                 far = max(abs(across), abs(up)) > _FAR
                 end = (point[0] + across * pixels, point[1] + up * pixels)
-                line = Path([tuple(point), end]) if far else None
+                line = Path([point, end]) if far else None
                 if self._free(box.padded(_GAP), line, crossing=crossing):
                     self.labels.append(box)
                     self.lines += [line] if line else []

@@ -125,7 +125,7 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
             rest + side * wide,
             color="tab:green",
             alpha=0.4,
-            lw=0,
+            lw=0.8,
             label="predicted envelope" if side > 0 else None,
         )
 

@@ -15,7 +15,7 @@ from datasets_synthetic import SCENARIOS, run_batch
 from identification import Hardware, IdentificationError, Trajectory, identify, quantity
 from identification.estimators import ESTIMATORS
 from identification.estimators.model import Model
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
 from tests.simulated.families import FAMILIES
 
 FloatArray = NDArray[np.float64]
@@ -71,7 +71,7 @@ def _cases() -> Iterator[_Case]:
 
 
 def _ours(name: str, log: Trajectory, model: Model, delay: float) -> FloatArray:
-    found = Workshop.of(log, model, quantity(delay)).fit(name)
+    found = PreparedLog.of(log, model, quantity(delay)).fit(name)
     return np.array([found.value("mass"), found.value("damping")])
 
 

@@ -92,11 +92,11 @@ def rows() -> Iterator[Row]:
     """Of each part: the proposal and the certificate, beside those without it."""
     for part in PARTS:
         cases = (part.beside, part.without)
-        jobs = [chosen.job() for chosen in cases]
-        both = list(zip(cases, jobs, strict=True))
-        designs = [description(chosen, job, proposal(chosen, job)) for chosen, job in both]
+        tasks = [chosen.task() for chosen in cases]
+        both = list(zip(cases, tasks, strict=True))
+        designs = [description(chosen, task, proposal(chosen, task)) for chosen, task in both]
         calls: dict[str, list[Callable[[], object]]] = {
-            "propose": [lambda c=chosen, j=job: proposal(c, j) for chosen, job in both],
+            "propose": [lambda c=chosen, j=task: proposal(c, j) for chosen, task in both],
             "certify": [certificate(design) for design in designs],
         }
         for what, pair in calls.items():

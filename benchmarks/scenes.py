@@ -14,8 +14,8 @@ from tune.documents.profile import Design
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.optimisation._optimise import design_of
-from tune.optimisation.problem import Job
-from tune.optimisation.solve import Solved, groups, solve
+from tune.optimisation.problem import DesignTask
+from tune.optimisation.solve import Solution, groups, solve
 
 #: Cut-offs where a case does not say otherwise, Hz.
 FILTERS = Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0)
@@ -29,9 +29,9 @@ class Case:
     scene: Scene
     filters: Filters = FILTERS
 
-    def job(self) -> Job:
+    def task(self) -> DesignTask:
         """With nothing kept from earlier work."""
-        return Job.of(as_stored(self.device), self.scene, default_table())
+        return DesignTask.of(as_stored(self.device), self.scene, default_table())
 
 
 def case(elements: dict[str, Any], **more: Any) -> Case:
@@ -61,15 +61,15 @@ def fifty_elements() -> Case:
     return case(elements, together=together)
 
 
-def proposal(chosen: Case, job: Job) -> list[Solved]:
+def proposal(chosen: Case, task: DesignTask) -> list[Solution]:
     """The sizes of every group."""
-    return [solve(job, elements, chosen.filters) for elements in groups(chosen.scene)]
+    return [solve(task, elements, chosen.filters) for elements in groups(chosen.scene)]
 
 
-def description(chosen: Case, job: Job, solutions: list[Solved]) -> Design:
+def description(chosen: Case, task: DesignTask, solutions: list[Solution]) -> Design:
     """Margins, steps, ripple and limits of every element."""
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
-    return as_stored(design_of(job, chosen.filters, solutions, dropped))
+    return as_stored(design_of(task, chosen.filters, solutions, dropped))
 
 
 def certificate(design: Design) -> Callable[[], Certificate]:

@@ -60,7 +60,7 @@ def _imported(path: Path, files: dict[str, Path]) -> set[str]:
 
 
 def room_graph(files: Graph) -> Graph:
-    """The same between rooms."""
+    """Rooms of a package, and those that the files of each import."""
     rooms: Graph = {_room(name): set() for name in files}
     for name, imported in files.items():
         rooms[_room(name)] |= {_room(each) for each in imported} - {_room(name)}

@@ -144,12 +144,12 @@ def scene_of(name: str) -> str:
     from identification import load_device
     from tune.documents.perception import SCALE_DEPTH, default_table
     from tune.documents.scene import DEFAULT_MOTION
-    from tune.documents.units import UNITS, spoken
+    from tune.documents.units import UNITS, format_number
 
     device = load_device(name)
     units, motion = UNITS[device.motion], DEFAULT_MOTION[device.motion]
     depth, damping = SCALE_DEPTH[device.motion], device.damping.value
-    noticed = f"ripple_limit: {spoken(default_table().threshold(device.motion))}"
+    noticed = f"ripple_limit: {format_number(default_table().threshold(device.motion))}"
     sizes = {
         "(m/s)": f"({units['speed']})",
         "how deep (m)": f"how deep ({units['length']})",
@@ -159,11 +159,11 @@ def scene_of(name: str) -> str:
         "ripple_limit: 0.1         # N rms": f"{'# ' + noticed:<25} # {units['force']} rms",
     }
     for factor, written in ((1, "10.0"), (3, "30.0"), (2, "20.0")):
-        sizes[f"damping: {written}"] = f"damping: {spoken(factor * damping)}"
+        sizes[f"damping: {written}"] = f"damping: {format_number(factor * damping)}"
     if device.force_limit is not None:
         stiffest = device.force_limit.continuous / depth
         softest = stiffest / _SOFT
-        within = f"{{min: {spoken(softest)}, max: {spoken(stiffest)}}}"
+        within = f"{{min: {format_number(softest)}, max: {format_number(stiffest)}}}"
         sizes["stiffness: {min: 200.0, max: 1500.0}"] = f"stiffness: {within}"
     above, elements, below = template("scene").partition("ripple_limit:")
     below = elements + below

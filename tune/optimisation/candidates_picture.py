@@ -26,7 +26,7 @@ def candidates_picture(rows: Sequence[CandidateEffect], motion: Motion) -> Figur
     """Perceived steps of each effect with each candidate, their values beside the bars.
 
     Args:
-        rows: of `compared`, at least one.
+        rows: of `compare_candidates`, at least one.
         motion: of the device, which gives the units.
     """
     from identification import NotebookFigure, legend_above

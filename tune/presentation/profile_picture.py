@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tune.documents.profile import Design, SafeProfile
-from tune.documents.units import UNITS, spoken
+from tune.documents.units import UNITS, format_number
 from tune.presentation.boundaries import Boundaries
-from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shortened
+from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shorten_name
 from tune.presentation.labels import place_labels
 from tune.presentation.slices import draw_region
 
@@ -118,7 +118,7 @@ def draw_overview(
             "wspace": 0.16 + 0.018 * max(map(len, _effects(profile))),
         },
     )
-    title = f"{shortened(profile.scene)} on {shortened(profile.device.name)}"
+    title = f"{shorten_name(profile.scene)} on {shorten_name(profile.device.name)}"
     figure.suptitle(
         f"{title}: {_verdict(profile) if verdict is None else verdict}",
         fontsize=11,
@@ -165,7 +165,7 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
             clip_on=False,
             zorder=5,
         )
-        note = shortened(name) + (
+        note = shorten_name(name) + (
             f", M = {element.mass:.2g} {units['mass']}" if element.mass else ""
         )
         labels.append((element.damping, element.stiffness, note))
@@ -179,7 +179,7 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
 def _effects(profile: Design) -> list[str]:
     """Element and effect of everything that a scene asked for."""
     return [
-        f"{shortened(name)} {effect}"
+        f"{shorten_name(name)} {effect}"
         for name, element in profile.elements.items()
         for effect in element.limited_by
     ]
@@ -194,7 +194,7 @@ def _draw_steps(axes: Axes, profile: Design) -> None:
         for effect, reason in element.limited_by.items():
             steps.append(element.perceived_steps.get(effect, 0.0))
             value: float = getattr(element, effect)
-            size = f"{spoken(value)} {units[effect]}" if value else "not played"
+            size = f"{format_number(value)} {units[effect]}" if value else "not played"
             words.append(f" {size}, {_WHY.get(reason, f'limited by {reason}')}")
     places = np.arange(len(labels))[::-1]
     axes.barh(places, steps, color="tab:green", alpha=0.6)

@@ -94,10 +94,17 @@ def rows() -> Iterator[Row]:
         cases = (part.beside, part.without)
         jobs = [chosen.job() for chosen in cases]
         both = list(zip(cases, jobs, strict=True))
-        designs = [description(chosen, job, proposal(chosen, job)) for chosen, job in both]
+        solved = [proposal(chosen, job) for chosen, job in both]
+        designs = [
+            description(chosen, job, found)
+            for (chosen, job), found in zip(both, solved, strict=True)
+        ]
         calls: dict[str, list[Callable[[], object]]] = {
             "propose": [lambda c=chosen, j=job: proposal(c, j) for chosen, job in both],
-            "certify": [certificate(design) for design in designs],
+            "certify": [
+                certificate(chosen, job, found, design)
+                for (chosen, job), found, design in zip(both, solved, designs, strict=True)
+            ],
         }
         for what, pair in calls.items():
             beside, without = timed_in_turn(pair, 5)

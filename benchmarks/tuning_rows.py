@@ -72,7 +72,7 @@ def _parts(name: str, chosen: Case) -> Iterator[Row]:
         timed(lambda: description(chosen, job, solutions), 5),
         "margins, steps, ripple, what limits",
     )
-    certified = certificate(design)
+    certified = certificate(chosen, job, solutions, design)
     found = certified()
     yield Row.of(f"certify {name}", timed(certified, 3), f"{found.points} points and the proof")
 

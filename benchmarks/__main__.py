@@ -91,6 +91,8 @@ def write(section: Any, folder: Path, seconds: float) -> None:
     results.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     if section.cells:
         draw(section, folder / f"{section.name}.png")
+    if section.shown:
+        draw(section, folder / f"{section.name}-shown.png", list(section.shown))
     (folder / f"{section.name}.md").write_text(page(section, about), encoding="utf-8")
     (folder / "index.md").write_text(index(kept["parts"], PARTS), encoding="utf-8")
     if section.ratios:

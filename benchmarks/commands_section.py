@@ -17,6 +17,8 @@ _TURNS = 11
 #: The libraries that all of the work needs, and those of one spring.
 _LIBRARIES = "import numpy, casadi, scipy.optimize"
 _FEW = "import numpy, flint, typer"
+#: Keeps Python from storing what it compiled.
+_UNCOMPILED = ("PYTHONDONTWRITEBYTECODE",)
 _RUN = "from tune.cli import main; main()"
 
 _TEXT = """\
@@ -96,7 +98,11 @@ def _haptune(*words: str) -> list[str]:
 def _seconds(command: list[str], folder: Path) -> float:
     """Time of the processor of one process and its children."""
     before = os.times()
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
+    # Compiled once and kept, as an installation is.
+    kept = {name: value for name, value in os.environ.items() if name not in _UNCOMPILED}
+    done = subprocess.run(  # noqa: S603
+        command, cwd=folder, env=kept, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         raise RuntimeError(f"{' '.join(command[3:])}: {done.stderr[-400:]}")
     after = os.times()

@@ -14,7 +14,7 @@ from benchmarks.section import Cell, Section, at_the_front
 _ACROSS, _WIDTH, _HEIGHT = 3, 4.4, 3.4
 _OURS = "#c2410c"
 #: Seen by people who do not tell red from green; in the order of the peers.
-_PEERS = ("#1d4ed8", "#0f766e", "#6d28d9", "#475569", "#0891b2", "#a16207", "#be185d")
+_PEERS = ("#1d4ed8", "#0f766e", "#6d28d9", "#475569", "#0891b2", "#65a30d", "#be185d")
 _MARKS = ("s", "^", "v", "D", "P", "X", "<", ">", "p", "h", "*", "d", "8", "H", "1", "2")
 
 
@@ -72,7 +72,10 @@ def _panel(axes: Any, section: Section, cells: list[Cell], methods: list[str]) -
             markerfacecolor="none" if cell.unsafe else colour,
             label=cell.method,
         )
-    front = at_the_front(cells, section.floor)
+    front: list[Cell] = []
+    for cell in at_the_front(cells, section.floor):
+        if not front or (cell.error or 0.0) < (front[-1].error or 0.0):
+            front.append(cell)
     if len(front) > 1:
         axes.plot(
             [cell.seconds or np.nan for cell in front],

@@ -52,6 +52,7 @@ class Section:
         reasons: of a method of ours: why a peer may be ahead of it.
         rows: further lines, without a picture.
         ratios: by name; smaller is better. They are kept and compared.
+        shown: cases of a second, smaller picture.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Section:
     reasons: dict[str, str] = field(default_factory=dict[str, str])
     rows: tuple[Row, ...] = ()
     ratios: dict[str, float] = field(default_factory=dict[str, float])
+    shown: tuple[str, ...] = ()
 
     @property
     def cases(self) -> list[str]:
@@ -77,7 +79,7 @@ class Section:
 def ahead_of(cell: Cell, others: list[Cell], floor: float) -> list[Cell]:
     """Those that are both faster and more accurate, beyond what scatters."""
     if cell.seconds is None or cell.error is None:
-        return [other for other in others if other.answered]
+        return []
     seconds, error = cell.seconds * (1 - _ALIKE), max(cell.error, floor) * (1 - _ALIKE)
     return [
         other
@@ -110,7 +112,9 @@ def sentences(section: Section) -> list[str]:
         peers = [cell for cell in cells if not cell.ours]
         for cell in (cell for cell in cells if cell.ours):
             before = ahead_of(cell, peers, section.floor)
-            if before:
+            if not cell.answered:
+                lines.append(f"  {cell.method}: {cell.note}.")
+            elif before:
                 names = ", ".join(other.method for other in before)
                 why = section.reasons.get(cell.method, "")
                 lines.append(f"  {cell.method} is behind {names}{': ' + why if why else '.'}")

@@ -62,9 +62,9 @@ def measure() -> Section:
 
 def _prepared(folder: Path) -> dict[str, tuple[list[str], str]]:
     """Each command with what it is a multiple of; the files they need are written."""
-    from datasets_synthetic import bundled
+    from datasets_synthetic import bundled_path
 
-    log, hardware = str(bundled("homerehab.csv")), str(bundled("homerehab.hardware.yaml"))
+    log, hardware = str(bundled_path("homerehab.csv")), str(bundled_path("homerehab.hardware.yaml"))
     spring = "schema: haptune/scene/1\nname: spring\nelements: {wall: {stiffness: max}}\n"
     (folder / "spring.yaml").write_text(spring, encoding="utf-8")
     _seconds(_haptune("new", "scene", "-o", "scene.yaml"), folder)

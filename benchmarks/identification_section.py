@@ -24,7 +24,7 @@ from benchmarks.situations import DELAY, SITUATIONS, TRUTH, Situation, bound_of,
 from identification import Hardware, Trajectory, identify, quantity
 from identification.estimators import ESTIMATORS
 from identification.estimators.model import Model
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
 
 FloatArray = NDArray[np.float64]
 Method = Callable[[Trajectory], FloatArray]
@@ -219,7 +219,7 @@ def _ratios(cells: list[Cell]) -> dict[str, float]:
 
 
 def _ours(name: str, log: Trajectory) -> FloatArray:
-    found = Workshop.of(log, _MODEL, quantity(DELAY)).fit(name)
+    found = PreparedLog.of(log, _MODEL, quantity(DELAY)).fit(name)
     return np.array([found.value("mass"), found.value("damping")])
 
 

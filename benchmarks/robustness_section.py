@@ -16,8 +16,8 @@ from benchmarks.limited import answers
 from benchmarks.section import Cell, Section
 from tests.reference import crossings, reference_loop
 from tune.certificate.point import Setting
-from tune.certificate.proof import Claim, prove
 from tune.certificate.region import Region
+from tune.certificate.zero_exclusion import Claim, prove
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -92,18 +92,18 @@ def rows() -> Iterator[Row]:
     """Of each part: the proposal and the certificate, beside those without it."""
     for part in PARTS:
         cases = (part.beside, part.without)
-        jobs = [chosen.job() for chosen in cases]
-        both = list(zip(cases, jobs, strict=True))
-        solved = [proposal(chosen, job) for chosen, job in both]
+        tasks = [chosen.task() for chosen in cases]
+        both = list(zip(cases, tasks, strict=True))
+        solved = [proposal(chosen, task) for chosen, task in both]
         designs = [
-            description(chosen, job, found)
-            for (chosen, job), found in zip(both, solved, strict=True)
+            description(chosen, task, found)
+            for (chosen, task), found in zip(both, solved, strict=True)
         ]
         calls: dict[str, list[Callable[[], object]]] = {
-            "propose": [lambda c=chosen, j=job: proposal(c, j) for chosen, job in both],
+            "propose": [lambda c=chosen, j=task: proposal(c, j) for chosen, task in both],
             "certify": [
-                certificate(chosen, job, found, design)
-                for (chosen, job), found, design in zip(both, solved, designs, strict=True)
+                certificate(chosen, task, found, design)
+                for (chosen, task), found, design in zip(both, solved, designs, strict=True)
             ],
         }
         for what, pair in calls.items():

@@ -14,9 +14,9 @@ from tune.documents.profile import Design
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import Filters
 from tune.optimisation._optimise import design_of
-from tune.optimisation.problem import Job
+from tune.optimisation.problem import DesignTask
 from tune.optimisation.saturation import witness_of
-from tune.optimisation.solve import Solved, groups, solve
+from tune.optimisation.solve import Solution, groups, solve
 
 #: Cut-offs where a case does not say otherwise, Hz.
 FILTERS = Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0)
@@ -30,9 +30,9 @@ class Case:
     scene: Scene
     filters: Filters = FILTERS
 
-    def job(self) -> Job:
+    def task(self) -> DesignTask:
         """With nothing kept from earlier work."""
-        return Job.of(as_stored(self.device), self.scene, default_table())
+        return DesignTask.of(as_stored(self.device), self.scene, default_table())
 
 
 def case(elements: dict[str, Any], **more: Any) -> Case:
@@ -62,24 +62,24 @@ def fifty_elements() -> Case:
     return case(elements, together=together)
 
 
-def proposal(chosen: Case, job: Job) -> list[Solved]:
+def proposal(chosen: Case, task: DesignTask) -> list[Solution]:
     """The sizes of every group."""
-    return [solve(job, elements, chosen.filters) for elements in groups(chosen.scene)]
+    return [solve(task, elements, chosen.filters) for elements in groups(chosen.scene)]
 
 
-def description(chosen: Case, job: Job, solutions: list[Solved]) -> Design:
+def description(chosen: Case, task: DesignTask, solutions: list[Solution]) -> Design:
     """Margins, steps, ripple and limits of every element."""
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
-    return as_stored(design_of(job, chosen.filters, solutions, dropped))
+    return as_stored(design_of(task, chosen.filters, solutions, dropped))
 
 
 def certificate(
-    chosen: Case, job: Job, solutions: list[Solved], design: Design
+    chosen: Case, task: DesignTask, solutions: list[Solution], design: Design
 ) -> Callable[[], Certificate]:
     """The call that certifies a design, with what proves its one-sided moments."""
     margin = MARGINS[chosen.scene.margin]
     witnesses = {
-        " + ".join(names): as_stored(witness_of(found, margin, job.slack))
+        " + ".join(names): as_stored(witness_of(found, margin, task.slack))
         for solved in solutions
         for names, found in solved.absolute.items()
     }

@@ -16,11 +16,11 @@ from tests.optimum_reference import Reference
 from tests.optimum_search import highest
 from tune.optimisation.backends import Rank
 from tune.optimisation.backends.program import program_of
-from tune.optimisation.limits import weakest
-from tune.optimisation.nash import closed_form, largest_product
+from tune.optimisation.initial_points import initial_points_of
+from tune.optimisation.limits import least_margin_loops
+from tune.optimisation.nash import largest_product, single_unknown_optimum
 from tune.optimisation.problem import Problem
 from tune.optimisation.solve import backends
-from tune.optimisation.starts import starts_of
 
 FloatArray = NDArray[np.float64]
 
@@ -87,8 +87,10 @@ def cells() -> Iterator[Cell]:
         posed = posed_of(chosen)
         problem = posed.problem
         if len(problem.unknowns) == 1:
-            seconds = timed(lambda p=problem: closed_form(p)).middle
-            yield posed.answer(name, "closed form", seconds, _log(closed_form(problem).sizes))
+            seconds = timed(lambda p=problem: single_unknown_optimum(p)).middle
+            yield posed.answer(
+                name, "closed form", seconds, _log(single_unknown_optimum(problem).sizes)
+            )
         task = task_of(posed)
         for solver, solve_with in SOLVERS.items():
             answers: list[FloatArray | None] = []
@@ -106,7 +108,7 @@ def _log(sizes: FloatArray | None) -> FloatArray | None:
 
 def posed_of(chosen: Case, starts: int = _STARTS) -> Posed:
     """A case, and the best of searches from some starts."""
-    (solved,) = proposal(chosen, chosen.job())
+    (solved,) = proposal(chosen, chosen.task())
     filters = (chosen.filters.velocity_filter_hz, chosen.filters.acceleration_filter_hz)
     reference = Reference(
         chosen.device, chosen.scene, list(chosen.scene.elements), filters, frozenset(solved.dropped)
@@ -126,8 +128,8 @@ def posed_of(chosen: Case, starts: int = _STARTS) -> Posed:
 def task_of(posed: Posed) -> Task:
     """What every solver is given: the corners that bind and a start well inside."""
     problem = posed.problem
-    start = starts_of(problem, 1)[0]
-    shown = {*weakest(problem, start), *weakest(problem, posed.sizes)}
+    start = initial_points_of(problem, 1)[0]
+    shown = {*least_margin_loops(problem, start), *least_margin_loops(problem, posed.sizes)}
     low, high = np.log(problem.low), np.log(problem.high)
     return Task(
         program=program_of(problem, sorted(shown)),

@@ -11,7 +11,7 @@ from benchmarks.long_log import DAMPING, DELAY, MASS, long_log
 from benchmarks.row import Row, best_seconds
 from identification import Trajectory, quantity
 from identification.estimators.model import Estimate, Model
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
 
 _MODEL = Model(coulomb=True, offset=True)
 
@@ -41,7 +41,7 @@ def rows() -> Iterator[Row]:
 
 
 def _fit(log: Trajectory) -> Estimate:
-    return Workshop.of(log, _MODEL, quantity(DELAY)).fit("output-error")
+    return PreparedLog.of(log, _MODEL, quantity(DELAY)).fit("output-error")
 
 
 def _keep(kept: list[Estimate], fit: partial[Estimate]) -> None:

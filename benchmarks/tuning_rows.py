@@ -19,7 +19,7 @@ import time
 start = time.perf_counter()
 from benchmarks.scenes import case, proposal
 chosen = case({elements})
-proposal(chosen, chosen.job())
+proposal(chosen, chosen.task())
 print(time.perf_counter() - start)
 """
 
@@ -41,7 +41,7 @@ def rows() -> Iterator[Row]:
     chosen = Case(device=case(BLOCK).device, scene=free, filters=Filters())
     yield Row.of(
         "cut-offs of K, B and M chosen",
-        timed(lambda: choose_filters(chosen.job(), _silent), 3),
+        timed(lambda: choose_filters(chosen.task(), _silent), 3),
         "1 % of the steps (tests)",
     )
     spring = case(SPRING)
@@ -54,25 +54,27 @@ def rows() -> Iterator[Row]:
 
 def _parts(name: str, chosen: Case) -> Iterator[Row]:
     """Proposal with the device's loops at hand and without; description; certificate."""
-    job = chosen.job()
-    solutions = proposal(chosen, job)
+    task = chosen.task()
+    solutions = proposal(chosen, task)
     effects = sum(len(solved.problem.unknowns) for solved in solutions)
     yield Row.of(
         f"propose {name}",
-        timed(lambda: proposal(chosen, job)),
+        timed(lambda: proposal(chosen, task)),
         f"{effects} effects; gaps under solver",
         "loops of device and filters at hand",
     )
     yield Row.of(
-        f"propose {name}, from the device on", timed(lambda: proposal(chosen, chosen.job())), "same"
+        f"propose {name}, from the device on",
+        timed(lambda: proposal(chosen, chosen.task())),
+        "same",
     )
-    design = description(chosen, job, solutions)
+    design = description(chosen, task, solutions)
     yield Row.of(
         f"describe {name}",
-        timed(lambda: description(chosen, job, solutions), 5),
+        timed(lambda: description(chosen, task, solutions), 5),
         "margins, steps, ripple, what limits",
     )
-    certified = certificate(chosen, job, solutions, design)
+    certified = certificate(chosen, task, solutions, design)
     found = certified()
     yield Row.of(f"certify {name}", timed(certified, 3), f"{found.points} points and the proof")
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from datasets_synthetic.bouncing import Bounces, bounce
-    from datasets_synthetic.bundle import bundled, log_text
+    from datasets_synthetic.bundle import bundled_path, log_text
     from datasets_synthetic.clock import Clock
     from datasets_synthetic.controller import Controller, Servo
     from datasets_synthetic.devices import named_rig, rig_of
@@ -50,7 +50,7 @@ __all__ = [
     "Vibration",
     "Wall",
     "bounce",
-    "bundled",
+    "bundled_path",
     "fit_to_limits",
     "log_text",
     "multisine",
@@ -65,7 +65,7 @@ __all__ = [
 
 _HOMES = {
     "bouncing": "Bounces bounce",
-    "bundle": "bundled log_text",
+    "bundle": "bundled_path log_text",
     "clock": "Clock",
     "controller": "Controller Servo",
     "devices": "named_rig rig_of",

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.hand import Hand
-from datasets_synthetic.members import per_member
 from datasets_synthetic.recording import Recording
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import simulate
@@ -157,6 +157,8 @@ def contacts(
 
     Until then the wall gives no force, so this is what the handle had on reaching ``place`` (m) but
     for the work of the ``net`` force (N) beyond it, which is taken off.
+
+    Both answers have shape (contacts,).
     """
     assert recording.truth is not None
     inside = recording.position[member] > place

@@ -29,7 +29,7 @@ _TRUE = (
 )
 
 
-def bundled(name: str) -> Path:
+def bundled_path(name: str) -> Path:
     """A bundled file: homerehab.csv, homerehab.hardware.yaml or homerehab.truth.yaml.
 
     Raises:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.members import chosen
+from datasets_synthetic.batch_values import choose_members
 from datasets_synthetic.wall import Element, Wall
 
 FloatArray = NDArray[np.float64]
@@ -85,7 +85,7 @@ class Controller:
     def members(self, which: NDArray[np.intp]) -> Controller:
         """The effects of these members; a value that all share stays one value."""
         fields: dict[str, FloatArray | IntArray] = {
-            name: chosen(getattr(self, name), which) for name in _FIELDS
+            name: choose_members(getattr(self, name), which) for name in _FIELDS
         }
         fields |= {name: fields[name].astype(np.int64) for name in _WHOLE}
         wall = None if self.wall is None else self.wall.members(which)

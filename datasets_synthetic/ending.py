@@ -1,4 +1,4 @@
-"""How a run ended: at rest, in an oscillation that lasts, or in one that grows."""
+"""Outcome of a run: at rest, in a lasting oscillation, or in a growing one."""
 
 from __future__ import annotations
 

@@ -123,7 +123,10 @@ class SectionEstimates:
 
 
 def first_order_pole(cutoff: FloatArray | float, sample_time: FloatArray) -> FloatArray:
-    """a = exp(-2π·fc·T) of a cut-off in Hz; 0 where it is infinite."""
+    """a = exp(-2π·fc·T) of a cut-off in Hz; 0 where it is infinite.
+
+    Cut-off and sample time (s) broadcast; the answer has their shape and no unit.
+    """
     return np.exp(-2 * np.pi * cutoff * sample_time)
 
 

@@ -1,4 +1,4 @@
-"""Forces that depend on where a device is: a spring to ground, and gravity on a turning arm."""
+"""Position-dependent forces: a spring to ground, and gravity on a turning arm."""
 
 from __future__ import annotations
 

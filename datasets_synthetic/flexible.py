@@ -1,4 +1,4 @@
-"""A mechanism with vibration modes, current lag and a hand on its handle, in motion.
+"""Dynamics of a mechanism with vibration modes, current lag and a hand on its handle.
 
 Between reversals of the rigid coordinate the law is linear and its forces are held: propagation.py
 gives one map for each part of a sample. With Coulomb friction, or damping that differs by
@@ -15,10 +15,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
+from datasets_synthetic.dynamics import Loads
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.mechanism import INPUTS, Mechanism
-from datasets_synthetic.members import per_member
-from datasets_synthetic.movers import Loads
 from datasets_synthetic.propagation import fastest, fastest_oscillation, maps
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.timetable import Part
@@ -33,7 +33,7 @@ _REVERSAL_STEP = 15.0
 _HALVINGS = 26
 
 
-class FlexibleMover:
+class FlexibleDynamics:
     """A batch of mechanisms in motion."""
 
     __slots__ = (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.members import chosen
+from datasets_synthetic.batch_values import choose_members
 from datasets_synthetic.noise import Sources, band_noise
 
 FloatArray = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Hand:
 
     def members(self, which: NDArray[np.intp]) -> Hand:
         """The hands on these members; a value that all share stays a number."""
-        return Hand(**{name: chosen(getattr(self, name), which) for name in _FIELDS})
+        return Hand(**{name: choose_members(getattr(self, name), which) for name in _FIELDS})
 
     def push(self, sources: Sources, stamps: FloatArray) -> FloatArray | None:
         """Force of tremor and voluntary motion (its spring at zero apart), N, shape (n, batch).

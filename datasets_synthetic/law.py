@@ -1,10 +1,11 @@
-"""A controller at work: a force for every reading."""
+"""Control law of a simulated controller: a force for every reading."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.estimates import (
     Estimates,
@@ -13,7 +14,6 @@ from datasets_synthetic.estimates import (
     first_order_pole,
     section,
 )
-from datasets_synthetic.members import per_member
 from datasets_synthetic.wall import Element, ElementsAtWork
 
 FloatArray = NDArray[np.float64]

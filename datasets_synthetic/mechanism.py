@@ -17,8 +17,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.hand import Hand
-from datasets_synthetic.members import per_member
 from datasets_synthetic.rig import Rig
 
 FloatArray = NDArray[np.float64]
@@ -85,7 +85,7 @@ class Mechanism:
         return self._generator(first=0)
 
     def held(self) -> FloatArray:
-        """The same while the rigid coordinate is held in place."""
+        """Matrices while the rigid coordinate does not move."""
         return self._generator(first=1)
 
     def holding(self) -> FloatArray:
@@ -99,7 +99,7 @@ class Mechanism:
         return row
 
     def energy(self, state: FloatArray) -> FloatArray:
-        """Of motion and springs, hand included, J, shape (n, batch); state (n, states, batch)."""
+        """Energy, hand included, J, shape (n, batch); state (n, states, batch)."""
         n = self.coordinates
         q, v = state[:, :n], state[:, n : 2 * n]
         twice = np.einsum("tib,bij,tjb->tb", v, self.mass, v)

@@ -1,4 +1,4 @@
-"""Continuous motion of a mass with friction, in a field or free, under a held force.
+"""Continuous motion of a mass with friction under a held force, in a field or free.
 
 The law is m·dv/dt = u - b·v - Fc·sign(v) - field(x), dx/dt = v, with u constant over one step and b
 and Fc each with a value for v > 0 and one for v < 0; a mass at rest stays there while the pull
@@ -104,7 +104,10 @@ class Drag:
 
 
 def steps_needed(duration: FloatArray, rate: FloatArray, largest: float = LARGEST_STEP) -> int:
-    """Number of equal steps that keeps |h·p| <= largest for every member over ``duration`` (s)."""
+    """Number of equal steps that keeps |h·p| <= largest for every member over ``duration`` (s).
+
+    Duration (s) and rate (1/s) have shape (batch,).
+    """
     return max(1, int(np.ceil(np.max(np.abs(duration * rate)) / largest - 1e-9)))
 
 
@@ -126,7 +129,7 @@ class Stride:
 
     @classmethod
     def of(cls, drag: Drag, steps: int, step: FloatArray) -> Stride | None:
-        """Of so many steps (s, shape (batch,)) without a reversal.
+        """The map of so many steps (s, shape (batch,)) without a reversal.
 
         None where the law between reversals is not linear, or not one and the same both ways.
         """

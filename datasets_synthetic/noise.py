@@ -1,4 +1,4 @@
-"""Random signals of a batch, each member from generators of its own: white, coloured, in a band."""
+"""Noise of a batch, each member from its own generators: white, coloured, band-limited."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runge-Kutta over many equal steps of a linear law, as one map of the state.
+"""Runge-Kutta steps of a linear law, many of them as one map of the state.
 
 For dz/dt = G·z a classical fourth-order Runge-Kutta step is itself a fixed linear map of z. It is
 run here on the unit vectors once, at a step far below the fastest rate, and applied to itself until

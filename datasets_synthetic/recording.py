@@ -31,10 +31,14 @@ class Truth:
     @classmethod
     def of(cls, handle: FloatArray, speed: FloatArray, energy: FloatArray) -> Truth:
         """From each at each sample, shape (n, batch)."""
-        return cls(handle=frozen(handle.T), speed=frozen(speed.T), energy=frozen(energy.T))
+        return cls(
+            handle=read_only_copy(handle.T),
+            speed=read_only_copy(speed.T),
+            energy=read_only_copy(energy.T),
+        )
 
     def members(self, which: slice) -> Truth:
-        """Of these members."""
+        """The truth of these members."""
         return Truth(handle=self.handle[which], speed=self.speed[which], energy=self.energy[which])
 
 
@@ -116,8 +120,11 @@ class Recording:
         )
 
 
-def frozen(array: FloatArray) -> FloatArray:
-    """A read-only contiguous copy."""
+def read_only_copy(array: FloatArray) -> FloatArray:
+    """A read-only contiguous copy.
+
+    Any shape and unit.
+    """
     copy = np.array(array, order="C")
     copy.setflags(write=False)
     return copy

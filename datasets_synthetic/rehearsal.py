@@ -23,7 +23,7 @@ from datasets_synthetic.trials import (
     TrialName,
     Trials,
     conditions_of,
-    named,
+    trials_by_name,
 )
 from datasets_synthetic.wall import ADVERSE, OPEN, RANDOM
 
@@ -151,7 +151,7 @@ def rehearse(
         left = [member for member in left if not all(end.at_rest for end in found[member])]
         if not left:
             break
-    names = named(conditions)
+    names = trials_by_name(conditions)
     return tuple(
         Rehearsal(trials=tuple(_trial(*name, end) for name, end in zip(names, each, strict=True)))
         for each in found

@@ -1,4 +1,4 @@
-"""The truth about simulated devices."""
+"""Rig: the true parameters of simulated devices."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from datasets_synthetic.recording import Motion, frozen
+from datasets_synthetic.recording import Motion, read_only_copy
 from datasets_synthetic.vibration import Vibration
 
 FloatArray = NDArray[np.float64]
@@ -121,7 +121,7 @@ class Rig:
                 permitted = "positive" if key in _POSITIVE else "finite"
                 permitted += " and not negative" if key in _NOT_NEGATIVE else ""
                 raise ValueError(f"{key} must be {permitted}, not {array[wrong][0]:g}")
-            object.__setattr__(self, key, frozen(array))
+            object.__setattr__(self, key, read_only_copy(array))
         uneven = np.abs(self.coulomb_asymmetry) > self.coulomb_friction
         if np.any(uneven):
             raise ValueError(

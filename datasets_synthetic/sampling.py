@@ -1,4 +1,4 @@
-"""What stands between a device in continuous time and its controller: delay and encoder."""
+"""Delay and encoder: what stands between a continuous device and its controller."""
 
 from __future__ import annotations
 

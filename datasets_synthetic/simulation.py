@@ -18,17 +18,17 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.clock import Clock
 from datasets_synthetic.controller import Controller, Servo
+from datasets_synthetic.dynamics import Dynamics, Loads, RigidDynamics
 from datasets_synthetic.faults import Faults
-from datasets_synthetic.flexible import FlexibleMover
+from datasets_synthetic.flexible import FlexibleDynamics
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.law import ControlLaw
-from datasets_synthetic.members import per_member
 from datasets_synthetic.motion import LARGEST_STEP
-from datasets_synthetic.movers import Loads, Mover, RigidMover
 from datasets_synthetic.noise import Sources, coloured_noise, scatter, white_noise
-from datasets_synthetic.recording import Recording, Truth, frozen
+from datasets_synthetic.recording import Recording, Truth, read_only_copy
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.sampling import Encoder
 from datasets_synthetic.timetable import EvenTimetable, Timetable, UnevenTimetable
@@ -102,10 +102,10 @@ class Simulation:
     __slots__ = (
         "_clock",
         "_commands",
+        "_dynamics",
         "_encoder",
         "_law",
         "_limit",
-        "_mover",
         "_noise",
         "_played",
         "_readings",
@@ -159,12 +159,12 @@ class Simulation:
         loads = _loads(sources, faults, hand, stamps, pushed)
         start = column(position) + scatter(sources, column(faults.start_spread))
         flexible = bool(rig.modes) or bool(np.any(rig.current_lag))
-        kind = FlexibleMover if flexible else RigidMover
-        mover: Mover = kind(rig, hand, loads, start, column(velocity))
+        kind = FlexibleDynamics if flexible else RigidDynamics
+        dynamics: Dynamics = kind(rig, hand, loads, start, column(velocity))
         timetable: Timetable = (
-            EvenTimetable(column(rig.delay), sample_time, mover.rate(), largest_step)
+            EvenTimetable(column(rig.delay), sample_time, dynamics.rate(), largest_step)
             if clock.even
-            else UnevenTimetable(column(rig.delay), stamps, mover.rate(), largest_step)
+            else UnevenTimetable(column(rig.delay), stamps, dynamics.rate(), largest_step)
         )
         noise = white_noise(sources, "position", column(faults.position_noise), samples)
         reference = None
@@ -184,7 +184,7 @@ class Simulation:
         commands[timetable.lead :] = np.clip(command.T, -limit, limit) if law is None else command.T
         self._rig, self._clock, self._sources = rig, clock, sources
         self._stamps, self._sample_time = stamps, sample_time
-        self._mover, self._timetable, self._law = mover, timetable, law
+        self._dynamics, self._timetable, self._law = dynamics, timetable, law
         self._limit, self._encoder, self._noise = (
             limit,
             Encoder(column(rig.encoder_resolution)),
@@ -192,28 +192,28 @@ class Simulation:
         )
         self._reference, self._commands = reference, commands
         self._readings = np.empty((samples, batch))
-        self._states = np.empty((samples, *mover.state().shape)) if watch else None
+        self._states = np.empty((samples, *dynamics.state().shape)) if watch else None
         self._played = 0
 
     def until(self, samples: int) -> Recording:
         """Plays on up to this many samples and returns all that was recorded till then."""
-        mover, timetable, law, limit = self._mover, self._timetable, self._law, self._limit
+        dynamics, timetable, law, limit = self._dynamics, self._timetable, self._law, self._limit
         sent = self._commands.ravel()  # a view: row by row, one member after the other
         with np.errstate(over="ignore", invalid="ignore"):
             for k in range(self._played, samples):
-                q = mover.measured()
+                q = dynamics.measured()
                 reading = self._encoder.read(q if self._noise is None else q + self._noise[k])
                 self._readings[k] = reading
                 if self._states is not None:
-                    self._states[k] = mover.state()
+                    self._states[k] = dynamics.state()
                 if law is not None:
                     now = self._commands[timetable.lead + k]
                     now += law.force(reading)
                     np.maximum(now, -limit, out=now)
                     np.minimum(now, limit, out=now)
-                mover.begin(k)
+                dynamics.begin(k)
                 for part in timetable.parts(k):
-                    mover.move(sent.take(part.place), part)
+                    dynamics.move(sent.take(part.place), part)
         self._played = samples
         return self._recorded()
 
@@ -221,16 +221,18 @@ class Simulation:
         """What was recorded until now."""
         rig, played, batch = self._rig, self._played, self._sample_time.size
         lead, states = self._timetable.lead, self._states
-        truth = None if states is None else Truth.of(*self._mover.seen(states[:played]))
+        truth = None if states is None else Truth.of(*self._dynamics.seen(states[:played]))
         return Recording(
-            sample_time=frozen(self._sample_time),
-            force=frozen(self._commands[lead : lead + played].T),
-            position=frozen(self._readings[:played].T),
+            sample_time=read_only_copy(self._sample_time),
+            force=read_only_copy(self._commands[lead : lead + played].T),
+            position=read_only_copy(self._readings[:played].T),
             axis=rig.axis,
             motion=rig.motion,
             source=f"simulated {rig.name}",
-            stamps=None if self._clock.even else frozen(self._stamps[:played].T),
-            reference=None if self._reference is None else frozen(self._reference[:, :played]),
+            stamps=None if self._clock.even else read_only_copy(self._stamps[:played].T),
+            reference=None
+            if self._reference is None
+            else read_only_copy(self._reference[:, :played]),
             kept=self._clock.kept(batch, played, self._sources),
             truth=truth,
         )

@@ -1,4 +1,4 @@
-"""Which command acts on each device in each part of every sample interval."""
+"""Timetable: which command acts on each device in each part of every sample interval."""
 
 from __future__ import annotations
 

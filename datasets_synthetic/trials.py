@@ -17,10 +17,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.bouncing import Bounces, bounces
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.hand import Hand
-from datasets_synthetic.members import per_member
 from datasets_synthetic.recording import Recording
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import Simulation
@@ -94,7 +94,7 @@ class Sizes:
         push: float | FloatArray | None,
         duration: float,
     ) -> Sizes:
-        """Of what is given, or else of the rig's encoder and force limit; see ``rehearse``."""
+        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``."""
         if rig.batch != 1:
             raise ValueError(f"one device is rehearsed at a time, not {rig.batch}")
         count = float(rig.encoder_resolution[0])
@@ -122,7 +122,7 @@ class Sizes:
         return _NEAR * self.count
 
     def members(self, which: NDArray[np.intp]) -> Sizes:
-        """Of these controllers."""
+        """The trials of these controllers."""
         return replace(
             self, count=self.count[which], reach=self.reach[which], limit=self.limit[which]
         )
@@ -160,7 +160,7 @@ def _oiled(rig: Rig) -> Rig:
     return replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0)
 
 
-def named(conditions: Sequence[Condition]) -> list[tuple[TrialName, Condition]]:
+def trials_by_name(conditions: Sequence[Condition]) -> list[tuple[TrialName, Condition]]:
     """Every trial of one controller, those without a wall first."""
     return [(name, each) for name in _TRIALS for each in conditions]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.members import chosen
+from datasets_synthetic.batch_values import choose_members
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Vibration:
 
     def members(self, which: NDArray[np.intp]) -> Vibration:
         """The mode of these members; a value that all share stays a number."""
-        return Vibration(**{name: chosen(getattr(self, name), which) for name in _FIELDS})
+        return Vibration(**{name: choose_members(getattr(self, name), which) for name in _FIELDS})
 
 
 _FIELDS = ("frequency_hz", "damping_ratio", "at_encoder", "at_handle")

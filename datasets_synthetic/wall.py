@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.members import chosen, per_member
+from datasets_synthetic.batch_values import choose_members, per_member
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -39,7 +39,7 @@ class Wall:
 
     def members(self, which: NDArray[np.intp]) -> Wall:
         """The walls of these members."""
-        return replace(self, place=chosen(self.place, which))
+        return replace(self, place=choose_members(self.place, which))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +68,7 @@ class Element:
 
     def members(self, which: NDArray[np.intp]) -> Element:
         """The elements of these members; a value that all share stays one value."""
-        fields = {name: chosen(getattr(self, name), which) for name in _FIELDS}
+        fields = {name: choose_members(getattr(self, name), which) for name in _FIELDS}
         gate = fields.pop("gate").astype(np.int64)
         return replace(self, gate=gate, **fields)  # pyright: ignore[reportArgumentType]
 

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from identification.documents.document import as_stored as as_stored
     from identification.documents.document import load_document as load_document
     from identification.documents.document import parse_document as parse_document
-    from identification.documents.document import rounded as rounded
+    from identification.documents.document import round_to_digits as round_to_digits
     from identification.documents.document import to_mapping as to_mapping
     from identification.documents.writing import (
         difference_of as difference_of,
@@ -127,12 +127,12 @@ if TYPE_CHECKING:
     from identification.planning.excitation import (
         plan_excitation as plan_excitation,
     )
-    from identification.planning.gentle import load_excitation as load_excitation
-    from identification.planning.presented import excitation_picture as excitation_picture
-    from identification.planning.presented import force_text as force_text
+    from identification.planning.planned_force import excitation_picture as excitation_picture
+    from identification.planning.planned_force import force_text as force_text
     from identification.planning.spec import (
         ExcitationSpec as ExcitationSpec,
     )
+    from identification.planning.two_stage import load_excitation as load_excitation
     from identification.plant import (
         Plant as Plant,
     )
@@ -151,7 +151,9 @@ _HOMES = {
     "device.box": "Box",
     "device.device": "ByDirection Device Gravity",
     "device.evidence": "Covariance LogRecord",
-    "documents.document": "Document as_stored load_document parse_document rounded to_mapping",
+    "documents.document": (
+        "Document as_stored load_document parse_document round_to_digits to_mapping"
+    ),
     "documents.yaml_reading": "load_mapping",
     "documents.yaml_writing": "to_yaml",
     "errors": (
@@ -170,9 +172,9 @@ _HOMES = {
     "fitting.one_log": "LogFit",
     "pictures.fit": "fit_picture",
     "pictures.identified": "identified_picture log_picture",
-    "planning.presented": "excitation_picture force_text",
+    "planning.planned_force": "excitation_picture force_text",
     "planning.spec": "ExcitationSpec",
-    "planning.gentle": "load_excitation",
+    "planning.two_stage": "load_excitation",
     "plant": "Plant",
     "device.quantities": "AnyQuantity Quantity quantity",
     "device.stated": "Fact",
@@ -236,7 +238,7 @@ __all__ = [
     "parse_document",
     "plan_excitation",
     "quantity",
-    "rounded",
+    "round_to_digits",
     "to_mapping",
     "to_yaml",
     "write_bytes",

@@ -98,10 +98,10 @@ def identify(
     _refuse([finding for found in noticed for finding in found], allow)
     _refuse_negative_mass(fits, noticed)
 
-    from identification.fitting.suggested import unstated
+    from identification.fitting.suggested import unstated_warnings
 
     sources = ", ".join(log.source for log in trajectories)
-    missing = tuple(each.of(sources) for each in unstated(fits, hardware))
+    missing = tuple(each.of(sources) for each in unstated_warnings(fits, hardware))
     findings = (*(_lenient(finding) for found in noticed for finding in found), *missing)
     records = [
         LogRecord(

@@ -15,7 +15,7 @@ from identification.errors import Finding, InvalidInputError, LogRefusedError
 from identification.estimators import Method
 from identification.estimators.noise import encoder_count, position_noise
 from identification.findings import CODES
-from identification.findings.balance import Balance, balance_of
+from identification.findings.force_balance import ForceBalance, balance_of
 from identification.trajectory import Motion, Trajectory
 
 #: The excited band holds the power of the velocity but for this part at either end.
@@ -125,7 +125,7 @@ def _anyway(
         return None
 
 
-def _band(rows: Balance) -> tuple[float, float]:
+def _band(rows: ForceBalance) -> tuple[float, float]:
     """Frequencies between which the motion has its velocity, Hz."""
     step = float(np.median(np.diff(rows.time)))
     velocity = (rows.velocity - np.mean(rows.velocity)) * np.hanning(len(rows))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from identification import Trajectory, quantity
 from identification.estimators.model import Estimate, Model
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
 
 
 def estimate_by(method: str, log: Trajectory, model: Model, delay: float | None) -> Estimate:
     """The estimate of one method; a delay of None (s) is found in the log and fitted."""
     stated = None if delay is None else quantity(delay)
-    return Workshop.of(log, model, stated).fit(method)
+    return PreparedLog.of(log, model, stated).fit(method)

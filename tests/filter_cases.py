@@ -12,9 +12,9 @@ from identification import Device, ForceLimit, load_device, quantity
 from tune.documents.perception import default_table
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
-from tune.optimisation.problem import Job
+from tune.optimisation.cutoff_objective import CutoffObjective, ranks_of, tune_with_filters
+from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import groups
-from tune.optimisation.worth import Worth, ranks_of, tuned
 
 FloatArray = NDArray[np.float64]
 
@@ -67,38 +67,38 @@ SCENES: dict[str, dict[str, Any]] = {
 RIPPLES = (0.3, 1.0, 3.0)
 
 
-def job_of(device: str, elements: dict[str, Any], ripple: float = 1.0, **more: Any) -> Job:
+def task_of(device: str, elements: dict[str, Any], ripple: float = 1.0, **more: Any) -> DesignTask:
     """A scene on a device, its ripple limit in multiples of the default."""
     table = default_table()
     limit = ripple * table.threshold(DEVICES[device].motion)
     scene = Scene.model_validate({"elements": elements, "ripple_limit": limit, **more})
-    return Job.of(DEVICES[device], scene, table)
+    return DesignTask.of(DEVICES[device], scene, table)
 
 
-def worth_of(job: Job, filters: Filters) -> Worth:
+def worth_of(task: DesignTask, filters: Filters) -> CutoffObjective:
     """All elements of a scene with certain filters."""
-    total = Worth(kept=(0,) * len(ranks_of(job)), value=0.0)
-    for elements in groups(job.scene):
-        total = total.plus(tuned(job, elements, filters).worth)
+    total = CutoffObjective(kept=(0,) * len(ranks_of(task)), value=0.0)
+    for elements in groups(task.scene):
+        total = total.plus(tune_with_filters(task, elements, filters).worth)
     return total
 
 
-def best_of_grid(job: Job, count: int) -> Worth:
+def best_of_grid(task: DesignTask, count: int) -> CutoffObjective:
     """The largest worth on a grid of count by count cut-offs from 5 Hz to Nyquist, and none."""
-    hertz = np.geomspace(5.0, 0.5 / job.device.sample_time.value, count)
+    hertz = np.geomspace(5.0, 0.5 / task.device.sample_time.value, count)
     choices = (None, *(float(f) for f in hertz))
-    wishes = {name: set(element.wishes()) for name, element in job.scene.elements.items()}
-    nothing = Worth(kept=(0,) * len(ranks_of(job)), value=0.0)
+    wishes = {name: set(element.wishes()) for name, element in task.scene.elements.items()}
+    nothing = CutoffObjective(kept=(0,) * len(ranks_of(task)), value=0.0)
     total = dict.fromkeys(product(choices, choices), nothing)
-    for elements in groups(job.scene):
+    for elements in groups(task.scene):
         used = {effect for name in elements for effect in wishes[name]}
-        known: dict[tuple[float | None, float | None], Worth] = {}
+        known: dict[tuple[float | None, float | None], CutoffObjective] = {}
         for pair, before in total.items():
             velocity = pair[0] if "damping" in used else None
             acceleration = pair[1] if "mass" in used else None
             key = (velocity, acceleration)
             if key not in known:
                 filters = Filters(velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
-                known[key] = tuned(job, elements, filters).worth
+                known[key] = tune_with_filters(task, elements, filters).worth
             total[pair] = before.plus(known[key])
     return max(total.values(), key=lambda each: each.order)

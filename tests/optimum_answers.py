@@ -10,8 +10,8 @@ from tests.optimum_pairs import Pair
 from tests.optimum_reference import Reference
 from tests.sampled_loops import Case
 from tune.documents.perception import default_table
-from tune.optimisation.problem import Job
-from tune.optimisation.solve import Solved, solve
+from tune.optimisation.problem import DesignTask
+from tune.optimisation.solve import Solution, solve
 
 FloatArray = NDArray[np.float64]
 
@@ -19,12 +19,12 @@ FloatArray = NDArray[np.float64]
 UNDECIDED = 2e-9
 
 
-def solved_of(pair: Pair) -> Solved:
-    job = Job.of(pair.device, pair.scene, default_table())
-    return solve(job, pair.elements, pair.filters)
+def solved_of(pair: Pair) -> Solution:
+    task = DesignTask.of(pair.device, pair.scene, default_table())
+    return solve(task, pair.elements, pair.filters)
 
 
-def reference_of(pair: Pair, solved: Solved) -> Reference:
+def reference_of(pair: Pair, solved: Solution) -> Reference:
     return Reference(
         pair.device, pair.scene, pair.elements, pair.filters_hz, frozenset(solved.dropped)
     )
@@ -43,5 +43,5 @@ def case_of(corner: Corner, filters_hz: tuple[float | None, float | None]) -> Ca
     )
 
 
-def nothing_dropped() -> Solved:
-    return Solved(problem=None, sizes=np.empty(0), dropped={})  # type: ignore[arg-type]
+def nothing_dropped() -> Solution:
+    return Solution(problem=None, sizes=np.empty(0), dropped={})  # type: ignore[arg-type]

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.certificate.point import Setting
-from tune.certificate.proof import Claim
 from tune.certificate.region import HandRegion, ModeRegion, Region
 from tune.certificate.roots import judge
-from tune.certificate.sampled import sampled_loops
+from tune.certificate.sampled_loops import sampled_loops
+from tune.certificate.zero_exclusion import Claim
 
 #: Samples of delay on top of the device's that every box is to stand.
 EXTRA = 1.0

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from datasets_synthetic.dynamics import Loads, RigidDynamics
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.motion import LARGEST_STEP
-from datasets_synthetic.movers import Loads, RigidMover
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.sampling import Encoder
 from datasets_synthetic.timetable import EvenTimetable
@@ -46,9 +46,9 @@ class SteppedDevice:
     def __init__(self, rig: Rig, fault: Fault | None = None, samples: int = 100_000) -> None:
         zero = np.zeros(1)
         self._rig, self._fault = rig, fault or Fault()
-        self._mover = RigidMover(rig, Hand(), Loads(device=None, handle=None), zero, zero)
+        self._dynamics = RigidDynamics(rig, Hand(), Loads(device=None, handle=None), zero, zero)
         self._timetable = EvenTimetable(
-            rig.delay, rig.sample_time, self._mover.rate(), LARGEST_STEP
+            rig.delay, rig.sample_time, self._dynamics.rate(), LARGEST_STEP
         )
         self._encoder = Encoder(rig.encoder_resolution)
         self._commands = np.zeros(self._timetable.lead + samples)
@@ -64,7 +64,7 @@ class SteppedDevice:
             raise OSError("the encoder is gone")
         if self._due >= self._fault.nan_from:
             return float("nan")
-        (reading,) = self._encoder.read(self._mover.measured())
+        (reading,) = self._encoder.read(self._dynamics.measured())
         self.readings.append(float(reading))
         return float(reading)
 
@@ -87,8 +87,8 @@ class SteppedDevice:
         late = self._fault.late if self._due == self._fault.late_at else 0.0
         for sample in range(self.sample, round((due + late) / step)):
             self._commands[self._timetable.lead + sample] = self.force
-            self._mover.begin(sample)
+            self._dynamics.begin(sample)
             for part in self._timetable.parts(sample):
-                self._mover.move(self._commands.take(part.place), part)
+                self._dynamics.move(self._commands.take(part.place), part)
             self.sample = sample + 1
         return self.sample * step

@@ -14,9 +14,9 @@ from tune import Scene, optimise
 from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
 from tune.certificate.check import check_content
 from tune.certificate.point import Setting, setting_of
-from tune.certificate.proof import Claim
 from tune.certificate.region import ModeRegion, Region, regions_of
 from tune.certificate.switched import judge_switched
+from tune.certificate.zero_exclusion import Claim
 from tune.documents.certified import Multiplier, Tap
 from tune.documents.effects import Effects
 from tune.documents.errors import CheckFailedError

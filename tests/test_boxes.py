@@ -7,9 +7,9 @@ import pytest
 
 from tests.thinned import thinned
 from tune.certificate.point import Point, Setting
-from tune.certificate.proof import Claim, prove
 from tune.certificate.region import Region
 from tune.certificate.roots import judge
+from tune.certificate.zero_exclusion import Claim, prove
 
 CELLS = 3000
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
 
-from datasets_synthetic import bundled
+from datasets_synthetic import bundled_path
 from identification import Device, load_device, quantity
 from tests.commands import files, haptune
 from tests.unlimited import UNLIMITED
@@ -20,7 +20,7 @@ from tune.documents.perception import PerceptionTable, default_table
 from tune.documents.profile import SafeProfile, load_profile
 from tune.documents.scene import MarginName, Scene
 from tune.optimisation._optimise import optimise
-from tune.optimisation.candidates import Candidate, candidates, compared
+from tune.optimisation.candidates import Candidate, candidates, compare_candidates
 from tune.optimisation.candidates_picture import candidates_picture
 
 #: gain and further samples of delay, as the README promises them
@@ -91,7 +91,7 @@ def test_each_candidate_is_as_stiff_as_its_own_margin_allows(
 def test_the_picture_has_a_bar_for_every_effect_of_every_candidate(
     walls: tuple[Candidate, ...],
 ) -> None:
-    rows = compared(walls)
+    rows = compare_candidates(walls)
     (axes,) = candidates_picture(rows).axes
     bars: list[Rectangle] = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
     widths = sorted(bar.get_width() for bar in bars)
@@ -129,7 +129,10 @@ def test_a_margin_that_allows_nothing_says_why_and_the_others_stand(
     assert "its range starts at" in str(conservative.error)
     assert _stiffness(balanced) == pytest.approx(_stiffness(walls[1]), rel=1e-4)
     assert firm.error is None
-    assert {row.margin for row in compared((conservative, balanced, firm))} == {"balanced", "firm"}
+    assert {row.margin for row in compare_candidates((conservative, balanced, firm))} == {
+        "balanced",
+        "firm",
+    }
 
 
 def test_a_candidate_that_is_not_certified_is_told_like_any_other(
@@ -162,7 +165,7 @@ def test_rows_go_by_effect_with_steps_and_their_interval(device: Device) -> None
     table = PerceptionTable.model_validate(content)
     profile = optimise(device, _scene({**WALL, "rail": {"stiffness": 500.0}}), table=table)
     found = tuple(Candidate(margin=name, profile=profile, error=None) for name in PROMISED)
-    rows = compared(found, table)
+    rows = compare_candidates(found, table)
     assert [(row.element, row.margin) for row in rows] == list(product(("wall", "rail"), PROMISED))
     rail = rows[-1].steps
     # 500 N/m above 80 N/m, which 0.8 N of friction mask at 10 mm. Files keep four digits of steps.
@@ -233,7 +236,7 @@ def test_a_chosen_margin_without_a_profile_ends_as_it_does_alone() -> None:
 @pytest.mark.long
 @pytest.mark.usefixtures("here")
 def test_calibrate_compares_too() -> None:
-    log, hardware = (str(bundled(f"homerehab.{kind}")) for kind in ("csv", "hardware.yaml"))
+    log, hardware = (str(bundled_path(f"homerehab.{kind}")) for kind in ("csv", "hardware.yaml"))
     ended = haptune(
         "calibrate", log, "--hardware", hardware, "--scene", "scene.yaml",
         "--method", "least-squares", "--candidates", "--json",

@@ -9,13 +9,13 @@ import pytest
 from identification import load_device, to_mapping, to_yaml
 from tests.random_boxes import safe_gain as limit_of_corners
 from tune import Scene, optimise
+from tune.certificate.assumptions import NO_HAND, WITH_HAND
 from tune.certificate.certify import certify
 from tune.certificate.check import check
 from tune.certificate.point import setting_of
 from tune.certificate.polynomial import Point
 from tune.certificate.region import regions_of
 from tune.certificate.roots import judge
-from tune.certificate.words import NO_HAND, WITH_HAND
 from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design, digest_of
 

@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 
 from identification import Hardware, Trajectory, quantity
 from identification.estimators.model import Estimate
-from identification.findings.balance import balance_of
-from identification.findings.heldout import stability
+from identification.findings.cross_validation import cut_off_sensitivity
+from identification.findings.force_balance import balance_of
 from identification.findings.inertia import inertia, inertia_of
-from identification.findings.lateness import contradicting_delays
+from identification.findings.unknown_delay import contradicting_delays
 from identification.fitting.choice import choose, noise_explains
 from identification.fitting.hausman import CONTRADICTED, contradiction, region, statistic
 from identification.fitting.one_log import fit_log
-from identification.fitting.selection import distinguishable
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
+from identification.fitting.selection import distinguishable_terms
 from tests.bare_servo import INERTIA, path, servo_log
 from tests.simulated.families import FAMILIES
 
@@ -64,7 +64,7 @@ def estimate(mass: float, damping: float, doubt: float, damping_doubt: float) ->
     """An estimate without friction, deviations as parts of the values."""
     return Estimate(
         method="least-squares",
-        model=replace(distinguishable(quick_motor()), coulomb=False, offset=False),
+        model=replace(distinguishable_terms(quick_motor()), coulomb=False, offset=False),
         delay=0.0,
         values=np.array([mass, damping]),
         covariance=np.diag([(doubt * mass) ** 2, (damping_doubt * damping) ** 2]),
@@ -81,12 +81,12 @@ def estimate(mass: float, damping: float, doubt: float, damping_doubt: float) ->
 def test_an_answer_far_less_certain_does_not_win(seed: int) -> None:
     """The larger deviation of the two would let innovations of 35 % win over 5 %."""
     log = noisy_motor(seed=seed)
-    workshop = Workshop.of(log, distinguishable(log), LATE)
-    regression, predicted = workshop.fit("least-squares"), workshop.fit("innovations")
+    prepared = PreparedLog.of(log, distinguishable_terms(log), LATE)
+    regression, predicted = prepared.fit("least-squares"), prepared.fit("innovations")
     widest = [max(regression.deviation(n), predicted.deviation(n)) for n in ("mass", "damping")]
     assert np.all(np.abs(predicted.values[:2] - regression.values[:2]) < 3 * np.array(widest))
     assert region(predicted) > 20 * region(regression)
-    chosen, reason = choose(workshop, "auto", noise_explains(workshop))
+    chosen, reason = choose(prepared, "auto", noise_explains(prepared))
     assert chosen.method == "least-squares"
     assert "less well" in reason
     assert chosen.value("mass") == pytest.approx(INERTIA, rel=0.1)
@@ -96,9 +96,9 @@ def test_an_answer_far_less_certain_does_not_win(seed: int) -> None:
 def test_a_wide_answer_does_not_confirm_a_narrow_wrong_one() -> None:
     """Least squares of 17 % agree with 1.4 times the inertia; rows at equal velocity do not."""
     log = quick_motor()
-    workshop = Workshop.of(log, distinguishable(log), LATE)
+    prepared = PreparedLog.of(log, distinguishable_terms(log), LATE)
     right, wrong = 1.0 * INERTIA, 1.4 * INERTIA
-    shaped = workshop.fit("least-squares"), workshop.fit("innovations")
+    shaped = prepared.fit("least-squares"), prepared.fit("innovations")
     for method, found, mass, doubt in zip(
         ("least-squares", "innovations"), shaped, (1.1 * right, wrong), (0.17, 0.02), strict=True
     ):
@@ -106,14 +106,14 @@ def test_a_wide_answer_does_not_confirm_a_narrow_wrong_one() -> None:
         values[0] = mass
         scale = np.diag(np.sqrt(np.diag(found.covariance)))
         scale[0, 0] = doubt * mass
-        workshop.made[method] = replace(found, values=values, covariance=scale @ scale)
-    assert not contradiction(workshop.made["innovations"], workshop.made["least-squares"])
-    workshop.made["output-error"] = replace(
-        workshop.made["innovations"],
+        prepared.made[method] = replace(found, values=values, covariance=scale @ scale)
+    assert not contradiction(prepared.made["innovations"], prepared.made["least-squares"])
+    prepared.made["output-error"] = replace(
+        prepared.made["innovations"],
         method="output-error",
         residual=np.cumsum(np.random.default_rng(0).normal(size=4000)),
     )
-    chosen, reason = choose(workshop, "auto", noise_explains(workshop))
+    chosen, reason = choose(prepared, "auto", noise_explains(prepared))
     assert chosen.method == "least-squares"
     assert "equal velocity" in reason
 
@@ -229,6 +229,6 @@ def test_a_move_with_the_cut_off_beyond_the_interval_is_a_finding() -> None:
     for move, expected in ((0.05, ["heldout-misfit"]), (0.01, [])):
         leaning = np.array([move, 0.01])
         covariance = alone.covariance + np.outer(leaning, leaning)
-        found = stability(log, replace(alone, leaning=leaning, covariance=covariance))
+        found = cut_off_sensitivity(log, replace(alone, leaning=leaning, covariance=covariance))
         assert [each.code for each in found] == expected
-    assert not stability(log, alone)
+    assert not cut_off_sensitivity(log, alone)

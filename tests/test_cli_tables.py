@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from datasets_synthetic import bundled
+from datasets_synthetic import bundled_path
 from tests.commands import files, haptune
 from tests.thinned import thinned
 from tune.cli.new import excitation_of
@@ -32,7 +32,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
     text = excitation_of("homerehab").replace("duration: 10.0", "duration: 2.0")
     Path("excitation.yaml").write_text(text, encoding="utf-8")
-    shutil.copy(bundled("homerehab.csv"), "log.csv")
+    shutil.copy(bundled_path("homerehab.csv"), "log.csv")
 
 
 @pytest.mark.parametrize("arguments", thinned(TABLES, 2))

@@ -133,10 +133,10 @@ def test_a_nameplate_that_cannot_be_read_says_how(line: str, sentence: str, tmp_
 
 
 def test_an_identified_device_keeps_the_nameplate_of_its_hardware() -> None:
-    from datasets_synthetic import bundled
+    from datasets_synthetic import bundled_path
     from identification import identify, load_trajectory
 
-    log = load_trajectory(bundled("homerehab.csv"))
+    log = load_trajectory(bundled_path("homerehab.csv"))
     known = Hardware(serial="A-17", date="2026-11-22", operator="Ada", motion="linear")
     device = identify(log, hardware=known).device
     assert (device.serial, device.date, device.operator) == ("A-17", "2026-11-22", "Ada")

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from identification import load_device, quantity
-from tests.filter_cases import DEVICES, RIPPLES, SCENES, best_of_grid, job_of, worth_of
+from tests.filter_cases import DEVICES, RIPPLES, SCENES, best_of_grid, task_of, worth_of
 from tests.thinned import thinned
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune.documents.perception import default_table
 from tune.loop.filters import Filters
+from tune.optimisation.cutoff_objective import CutoffObjective, slope_of, tune_with_filters
 from tune.optimisation.cutoffs import choose_filters
-from tune.optimisation.problem import Job
-from tune.optimisation.worth import Worth, slope_of, tuned
+from tune.optimisation.problem import DesignTask
 
 #: The product of all steps is right to this, in its logarithm: a per cent.
 ONE_PERCENT = 0.01
@@ -29,7 +29,7 @@ def _silent(sentence: str) -> None:
     del sentence
 
 
-def _within(worth: Worth, best: Worth) -> bool:
+def _within(worth: CutoffObjective, best: CutoffObjective) -> bool:
     """As many effects kept, and a product within a per cent."""
     return worth.order >= (best.kept, best.value - ONE_PERCENT)
 
@@ -40,17 +40,17 @@ def _never(sentence: str) -> None:
 
 @pytest.mark.parametrize(("device", "ripple"), thinned(product(DEVICES, RIPPLES), 6))
 def test_a_mass_alone_is_within_a_percent_of_every_cutoff(device: str, ripple: float) -> None:
-    job = job_of(device, {"cup": {"mass": "max"}}, ripple)
-    filters = choose_filters(job, _silent)
+    task = task_of(device, {"cup": {"mass": "max"}}, ripple)
+    filters = choose_filters(task, _silent)
     assert filters.velocity_filter_hz is None
-    assert _within(worth_of(job, filters), best_of_grid(job, 30))
+    assert _within(worth_of(task, filters), best_of_grid(task, 30))
 
 
 @pytest.mark.long
 def test_a_scene_is_within_a_percent_of_every_cutoff() -> None:
-    job = job_of("homerehab", SCENES["mix"])
-    filters = choose_filters(job, _silent)
-    assert _within(worth_of(job, filters), best_of_grid(job, 3))
+    task = task_of("homerehab", SCENES["mix"])
+    filters = choose_filters(task, _silent)
+    assert _within(worth_of(task, filters), best_of_grid(task, 3))
 
 
 @pytest.mark.long
@@ -61,37 +61,37 @@ def test_free_cutoffs_are_within_a_percent_of_a_fine_grid(
     device: str, scene: str, ripple: float
 ) -> None:
     """60 by 60 cut-offs and none, three devices, three scenes, three ripple limits."""
-    job = job_of(device, SCENES[scene], ripple)
-    filters = choose_filters(job, _silent)
-    assert _within(worth_of(job, filters), best_of_grid(job, 60))
+    task = task_of(device, SCENES[scene], ripple)
+    filters = choose_filters(task, _silent)
+    assert _within(worth_of(task, filters), best_of_grid(task, 60))
 
 
 def test_a_grid_finds_what_a_poor_choice_loses() -> None:
     """The measure above tells: an octave more or less filtering, or none, is worth clearly less."""
-    job = job_of("homerehab", {"it": {"damping": 30.0, "mass": "max"}})
-    filters = choose_filters(job, _silent)
+    task = task_of("homerehab", {"it": {"damping": 30.0, "mass": "max"}})
+    filters = choose_filters(task, _silent)
     assert filters.acceleration_filter_hz is not None
-    best = worth_of(job, filters)
+    best = worth_of(task, filters)
     for poor in (None, filters.acceleration_filter_hz / 2, filters.acceleration_filter_hz * 2):
-        worth = worth_of(job, replace(filters, acceleration_filter_hz=poor))
+        worth = worth_of(task, replace(filters, acceleration_filter_hz=poor))
         assert worth.order < (best.kept, best.value - 10 * ONE_PERCENT)
 
 
 @pytest.mark.parametrize("name", ["homerehab", "light", "heavy"])
 def test_the_slope_of_worth_is_that_of_tuning_anew(name: str) -> None:
-    job = job_of(name, {"it": {"stiffness": "max", "damping": "max", "mass": "max"}}, 3.0)
+    task = task_of(name, {"it": {"stiffness": "max", "damping": "max", "mass": "max"}}, 3.0)
     step = 1e-3
     for change in ("velocity_filter_hz", "acceleration_filter_hz"):
         here = Filters(velocity_filter_hz=60.0, acceleration_filter_hz=25.0)
         moved = [
             replace(here, **{change: getattr(here, change) * np.exp(s)}) for s in (-step, step)
         ]
-        found = tuned(job, ["it"], here)
+        found = tune_with_filters(task, ["it"], here)
         assert found.worth.kept == (3,)
-        before, after = (tuned(job, ["it"], each).worth.value for each in moved)
+        before, after = (tune_with_filters(task, ["it"], each).worth.value for each in moved)
         # Where limits meet there is an edge, and any slope between those of its sides is one.
         sides = sorted([(found.worth.value - before) / step, (after - found.worth.value) / step])
-        slope = slope_of(job, found, moved[1]) / step
+        slope = slope_of(task, found, moved[1]) / step
         assert sides[0] - 0.02 <= slope <= sides[1] + 0.02
         assert sides[1] - sides[0] < 3
 
@@ -110,7 +110,7 @@ def test_the_slope_of_worth_is_that_of_tuning_anew(name: str) -> None:
 def test_nothing_is_tried_where_nothing_is_free(
     elements: dict[str, Any], loop: dict[str, Any]
 ) -> None:
-    filters = choose_filters(job_of("homerehab", elements, loop=loop), _never)
+    filters = choose_filters(task_of("homerehab", elements, loop=loop), _never)
     assert filters.velocity_filter_hz == loop.get("velocity_filter_hz")
     assert filters.acceleration_filter_hz is None
     assert filters.velocity_window_samples == loop.get("velocity_window_samples")
@@ -118,8 +118,8 @@ def test_nothing_is_tried_where_nothing_is_free(
 
 def test_a_filter_that_is_fixed_stays_while_the_other_is_found() -> None:
     loop = {"velocity_filter_hz": 40.0, "velocity_filter_order": 2, "filter_damping_ratio": 0.7}
-    job = job_of("homerehab", {"cup": {"damping": 30.0, "mass": "max"}}, loop=loop)
-    filters = choose_filters(job, _silent)
+    task = task_of("homerehab", {"cup": {"damping": 30.0, "mass": "max"}}, loop=loop)
+    filters = choose_filters(task, _silent)
     assert filters.velocity_filter_hz == 40.0
     assert filters.velocity_filter_order == 2
     assert filters.filter_damping_ratio == 0.7
@@ -129,8 +129,8 @@ def test_a_filter_that_is_fixed_stays_while_the_other_is_found() -> None:
 
 def test_no_filter_where_none_is_needed() -> None:
     """Ten times the ripple allowed: a wanted damper is felt best as it is."""
-    job = job_of("homerehab", {"water": {"damping": 10.0}}, 10.0)
-    assert choose_filters(job, _silent).velocity_filter_hz is None
+    task = task_of("homerehab", {"water": {"damping": 10.0}}, 10.0)
+    assert choose_filters(task, _silent).velocity_filter_hz is None
 
 
 def test_a_loop_too_slow_for_any_filter_has_none() -> None:
@@ -139,12 +139,15 @@ def test_a_loop_too_slow_for_any_filter_has_none() -> None:
         update={"sample_time": quantity(0.12), "delay": quantity(0.0)}
     )
     scene = Scene.model_validate({"elements": {"water": {"damping": "max"}}})
-    assert choose_filters(Job.of(device, scene, default_table()), _never).velocity_filter_hz is None
+    assert (
+        choose_filters(DesignTask.of(device, scene, default_table()), _never).velocity_filter_hz
+        is None
+    )
 
 
 def test_the_choice_is_the_same_every_time_and_written_with_four_digits() -> None:
-    job = job_of("homerehab", {"cup": {"damping": "max", "mass": "max"}})
-    first, second = choose_filters(job, _silent), choose_filters(job, _silent)
+    task = task_of("homerehab", {"cup": {"damping": "max", "mass": "max"}})
+    first, second = choose_filters(task, _silent), choose_filters(task, _silent)
     assert first == second
     for hertz in (first.velocity_filter_hz, first.acceleration_filter_hz):
         assert hertz is not None
@@ -172,10 +175,10 @@ def test_a_range_no_filter_allows_is_refused_as_before() -> None:
 def test_effects_that_are_alone_find_their_filters_without_a_solver() -> None:
     code = (
         "import sys\n"
-        "from tests.filter_cases import job_of\n"
+        "from tests.filter_cases import task_of\n"
         "from tune.optimisation.cutoffs import choose_filters\n"
-        "job = job_of('homerehab', {'water': {'damping': 'max'}, 'cup': {'mass': 'max'}})\n"
-        "assert choose_filters(job, print).velocity_filter_hz\n"
+        "task = task_of('homerehab', {'water': {'damping': 'max'}, 'cup': {'mass': 'max'}})\n"
+        "assert choose_filters(task, print).velocity_filter_hz\n"
         "sys.exit(', '.join({'casadi', 'nlopt'} & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

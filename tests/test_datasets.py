@@ -14,7 +14,7 @@ from datasets_synthetic import (
     SCENARIOS,
     Faults,
     Rig,
-    bundled,
+    bundled_path,
     fit_to_limits,
     log_text,
     multisine,
@@ -202,25 +202,25 @@ def test_bundled_files_are_what_their_scenario_makes() -> None:
     texts = bundle_texts(SCENARIOS["homerehab"])
     assert sorted(texts) == ["homerehab.csv", "homerehab.hardware.yaml", "homerehab.truth.yaml"]
     for name, text in texts.items():
-        assert bundled(name).read_text(encoding="utf-8") == text, (
+        assert bundled_path(name).read_text(encoding="utf-8") == text, (
             f"{name} differs from its scenario: python -m datasets_synthetic.bundle"
         )
 
 
 def test_bundled_log_is_small_exact_and_beside_its_truth() -> None:
-    path = bundled("homerehab.csv")
+    path = bundled_path("homerehab.csv")
     assert path.stat().st_size < 350_000
     time, force, position = np.loadtxt(path, delimiter=",", skiprows=1, unpack=True)
     assert path.read_text(encoding="utf-8").startswith("time,force,position\n")
     np.testing.assert_allclose(time, np.arange(8000) / 1000, rtol=1e-15)
     np.testing.assert_allclose(force * 1000, np.rint(force * 1000), rtol=0, atol=1e-9)
     np.testing.assert_allclose(position / 6e-6, np.rint(position / 6e-6), rtol=0, atol=1e-9)
-    truth = load_mapping(bundled("homerehab.truth.yaml"))
+    truth = load_mapping(bundled_path("homerehab.truth.yaml"))
     assert truth["scenario"] == "homerehab"
     assert truth["seed"] == SCENARIOS["homerehab"].seed
     assert (truth["mass"], truth["damping"], truth["coulomb_friction"]) == (3.0, 10.0, 0.8)
     assert truth["faults"] == {"position_noise": 0.0, "force_noise": 0.005}
-    hardware = load_document(Hardware, bundled("homerehab.hardware.yaml"))
+    hardware = load_document(Hardware, bundled_path("homerehab.hardware.yaml"))
     assert hardware.delay is not None
     assert hardware.delay.value == truth["delay"] == 0.001
     assert hardware.encoder_resolution is not None
@@ -241,7 +241,7 @@ def test_log_text_prints_every_sample() -> None:
 
 def test_an_unknown_bundled_file_is_refused() -> None:
     with pytest.raises(InvalidInputError, match=r"homerehab\.csv"):
-        bundled("../rig.py")
+        bundled_path("../rig.py")
 
 
 def test_public_names_exist_and_load_lazily() -> None:

@@ -14,7 +14,7 @@ from tests.reference import boundary_gains, reference_loop
 from tune import Scene, load_profile, optimise
 from tune.documents.perception import default_table
 from tune.loop.filters import Filters
-from tune.optimisation.problem import Job
+from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import solve
 
 FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
@@ -165,10 +165,10 @@ def _scene(elements: dict[str, dict[str, Any]]) -> Scene:
 def test_each_of_two_hundred_things_is_tuned_as_if_it_were_alone() -> None:
     filters = Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0)
     many = _many(200)
-    crowd = Job.of(_device(), _scene(many), default_table())
+    crowd = DesignTask.of(_device(), _scene(many), default_table())
     for name in list(many)[::9]:
-        alone = Job.of(_device(), _scene({name: many[name]}), default_table())
-        one, other = (solve(job, [name], filters).sizes.tolist() for job in (crowd, alone))
+        alone = DesignTask.of(_device(), _scene({name: many[name]}), default_table())
+        one, other = (solve(task, [name], filters).sizes.tolist() for task in (crowd, alone))
         assert one == pytest.approx(other, rel=1e-5)
         assert all(size > 0 for size in one)
 

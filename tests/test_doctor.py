@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from datasets_synthetic import bundled
+from datasets_synthetic import bundled_path
 from identification import examine, load_trajectory
 from tests.commands import files, haptune
 
@@ -17,7 +17,7 @@ from tests.commands import files, haptune
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("homerehab.csv", "homerehab.hardware.yaml"):
-        shutil.copy(bundled(name), name)
+        shutil.copy(bundled_path(name), name)
 
 
 def changed(name: str, **columns: float | None) -> str:

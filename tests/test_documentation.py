@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from datasets_synthetic import Controller, bundled, log_text, named_rig, rig_of, simulate
+from datasets_synthetic import Controller, bundled_path, log_text, named_rig, rig_of, simulate
 from identification.findings import CODES
 from tests.commands import haptune
 from tune import load_profile
@@ -139,7 +139,7 @@ def test_every_finding_has_its_section_and_its_picture() -> None:
 
 def test_every_block_runs_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    shutil.copy(bundled("homerehab.csv"), "log.csv")
+    shutil.copy(bundled_path("homerehab.csv"), "log.csv")
     ran: set[str] = set()
     lines: set[str] = set()
     for page, language, text in _blocks():

@@ -24,7 +24,7 @@ from identification import (
     load_mapping,
     parse_document,
     quantity,
-    rounded,
+    round_to_digits,
     to_mapping,
     to_yaml,
     write_bytes,
@@ -100,8 +100,8 @@ def test_the_wrong_kind_of_file_is_said_first() -> None:
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_rounding_is_idempotent_and_close(number: float) -> None:
-    once = rounded(number)
-    assert rounded(once) == once
+    once = round_to_digits(number)
+    assert round_to_digits(once) == once
     assert once == pytest.approx(number, rel=1e-11, abs=5e-324)
 
 

@@ -19,7 +19,7 @@ from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Model
 from identification.estimators.noise import encoder_count, finest_reading, position_noise
 from identification.estimators.rows import Signals
-from identification.estimators.shaping import whiteness
+from identification.estimators.whitening import whiteness
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.thinned import thinned

@@ -11,10 +11,10 @@ from datasets_synthetic import Rig, simulate
 from identification import (
     ExcitationSpec,
 )
+from identification.planning.design_criterion import DesignCriterion, Friction
 from identification.planning.information import NORMAL_95, predict
-from identification.planning.merit import Friction, Merit
 from identification.planning.response import Response
-from identification.planning.stick_slip import Guess, answer, sensitivities
+from identification.planning.stick_slip import Guess, sensitivities, simulate_stick_slip
 from tests.excitation_plans import STEP, Array, rig_of, spec, wave
 
 
@@ -22,7 +22,7 @@ def test_stick_slip_is_the_simulator() -> None:
     """Two ways: pieces in closed form here, Runge-Kutta there; the device sticks now and then."""
     force = wave(3000)
     guess = Guess(mass=3.0, damping=10.0, coulomb_friction=3.0, force_offset=0.4)
-    motion = answer(force, guess, STEP)
+    motion = simulate_stick_slip(force, guess, STEP)
     assert 100 < np.sum(motion.moving == 0) < 2000
     truth = simulate(
         Rig(mass=3.0, damping=10.0, coulomb_friction=3.0, force_offset=0.4, sample_time=STEP),
@@ -133,7 +133,7 @@ def test_gradient_of_the_merit(
     friction: Friction | None, delay_known: bool, unknown: float
 ) -> None:
     response = Response(rate=3.3, step=0.01, count=400, noise=1e-6, acceleration_noise=unknown)
-    merit = Merit(
+    merit = DesignCriterion(
         response=response,
         unknowns=response.unknowns(),
         friction=friction,

@@ -17,7 +17,7 @@ from identification import (
     load_excitation,
     plan_excitation,
 )
-from identification.planning.gentle import identified_spec
+from identification.planning.two_stage import spec_from_device
 from tests.commands import haptune
 from tests.exact_axis import Axis, positions
 from tests.excitation_plans import LIMITS, STEP, planned, spec
@@ -149,7 +149,7 @@ def check_two_plays(seed: int, duration: float, folder: Path) -> bool:
     assert unknown.used(place) <= 1
     assert np.max(np.abs(gentle.best.force)) <= unknown.guesses["force"]
     first = stored(unknown.identified(gentle, place), folder / f"first-{seed}.yaml")
-    full = plan_or_not(identified_spec(unknown.spec(device=first), folder))
+    full = plan_or_not(spec_from_device(unknown.spec(device=first), folder))
     if full is None:
         return False
     place = unknown.played(full)

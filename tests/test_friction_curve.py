@@ -22,8 +22,8 @@ from identification import (
     quantity,
     to_mapping,
 )
-from identification.fitting.selection import distinguishable
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
+from identification.fitting.selection import distinguishable_terms
 from identification.structure.friction_curve import FrictionCurve, friction_curve
 from identification.structure.hysteresis import stop_operators
 from tests.friction_play import settled
@@ -83,8 +83,8 @@ DRAGS = (0.0, 3.0, 10.0, 100.0)
 
 
 def _curve(log: Trajectory) -> FrictionCurve | None:
-    workshop = Workshop.of(log, distinguishable(log), quantity(T))
-    return friction_curve(workshop.table, workshop.delay)
+    prepared = PreparedLog.of(log, distinguishable_terms(log), quantity(T))
+    return friction_curve(prepared.table, prepared.delay)
 
 
 def test_a_spring_that_yields_follows_its_width() -> None:

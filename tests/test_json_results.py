@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from datasets_synthetic import bundled, log_text
+from datasets_synthetic import bundled_path, log_text
 from identification import load_trajectory
 from tests.commands import FLUID, Ended, haptune
 from tests.exported import LOOPS, changed
@@ -117,14 +117,14 @@ def missing_numbers(text: str, result: dict[str, Any]) -> list[str]:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log, a device and a profile, made by the commands themselves."""
     place = tmp_path_factory.mktemp("results")
-    log = load_trajectory(bundled("homerehab.csv")).part(slice(0, 2000))
+    log = load_trajectory(bundled_path("homerehab.csv")).part(slice(0, 2000))
     (place / "log.csv").write_text(log_text(log), encoding="utf-8")
     for name, scene in SCENES.items():
         (place / f"{name}.yaml").write_text(scene, encoding="utf-8")
     text = excitation_of("homerehab").replace("duration: 10.0", "duration: 2.0")
     (place / "excitation.yaml").write_text(text, encoding="utf-8")
     (place / "hardware.yaml").write_text(
-        bundled("homerehab.hardware.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+        bundled_path("homerehab.hardware.yaml").read_text(encoding="utf-8"), encoding="utf-8"
     )
     return place
 

@@ -19,7 +19,7 @@ from tune.documents.profile import LimitedBy
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.describe import bindings
 from tune.optimisation.limits import stable_points
-from tune.optimisation.problem import Job, Problem
+from tune.optimisation.problem import DesignTask, Problem
 from tune.optimisation.solve import solve
 
 #: By how much a limit is relaxed, and the least by which an effect must then grow: another limit
@@ -55,8 +55,8 @@ def _judge(seed: int) -> Counter[str]:
     """The words of a pair, each of them proved."""
     pair = random_pair(seed)
     try:
-        job = Job.of(pair.device, pair.scene, default_table())
-        solved = solve(job, pair.elements, pair.filters)
+        task = DesignTask.of(pair.device, pair.scene, default_table())
+        solved = solve(task, pair.elements, pair.filters)
     except NoFeasibleEffectError:
         return Counter()
     problem, sizes = solved.problem, solved.sizes

@@ -447,10 +447,10 @@ def test_the_device_and_the_commands_tell_how_a_log_was_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A log of a known device in ms, mN and mm with decimal commas gives the same device."""
-    from datasets_synthetic import bundled, log_text
+    from datasets_synthetic import bundled_path, log_text
 
     monkeypatch.chdir(tmp_path)
-    log = load_trajectory(bundled("homerehab.csv")).part(slice(0, 2000))
+    log = load_trajectory(bundled_path("homerehab.csv")).part(slice(0, 2000))
     Path("plain.csv").write_text(log_text(log), encoding="utf-8")
     lines = ["time [ms];force [mN];pos (mm)"]
     for line in log_text(log).splitlines()[1:]:

@@ -137,7 +137,7 @@ def test_nothing_added_changes_nothing() -> None:
         Loop.from_numbers(**HOMEREHAB, delay_samples=1, hand=nothing, modes=(unseen,)),
         Loop.from_numbers(**HOMEREHAB, delay_samples=1, current_lag=1e-9),
     ):
-        assert not other.held
+        assert not other.grounded
         for name in EFFECT_NAMES:
             assert float(largest(other, name)) == pytest.approx(
                 float(largest(bare, name)), rel=1e-5
@@ -157,7 +157,7 @@ def test_a_hand_on_a_rigid_device_adds_up_with_it() -> None:
 
 def test_a_spring_of_the_hand_holds_the_position() -> None:
     loop = Loop.from_numbers(**HOMEREHAB, delay_samples=1, hand=HAND)
-    assert loop.held
+    assert loop.grounded
     assert is_stable(loop, Effects(damping=5.0))
     # A negative stiffness up to the hand's is stable; from there on it is not.
     edge = float(np.asarray(HAND.stiffness))

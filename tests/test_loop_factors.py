@@ -14,7 +14,7 @@ from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.loop.mechanism import ModeNumbers
 from tune.loop.polynomials import Polynomial
-from tune.loop.quadratics import split, split_fractions
+from tune.loop.quadratics import split_fractions, split_into_quadratics
 from tune.loop.zero_order_hold import block
 from tune.stability.criterion import UNIT, routh
 from tune.stability.verdict import is_stable, verdict
@@ -107,7 +107,7 @@ def test_quadratic_factors_and_fractions_put_together_again(zeros: int) -> None:
             *(Polynomial.exact(y, x, one) for x, y in zip(a, b, strict=True))
         )
         top = Polynomial.exact(*(10 ** rng.uniform(-2, 0, (2 * pairs - 1, 50))))
-        factors = split(whole)
+        factors = split_into_quadratics(whole)
         again = Polynomial.exact(one).times(*(Polynomial.exact(q.b, q.a, one) for q in factors))
         np.testing.assert_allclose(again.value, whole.value, rtol=1e-13)
         parts = split_fractions(top, factors)

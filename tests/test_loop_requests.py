@@ -32,7 +32,7 @@ def test_from_parts_reads_the_device_and_the_hand() -> None:
             mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value
         ),
     )
-    assert loop.held
+    assert loop.grounded
     for mine, theirs in ((loop.terms, numbers.terms), (loop.sizes, numbers.sizes)):
         np.testing.assert_array_equal(mine.free, theirs.free)
         np.testing.assert_array_equal(mine.alpha, theirs.alpha)

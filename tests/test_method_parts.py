@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from identification.estimators.banded import Covariance, bands
-from identification.estimators.bumps import Operators, bumps
-from identification.estimators.held import Held
-from identification.estimators.held_response import Coasting
+from identification.estimators.held_response import HeldResponse
 from identification.estimators.linear import gauss_newton
+from identification.estimators.modulating_functions import Operators, bump_weights
 from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
-from identification.estimators.shaping import is_coloured
-from identification.estimators.stick_slip import Way, path
+from identification.estimators.stick_slip import Direction, path
+from identification.estimators.whitening import is_coloured
+from identification.estimators.zero_order_hold import HeldColumn
 
 STEP = 1e-3
 
 
 def test_bumps_are_weights_that_end() -> None:
     place = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 500)) * STEP
-    weights = bumps(place, 0.01)
+    weights = bump_weights(place, 0.01)
     dense = weights.toarray()
     np.testing.assert_allclose(dense.sum(axis=1), 1.0, rtol=1e-12)
     assert np.all(dense >= 0)
@@ -37,9 +37,9 @@ def test_operators_are_the_rows() -> None:
     known = 3
     rows = Kinematics.of(position, steps)
     place = np.cumsum(steps)[FIRST - 1 : -LAST][known:]
-    weights = bumps(place, 0.004)
+    weights = bump_weights(place, 0.004)
     found = Operators.of(weights, steps, 300, known)
-    middle = Held.constant((position[1:] + position[:-1]) / 2, steps)
+    middle = HeldColumn.constant((position[1:] + position[:-1]) / 2, steps)
     for operator, row in (
         (found.acceleration, rows.acceleration),
         (found.velocity, rows.velocity),
@@ -53,7 +53,7 @@ def test_operators_are_the_rows() -> None:
 
 def test_banded_covariance_is_the_dense_one() -> None:
     place = np.arange(200) * np.float64(STEP)
-    weights = bumps(place, 0.005)
+    weights = bump_weights(place, 0.005)
     dense = (weights @ weights.T).toarray()
     banded = bands(weights @ weights.T)[0]
     # On its own the overlap of smooth functions is all but singular.
@@ -72,8 +72,8 @@ def test_a_path_is_finite_whatever_drives_it() -> None:
     """The search asks for such rates, and forces that change inside an interval for any mean."""
     generator = np.random.default_rng(8)
     for _ in range(200):
-        device = Coasting.at(generator.uniform(-0.25, 2.0) / STEP, STEP)
-        way = Way.of(device, 0.01 * generator.standard_normal(201))
+        device = HeldResponse.at(generator.uniform(-0.25, 2.0) / STEP, STEP)
+        way = Direction.of(device, 0.01 * generator.standard_normal(201))
         found = path(
             way,
             way,

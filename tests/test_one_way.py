@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import Finding, Trajectory
-from identification.fitting.selection import distinguishable
+from identification.fitting.selection import distinguishable_terms
 from tests.exact_axis import Axis, counted, positions
 from tests.findings import findings_of
 from tests.motor_logs import RUNS, STEP, Motors, Run, logs
@@ -100,6 +100,6 @@ def test_noise_of_the_readings_is_no_motion_the_other_way(sense: float) -> None:
     place = sense * 5e-3 * time + 2e-5 * generator.standard_normal(time.size)
     assert np.mean(np.diff(place) * sense < 0) > 0.3
     force = np.sin(2 * np.pi * 0.7 * time)
-    assert not distinguishable(Trajectory(time=time, force=force, position=place)).coulomb
+    assert not distinguishable_terms(Trajectory(time=time, force=force, position=place)).coulomb
     turning = place + 0.02 * np.sin(2 * np.pi * 0.3 * time)
-    assert distinguishable(Trajectory(time=time, force=force, position=turning)).coulomb
+    assert distinguishable_terms(Trajectory(time=time, force=force, position=turning)).coulomb

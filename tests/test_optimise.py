@@ -20,9 +20,9 @@ from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.optimisation._optimise import optimise
-from tune.optimisation.limits import allowed
+from tune.optimisation.limits import is_feasible
 from tune.optimisation.nash import largest_product
-from tune.optimisation.problem import Job, pose
+from tune.optimisation.problem import DesignTask, pose
 from tune.optimisation.solve import backends, groups, solve
 from tune.stability.verdict import largest
 
@@ -148,8 +148,8 @@ def test_joint_optimum_against_a_fine_grid() -> None:
     """Product of the steps of K and B of a wall: no allowed grid point has a larger one."""
     device = _device()
     scene = _scene({"wall": {"stiffness": "max", "damping": "max"}}, ripple_limit=0.02)
-    job = Job.of(device, scene, default_table())
-    problem = pose(job, elements=["wall"], filters=Filters(velocity_filter_hz=50.0))
+    task = DesignTask.of(device, scene, default_table())
+    problem = pose(task, elements=["wall"], filters=Filters(velocity_filter_hz=50.0))
     best = largest_product(problem, backends())
     assert best.sizes is not None
     assert best.disagreements < 1e-6
@@ -159,7 +159,7 @@ def test_joint_optimum_against_a_fine_grid() -> None:
         for h1 in np.linspace(0.8, 1.2, 17) * steps[1]:
             pairs = zip(problem.unknowns, (h0, h1), strict=True)
             sizes = np.array([unknown.size_at(height) for unknown, height in pairs])
-            if h0 * h1 > grid and allowed(problem, sizes):
+            if h0 * h1 > grid and is_feasible(problem, sizes):
                 grid = h0 * h1
     assert grid <= most * (1 + 1e-6)
     assert grid >= 0.9 * most
@@ -275,8 +275,8 @@ def test_what_a_proof_leaves_too_faint_is_dropped_and_the_rest_is_kept() -> None
     """A wall on a slippery device far behind: its damper stays where its spring cannot."""
     device = _device(delay=quantity(0.008), damping=quantity(0.5))
     wall = {"stiffness": "max", "damping": "max", "one_sided": True}
-    job = Job.of(device, _scene({"wall": wall}), default_table())
-    solved = solve(job, ["wall"], Filters(velocity_filter_hz=30.0))
+    task = DesignTask.of(device, _scene({"wall": wall}), default_table())
+    solved = solve(task, ["wall"], Filters(velocity_filter_hz=30.0))
     assert "proved stable to" in solved.dropped["wall.stiffness"]
     assert [unknown.label for unknown in solved.problem.unknowns] == ["wall.damping"]
     assert solved.sizes[0] > solved.problem.low[0]

@@ -29,7 +29,7 @@ from tests.unlimited import stated
 from tune.certificate.check import check
 from tune.documents.errors import NoFeasibleEffectError
 from tune.optimisation._optimise import optimise
-from tune.optimisation.solve import Solved, groups
+from tune.optimisation.solve import Solution, groups
 
 FloatArray = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def _judge(seed: int, starts: int, *, fine: bool) -> None:
     assert float(np.min(reference.steps(solved.sizes))) >= 1
 
 
-def _out_of_reach(pair: Pair, solved: Solved, label: str) -> bool:
+def _out_of_reach(pair: Pair, solved: Solution, label: str) -> bool:
     """No setting keeps it beside all that are kept of its rank and of those before."""
     everything = reference_of(pair, nothing_dropped()).wanted
     (rank,) = [one.level for one in everything if one.label == label]

@@ -23,7 +23,7 @@ from tests.sampled_loops import loop_along
 from tune.documents.perception import default_table
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
-from tune.optimisation.problem import Job
+from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import solve
 
 
@@ -117,7 +117,7 @@ def test_a_lone_spring_ends_where_the_cubic_says(mass: float, margin: str) -> No
     wall = {"stiffness": "max", "penetration": 0.1}
     scene = Scene.model_validate({"elements": {"wall": wall}, "margin": margin})
     truth = _lone_spring(device, scene)
-    solved = solve(Job.of(device, scene, default_table()), ["wall"], Filters())
+    solved = solve(DesignTask.of(device, scene, default_table()), ["wall"], Filters())
     assert solved.unrounded[0] == pytest.approx(truth, rel=1e-8)
     assert truth * (1 - 1.1e-5) <= solved.sizes[0] <= truth * (1 + UNDECIDED)
     reference = Reference(device, scene, ["wall"], (None, None))
@@ -149,7 +149,7 @@ def test_limits_that_are_no_matter_of_stability(
 ) -> None:
     scene = Scene.model_validate({"elements": {"it": elements}, "margin": "conservative"})
     solved = solve(
-        Job.of(_bare(**changes), scene, default_table()),
+        DesignTask.of(_bare(**changes), scene, default_table()),
         ["it"],
         Filters(velocity_filter_hz=30.0, acceleration_filter_hz=20.0),
     )

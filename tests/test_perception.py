@@ -15,12 +15,12 @@ from tune.documents.effects import EFFECT_NAMES
 from tune.documents.perception import (
     PerceptionTable,
     WeberFraction,
+    chance_to_tell_apart,
     default_table,
     perceived_steps,
     published_fractions,
     references,
     steps_estimate,
-    told_apart,
     value_at_steps,
 )
 
@@ -66,24 +66,26 @@ def test_one_step_is_told_in_84_percent_of_forced_choices() -> None:
     device = load_device("homerehab")
     table = default_table()
     one = value_at_steps(1, 3.0, table.mass.value, 1)
-    telling = told_apart("mass", 0.0, one, device=device)
+    telling = chance_to_tell_apart("mass", 0.0, one, device=device)
     assert telling.steps.value == pytest.approx(1)
     assert telling.forced_choice.value == pytest.approx(0.8413, abs=1e-4)
-    assert told_apart("mass", one, one, device=device).forced_choice.value == 0.5
+    assert chance_to_tell_apart("mass", one, one, device=device).forced_choice.value == 0.5
 
 
 def test_walls_fainter_than_what_the_device_masks_are_no_different_from_none() -> None:
     device = load_device("homerehab")  # masks 0.8 N, 80 N/m at 10 mm
-    assert told_apart("stiffness", 0.0, 79.0, device=device).steps.value == 0.0
-    assert told_apart("stiffness", 0.0, 160.0, device=device).steps.value == pytest.approx(
-        told_apart("stiffness", 500.0, 1000.0, device=device).steps.value
+    assert chance_to_tell_apart("stiffness", 0.0, 79.0, device=device).steps.value == 0.0
+    assert chance_to_tell_apart(
+        "stiffness", 0.0, 160.0, device=device
+    ).steps.value == pytest.approx(
+        chance_to_tell_apart("stiffness", 500.0, 1000.0, device=device).steps.value
     )
 
 
 def test_nothing_left_to_feel_forms_no_ratio() -> None:
     device = load_device("homerehab").model_copy(update={"mass": quantity(3.0)})
     with pytest.raises(ValueError, match=r"mass felt is -1"):
-        told_apart("mass", -4.0, 0.0, device=device)
+        chance_to_tell_apart("mass", -4.0, 0.0, device=device)
 
 
 NORMAL = NormalDist()
@@ -107,11 +109,11 @@ def test_a_table_of_ones_own_by_fraction_and_by_counts(tmp_path: Path) -> None:
     c, shift = NORMAL.inv_cdf(0.8), NORMAL.inv_cdf(0.8)
     assert table.mass.value == pytest.approx(1.5 ** (1 / (c + shift)) - 1)
     device = load_device("homerehab")
-    plain = told_apart("stiffness", 500.0, 700.0, device=device, table=table)
+    plain = chance_to_tell_apart("stiffness", 500.0, 700.0, device=device, table=table)
     assert plain.steps.value == pytest.approx(math.log(1.4) / math.log(1.23))
     assert plain.forced_choice.low is None
     assert plain.answers is None
-    ranged = told_apart("damping", 0.0, 10.0, device=device, table=table)
+    ranged = chance_to_tell_apart("damping", 0.0, 10.0, device=device, table=table)
     assert ranged.forced_choice.low == pytest.approx(NORMAL.cdf(math.log(2) / math.log(1.3)))
 
 

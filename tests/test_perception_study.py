@@ -17,8 +17,8 @@ from tests.study_replay import COLUMN, TABLE_3, equal_trials, study_of
 from tune.documents.discrimination import Answers, Study
 from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.perception import (
+    chance_to_tell_apart,
     default_table,
-    told_apart,
 )
 
 NORMAL = NormalDist()
@@ -112,8 +112,8 @@ def _values(answers: Answers) -> list[float]:
 def test_the_prediction_gives_back_the_rates_of_the_study(effect: EffectName) -> None:
     device = load_device("homerehab")
     low, high = (area[COLUMN[effect]] for area in (AREA_1, AREA_2[-1]))
-    different = told_apart(effect, low, high, device=device).answers
-    same = told_apart(effect, high, high, device=device).answers
+    different = chance_to_tell_apart(effect, low, high, device=device).answers
+    same = chance_to_tell_apart(effect, high, high, device=device).answers
     assert different is not None
     assert same is not None
     equal_share, different_share = (rate / 100 for rate in PRINTED[effect])

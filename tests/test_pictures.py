@@ -10,7 +10,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from datasets_synthetic import bundled
+from datasets_synthetic import bundled_path
 from identification import Hardware, identify, load_device, load_document, load_trajectory
 from identification.pictures.identified import identified_picture
 from identification.pictures.residual import autocorrelation
@@ -144,8 +144,8 @@ def test_correlation_is_that_of_a_known_process() -> None:
 
 @pytest.mark.long
 def test_an_identification_is_drawn_with_the_interval_of_before() -> None:
-    log = load_trajectory(bundled("homerehab.csv")).part(slice(0, 2000))
-    hardware = load_document(Hardware, bundled("homerehab.hardware.yaml"))
+    log = load_trajectory(bundled_path("homerehab.csv")).part(slice(0, 2000))
+    hardware = load_document(Hardware, bundled_path("homerehab.hardware.yaml"))
     found = identify(log, hardware=hardware, method="least-squares")
     figure = identified_picture(found.device, found.logs, before=DEVICE)
     words = [label.get_text() for axes in figure.get_axes() for label in axes.get_yticklabels()]

@@ -17,11 +17,11 @@ from tune.optimisation.backends import Rank
 from tune.optimisation.backends.multipliers import multipliers
 from tune.optimisation.backends.program import program_of
 from tune.optimisation.backends.reach import Reach
-from tune.optimisation.limits import allowed, weakest
+from tune.optimisation.initial_points import initial_points_of
+from tune.optimisation.limits import is_feasible, least_margin_loops
 from tune.optimisation.nash import largest_product
-from tune.optimisation.problem import Job, Problem
+from tune.optimisation.problem import DesignTask, Problem
 from tune.optimisation.solve import backends, solve
-from tune.optimisation.starts import starts_of
 
 FloatArray = NDArray[np.float64]
 
@@ -30,7 +30,9 @@ FloatArray = NDArray[np.float64]
 def _posed(seed: int) -> tuple[Pair, Problem, FloatArray]:
     """A pair, its problem without what was dropped, and the sizes that were found."""
     pair = random_pair(seed)
-    solved = solve(Job.of(pair.device, pair.scene, default_table()), pair.elements, pair.filters)
+    solved = solve(
+        DesignTask.of(pair.device, pair.scene, default_table()), pair.elements, pair.filters
+    )
     return pair, solved.problem, solved.sizes
 
 
@@ -132,7 +134,7 @@ def test_multipliers_are_what_a_limit_is_worth(seed: int) -> None:
     """Linear limits a little higher: by another solve the product rises by their multipliers."""
     _, problem, _ = _posed(seed)
     rank, best = _all_raised(problem)
-    program = program_of(problem, list(weakest(problem, best)))
+    program = program_of(problem, list(least_margin_loops(problem, best)))
     found = multipliers(program, rank, np.log(best))
     assert found is not None
     more = 1e-4
@@ -151,15 +153,15 @@ def test_multipliers_are_what_a_limit_is_worth(seed: int) -> None:
 def test_a_setting_inside_has_no_multipliers(seed: int) -> None:
     _, problem, _ = _posed(seed)
     rank, best = _all_raised(problem)
-    program = program_of(problem, list(weakest(problem, best)))
+    program = program_of(problem, list(least_margin_loops(problem, best)))
     assert multipliers(program, rank, np.log(best * 0.9)) is None
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 5, 7, 9, 33])
 def test_a_start_is_allowed_and_meets_what_is_wanted_if_it_can(seed: int) -> None:
     _, problem, sizes = _posed(seed)
-    start = starts_of(problem)[0]
-    assert allowed(problem, start)
+    start = initial_points_of(problem)[0]
+    assert is_feasible(problem, start)
     for unknown, first, found in zip(problem.unknowns, start, sizes, strict=True):
         assert first >= unknown.low
         if unknown.wish.kind == "value" and found == unknown.high:

@@ -14,7 +14,7 @@ from tune.documents.errors import LoopError
 from tune.documents.hand import FREE_TO_RIGID, Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.optimisation.region import Region, Spot
+from tune.optimisation.region import PlantPoint, Region
 from tune.stability.verdict import largest
 
 MODE = {
@@ -42,7 +42,7 @@ def test_a_rigid_device_alone_has_four_corners_at_each_delay() -> None:
     region = Region.of(_device(), None, extra=2)
     late = region.loops(Filters(), 2)
     assert [one.beyond for one in late] == [0, 1, 2]
-    assert all(one.loop.scales[0].shape == (4,) and not one.loop.held for one in late)
+    assert all(one.loop.scales[0].shape == (4,) and not one.loop.grounded for one in late)
 
 
 def test_the_corners_are_those_of_the_simultaneous_box() -> None:
@@ -82,7 +82,10 @@ def test_delays_are_judged_at_their_ends_and_at_whole_samples(
 
 def test_a_hand_adds_its_corners_and_the_device_alone_stays() -> None:
     late = Region.of(_device(), FREE_TO_RIGID["linear"], extra=1).loops(Filters(), 0)
-    assert [(one.loop.held, one.loop.scales[0].size) for one in late] == [(False, 4), (True, 32)]
+    assert [(one.loop.grounded, one.loop.scales[0].size) for one in late] == [
+        (False, 4),
+        (True, 32),
+    ]
 
 
 def test_a_hand_that_is_known_is_one_corner() -> None:
@@ -107,7 +110,7 @@ def test_a_sample_time_that_varies_has_loops_of_its_own() -> None:
 
 def test_a_spot_found_later_joins_with_its_delay() -> None:
     region = Region.of(_device(), None, extra=2)
-    spot = Spot(mass=2.0, damping=5.0, sample_time=0.001, delay=0.0025)
+    spot = PlantPoint(mass=2.0, damping=5.0, sample_time=0.001, delay=0.0025)
     wider = replace(region, found=(spot,))
     added = wider.loops(Filters(), 2)[-1]
     assert added.beyond == pytest.approx(1.5)

@@ -16,7 +16,7 @@ from tune import Scene, load_profile, optimise
 from tune.documents.perception import default_table, references
 from tune.documents.profile import SafeProfile, digest_of
 from tune.loop.filters import Filters
-from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.rendering.rendered import FASTEST, SLOWEST, Shares, impedances, rendered
 
 FloatArray = NDArray[np.float64]
@@ -161,7 +161,7 @@ def test_a_pure_delay_turns_mass_into_damping_by_the_cosine_integral() -> None:
 
 def _problem(device: Device, wish: dict[str, Any], filters: Filters) -> Problem:
     scene = Scene.model_validate({"elements": {"it": wish}})
-    return pose(Job.of(device, scene, default_table()), elements=["it"], filters=filters)
+    return pose(DesignTask.of(device, scene, default_table()), elements=["it"], filters=filters)
 
 
 def test_steps_count_what_is_felt_of_a_command() -> None:

@@ -9,7 +9,7 @@ from unittest import mock
 
 import pytest
 
-from datasets_synthetic import bundled
+from datasets_synthetic import bundled_path
 from identification import (
     Device,
     Hardware,
@@ -128,7 +128,7 @@ def test_a_form_for_a_device_leaves_blank_what_nobody_stated() -> None:
     hardware = load_document(Hardware, "hardware.yaml")
     assert hardware.motion is hardware.force_limit is None
     assert hardware.encoder_resolution == quantity(0.000006)
-    shutil.copy(bundled("homerehab.csv"), "log.csv")
+    shutil.copy(bundled_path("homerehab.csv"), "log.csv")
     again = identify(load_trajectory("log.csv"), hardware=hardware, method="least-squares").device
     assert again.missing == ("motion", "force_limit")
 
@@ -173,7 +173,7 @@ def test_an_audit_needs_motion_and_times_and_uses_no_hint() -> None:
 
 
 def test_the_question_of_calibrate_and_its_answer() -> None:
-    shutil.copy(bundled("homerehab.csv"), "log.csv")
+    shutil.copy(bundled_path("homerehab.csv"), "log.csv")
     haptune("new", "hardware", "--quiet")
     form = Path("hardware.yaml").read_text(encoding="utf-8")
     calibrate = (
@@ -205,7 +205,7 @@ def test_the_question_of_calibrate_and_its_answer() -> None:
 
 
 def test_a_device_file_is_asked_about_and_mended_in_place() -> None:
-    log = load_trajectory(bundled("homerehab.csv"))
+    log = load_trajectory(bundled_path("homerehab.csv"))
     found = identify(log, method="least-squares")
     Path("device.yaml").write_text(to_yaml(to_mapping(found.device), ""), encoding="utf-8")
     before = files()
@@ -262,11 +262,11 @@ def test_what_the_paper_does_not_give_is_marked_assumed_wherever_it_appears() ->
     assert marks <= set(device.assumed())
     assert not {"mass", "damping", "encoder_resolution", "force_limit"} & set(device.assumed())
     assert haptune("new", "hardware", "--device", "homerehab", "--quiet").code == 0
-    for file in (Path("hardware.yaml"), bundled("homerehab.hardware.yaml")):
+    for file in (Path("hardware.yaml"), bundled_path("homerehab.hardware.yaml")):
         hardware = load_document(Hardware, file)
         for each in (hardware.sample_time, hardware.delay):
             assert each == quantity(0.001, source="assumed")
-    log = load_trajectory(bundled("homerehab.csv"))
+    log = load_trajectory(bundled_path("homerehab.csv"))
     found = identify(log, hardware=hardware, method="least-squares").device
     assert found.assumed() == ("sample_time", "delay")
     told = haptune("tune", "homerehab", "scene.yaml").out

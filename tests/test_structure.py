@@ -1,4 +1,4 @@
-"""The sceptic names the terms that are there, and no others, whatever the units."""
+"""Stability selection names the terms that are there, and no others, whatever the units."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune import Scene, optimise
 from tune.loop.filters import Filters
 from tune.verification import Verification, advise, margins_of_others, verify
-from tune.verification.allowed import Modes, ModeSeen
-from tune.verification.elements import effects_of, scaled
+from tune.verification.consistent_loops import MeasuredMode, Modes
+from tune.verification.elements import effects_of, scale_effects
 from tune.verification.prediction import slowest
 
 ELEMENTS = {"rubber": (1400.0, 0.0, 0.0), "wall": (1155.0, 82.0, 0.0), "cup": (0.0, 0.0, 1.44)}
@@ -129,7 +129,7 @@ def test_the_true_loop_is_among_those_its_mode_allows(
     gain: float, mass: float, damping: float, delay: float
 ) -> None:
     device = PROFILE.device
-    effects = scaled(effects_of(PROFILE, ("rubber",)), gain)
+    effects = scale_effects(effects_of(PROFILE, ("rubber",)), gain)
     truth = device.model_copy(
         update={
             "mass": device.mass.model_copy(update={"value": mass}),
@@ -138,7 +138,7 @@ def test_the_true_loop_is_among_those_its_mode_allows(
         }
     )
     mode = slowest(truth, PROFILE.loop, effects)
-    narrow = ModeSeen(
+    narrow = MeasuredMode(
         frequency=(0.9999 * mode.frequency, 1.0001 * mode.frequency),
         decay=(0.999 * mode.decay, 1.001 * mode.decay),
     )

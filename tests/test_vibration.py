@@ -17,8 +17,8 @@ from tune.rendering.ripple import handle_vibration
 from tune.rendering.vibration import (
     ThresholdCurve,
     default_thresholds,
-    felt_vibration,
     handle_spectrum,
+    vibration_in_thresholds,
 )
 
 COUNT = 6e-6
@@ -62,13 +62,15 @@ def test_a_flat_threshold_counts_plain_rms() -> None:
     f = np.linspace(0, 1, 10_001)[1:]
     below = float(np.sum(handle_spectrum(_loop(), MASS, COUNT, f)) * (f[1] - f[0]))
     expected = np.sqrt(float(handle_vibration(_loop(), MASS, COUNT)) ** 2 - below) / 1e-7
-    felt = felt_vibration(_loop(), MASS, COUNT, _curve((1.0, 1e-7), (2.0, 1e-7)))
+    felt = vibration_in_thresholds(_loop(), MASS, COUNT, _curve((1.0, 1e-7), (2.0, 1e-7)))
     assert felt == pytest.approx(expected, rel=1e-5)
     # Half the threshold is felt twice as much; a peak amplitude is √2 of its rms.
     half = _curve((1.0, 0.5e-7), (2.0, 0.5e-7))
-    assert felt_vibration(_loop(), MASS, COUNT, half) == pytest.approx(2 * felt, rel=1e-9)
+    assert vibration_in_thresholds(_loop(), MASS, COUNT, half) == pytest.approx(2 * felt, rel=1e-9)
     peak = _curve((1.0, 1e-7), (2.0, 1e-7), amplitude="peak")
-    assert felt_vibration(_loop(), MASS, COUNT, peak) == pytest.approx(felt * 2**0.5, rel=1e-9)
+    assert vibration_in_thresholds(_loop(), MASS, COUNT, peak) == pytest.approx(
+        felt * 2**0.5, rel=1e-9
+    )
 
 
 def test_weighting_by_a_curve_against_a_fine_sum() -> None:
@@ -78,7 +80,9 @@ def test_weighting_by_a_curve_against_a_fine_sum() -> None:
     for cutoff in (None, 20.0):
         density = handle_spectrum(_loop(cutoff), MASS, COUNT, f) / curve.rms(f) ** 2
         expected = np.sqrt(float(np.sum(density) * (f[1] - f[0])))
-        assert felt_vibration(_loop(cutoff), MASS, COUNT) == pytest.approx(expected, rel=1e-4)
+        assert vibration_in_thresholds(_loop(cutoff), MASS, COUNT) == pytest.approx(
+            expected, rel=1e-4
+        )
 
 
 def test_a_sharp_resonance_is_not_missed() -> None:
@@ -86,14 +90,16 @@ def test_a_sharp_resonance_is_not_missed() -> None:
     effects = Effects(stiffness=6650.0)
     curve = _curve((1.0, 1e-7), (2.0, 1e-7))
     closed = float(handle_vibration(_loop(), effects, COUNT)) / 1e-7
-    assert felt_vibration(_loop(), effects, COUNT, curve) == pytest.approx(closed, rel=1e-3)
+    assert vibration_in_thresholds(_loop(), effects, COUNT, curve) == pytest.approx(
+        closed, rel=1e-3
+    )
 
 
 def test_unfiltered_virtual_mass_is_plainly_felt_and_filters_help() -> None:
     """docs/theory.md, 7: one count of 1 kg on 6 µm and 1 ms is plainly felt."""
-    assert felt_vibration(_loop(), MASS, COUNT) > 3
-    assert felt_vibration(_loop(20.0), MASS, COUNT) < 1
-    assert felt_vibration(_loop(), Effects(), COUNT) == 0.0
+    assert vibration_in_thresholds(_loop(), MASS, COUNT) > 3
+    assert vibration_in_thresholds(_loop(20.0), MASS, COUNT) < 1
+    assert vibration_in_thresholds(_loop(), Effects(), COUNT) == 0.0
 
 
 def test_shipped_curves_say_where_they_are_from_and_how_sure_that_is() -> None:

@@ -9,11 +9,11 @@ from flint import arb
 from tests.random_boxes import EXTRA, around, draw, safe_gain
 from tune.certificate.point import Setting
 from tune.certificate.polynomial import closed_loop
-from tune.certificate.proof import Claim, prove
 from tune.certificate.region import HandRegion, Region
 from tune.certificate.roots import judge
-from tune.certificate.sampled import sampled_loops
-from tune.certificate.worst import worst_point
+from tune.certificate.sampled_loops import sampled_loops
+from tune.certificate.worst_point import worst_point
+from tune.certificate.zero_exclusion import Claim, prove
 
 SPRING = Setting(
     stiffness=1.0, damping=0.0, mass=0.0, velocity_filter_hz=None, acceleration_filter_hz=None

@@ -33,11 +33,11 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.margins.passivity import Passivity, damping_needed
     from tune.margins.response import DiskMargin, disk_margin, phase_margin
     from tune.optimisation._optimise import optimise
-    from tune.optimisation.candidates import candidates, compared
+    from tune.optimisation.candidates import candidates, compare_candidates
     from tune.optimisation.candidates_picture import candidates_picture
     from tune.presentation.profile_picture import profile_picture, profile_sheet
     from tune.rendering.ripple import CountJump, count_jump, force_ripple, handle_vibration
-    from tune.rendering.vibration import ThresholdCurve, default_thresholds, felt_vibration
+    from tune.rendering.vibration import ThresholdCurve, default_thresholds, vibration_in_thresholds
     from tune.stability.verdict import (
         gain_interval,
         is_stable,
@@ -78,7 +78,7 @@ __all__ = [
     "candidates_picture",
     "check",
     "compare",
-    "compared",
+    "compare_candidates",
     "count_jump",
     "damping_needed",
     "default_table",
@@ -86,7 +86,6 @@ __all__ = [
     "delay_margin",
     "disk_margin",
     "export",
-    "felt_vibration",
     "force_ripple",
     "gain_interval",
     "handle_vibration",
@@ -106,6 +105,7 @@ __all__ = [
     "stable_gains",
     "verdict",
     "verify",
+    "vibration_in_thresholds",
     "what_if",
 ]
 
@@ -130,11 +130,11 @@ _HOMES = {
     "margins.passivity": "Passivity damping_needed",
     "margins.response": "DiskMargin disk_margin phase_margin",
     "optimisation._optimise": "optimise",
-    "optimisation.candidates": "candidates compared",
+    "optimisation.candidates": "candidates compare_candidates",
     "optimisation.candidates_picture": "candidates_picture",
     "presentation.profile_picture": "profile_picture profile_sheet",
     "rendering.ripple": "CountJump count_jump force_ripple handle_vibration",
-    "rendering.vibration": "ThresholdCurve default_thresholds felt_vibration",
+    "rendering.vibration": "ThresholdCurve default_thresholds vibration_in_thresholds",
     "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",
     "verification": "Verification verify",
 }

@@ -21,17 +21,17 @@ from tune.margins.limit_cycles import LimitCycle, limit_cycle
 from tune.margins.margins import LoopMargins, margins_of
 from tune.margins.quantised_passivity import QuantisedPassivity, quantised_passivity
 from tune.optimisation._optimise import SLACK, design_of
-from tune.optimisation.delays import Felt, extra_delays
+from tune.optimisation.delays import SizedMoment, extra_delays
 from tune.optimisation.faults import Fault, faults_of
 from tune.optimisation.limits import forces, ripple, worst_gain
-from tune.optimisation.nash import closed_form, largest_product
-from tune.optimisation.problem import Job, Problem, pose
+from tune.optimisation.nash import largest_product, single_unknown_optimum
+from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.reasons import reasons_for_nothing
-from tune.optimisation.settled import settled
-from tune.optimisation.solve import Solved, backends
+from tune.optimisation.rounding import round_sizes
+from tune.optimisation.solve import Solution, backends
 from tune.rendering.contact import contact
 from tune.rendering.ripple import count_jump, handle_vibration
-from tune.rendering.vibration import felt_vibration
+from tune.rendering.vibration import vibration_in_thresholds
 
 FloatArray = NDArray[np.float64]
 
@@ -136,14 +136,14 @@ def audit(
     later = to_mapping(_later(_as_stated(device), extra_delay_samples))
     device = parse_document(Device, later, "the device with its extra delay")
     scene = parse_document(Scene, _scene_of(effects, filters, margin), "the gains and filters")
-    job = Job.of(device, scene, default_table())
-    problem = pose(job, elements=[ELEMENT], filters=filters, felt=False)
+    task = DesignTask.of(device, scene, default_table())
+    problem = pose(task, elements=[ELEMENT], filters=filters, felt=False)
     sizes = np.array([abs(unknown.wish.high or 0.0) for unknown in problem.unknowns])
     (moment,) = problem.moments
     gain = worst_gain(problem, moment, sizes, late=False)
     stable = gain > 1
-    solved = Solved(problem=problem, sizes=sizes, dropped={})
-    design = as_stored(design_of(job, filters, [solved], {}))
+    solved = Solution(problem=problem, sizes=sizes, dropped={})
+    design = as_stored(design_of(task, filters, [solved], {}))
     noise = ripple(problem, moment, sizes) if stable else None
     refusal = refusal_of(device)
     faults = tuple(faults_of(problem, sizes, gain, noise))
@@ -152,14 +152,17 @@ def audit(
     certificate = None
     if not faults:
         try:
-            design, certificate = _certified(job, filters, solved)
+            design, certificate = _certified(task, filters, solved)
         except CheckFailedError as error:
             faults = tuple(
                 Fault(limit="certificate", seen=failure, needed="proved", remedy="Lower the gains.")
                 for failure in error.failures
             )
     sustained, peak = (float(force) for force in forces(moment, sizes))
-    felt, at = problem.effects(moment, sizes), Felt(problem=problem, moment=moment, sizes=sizes)
+    felt, at = (
+        problem.effects(moment, sizes),
+        SizedMoment(problem=problem, moment=moment, sizes=sizes),
+    )
     vibration, thresholds = _vibration(device, felt, filters) if stable else (None, None)
     return Audit(
         design=design,
@@ -176,12 +179,12 @@ def audit(
         wall=_wall(problem, design),
         jumps=_jumps(device, felt, filters),
         faults=faults,
-        nearest=_nearest(job, filters) if faults and refusal is None else None,
+        nearest=_nearest(task, filters) if faults and refusal is None else None,
         certificate=certificate,
     )
 
 
-def _certified(job: Job, filters: Filters, solved: Solved) -> tuple[Design, Certificate]:
+def _certified(task: DesignTask, filters: Filters, solved: Solution) -> tuple[Design, Certificate]:
     """The gains with all the margin that can be proved, at least the one asked for.
 
     Raises:
@@ -190,7 +193,7 @@ def _certified(job: Job, filters: Filters, solved: Solved) -> tuple[Design, Cert
     from tune.certificate.certify import certify
 
     for slack in (0.0, *SLACK):
-        design = as_stored(design_of(replace(job, slack=slack), filters, [solved], {}))
+        design = as_stored(design_of(replace(task, slack=slack), filters, [solved], {}))
         try:
             return design, certify(design)
         except CheckFailedError as error:
@@ -230,7 +233,7 @@ def _vibration(
     count = device.encoder_resolution.value
     loop = Loop.from_parts(device, used_filters(filters, felt))
     shaken = float(handle_vibration(loop, felt, count))
-    return shaken, felt_vibration(loop, felt, count) if device.motion == "linear" else None
+    return shaken, vibration_in_thresholds(loop, felt, count) if device.motion == "linear" else None
 
 
 def _wall(problem: Problem, design: Design) -> Contact:
@@ -255,20 +258,22 @@ def _jumps(device: Device, felt: Effects, filters: Filters) -> dict[str, float]:
     return {name: getattr(jump, name) for name, value in present if value is not None}
 
 
-def _nearest(job: Job, filters: Filters) -> Effects | None:
+def _nearest(task: DesignTask, filters: Filters) -> Effects | None:
     """The safe values closest to those wanted on the perceptual scale; what none is, left out."""
     gone: frozenset[str] = frozenset()
-    problem = pose(job, elements=[ELEMENT], filters=filters, felt=False)
+    problem = pose(task, elements=[ELEMENT], filters=filters, felt=False)
     while impossible := reasons_for_nothing(problem):
         gone |= impossible.keys()
-        problem = pose(job, elements=[ELEMENT], filters=filters, gone=gone, felt=False)
+        problem = pose(task, elements=[ELEMENT], filters=filters, gone=gone, felt=False)
     if not problem.unknowns:
         return None
     found = (
-        closed_form(problem) if len(problem.unknowns) == 1 else largest_product(problem, backends())
+        single_unknown_optimum(problem)
+        if len(problem.unknowns) == 1
+        else largest_product(problem, backends())
     )
     if found.sizes is None:
         return None
-    sizes = settled(problem, found.sizes)
+    sizes = round_sizes(problem, found.sizes)
     lows = np.array([unknown.low for unknown in problem.unknowns])
     return problem.effects(problem.moments[0], np.where(sizes > _MORE * lows, sizes, 0.0))

@@ -92,7 +92,7 @@ def _square_radius(count: int, freedom: float, confidence: float) -> float:
     return high
 
 
-def widened(quantity: Quantity, factor: float) -> tuple[float, float]:
+def widen_interval(quantity: Quantity, factor: float) -> tuple[float, float]:
     """(low, high) of an interval widened about its value."""
     return (
         quantity.value - factor * (quantity.value - quantity.low),
@@ -100,7 +100,7 @@ def widened(quantity: Quantity, factor: float) -> tuple[float, float]:
     )
 
 
-def widened_positive(quantity: Quantity, factor: float) -> tuple[float, float]:
+def widen_positive_interval(quantity: Quantity, factor: float) -> tuple[float, float]:
     """(low, high) widened on a logarithmic scale, for what cannot be negative."""
     return (
         quantity.value * (quantity.low / quantity.value) ** factor,

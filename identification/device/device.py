@@ -16,7 +16,13 @@ from pydantic import (
     model_validator,
 )
 
-from identification.device.box import BOX_CONFIDENCE, Box, widened, widened_positive, widening
+from identification.device.box import (
+    BOX_CONFIDENCE,
+    Box,
+    widen_interval,
+    widen_positive_interval,
+    widening,
+)
 from identification.device.evidence import Covariance, LogRecord
 from identification.device.friction import ByDirection, SlopeRange, UnmodelledForce
 from identification.device.hardware import (
@@ -236,11 +242,11 @@ class Device(Document):
         dampings = [self.damping]
         if self.damping_by_direction is not None:
             dampings += [self.damping_by_direction.forward, self.damping_by_direction.backward]
-        ranges = [widened(each, factor) for each in dampings]
+        ranges = [widen_interval(each, factor) for each in dampings]
         if self.damping_slope is not None:
             ranges.append((self.damping_slope.low, self.damping_slope.high))
         return Box(
-            mass=widened_positive(self.mass, factor),
+            mass=widen_positive_interval(self.mass, factor),
             damping=(min(low for low, _ in ranges), max(high for _, high in ranges)),
             sample_time=(self.sample_time.low, self.sample_time.high),
             delay=(self.delay.low, self.delay.high),
@@ -257,9 +263,11 @@ class Device(Document):
         """(least, largest) slope of the force by position, intervals widened by a factor, N/m."""
         low = high = steepest = 0.0
         if self.position_stiffness is not None:
-            low, high = widened(self.position_stiffness, factor)
+            low, high = widen_interval(self.position_stiffness, factor)
         if self.gravity is not None:
-            parts = (widened(part, factor) for part in (self.gravity.sine, self.gravity.cosine))
+            parts = (
+                widen_interval(part, factor) for part in (self.gravity.sine, self.gravity.cosine)
+            )
             steepest = math.hypot(*(max(abs(least), abs(most)) for least, most in parts))
         return low - steepest, high + steepest
 

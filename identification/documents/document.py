@@ -127,14 +127,14 @@ def load_document(model: type[Model], path: str | PathLike[str]) -> Model:
     return parse_document(model, load_mapping(path), path)
 
 
-def rounded(number: float, digits: int = DIGITS) -> float:
+def round_to_digits(number: float, digits: int = DIGITS) -> float:
     """The nearest double whose shortest decimal form has at most ``digits`` digits."""
     return float(f"{number:.{digits - 1}e}")
 
 
 def _round_all(value: Any) -> Any:
     if isinstance(value, float):
-        return rounded(value)
+        return round_to_digits(value)
     if isinstance(value, Mapping):
         return {key: _round_all(item) for key, item in value.items()}  # pyright: ignore[reportUnknownVariableType]
     if isinstance(value, list | tuple):

@@ -46,7 +46,7 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
     """The delay, 0 to MOST_SAMPLES samples, at which least squares leaves the smallest residual.
 
     Delaying a force and adding damping look alike in a log of a single frequency; then the
-    deviation is large, and so becomes the interval of the damping (workshop.py).
+    deviation is large, and so becomes the interval of the damping (prepared.py).
 
     Args:
         trajectory: the log.

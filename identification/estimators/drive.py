@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Commands, Held, mean_step
-from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.held_response import Gain, HeldResponse
 from identification.estimators.least_squares import Regression
 from identification.estimators.rows import Signals
+from identification.estimators.zero_order_hold import Commands, HeldColumn, mean_step
 
 FloatArray = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class Drive:
     """
 
     commands: Commands
-    terms: tuple[Held, ...]
+    terms: tuple[HeldColumn, ...]
     moving: FloatArray
     steps: float | FloatArray
     delay: float | None
@@ -62,11 +62,11 @@ class Drive:
             delay=delay,
         )
 
-    def inputs(self, delay: float) -> tuple[Held, ...]:
+    def inputs(self, delay: float) -> tuple[HeldColumn, ...]:
         """Force, then the terms, where they act."""
         return (self.commands.after(delay).times(self.moving), *self.terms)
 
-    def slope_by_delay(self, device: Coasting, delay: float) -> Gain:
+    def slope_by_delay(self, device: HeldResponse, delay: float) -> Gain:
         """What the force adds in each interval, differentiated by its delay."""
         force = self.commands.after(delay)
         later = device.slope_by_delay(force, float(self.commands.value[0]))

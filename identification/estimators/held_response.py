@@ -1,4 +1,4 @@
-"""Exact position of a mass with viscous damping under a held force, for any rate p = b/m.
+"""Zero-order-hold response of a mass with viscous damping, exact for any rate p = b/m.
 
 Every response comes with its exact derivative by p, from the φ-functions one order higher.
 """
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Held
 from identification.estimators.linear_filters import recursive
+from identification.estimators.zero_order_hold import HeldColumn
 
 FloatArray = NDArray[np.float64]
 
@@ -49,8 +49,8 @@ def _series(delta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Push:
-    """What a unit force per mass does in a time, from rest; numbers, or arrays like the times.
+class StepResponse:
+    """Step response to a unit force per mass, from rest; numbers, or arrays like the times.
 
     Attributes:
         speed: velocity gained, also the distance coasted per unit of velocity, s.
@@ -69,7 +69,7 @@ class Push:
     decay_slope: FloatArray
 
     @classmethod
-    def during(cls, span: float | FloatArray, rate: float) -> Push:
+    def during(cls, span: float | FloatArray, rate: float) -> StepResponse:
         """For times in s and p in 1/s."""
         span = np.asarray(span, dtype=np.float64)
         first, second, third = phi(rate * span)
@@ -94,7 +94,7 @@ class Gain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Coasting:
+class HeldResponse:
     """A device of rate p on the grid of one log, moved by held columns.
 
     Attributes:
@@ -104,35 +104,35 @@ class Coasting:
     """
 
     rate: float
-    whole: Push
+    whole: StepResponse
     steps: float | FloatArray
 
     @classmethod
-    def at(cls, rate: float, steps: float | FloatArray) -> Coasting:
+    def at(cls, rate: float, steps: float | FloatArray) -> HeldResponse:
         """For p in 1/s and the steps of a log in s."""
-        return cls(rate=rate, whole=Push.during(steps, rate), steps=steps)
+        return cls(rate=rate, whole=StepResponse.during(steps, rate), steps=steps)
 
-    def gain(self, column: Held) -> Gain:
+    def gain(self, column: HeldColumn) -> Gain:
         """What a column, force per mass, adds in each interval."""
         velocity = column.level * self.whole.speed
         distance = column.level * self.whole.place
         if column.change.size:
-            jump = Push.during(column.left, self.rate)
+            jump = StepResponse.during(column.left, self.rate)
             velocity = velocity + column.added(jump.speed)
             distance = distance + column.added(jump.place)
         return Gain(velocity=velocity, distance=distance)
 
-    def slope_by_rate(self, column: Held) -> Gain:
+    def slope_by_rate(self, column: HeldColumn) -> Gain:
         """Derivative of ``gain`` by p."""
         velocity = column.level * self.whole.speed_slope
         distance = column.level * self.whole.place_slope
         if column.change.size:
-            jump = Push.during(column.left, self.rate)
+            jump = StepResponse.during(column.left, self.rate)
             velocity = velocity + column.added(jump.speed_slope)
             distance = distance + column.added(jump.place_slope)
         return Gain(velocity=velocity, distance=distance)
 
-    def slope_by_delay(self, column: Held, first: float) -> Gain:
+    def slope_by_delay(self, column: HeldColumn, first: float) -> Gain:
         """Derivative of ``gain`` by a delay of every jump, those at borders of intervals too.
 
         Args:
@@ -148,7 +148,7 @@ class Coasting:
         velocity = -border * self.whole.decay
         distance = -border * self.whole.speed
         if column.change.size:
-            jump = Push.during(column.left, self.rate)
+            jump = StepResponse.during(column.left, self.rate)
             velocity = velocity - column.added(jump.decay)
             distance = distance - column.added(jump.speed)
         return Gain(velocity=velocity, distance=distance)
@@ -157,7 +157,7 @@ class Coasting:
         """Velocity at n samples from what n - 1 intervals add to it."""
         if self.whole.decay.ndim == 0:
             return recursive(np.concatenate(([start], added)), -float(self.whole.decay))
-        return carried(self.whole.decay, [added], [start])[0]
+        return accumulate_decay(self.whole.decay, [added], [start])[0]
 
     def position(self, gain: Gain, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Position and velocity at n samples from rest at zero, or from a start velocity."""
@@ -172,7 +172,9 @@ class Coasting:
         return self.position(Gain(velocity=added, distance=moved))[0]
 
 
-def carried(decay: FloatArray, added: Sequence[FloatArray], start: Sequence[float]) -> FloatArray:
+def accumulate_decay(
+    decay: FloatArray, added: Sequence[FloatArray], start: Sequence[float]
+) -> FloatArray:
     """Velocities at n samples where every interval leaves its own part of the one before.
 
     Args:

@@ -1,10 +1,10 @@
-"""Innovations: each position predicted from the past, with position noise and unlogged forces.
+"""Prediction-error method: innovations form with position noise and unlogged forces.
 
 White noise on the position and white forces on the device together make the equation of motion,
 row by row, a moving average of two terms in independent innovations (the steady Kalman filter:
 Ljung, System Identification, 1999, section 4.3; an ARMAX model whose A is the device). Its two
 coefficients c1, c2 are fitted with p = b/m; what else colours the force (tremor, friction that the
-model misses) is taken out by a filter made from the spectrum of the rest (shaping.py). Without
+model misses) is taken out by a filter made from the spectrum of the rest (whitening.py). Without
 unlogged force it is output error, with nothing else least squares; it is consistent in closed loop.
 """
 
@@ -15,16 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.answer import Point, answer
 from identification.estimators.drive import Drive
-from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.held_response import Gain, HeldResponse
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS, Regression
 from identification.estimators.linear import solve as solved
 from identification.estimators.linear_filters import causal, recursive
 from identification.estimators.model import Estimate
+from identification.estimators.point_estimate import PointEstimate, complete_estimate
 from identification.estimators.separable import Solution, physical, solve
-from identification.estimators.shaping import is_coloured, whitener
+from identification.estimators.whitening import is_coloured, whitener
 
 FloatArray = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class _Problem:
 
     def rows(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Columns and target before the noise model, which do not depend on c1 and c2."""
-        device = Coasting.at(float(theta[0]), self.drive.steps)
+        device = HeldResponse.at(float(theta[0]), self.drive.steps)
         inputs = self.drive.inputs(self._delay(theta))
         columns = np.zeros((len(inputs) + 2, self.position.size - 2 - self.known))
         for index, held in enumerate(inputs):
@@ -88,7 +88,7 @@ class _Problem:
         return columns, self._scaled(device, _row_of_position(device, self.position))
 
     def slopes(self, theta: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
-        device = Coasting.at(float(theta[0]), self.drive.steps)
+        device = HeldResponse.at(float(theta[0]), self.drive.steps)
         misfit = -_row_of_position(device, self.position)
         slope = -_slope_of_position(device, self.position)
         inputs = self.drive.inputs(self._delay(theta))
@@ -107,7 +107,7 @@ class _Problem:
             slopes.append(self.whitened(weights[0] * self._scaled(device, later), theta))
         return np.stack(slopes)
 
-    def _scaled(self, device: Coasting, rows: FloatArray) -> FloatArray:
+    def _scaled(self, device: HeldResponse, rows: FloatArray) -> FloatArray:
         """Rows of speed as rows of position: the weight of the newest reading does not lean on p.
 
         Otherwise a p that makes the rows smaller would seem to explain them better.
@@ -125,7 +125,7 @@ class _Problem:
 
 
 def _earlier(of_intervals: FloatArray) -> FloatArray:
-    """Of the interval before each inner sample."""
+    """Value of the interval before each inner sample."""
     return of_intervals if of_intervals.ndim == 0 else of_intervals[:-1]
 
 
@@ -134,12 +134,12 @@ def _difference(column: FloatArray, decay: FloatArray) -> FloatArray:
     return column[1:] - _earlier(decay) * column[:-1]
 
 
-def _row(device: Coasting, gain: Gain) -> FloatArray:
+def _row(device: HeldResponse, gain: Gain) -> FloatArray:
     """What a column adds to the difference of speeds at inner samples, shape (n - 2,)."""
     return gain.velocity[:-1] + _difference(gain.distance / device.whole.speed, device.whole.decay)
 
 
-def _row_slope(device: Coasting, gain: Gain, slope: Gain) -> FloatArray:
+def _row_slope(device: HeldResponse, gain: Gain, slope: Gain) -> FloatArray:
     """Derivative of a row by p."""
     whole = device.whole
     share = gain.distance / whole.speed
@@ -148,12 +148,12 @@ def _row_slope(device: Coasting, gain: Gain, slope: Gain) -> FloatArray:
     return slope.velocity[:-1] + bent
 
 
-def _row_of_position(device: Coasting, position: FloatArray) -> FloatArray:
-    """The same difference of speeds as the positions tell it."""
+def _row_of_position(device: HeldResponse, position: FloatArray) -> FloatArray:
+    """Difference of speeds as the positions tell it."""
     return _difference(np.diff(position) / device.whole.speed, device.whole.decay)
 
 
-def _slope_of_position(device: Coasting, position: FloatArray) -> FloatArray:
+def _slope_of_position(device: HeldResponse, position: FloatArray) -> FloatArray:
     """Derivative of that by p."""
     whole = device.whole
     speed = np.diff(position) / whole.speed
@@ -161,7 +161,7 @@ def _slope_of_position(device: Coasting, position: FloatArray) -> FloatArray:
     return changed - _earlier(whole.decay_slope) * speed[:-1]
 
 
-def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     first = start if delay is None else delay
     table = _settled(table, first)
@@ -195,7 +195,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
     ]
     notes += [] if best.converged else ["the search ended before it settled"]
-    return answer(
+    return complete_estimate(
         "innovations",
         table.model,
         _point(table, best, delay),
@@ -208,8 +208,8 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     )
 
 
-def _point(table: Regression, best: Solution, delay: float | None) -> Point:
-    return Point(
+def _point(table: Regression, best: Solution, delay: float | None) -> PointEstimate:
+    return PointEstimate(
         values=physical(best, len(table.model.parameters))[0],
         delay=float(best.theta[3]) if delay is None else delay,
         signal=best.target,

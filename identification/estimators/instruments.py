@@ -15,17 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.answer import Point, answer
 from identification.estimators.drive import MOST_SAMPLES, Drive
-from identification.estimators.held import Commands, Held
-from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.held_response import Gain, HeldResponse
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.motion import Motion
+from identification.estimators.point_estimate import PointEstimate, complete_estimate
 from identification.estimators.rows import Kinematics, of_rows
 from identification.estimators.terms import terms
+from identification.estimators.zero_order_hold import Commands, HeldColumn
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ _NUDGE = 0.05
 _UNEXCITED = 1e-6
 
 
-def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     return _found(table, _source(table), delay, start)
 
@@ -68,7 +68,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     size = len(table.model.parameters) + fitted
     around = spread(best.columns, best.residual, size, signal=best.signal, instruments=best.tests)
     notes = (source.note, table.cut_off.reason)
-    return answer(
+    return complete_estimate(
         "instruments",
         table.model,
         best,
@@ -98,7 +98,7 @@ def _found(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Solution(Point):
+class _Solution(PointEstimate):
     """A point estimate and what it was solved from.
 
     Attributes:
@@ -170,7 +170,7 @@ class _Simulated:
         drive = Drive.of(self.table, delay)
         # A mass that is not positive has no motion to simulate; without damping it is still one.
         rate = values[1] / values[0] if values[0] > 0 else 0.0
-        device = Coasting.at(float(np.clip(rate, *drive.rates)), drive.steps)
+        device = HeldResponse.at(float(np.clip(rate, *drive.rates)), drive.steps)
         mass = values[0] if values[0] > 0 else 1.0
         weights = np.concatenate(([1.0], -values[2:])) / mass
         nothing = np.zeros(self.table.signals.speed.size)
@@ -282,7 +282,7 @@ def _columns(table: Regression, position: FloatArray) -> FloatArray:
     motion = table.motion
     if table.model.coulomb:
         sense = np.sign(np.diff(position)) * motion.moving
-        motion = Motion(direction=Held.constant(sense, signals.steps), moving=motion.moving)
+        motion = Motion(direction=HeldColumn.constant(sense, signals.steps), moving=motion.moving)
     others = terms(table.model, motion, position, signals.steps).columns
     triangles = [of_rows(each.triangle()) for each in others]
     every = np.stack((rows.acceleration, rows.velocity, *triangles))

@@ -12,15 +12,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.answer import Point, answer
 from identification.estimators.cut_off import CutOff, choose_cut_off
-from identification.estimators.held import Held, even_taps, unknown_intervals
 from identification.estimators.intervals import spread
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Estimate, Model
-from identification.estimators.motion import Motion, first_look, refined
+from identification.estimators.motion import Motion, measured_motion, refine_motion
+from identification.estimators.point_estimate import PointEstimate, complete_estimate
 from identification.estimators.rows import FIRST, Signals, of_rows
 from identification.estimators.terms import others, terms
+from identification.estimators.zero_order_hold import HeldColumn, even_taps, unknown_intervals
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -93,13 +93,13 @@ class Regression:
         return FIRST + self.low_pass.half + self.known
 
     def with_model(self, model: Model) -> Regression:
-        """The same log and filter with other terms."""
+        """This regression with other terms, log and filter as they are."""
         intervals = self.signals.speed.size
         motion = self.motion if model.coulomb else Motion.always(intervals, self.signals.steps)
         return replace(self, model=model)._moved(motion)
 
     def with_motion(self, motion: Motion) -> Regression:
-        """The same log with another direction of motion; itself where that is no other."""
+        """This regression with another direction of motion; itself where that is no other."""
         return self if motion is self.motion else self._moved(motion)
 
     def _moved(self, motion: Motion) -> Regression:
@@ -108,7 +108,7 @@ class Regression:
         return replace(self, motion=motion, filtered_forces=forces)._with_terms()
 
     def at_cut_off(self, frequency: float) -> Regression:
-        """The same log and direction of motion with another cut-off, Hz."""
+        """This regression at another cut-off, Hz, its direction of motion as it is."""
         return Regression.of(
             self.signals,
             self.model,
@@ -118,13 +118,13 @@ class Regression:
         )
 
     def knowing(self, delay: float) -> Regression:
-        """The same with the rows that feel only logged forces at a delay, s, or a shorter one."""
+        """With the rows that feel only logged forces at a delay, s, or a shorter one."""
         known = unknown_intervals(self.signals.steps, delay)
         return Regression.of(
             self.signals, self.model, self.motion, cut_off=self.cut_off, known=known
         )
 
-    def held_terms(self, motion: Motion) -> tuple[Held, ...]:
+    def held_terms(self, motion: Motion) -> tuple[HeldColumn, ...]:
         """The terms beside mass and damping, unfiltered, for a direction of motion."""
         return terms(self.model, motion, self.signals.position, self.signals.steps).columns
 
@@ -136,11 +136,11 @@ class Regression:
             columns.append(self.low_pass(triangles)[:, self.known :])
         return replace(self, columns=np.concatenate(columns), mean_speed=found.mean_speed)
 
-    def filtered(self, held: Held) -> FloatArray:
+    def filtered(self, held: HeldColumn) -> FloatArray:
         """Rows of a held column, filtered, shape (rows,)."""
         return self.low_pass(of_rows(held.triangle()))[self.known :]
 
-    def held_force(self, delay: float) -> Held:
+    def held_force(self, delay: float) -> HeldColumn:
         """The force where it acts, unfiltered, delay in s."""
         return self.signals.commands.after(delay)
 
@@ -195,7 +195,7 @@ class Regression:
         return self.signals.noise**2 * np.array(of_columns)
 
     def refined(self, delay: float) -> Regression:
-        """The same with the direction of motion from the fitted model."""
+        """This regression with the direction of motion from the fitted model."""
         if not self.model.coulomb:
             return self
         signals = self.signals
@@ -213,7 +213,7 @@ class Regression:
             if not smoothed.size:
                 applied = self.held_force(delay).mean()
                 smoothed = self.low_pass.continued(signals.speed)
-            motion = refined(
+            motion = refine_motion(
                 table.motion,
                 smoothed,
                 applied - others(self.model, table.motion, signals.position, signals.steps, values),
@@ -249,16 +249,17 @@ def prepare(
     if model.coulomb:
         smooth = LowPass.at(chosen.frequency, signals.step)(acceleration)
         bend = float(np.sqrt(np.mean(smooth**2))) * signals.step**2
-        motion = first_look(signals.position, signals.steps, noise=signals.noise, bend=bend)
+        motion = measured_motion(signals.position, signals.steps, noise=signals.noise, bend=bend)
     known = unknown_intervals(signals.steps, delay)
     table = Regression.of(signals, model, motion, cut_off=chosen, known=known)
     return table.refined(delay) if refine else table
 
 
-def point(table: Regression, delay: float) -> Point:
+def point(table: Regression, delay: float) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     force, values = table.force(delay), table.solve(delay)
-    return Point(values=values, delay=delay, signal=force, residual=force - values @ table.columns)
+    residual = force - values @ table.columns
+    return PointEstimate(values=values, delay=delay, signal=force, residual=residual)
 
 
 def fit(table: Regression, delay: float) -> Estimate:
@@ -286,7 +287,7 @@ def fit(table: Regression, delay: float) -> Estimate:
         f"at half the cut-off mass is {low[0]:.5g} and damping {low[1]:.5g}",
         f"at twice the cut-off mass is {high[0]:.5g} and damping {high[1]:.5g}",
     )
-    return answer(
+    return complete_estimate(
         "least-squares",
         table.model,
         found,

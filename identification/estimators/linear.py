@@ -36,8 +36,11 @@ def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArra
     return (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2)
 
 
-def explained(signal: FloatArray, residual: FloatArray) -> float:
-    """Share of the mean square of a signal that is not in the residual; 0 without a signal."""
+def explained_share(signal: FloatArray, residual: FloatArray) -> float:
+    """Share of the mean square of a signal that is not in the residual; 0 without a signal.
+
+    Both are of shape (rows,) and of one unit; the share has none.
+    """
     power = float(signal @ signal)
     return 1 - float(residual @ residual) / power if power > 0 else 0.0
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.shaping import whiteness
+from identification.estimators.whitening import whiteness
 
 FloatArray = NDArray[np.float64]
 Gravity = Literal["none", "proportional", "pendulum"]

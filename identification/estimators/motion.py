@@ -1,9 +1,9 @@
-"""Which way the device moved in each interval, and where it stood still.
+"""Direction of motion in each interval of a log, and where the device stood still.
 
 Coulomb friction turns over exactly where the velocity does, and bends the velocity there. Smoothing
 the position enough to beat encoder noise moves those turning points by a fraction of a millisecond,
 always to the same side, which shifts damping by per cents. So the smoothed velocity is only the
-start; ``refined`` adds the fast part of the velocity from the model itself.
+start; ``refine_motion`` adds the fast part of the velocity from the model itself.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Held
 from identification.estimators.low_pass import REACH, LowPass, gaussian
-from identification.estimators.running import running_maximum, running_range
+from identification.estimators.running_extremes import running_maximum, running_range
+from identification.estimators.zero_order_hold import HeldColumn
 
 FloatArray = NDArray[np.float64]
 
@@ -43,23 +43,23 @@ class Motion:
             balances the force: q̈, q̇ and the sum of all forces are zero, whatever the force is.
     """
 
-    direction: Held
+    direction: HeldColumn
     moving: FloatArray
 
     @classmethod
     def always(cls, intervals: int, steps: float | FloatArray) -> Motion:
         """A device without friction never stands still; its direction does not matter."""
         ones = np.ones(intervals)
-        return cls(direction=Held.constant(ones, steps), moving=ones)
+        return cls(direction=HeldColumn.constant(ones, steps), moving=ones)
 
     def released(self) -> Motion:
-        """The same direction, and nothing that holds the device still; itself if nothing does."""
+        """This motion with nothing that stops the device; itself if nothing does."""
         if np.all(self.moving == 1):
             return self
         return replace(self, moving=np.ones_like(self.moving))
 
 
-def first_look(
+def measured_motion(
     position: FloatArray, steps: float | FloatArray, *, noise: float, bend: float
 ) -> Motion:
     """Direction and standstill from the position alone.
@@ -83,7 +83,7 @@ def first_look(
     return Motion(direction=turn.held(steps).times(moving), moving=moving)
 
 
-def refined(
+def refine_motion(
     motion: Motion,
     smoothed: FloatArray,
     pull: FloatArray,
@@ -147,8 +147,8 @@ def _rest(
         friction: N.
         mobility: length of the intervals over mass, s/kg.
     """
-    held = np.abs(pull) < friction
-    first = held & ~np.concatenate(([False], held[:-1]))
+    stuck = np.abs(pull) < friction
+    first = stuck & ~np.concatenate(([False], stuck[:-1]))
     if not first.any():
         return np.zeros_like(velocity)
     begin = np.maximum.accumulate(np.where(first, np.arange(velocity.size), 0))
@@ -156,13 +156,13 @@ def _rest(
     speed = np.maximum(sense * velocity, 0.0)
     # What friction takes from the speed in one interval.
     loss = (friction - sense * pull) * mobility
-    used_up = held & (speed <= loss)
+    used_up = stuck & (speed <= loss)
     if not used_up.any():
         return np.zeros_like(velocity)
     part = 1 - speed / np.where(used_up & (loss > 0), loss, np.inf)
     count = np.concatenate(([0], np.cumsum(used_up)))
     earlier = count[:-1] > count[begin]
-    return np.where(held & earlier, 1.0, np.where(used_up, part, 0.0))
+    return np.where(stuck & earlier, 1.0, np.where(used_up, part, 0.0))
 
 
 def _released(
@@ -209,8 +209,8 @@ class _Turn(NamedTuple):
     late: FloatArray
     fraction: FloatArray
 
-    def held(self, steps: float | FloatArray) -> Held:
-        return Held.turning(self.early, self.late, self.fraction, steps)
+    def held(self, steps: float | FloatArray) -> HeldColumn:
+        return HeldColumn.turning(self.early, self.late, self.fraction, steps)
 
 
 def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: FloatArray) -> _Turn:

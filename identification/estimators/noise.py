@@ -29,7 +29,10 @@ _HIDDEN = 2.0
 
 
 def encoder_count(position: FloatArray) -> float | None:
-    """The step all changes of position are multiples of, m; None if there is no such step."""
+    """The step all changes of position are multiples of, m; None if there is no such step.
+
+    The position has shape (n,), m (rad).
+    """
     key = id(position)
     if key in _counts:
         return _counts[key]
@@ -87,6 +90,9 @@ def position_noise(
     Read from the highest frequencies of the second difference, where a held force moves a device
     least; what follows the force even there is taken out first. Never below Δ/√12 of the
     encoder's count Δ (Widrow: rounding noise of a signal that crosses counts).
+
+    Position (m or rad) and force (N or N·m) have shape (n,), the steps shape (n - 1,) or one value,
+    s.
     """
     if isinstance(steps, np.ndarray) or not (_unchanging(position) and _unchanging(force)):
         return _noise_of(position, force, steps)
@@ -127,6 +133,8 @@ def finest_reading(position: FloatArray, force: FloatArray) -> float:
 
     If noise exceeds the rounding of that count, or there is no count, the count whose rounding
     would be as large as the noise.
+
+    Position (m or rad) and force (N or N·m) have shape (n,).
     """
     count = encoder_count(position)
     equivalent = float(np.sqrt(12.0)) * position_noise(position, force)

@@ -2,9 +2,9 @@
 
 q = q0 + v0·(1 - e^(-pt))/p + (G_p[F] - Σ terms·G_p[column])/m, G_p = 1/(s(s+p)), p = b/m, is
 integrated exactly for held inputs and any time stamps. Only p, and the delay if nobody states it,
-are nonlinear; friction makes the turns nonlinear too (output_error_turns.py). Best where position
-noise is all there is; a force that the log does not know integrates twice and spoils it, which its
-residual then shows.
+are nonlinear; with friction the velocity reversals are nonlinear too (output_error_friction.py).
+Best where position noise is all there is; a force that the log does not know integrates twice and
+spoils it, which its residual then shows.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators import unlogged
-from identification.estimators.answer import Point, answer
+from identification.estimators import process_noise
 from identification.estimators.drive import Drive
-from identification.estimators.held import Held
-from identification.estimators.held_response import Coasting, Gain
+from identification.estimators.held_response import Gain, HeldResponse
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
 from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.model import Estimate
-from identification.estimators.output_error_turns import Fitted, Turns
+from identification.estimators.output_error_friction import FrictionProblem, PositionFit
+from identification.estimators.point_estimate import PointEstimate, complete_estimate
 from identification.estimators.separable import physical, solve
-from identification.estimators.shaping import is_coloured, whiteness
+from identification.estimators.whitening import is_coloured, whiteness
+from identification.estimators.zero_order_hold import HeldColumn
 
 FloatArray = NDArray[np.float64]
 
@@ -45,8 +45,8 @@ _LONG = 1 << 14
 class _Acting(NamedTuple):
     """The device at one θ, its inputs, and what each of them adds in every interval."""
 
-    device: Coasting
-    inputs: tuple[Held, ...]
+    device: HeldResponse
+    inputs: tuple[HeldColumn, ...]
     gains: tuple[Gain, ...]
 
 
@@ -83,7 +83,7 @@ class _Problem:
         """Slopes are asked for at the θ that columns were made for last."""
         key = theta.tobytes()
         if key not in self.last:
-            device = Coasting.at(float(theta[0]), self.drive.steps)
+            device = HeldResponse.at(float(theta[0]), self.drive.steps)
             inputs = self.drive.inputs(self._delay(theta))
             self.last.clear()
             self.last[key] = _Acting(device, inputs, tuple(device.gain(held) for held in inputs))
@@ -118,7 +118,7 @@ class _Problem:
         return np.stack(slopes)
 
 
-def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     return _point(table, _found(table, delay, start if delay is None else delay), delay)
 
@@ -140,7 +140,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     best, size, fitted = _point(table, found, delay), len(table.model.parameters), delay is None
     values, jacobian, residual = best.values, found.jacobian, found.residual
     around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
-    drift = unlogged.covariance(
+    drift = process_noise.process_noise_covariance(
         jacobian,
         residual,
         size + fitted,
@@ -149,7 +149,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         step=table.signals.step,
     )
     around = replace(around, covariance=around.covariance + drift)
-    return answer(
+    return complete_estimate(
         "output-error",
         table.model,
         best,
@@ -161,7 +161,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     )
 
 
-def _found(table: Regression, delay: float | None, first: float) -> Fitted:
+def _found(table: Regression, delay: float | None, first: float) -> PositionFit:
     """The better of the fits with the direction of motion as measured, and as simulated."""
     projected = _projected(table, delay, first)
     if not table.model.coulomb:
@@ -178,9 +178,9 @@ def _found(table: Regression, delay: float | None, first: float) -> Fitted:
     return found
 
 
-def _point(table: Regression, found: Fitted, delay: float | None) -> Point:
+def _point(table: Regression, found: PositionFit, delay: float | None) -> PointEstimate:
     size, position = len(table.model.parameters), table.signals.position[table.known :]
-    return Point(
+    return PointEstimate(
         values=found.values[:size],
         delay=float(found.values[size]) if delay is None else delay,
         signal=position - np.mean(position),
@@ -188,7 +188,7 @@ def _point(table: Regression, found: Fitted, delay: float | None) -> Point:
     )
 
 
-def _rubs(table: Regression, found: Fitted) -> bool:
+def _rubs(table: Regression, found: PositionFit) -> bool:
     """Whether there is friction to speak of, without which nothing turns."""
     if not table.model.coulomb:
         return False
@@ -199,10 +199,10 @@ def _rubs(table: Regression, found: Fitted) -> bool:
     return bool(found.values[at] > _RUBBING * np.sqrt(variance * inverse[at, at]) / norms[at])
 
 
-def _turning(table: Regression, delay: float | None, first: float) -> Fitted | None:
+def _turning(table: Regression, delay: float | None, first: float) -> PositionFit | None:
     """The fit whose turns are those of its own simulation."""
     signals = table.signals
-    turns = Turns(
+    turns = FrictionProblem(
         signals=signals,
         model=table.model,
         drive=Drive.bare(signals, delay),
@@ -220,7 +220,7 @@ def _turning(table: Regression, delay: float | None, first: float) -> Fitted | N
     return turns.fit(start)
 
 
-def _projected(table: Regression, delay: float | None, first: float) -> Fitted:
+def _projected(table: Regression, delay: float | None, first: float) -> PositionFit:
     """The fit with the direction of motion as measured, which matters only with friction."""
     signals = table.signals
     problem = _Problem(
@@ -232,7 +232,7 @@ def _projected(table: Regression, delay: float | None, first: float) -> Fitted:
     rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
     best = solve(problem, np.array([rate] if delay is not None else [rate, first]))
     values, jacobian = physical(best, len(table.model.parameters))
-    return Fitted(
+    return PositionFit(
         values=np.concatenate((values, best.theta[1:])),
         jacobian=jacobian,
         residual=best.residual,

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Commands, mean_step
 from identification.estimators.noise import position_noise
+from identification.estimators.zero_order_hold import Commands, mean_step
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +52,11 @@ class Kinematics:
 
 
 def of_rows(triangles: FloatArray) -> FloatArray:
-    """Those of n - 2 triangles that have a row of kinematics."""
+    """Those of n - 2 triangles that have a row of kinematics.
+
+    The triangles have shape (n - 2,), the answer has the shape (n - 4,) of the kinematics, in the
+    unit of the triangles.
+    """
     return triangles[FIRST - 1 : triangles.size - LAST + 1]
 
 

@@ -102,7 +102,10 @@ class _Linear:
 
 
 def solve(problem: Separable, start: FloatArray) -> Solution:
-    """Minimise ‖y - Xᵀ(θ)·w‖² over θ and w, from a start that may be rough."""
+    """Minimise ‖y - Xᵀ(θ)·w‖² over θ and w, from a start that may be rough.
+
+    The start has shape (parameters,), in the units of θ.
+    """
     theta = np.clip(start, *problem.bounds)
     best = _linear(problem, theta)
     converged = False

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Held
-from identification.estimators.held_response import Coasting
+from identification.estimators.held_response import HeldResponse
 from identification.estimators.motion import Motion
+from identification.estimators.zero_order_hold import HeldColumn
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -47,7 +47,7 @@ class Path:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class Direction:
     """One direction of motion.
 
     Attributes:
@@ -57,13 +57,13 @@ class Way:
         lost: velocity that a unit deceleration takes in that time, s, shape (_TABLE,).
     """
 
-    device: Coasting
+    device: HeldResponse
     free: FloatArray
     left: FloatArray
     lost: FloatArray
 
     @classmethod
-    def of(cls, device: Coasting, free: FloatArray) -> Way:
+    def of(cls, device: HeldResponse, free: FloatArray) -> Direction:
         """With tables for even steps, which spare an exponential for each turn."""
         if isinstance(device.steps, np.ndarray):
             return cls(device=device, free=free, left=np.empty(0), lost=np.empty(0))
@@ -81,9 +81,17 @@ class Way:
 
 
 def path(
-    forward: Way, backward: Way, pull: FloatArray, *, mass: float, friction: float, start: float
+    forward: Direction,
+    backward: Direction,
+    pull: FloatArray,
+    *,
+    mass: float,
+    friction: float,
+    start: float,
 ) -> Path:
     """Simulate a log.
+
+    The pull has shape (n - 1,), one value an interval.
 
     Args:
         forward: q̇ > 0.
@@ -130,7 +138,7 @@ def path(
             late[turn] = pull[turn] / friction
             sign = 0.0
         at = turn + 1
-    direction = Held.turning(early, late, fraction, forward.device.steps)
+    direction = HeldColumn.turning(early, late, fraction, forward.device.steps)
     motion = Motion(direction=direction.times(moving), moving=moving)
     return Path(motion=motion, forward=early > 0, speed=speed, kept=kept)
 
@@ -158,7 +166,7 @@ def _decay(rate: float, since: FloatArray) -> tuple[FloatArray, FloatArray]:
     return left, since if rate == 0 else (1 - left) / rate
 
 
-def _next_turn(way: Way, speed: FloatArray, age: FloatArray, at: int, resisted: float) -> int:
+def _next_turn(way: Direction, speed: FloatArray, age: FloatArray, at: int, resisted: float) -> int:
     """Fill in the speed from one sample on up to the end of the interval in which it changes sign.
 
     Returns:

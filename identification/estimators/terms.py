@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Held
 from identification.estimators.model import Model
 from identification.estimators.motion import Motion
+from identification.estimators.zero_order_hold import HeldColumn
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ class Terms:
         mean_speed: s of the model, m/s; 0 where friction does not differ by direction.
     """
 
-    columns: tuple[Held, ...]
+    columns: tuple[HeldColumn, ...]
     mean_speed: float
 
 
@@ -42,17 +42,17 @@ def terms(model: Model, motion: Motion, position: FloatArray, steps: float | Flo
     """
     moving = motion.moving
     columns = [motion.direction] if model.coulomb else []
-    columns += [Held.constant(moving, steps)] if model.offset else []
+    columns += [HeldColumn.constant(moving, steps)] if model.offset else []
     mean_speed = 0.0
     if model.directional:
         speed = motion.direction.mean() * np.diff(position) / steps
         mean_speed = float(np.sum(speed) / max(np.sum(moving), 1.0))
-        columns.append(Held.constant((speed - mean_speed) * moving, steps))
+        columns.append(HeldColumn.constant((speed - mean_speed) * moving, steps))
     if model.gravity == "proportional":
-        columns.append(Held.constant(_middle(position) * moving, steps))
+        columns.append(HeldColumn.constant(_middle(position) * moving, steps))
     if model.gravity == "pendulum":
-        columns.append(Held.constant(_middle(np.sin(position)) * moving, steps))
-        columns.append(Held.constant(_middle(np.cos(position)) * moving, steps))
+        columns.append(HeldColumn.constant(_middle(np.sin(position)) * moving, steps))
+        columns.append(HeldColumn.constant(_middle(np.cos(position)) * moving, steps))
     return Terms(columns=tuple(columns), mean_speed=mean_speed)
 
 

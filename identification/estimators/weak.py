@@ -1,4 +1,4 @@
-"""The weak form: rows weighted by smooth test functions, and generalised least squares on those.
+"""Method of modulating functions (weak form), solved by generalised least squares.
 
 A test function takes the derivatives off the noisy position (Messenger and Bortz, Multiscale
 Modeling & Simulation 19, 2021, p. 1474). White noise of position passes through m·q̈ + b·q̇, and
@@ -16,11 +16,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.estimators.answer import Point, answer
 from identification.estimators.intervals import spread
 from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
 from identification.estimators.model import Estimate
+from identification.estimators.point_estimate import PointEstimate, complete_estimate
 from identification.estimators.weak_rows import Solution, TestedRows
 
 #: Test functions pass half of the power at this multiple of the frequency that holds most of the
@@ -38,7 +38,7 @@ _CORNERS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 _CHOICES = 2
 
 
-def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Point:
+def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     frequency = _half_power(table)
     tested = TestedRows.of(table, width_of(frequency), fits_delay=delay is None)
@@ -78,7 +78,7 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         notes.append("the delay is right in open loop only")
     if not best.settled:
         notes.append("the solutions did not settle")
-    found = answer(
+    found = complete_estimate(
         "weak",
         table.model,
         _point(tested, best),
@@ -107,9 +107,9 @@ def _found(tested: TestedRows, frequency: float, first: float) -> Solution:
     return best
 
 
-def _point(tested: TestedRows, best: Solution) -> Point:
+def _point(tested: TestedRows, best: Solution) -> PointEstimate:
     scale = tested.scale(best)
-    return Point(
+    return PointEstimate(
         values=best.values,
         delay=best.delay,
         signal=best.force * scale,

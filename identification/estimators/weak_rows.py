@@ -1,4 +1,4 @@
-"""Rows under test functions, and one solution of the weak form after another."""
+"""Rows of a log under modulating functions, and iterated solutions of the weak form."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.banded import Covariance, bands
-from identification.estimators.bumps import Operators, bumps
 from identification.estimators.drive import MOST_SAMPLES
 from identification.estimators.least_squares import Regression
+from identification.estimators.modulating_functions import Operators, bump_weights
 from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
 from identification.estimators.terms import terms
 
@@ -104,7 +104,7 @@ class TestedRows:
         samples, known = signals.position.size, table.known
         steps = np.broadcast_to(np.asarray(signals.steps), (samples - 1,))
         place = np.cumsum(steps)[FIRST - 1 : -LAST][known:]
-        weights = bumps(place, deviation)
+        weights = bump_weights(place, deviation)
         passes, operators = _passing(table, Operators.of(weights, signals.steps, samples, known))
         pairs: list[csr_array] = []
         for one, other in combinations_with_replacement(operators, 2):
@@ -121,7 +121,7 @@ class TestedRows:
         )
 
     def force(self, delay: float) -> FloatArray:
-        """Of every test function with a delay in s, N, shape (functions,)."""
+        """Force under every test function with a delay in s, N, shape (functions,)."""
         held = self.table.held_force(delay).times(self.table.motion.moving)
         return self.weights @ of_rows(held.triangle())[self.table.known :]
 

@@ -8,20 +8,20 @@ from identification.device.device import Hardware
 from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate
-from identification.findings.balance import balance_of
 from identification.findings.causality import causality
+from identification.findings.cross_validation import cross_validation, cut_off_sensitivity
+from identification.findings.encoder_wrap import encoder_wrap
 from identification.findings.excitation import excitation
+from identification.findings.force_balance import balance_of
 from identification.findings.hand import hand, unlogged
-from identification.findings.heldout import heldout, stability
 from identification.findings.inertia import inertia
-from identification.findings.lateness import contradicting_delays, lateness
-from identification.findings.place import place
+from identification.findings.position_dependence import position_dependence
 from identification.findings.resolution import resolution
 from identification.findings.sampling import sampling
 from identification.findings.saturation import saturation
-from identification.findings.standing import standing
+from identification.findings.stiction import stiction
 from identification.findings.units import mass_unit, units
-from identification.findings.wrapping import wrapping
+from identification.findings.unknown_delay import contradicting_delays, unknown_delay
 from identification.trajectory import Trajectory
 
 #: Every code a finding can have; the list is part of the file format and of the command line.
@@ -59,7 +59,7 @@ def inspect(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding,
     Raises:
         InvalidInputError: a sample time that has nothing to do with the hardware's.
     """
-    wrapped = wrapping(trajectory)
+    wrapped = encoder_wrap(trajectory)
     if wrapped:  # what else the position says is not the device's
         return (*sampling(trajectory, hardware), *wrapped, *saturation(trajectory, hardware))
     return (
@@ -67,7 +67,7 @@ def inspect(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding,
         *units(trajectory, hardware),
         *resolution(trajectory, hardware),
         *saturation(trajectory, hardware),
-        *standing(trajectory, hardware),
+        *stiction(trajectory, hardware),
     )
 
 
@@ -93,12 +93,12 @@ def judge(
     return (
         *causality(trajectory, balance, chosen),
         *excitation(trajectory, balance, regression, chosen, delay, left),
-        *place(trajectory, balance, chosen),
+        *position_dependence(trajectory, balance, chosen),
         *hand(trajectory, balance, left),
-        *heldout(trajectory, balance, chosen),
+        *cross_validation(trajectory, balance, chosen),
         *inertia(trajectory, balance, chosen),
-        *stability(trajectory, chosen),
-        *lateness(trajectory, delay),
+        *cut_off_sensitivity(trajectory, chosen),
+        *unknown_delay(trajectory, delay),
         *contradicting_delays(trajectory, chosen, consulted),
         *mass_unit(trajectory, chosen.value("mass")),
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from identification.errors import Finding
 from identification.estimators.intervals import half_width
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance
 from identification.findings.feedback import Law, law_of
+from identification.findings.force_balance import ForceBalance
 from identification.trajectory import Trajectory
 
 #: A virtual spring and damper explain the force up to this part of its mean square, ...
@@ -24,7 +24,9 @@ _LATE = 5.0
 _ALL = 0.01
 
 
-def causality(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
+def causality(
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
+) -> tuple[Finding, ...]:
     """``sign-flip`` and ``controller-identified``.
 
     Force with the wrong sign negates every parameter. A device driven by hand against a virtual

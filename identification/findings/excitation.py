@@ -8,7 +8,7 @@ from identification.errors import Finding
 from identification.estimators.delay import MOST_SAMPLES, Delay
 from identification.estimators.intervals import NORMAL_95, half_width, quantile
 from identification.estimators.model import Estimate
-from identification.findings.balance import ONE_WAY, Balance, left_over
+from identification.findings.force_balance import ONE_WAY, ForceBalance, least_squares_residual
 from identification.findings.hand import MOST_SLOW, SLOW, TREMOR, Unlogged
 from identification.trajectory import Trajectory
 
@@ -33,7 +33,7 @@ ONE_SPEED = 0.05
 
 def excitation(
     trajectory: Trajectory,
-    balance: Balance,
+    balance: ForceBalance,
     regression: Estimate,
     chosen: Estimate,
     delay: Delay | None,
@@ -88,10 +88,10 @@ def _doubt(delay: Delay, step: float) -> float:
     return min(NORMAL_95 * delay.deviation, MOST_SAMPLES * step)
 
 
-def _one_frequency(trajectory: Trajectory, balance: Balance) -> tuple[Finding, ...]:
+def _one_frequency(trajectory: Trajectory, balance: ForceBalance) -> tuple[Finding, ...]:
     """A spring of -m·ω² and a mass m look alike at one ω."""
     near = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
-    left = left_over(near, balance.acceleration)
+    left = least_squares_residual(near, balance.acceleration)
     power = float(np.var(balance.acceleration))
     share = float(np.mean(left**2)) / power if power > 0 else 0.0
     if share >= ONE_FREQUENCY:
@@ -110,7 +110,7 @@ def _one_frequency(trajectory: Trajectory, balance: Balance) -> tuple[Finding, .
 
 def _one_way(
     trajectory: Trajectory,
-    balance: Balance,
+    balance: ForceBalance,
     chosen: Estimate,
     left: Unlogged,
     *,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.linear import solve, unit_columns
-from identification.findings.balance import Balance
+from identification.findings.force_balance import ForceBalance
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Law:
     answer: float
 
 
-def law_of(trajectory: Trajectory, balance: Balance) -> Law:
+def law_of(trajectory: Trajectory, balance: ForceBalance) -> Law:
     """The controller that would have logged this.
 
     Args:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance, balance_at
-from identification.findings.place import LEAST_SHARE, carried_or_not, powers_of
+from identification.findings.force_balance import ForceBalance, balance_at
+from identification.findings.position_dependence import LEAST_SHARE, position_force_rms, powers_of
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -68,7 +68,7 @@ class Unlogged:
         return shaken or self.slow >= MOST_SLOW * self.force
 
 
-def unlogged(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> Unlogged:
+def unlogged(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Unlogged:
     """Forces at the pace of a hand that mass, damping, friction and offset leave over.
 
     Args:
@@ -82,7 +82,7 @@ def unlogged(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> Unlo
     return Unlogged(tremor=tremor, peak=peak, slow=_slow(balance), force=force)
 
 
-def hand(trajectory: Trajectory, balance: Balance, left: Unlogged) -> tuple[Finding, ...]:
+def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> tuple[Finding, ...]:
     """``hand-on-device``: forces that the log does not know, at the pace of a hand.
 
     Tremor alone disturbs like noise and widens the intervals: a warning. With a spring to the body,
@@ -93,7 +93,7 @@ def hand(trajectory: Trajectory, balance: Balance, left: Unlogged) -> tuple[Find
     """
     if balance.one_way or not (left.shaking or left.slow >= MOST_SLOW * left.force):
         return ()
-    spring = carried_or_not(balance) >= LEAST_SHARE * left.force
+    spring = position_force_rms(balance) >= LEAST_SHARE * left.force
     refused = spring or left.much
     seen = [f"forces that {trajectory.source} does not log:"]
     if left.shaking:
@@ -161,7 +161,7 @@ def _density(column: FloatArray, step: float, piece: int) -> FloatArray:
     return 2 * step / float(window @ window) * np.mean(np.abs(lines) ** 2, axis=0)
 
 
-def _slow(balance: Balance) -> float:
+def _slow(balance: ForceBalance) -> float:
     """Rms of what is left over below SLOW, a force of position taken out, N."""
     left = balance.unexplained(powers_of(balance.position), balance.carried)
     step = float(np.median(np.diff(balance.time)))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance, even_sizes, left_over
+from identification.findings.force_balance import ForceBalance, even_sizes, least_squares_residual
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -67,7 +67,7 @@ class Inertia:
         return abs(self.outside(estimate)) > SIGMAS * chance
 
 
-def inertia_of(balance: Balance) -> Inertia | None:
+def inertia_of(balance: ForceBalance) -> Inertia | None:
     """The mass that a log tells without a model of friction; None where it tells too little.
 
     Args:
@@ -95,7 +95,9 @@ def inertia_of(balance: Balance) -> Inertia | None:
         return None
     table, rows = np.concatenate(left), np.concatenate(told)
     if table.shape[1] > 2:
-        table[:, :2] = np.stack([left_over(table[:, 2:], each) for each in table[:, :2].T], axis=1)
+        table[:, :2] = np.stack(
+            [least_squares_residual(table[:, 2:], each) for each in table[:, :2].T], axis=1
+        )
     change, pull = table[:, 0], table[:, 1]
     power, both = float(change @ change), float(change @ pull)
     if both <= 0:
@@ -133,7 +135,7 @@ def _levelled(columns: FloatArray, velocity: FloatArray, sizes: NDArray[np.intp]
     return rest - speed * np.repeat(slopes, sizes, axis=0)
 
 
-def inertia(trajectory: Trajectory, balance: Balance, chosen: Estimate) -> tuple[Finding, ...]:
+def inertia(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> tuple[Finding, ...]:
     """``heldout-misfit``: the mass is not the one that rows at equal velocity tell."""
     judge = inertia_of(balance)
     if judge is None or not judge.contradicts(chosen):

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from identification.device.device import Hardware
 from identification.errors import Finding, InvalidInputError
-from identification.estimators.held import LOST
-from identification.findings.balance import balance_of
+from identification.estimators.zero_order_hold import LOST
+from identification.findings.force_balance import balance_of
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -203,7 +203,7 @@ def _other_clock(
 
 
 def _refuse_delay(trajectory: Trajectory, hardware: Hardware) -> None:
-    """Of a log shorter than many delays, hardly a row feels a force that was logged."""
+    """Refuse a log shorter than many delays: hardly a row of it feels a force that was logged."""
     if hardware.delay is None:
         return
     stated, span = hardware.delay.high, float(trajectory.time[-1] - trajectory.time[0])

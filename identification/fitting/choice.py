@@ -9,11 +9,11 @@ import numpy as np
 from identification.estimators.least_squares import CUT_OFF_RANGE
 from identification.estimators.model import Estimate, Model
 from identification.estimators.noise import encoder_count
-from identification.estimators.shaping import is_coloured
-from identification.findings.balance import balance_of
+from identification.estimators.whitening import is_coloured
+from identification.findings.force_balance import balance_of
 from identification.findings.inertia import inertia_of
 from identification.fitting.hausman import contradiction, region
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
 
 #: A residual of at most this many counts rms is the encoder's own, whatever its colour: rounding
 #: alone is 0.289, and it is not white where the device moves slowly.
@@ -33,18 +33,18 @@ _POWERLESS = 2.0
 _SHARPER = 0.75
 
 
-def noise_explains(workshop: Workshop) -> str | None:
+def noise_explains(prepared: PreparedLog) -> str | None:
     """A sentence if position noise explains what output error leaves, or None.
 
     Gravity is taken at the measured position, and what noise does to it is a force of its own.
     Where least squares give no positive mass there is nothing to start output error from.
     """
-    if workshop.model.gravity != "none" or workshop.fit("least-squares").value("mass") <= 0:
+    if prepared.model.gravity != "none" or prepared.fit("least-squares").value("mass") <= 0:
         return None
-    simulated = workshop.fit("output-error")
+    simulated = prepared.fit("output-error")
     if not is_coloured(simulated.residual):
         return "its residual is white in every octave"
-    count = encoder_count(workshop.trajectory.position)
+    count = encoder_count(prepared.trajectory.position)
     counts = float(np.sqrt(np.mean(simulated.residual**2))) / (count or np.inf)
     if 0 < counts <= ENCODER_RESIDUAL:
         return (
@@ -54,32 +54,32 @@ def noise_explains(workshop: Workshop) -> str | None:
     return None
 
 
-def choose(workshop: Workshop, method: str, explained: str | None) -> tuple[Estimate, str]:
+def choose(prepared: PreparedLog, method: str, explained: str | None) -> tuple[Estimate, str]:
     """The estimate to believe and a sentence why.
 
     Args:
-        workshop: of one log.
+        prepared: of one log.
         method: "auto" or a name of estimators.ESTIMATORS.
         explained: what ``noise_explains`` says of the log.
     """
-    regression = workshop.fit("least-squares")
+    regression = prepared.fit("least-squares")
     if method == "least-squares":
         return regression, "least squares as asked"
     if regression.value("mass") <= 0:
         return regression, "least squares, because it gives no positive mass to start others from"
     if method != "auto":
-        return workshop.fit(method), f"{method.replace('-', ' ')} as asked"
-    if workshop.model.gravity != "none":
-        return _under_gravity(workshop)
-    return _evident(workshop, explained)
+        return prepared.fit(method), f"{method.replace('-', ' ')} as asked"
+    if prepared.model.gravity != "none":
+        return _under_gravity(prepared)
+    return _evident(prepared, explained)
 
 
-def _evident(workshop: Workshop, explained: str | None) -> tuple[Estimate, str]:
+def _evident(prepared: PreparedLog, explained: str | None) -> tuple[Estimate, str]:
     """Output error where position noise explains what it leaves, or nearly so."""
-    if explained is not None and not _contradicted_by_instruments(workshop):
-        return workshop.fit("output-error"), f"output error, because {explained}"
-    chosen, reason = robust(workshop, workshop.model)
-    simulated = workshop.fit("output-error")
+    if explained is not None and not _contradicted_by_instruments(prepared):
+        return prepared.fit("output-error"), f"output error, because {explained}"
+    chosen, reason = robust(prepared, prepared.model)
+    simulated = prepared.fit("output-error")
     chance = WHITE_BY_CHANCE / np.sqrt(simulated.residual.size / 2)
     mild = simulated.whiteness <= max(NEARLY_WHITE, chance)
     if mild and region(simulated) < region(chosen) and not contradiction(simulated, chosen):
@@ -90,30 +90,30 @@ def _evident(workshop: Workshop, explained: str | None) -> tuple[Estimate, str]:
     return chosen, reason
 
 
-def _contradicted_by_instruments(workshop: Workshop) -> bool:
+def _contradicted_by_instruments(prepared: PreparedLog) -> bool:
     """Whether a logged reference tells another mass or damping than output error."""
-    if not workshop.has_reference:
+    if not prepared.has_reference:
         return False
-    instrumental = workshop.fit("instruments")
-    simulated = workshop.fit("output-error")
+    instrumental = prepared.fit("instruments")
+    simulated = prepared.fit("output-error")
     return instrumental.value("mass") > 0 and bool(contradiction(simulated, instrumental))
 
 
-def _under_gravity(workshop: Workshop) -> tuple[Estimate, str]:
+def _under_gravity(prepared: PreparedLog) -> tuple[Estimate, str]:
     """Weak form where position noise explains all, as it knows what gravity makes of that noise."""
-    tested = workshop.fit("weak")
+    tested = prepared.fit("weak")
     explained = not tested.open_loop_only and not is_coloured(tested.residual)
-    regression = workshop.fit("least-squares")
+    regression = prepared.fit("least-squares")
     sharper = tested.value("mass") > 0 and region(tested) <= region(regression)
     if explained and sharper and not contradiction(tested, regression):
         return tested, (
             "weak form, because noise of the position at which gravity is taken explains its "
             "residual"
         )
-    return robust(workshop, workshop.model)
+    return robust(prepared, prepared.model)
 
 
-def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
+def robust(prepared: PreparedLog, model: Model) -> tuple[Estimate, str]:
     """The estimate to believe where forces act that the log does not know.
 
     Innovations weigh every frequency by what it tells, so they are best where the model is right.
@@ -123,12 +123,12 @@ def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
     that leans on least comes first, and another takes its place only if its joint region of mass
     and damping is no larger and Hausman's test finds no contradiction.
     """
-    leaning_least = _robust_ones(workshop, model)
+    leaning_least = _robust_ones(prepared, model)
     judge, at_hand = leaning_least[0], _at_hand(leaning_least)
-    predicted = workshop.refit("innovations", model)
+    predicted = prepared.refit("innovations", model)
     apart = contradiction(predicted, judge)
     sharper = predicted.value("mass") > 0 and region(predicted) <= region(at_hand)
-    verdict = _verdict(workshop, predicted, at_hand) if sharper else ""
+    verdict = _verdict(prepared, predicted, at_hand) if sharper else ""
     if verdict:
         return (predicted if verdict == "innovations" else at_hand), (
             f"{verdict}, because the mass that rows at equal velocity tell contradicts the other"
@@ -144,7 +144,7 @@ def robust(workshop: Workshop, model: Model) -> tuple[Estimate, str]:
             f"innovations say {apart} of {_named(judge)}: the friction or another force is not "
             "what the model has"
         )
-    if workshop.has_reference and len(leaning_least) == 1 and judge.method == "instruments":
+    if prepared.has_reference and len(leaning_least) == 1 and judge.method == "instruments":
         why += "; least squares, which noise in the force biases, contradict instruments"
     return at_hand, f"{_named(at_hand)}, because {why}"
 
@@ -156,22 +156,22 @@ def _at_hand(leaning_least: tuple[Estimate, ...]) -> Estimate:
     return sharpest if region(sharpest) < _SHARPER * region(usual) else usual
 
 
-def _verdict(workshop: Workshop, predicted: Estimate, at_hand: Estimate) -> str:
+def _verdict(prepared: PreparedLog, predicted: Estimate, at_hand: Estimate) -> str:
     """Name of the one of two estimates that force at equal velocity leaves; "" if both or none."""
-    judge = inertia_of(balance_of(workshop.trajectory, predicted))
+    judge = inertia_of(balance_of(prepared.trajectory, predicted))
     if judge is None or judge.contradicts(predicted) == judge.contradicts(at_hand):
         return ""
     return _named(at_hand) if judge.contradicts(predicted) else _named(predicted)
 
 
-def over_cut_offs(workshop: Workshop, estimate: Estimate) -> Estimate:
+def over_cut_offs(prepared: PreparedLog, estimate: Estimate) -> Estimate:
     """Instruments with what half and twice the cut-off move, as least squares have it already."""
     if estimate.method != "instruments" or estimate.leaning is not None:
         return estimate
-    table = workshop.table
+    table = prepared.table
     frequency = table.cut_off.frequency
     low, high = (
-        workshop.point(table.at_cut_off(factor * frequency), "instruments").values
+        prepared.point(table.at_cut_off(factor * frequency), "instruments").values
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
     )
     leaning = (high - low) / 2
@@ -179,17 +179,17 @@ def over_cut_offs(workshop: Workshop, estimate: Estimate) -> Estimate:
     return replace(estimate, covariance=covariance, leaning=leaning)
 
 
-def _robust_ones(workshop: Workshop, model: Model) -> tuple[Estimate, ...]:
+def _robust_ones(prepared: PreparedLog, model: Model) -> tuple[Estimate, ...]:
     """Estimates that do not lean on what colours the rest; the first judges the others.
 
     Instruments where a reference is logged, unless they know so little that they could not
     contradict, and least squares unless instruments contradict them.
     """
-    regression = workshop.refit("least-squares", model)
-    if not workshop.has_reference:
+    regression = prepared.refit("least-squares", model)
+    if not prepared.has_reference:
         return (regression,)
     # What follows a set-point is free of the noise that a feedback puts into the force.
-    instrumental = workshop.refit("instruments", model)
+    instrumental = prepared.refit("instruments", model)
     if instrumental.value("mass") <= 0:
         return (regression,)
     if contradiction(regression, instrumental):

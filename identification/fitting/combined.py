@@ -24,7 +24,7 @@ from identification.fitting.one_log import LogFit
 from identification.fitting.suggested import (
     delay_of,
     force_limit_of,
-    marked_stated,
+    mark_stated,
     resolution_of,
     sample_time_of,
 )
@@ -68,7 +68,7 @@ def device_from(
         coulomb_friction=_envelope(fits, "coulomb_friction"),
         force_offset=_envelope(fits, "force_offset"),
         delay=delay_of(fits, hardware),
-        encoder_resolution=marked_stated(hardware.encoder_resolution)
+        encoder_resolution=mark_stated(hardware.encoder_resolution)
         or quantity(resolution_of(fits), source="log"),
         force_limit=hardware.force_limit or force_limit_of(fits),
         modes=hardware.modes,
@@ -85,7 +85,7 @@ def device_from(
 
 
 def _confidence(fits: Sequence[LogFit]) -> float:
-    """Of the interval of one log, for the envelope of several to hold the truth of all in 95 %."""
+    """Confidence of one log's interval, so that the envelope of several has 95 % for all."""
     return 1 - (1 - CONFIDENCE) / len(fits)
 
 
@@ -95,7 +95,7 @@ def _envelope(fits: Sequence[LogFit], name: str) -> Quantity:
 
 
 def _hull(fits: Sequence[LogFit], *, least: float | None = None, **weights: float) -> Quantity:
-    """The same for a weighted sum of parameters.
+    """Hull of the intervals of a weighted sum of parameters.
 
     Mass lies on a logarithmic scale, so that it stays positive; friction is clipped at zero, where
     physics ends.
@@ -145,7 +145,7 @@ def _by_direction(fits: Sequence[LogFit], what: str) -> ByDirection | None:
 
 
 def _hull_of(fits: Sequence[LogFit], name: Literal["slope", "presliding"]) -> SlopeRange | None:
-    """Of the logs whose friction is no straight line over speed."""
+    """Range over all logs whose friction is no straight line over speed."""
     found: list[SlopeRange | None] = [getattr(each.curve, name, None) for each in fits]
     known = [each for each in found if each is not None]
     if not known:
@@ -154,13 +154,13 @@ def _hull_of(fits: Sequence[LogFit], name: Literal["slope", "presliding"]) -> Sl
 
 
 def _position_stiffness(fits: Sequence[LogFit]) -> Quantity | None:
-    """Of the logs that show a force in proportion to position."""
+    """Stiffness over the logs that show a force in proportion to position."""
     telling = [fit for fit in fits if fit.estimate.model.gravity == "proportional"]
     return _envelope(telling, "position_stiffness") if telling else None
 
 
 def _gravity(fits: Sequence[LogFit]) -> Gravity | None:
-    """Of the logs that show a weight."""
+    """Gravity over the logs that show a weight."""
     telling = [fit for fit in fits if fit.estimate.model.gravity == "pendulum"]
     if not telling:
         return None

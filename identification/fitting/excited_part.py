@@ -27,6 +27,6 @@ def most_excited(trajectory: Trajectory) -> Trajectory:
 
 
 def _mean_square_velocity(trajectory: Trajectory, rows: slice) -> float:
-    """Of some consecutive samples, m²/s²."""
+    """Mean square velocity of some consecutive samples, m²/s²."""
     velocity = np.diff(trajectory.position[rows]) / np.diff(trajectory.time[rows])
     return float(np.mean(velocity**2))

@@ -14,8 +14,12 @@ from identification.estimators.model import Estimate
 from identification.findings import judge
 from identification.fitting.choice import CONSULTED, choose, noise_explains, over_cut_offs
 from identification.fitting.excited_part import most_excited
-from identification.fitting.selection import distinguishable, widened, without_noise
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
+from identification.fitting.selection import (
+    add_paying_terms,
+    distinguishable_terms,
+    drop_noise_terms,
+)
 from identification.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -70,16 +74,16 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     """
     stated = None if hardware is None else hardware.delay
     part = most_excited(trajectory)
-    workshop, structure = Workshop.of(part, distinguishable(part), stated), None
-    explained = noise_explains(workshop)
+    prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), None
+    explained = noise_explains(prepared)
     if explained is None:
-        plain = workshop
-        workshop, structure = widened(plain)
-        explained = None if workshop is plain else noise_explains(workshop)
-    regression = workshop.fit("least-squares")
-    chosen, reason = choose(workshop, method, explained)
-    chosen = without_noise(workshop, over_cut_offs(workshop, chosen))
-    curve = _friction_curve(workshop) if explained is None else None
+        plain = prepared
+        prepared, structure = add_paying_terms(plain)
+        explained = None if prepared is plain else noise_explains(prepared)
+    regression = prepared.fit("least-squares")
+    chosen, reason = choose(prepared, method, explained)
+    chosen = drop_noise_terms(prepared, over_cut_offs(prepared, chosen))
+    curve = _friction_curve(prepared) if explained is None else None
     beyond: tuple[Finding, ...] = ()
     if curve is not None:
         from identification.findings.unmodelled import unmodelled
@@ -88,8 +92,8 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         beyond = unmodelled(trajectory, chosen, curve.found, curve.slope, curve.fastest)
     if len(part) < len(trajectory):
         reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
-    delay = _delay(workshop, chosen)
-    others = tuple(each for each in workshop.fitted if each.method != chosen.method)
+    delay = _delay(prepared, chosen)
+    others = tuple(each for each in prepared.fitted if each.method != chosen.method)
     consulted = [each for each in others if each.method in CONSULTED]
     return LogFit(
         trajectory=trajectory,
@@ -104,20 +108,20 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
     )
 
 
-def _delay(workshop: Workshop, chosen: Estimate) -> Delay | None:
+def _delay(prepared: PreparedLog, chosen: Estimate) -> Delay | None:
     """The delay as the chosen method knows it best."""
-    if workshop.found is None or chosen.delay_deviation is None:
-        return workshop.found
-    return replace(workshop.found, value=chosen.delay, deviation=chosen.delay_deviation)
+    if prepared.found is None or chosen.delay_deviation is None:
+        return prepared.found
+    return replace(prepared.found, value=chosen.delay, deviation=chosen.delay_deviation)
 
 
-def _friction_curve(workshop: Workshop) -> FrictionCurve | None:
+def _friction_curve(prepared: PreparedLog) -> FrictionCurve | None:
     """What the residual of a log holds beside noise, where noise does not explain it."""
-    if workshop.fit("least-squares").value("mass") <= 0:
+    if prepared.fit("least-squares").value("mass") <= 0:
         return None
     from identification.structure.friction_curve import friction_curve
 
-    return friction_curve(workshop.table, workshop.delay)
+    return friction_curve(prepared.table, prepared.delay)
 
 
 def _with_mass_of(curve: FrictionCurve, estimate: Estimate) -> Estimate:

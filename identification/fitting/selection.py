@@ -12,7 +12,7 @@ from identification.estimators.intervals import half_width
 from identification.estimators.model import Estimate, Gravity, Model
 from identification.estimators.noise import position_noise
 from identification.fitting.choice import robust
-from identification.fitting.workshop import Workshop
+from identification.fitting.prepared_log import PreparedLog
 from identification.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ NEGATIVE_BY_CHANCE = 3.0
 WIDE_SWING = 0.5
 
 
-def distinguishable(trajectory: Trajectory) -> Model:
+def distinguishable_terms(trajectory: Trajectory) -> Model:
     """Friction and offset, if the log can tell them apart: motion one way only cannot.
 
     Noise of the readings steps both ways; only steps beyond it are motion.
@@ -50,8 +50,8 @@ def distinguishable(trajectory: Trajectory) -> Model:
     return Model(coulomb=bool(min(forth, back) >= LEAST_RETURN * (forth + back)))
 
 
-def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
-    """The log with those further terms that pay for themselves, and what the sceptic says.
+def add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | None]:
+    """The log with those further terms that pay for themselves, and what sparse regression says.
 
     For a log of which position noise does not explain all. Direction-dependent friction and
     gravity are fitted as well, and a term stays if the square of its value over its deviation
@@ -61,36 +61,36 @@ def widened(workshop: Workshop) -> tuple[Workshop, Structure | None]:
     least squares, which cost little and see what the sparse regression sees, before it is put
     into the model of a dearer method.
     """
-    model, trajectory = workshop.model, workshop.trajectory
-    plausible = workshop.fit("least-squares").value("mass") > 0
+    model, trajectory = prepared.model, prepared.trajectory
+    plausible = prepared.fit("least-squares").value("mass") > 0
     gravity: Gravity = "proportional"
     if trajectory.motion == "rotary" and np.ptp(trajectory.position) > WIDE_SWING:
         gravity = "pendulum"
     largest = replace(model, directional=model.coulomb and model.offset, gravity=gravity)
-    wide = workshop.widened(largest)
+    wide = prepared.widened(largest)
     groups = [
         names
         for names in (("damping_asymmetry",), largest.of_gravity)
         if set(names) <= set(largest.parameters) and _pays(wide.fit("least-squares"), names)
     ]
     if not groups:
-        return workshop, None
+        return prepared, None
     wide = wide.narrowed(_with(model, [name for names in groups for name in names], gravity))
     estimate, _ = robust(wide, wide.model)
     paying = {names: _pays(estimate, names) for names in groups}
     # A controller looks like a spring against the motion: only a weight may turn the sign of mass.
     weight = gravity == "pendulum" or estimate.value("position_stiffness") > 0
     if not any(paying.values()) or not (plausible or (estimate.value("mass") > 0 and weight)):
-        return workshop, None
-    sceptic = _sceptic(wide)
+        return prepared, None
+    second_opinion = _sparse_regression(wide)
     asked = [
         name
         for names, pays in paying.items()
         for name in names
-        if pays and (sceptic is None or set(names) & set(sceptic.asked))
+        if pays and (second_opinion is None or set(names) & set(second_opinion.asked))
     ]
     found = _with(model, asked, gravity)
-    return workshop if found == model else wide.narrowed(found), sceptic
+    return prepared if found == model else wide.narrowed(found), second_opinion
 
 
 def _with(model: Model, names: Collection[str], gravity: Gravity) -> Model:
@@ -103,13 +103,13 @@ def _with(model: Model, names: Collection[str], gravity: Gravity) -> Model:
     )
 
 
-def _sceptic(workshop: Workshop) -> Structure | None:
+def _sparse_regression(prepared: PreparedLog) -> Structure | None:
     """What sparse regression finds in the log; None if the log is too short for it."""
     from identification.structure.candidates import structure_of
 
     try:
         return structure_of(
-            workshop.table, workshop.delay, rotary=workshop.trajectory.motion == "rotary"
+            prepared.table, prepared.delay, rotary=prepared.trajectory.motion == "rotary"
         )
     except ValueError:
         return None
@@ -122,7 +122,7 @@ def _pays(estimate: Estimate, names: tuple[str, ...]) -> bool:
     return bool(values @ inverse @ values > np.log(estimate.residual.size) * len(index))
 
 
-def without_noise(workshop: Workshop, estimate: Estimate) -> Estimate:
+def drop_noise_terms(prepared: PreparedLog, estimate: Estimate) -> Estimate:
     """The estimate without friction terms that are nothing but noise.
 
     The covariance stays that of the whole model: leaving a term out must not make the others look
@@ -140,7 +140,7 @@ def without_noise(workshop: Workshop, estimate: Estimate) -> Estimate:
     reduced = replace(model, coulomb=keep["coulomb"], offset=keep["offset"])
     if reduced == model:
         return estimate
-    smaller = workshop.point(workshop.table.with_model(reduced), estimate.method)
+    smaller = prepared.point(prepared.table.with_model(reduced), estimate.method)
     left = dict(zip(reduced.parameters, smaller.values.tolist(), strict=True))
     values = np.array([left.get(name, 0.0) for name in estimate.parameters])
     dropped = [name for name in estimate.parameters if name not in reduced.parameters]

@@ -8,16 +8,16 @@ import numpy as np
 
 from identification.device.device import ForceLimit, Hardware, Quantity, quantity
 from identification.errors import Finding
-from identification.estimators.held import LOST
 from identification.estimators.intervals import NORMAL_95
 from identification.estimators.noise import finest_reading
+from identification.estimators.zero_order_hold import LOST
 from identification.fitting.one_log import LogFit
 
 #: Part of the steps between stamps that the stored interval of the sample time holds.
 _PART = 0.95
 
 
-def unstated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
+def unstated_warnings(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
     """Warnings for everything that no hardware file states, and what the logs suggest of it.
 
     Only a delay that the logs tell within a sample is used; for the rest `tune` will ask.
@@ -86,7 +86,7 @@ def _no_motion(fits: Sequence[LogFit]) -> Finding:
     )
 
 
-def marked_stated(known: Quantity | None) -> Quantity | None:
+def mark_stated(known: Quantity | None) -> Quantity | None:
     """What the hardware states, marked so; what it only assumes stays assumed."""
     if known is None or known.source is not None:
         return known
@@ -95,7 +95,7 @@ def marked_stated(known: Quantity | None) -> Quantity | None:
 
 def sample_time_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
     """The sample time stated, or the mean and spread of the steps between stamps, s."""
-    stated = marked_stated(hardware.sample_time)
+    stated = mark_stated(hardware.sample_time)
     if stated is not None:
         return stated
     logs = [np.asarray(fit.trajectory.steps) for fit in fits]
@@ -113,7 +113,7 @@ def delay_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
 
     A loop that computes between reading and commanding is later than one that plays a plan.
     """
-    stated = marked_stated(hardware.delay)
+    stated = mark_stated(hardware.delay)
     if stated is not None:
         return stated
     least = sample_time_of(fits, Hardware()).value

@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.device.device import Device
 from identification.estimators.model import Estimate
-from identification.findings.balance import Balance, balance_of
+from identification.findings.force_balance import ForceBalance, balance_of
 from identification.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def draw_friction(
     legend_above(axes)
 
 
-def _draw_middles(axes: Axes, rows: Balance, friction: np.ndarray) -> None:
+def _draw_middles(axes: Axes, rows: ForceBalance, friction: np.ndarray) -> None:
     """Median friction in classes of speed, each direction apart."""
     for sense in (-1, 1):
         chosen = np.flatnonzero(rows.moving & (sense * rows.velocity > 0))

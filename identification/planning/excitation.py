@@ -1,4 +1,4 @@
-"""What to play on a device to learn its mass and damping: the force with the least intervals.
+"""Optimal excitation: the force that tells mass and damping with the least intervals.
 
 Three families of signals are brought to their best within the limits and compared. What is played
 is the net force of the best, plus the friction of the guessed device while it moves, so that
@@ -16,18 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError
-from identification.planning.bench import Bench
+from identification.planning.design_grid import DesignGrid
 from identification.planning.families import Family, Shape, binaries, multisines, swept_sines
-from identification.planning.gentle import gentle_spec
 from identification.planning.information import Prediction, predict
 from identification.planning.response import Response
 from identification.planning.spec import ExcitationSpec
-from identification.planning.stick_slip import Guess, answer
-from identification.planning.worst import BETWEEN, Region, Worst, extremes, worst_motions
+from identification.planning.stick_slip import Guess, simulate_stick_slip
+from identification.planning.two_stage import gentle_spec
+from identification.planning.worst_motion import (
+    BETWEEN,
+    Region,
+    WorstMotion,
+    extremes,
+    worst_motions,
+)
 
 FloatArray = NDArray[np.float64]
 
-_FAMILIES: tuple[tuple[str, Callable[[Bench], list[Shape]]], ...] = (
+_FAMILIES: tuple[tuple[str, Callable[[DesignGrid], list[Shape]]], ...] = (
     ("multisine", multisines),
     ("swept sine", swept_sines),
     ("binary sequence", binaries),
@@ -100,7 +106,7 @@ class Excitation:
 
     spec: ExcitationSpec
     candidates: tuple[Candidate, ...]
-    worst: tuple[Worst, ...]
+    worst: tuple[WorstMotion, ...]
 
     def __repr__(self) -> str:
         return (
@@ -119,7 +125,7 @@ class Excitation:
         return np.arange(self.best.force.size, dtype=np.float64) * self.spec.sample_time
 
     @property
-    def beyond(self) -> tuple[Worst, ...]:
+    def beyond(self) -> tuple[WorstMotion, ...]:
         """Which of the worst motions leave the travel or the speed allowed."""
         speed = self.spec.speed or np.inf
         return tuple(
@@ -155,7 +161,7 @@ def plan_excitation(
             progress(sentence)
 
     wanted = gentle_spec(spec) if spec.gentle else spec
-    bench = Bench.of(wanted)
+    bench = DesignGrid.of(wanted)
     found: list[tuple[Candidate, Shape]] = []
     used: list[Used] = []
     for name, family in _FAMILIES:
@@ -185,7 +191,7 @@ def plan_excitation(
 
 
 def _fitted(
-    bench: Bench, shape: Shape, judge: Callable[[ExcitationSpec, FloatArray], Used]
+    bench: DesignGrid, shape: Shape, judge: Callable[[ExcitationSpec, FloatArray], Used]
 ) -> Candidate | Used:
     """The shape on the controller's samples, friction and offset made up for, within all limits.
 
@@ -257,7 +263,7 @@ def _corners_used(spec: ExcitationSpec, force: FloatArray) -> Used:
     """Parts of the limits that the worst corner uses."""
     travel = speed = 0.0
     for corner in spec.corners():
-        motion = answer(force[:-1], _device(corner), spec.sample_time)
+        motion = simulate_stick_slip(force[:-1], _device(corner), spec.sample_time)
         travel, speed = max(travel, motion.reach), max(speed, motion.speed)
     return _parts(spec, force, travel, speed)
 

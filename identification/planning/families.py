@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.planning.bench import Bench, fade, force_room
+from identification.planning.design_grid import DesignGrid, fade, force_room
 from identification.planning.spec import ExcitationSpec
 
 FloatArray = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Shape:
     force: Callable[[FloatArray], FloatArray]
 
 
-def multisines(bench: Bench) -> list[Shape]:
+def multisines(bench: DesignGrid) -> list[Shape]:
     """Multisines worth fitting to the limits.
 
     Without friction all multiples of 1/duration are lines. With friction the lines are the odd
@@ -70,7 +70,7 @@ def multisines(bench: Bench) -> list[Shape]:
     return [_multisine(bench, np.arange(each, highest + 1, 2 * each), 0) for each in periods]
 
 
-def _multisine(bench: Bench, lines: NDArray[np.int64], seed: int) -> Shape:
+def _multisine(bench: DesignGrid, lines: NDArray[np.int64], seed: int) -> Shape:
     """Fourier coefficients of the least merit by gradient, crest and phases included.
 
     The merit is taken at the scale where the first limit is met, so limits need no penalty. Two
@@ -122,7 +122,7 @@ def _multisine(bench: Bench, lines: NDArray[np.int64], seed: int) -> Shape:
     )
 
 
-def swept_sines(bench: Bench) -> list[Shape]:
+def swept_sines(bench: DesignGrid) -> list[Shape]:
     """Sweeps, even in octaves, of the best two ends; at each frequency to the first limit."""
     law = _law(bench.spec)
 
@@ -132,7 +132,7 @@ def swept_sines(bench: Bench) -> list[Shape]:
     return _best_sweep(bench, "swept-sine", wave)
 
 
-def binaries(bench: Bench) -> list[Shape]:
+def binaries(bench: DesignGrid) -> list[Shape]:
     """One force, one way or the other, switched at a rate that sweeps, of the best two ends."""
 
     def wave(phase: FloatArray, frequency: FloatArray) -> FloatArray:
@@ -143,7 +143,7 @@ def binaries(bench: Bench) -> list[Shape]:
 
 
 def _best_sweep(
-    bench: Bench, family: Family, wave: Callable[[FloatArray, FloatArray], FloatArray]
+    bench: DesignGrid, family: Family, wave: Callable[[FloatArray, FloatArray], FloatArray]
 ) -> list[Shape]:
     """The sweeps of the least merit."""
     spec = bench.spec
@@ -182,7 +182,7 @@ def _sweep(
 
 
 def _settled(
-    bench: Bench, force: Callable[[FloatArray], FloatArray]
+    bench: DesignGrid, force: Callable[[FloatArray], FloatArray]
 ) -> Callable[[FloatArray], FloatArray]:
     """The force faded, scaled to the first limit, with a slow part that brings the device back.
 
@@ -222,7 +222,7 @@ def _law(spec: ExcitationSpec) -> Callable[[FloatArray], FloatArray]:
     return law
 
 
-def _size(bench: Bench, force: FloatArray, power: int) -> tuple[float, FloatArray]:
+def _size(bench: DesignGrid, force: FloatArray, power: int) -> tuple[float, FloatArray]:
     """p-norm of the loads of a force, a little above the largest, and its gradient by the force."""
     loads = bench.loads(force)
     largest = float(np.max(np.abs(loads)))

@@ -1,4 +1,4 @@
-"""What a planned force will tell: the exact Cramér-Rao bound of mass and damping before any log.
+"""Cramér-Rao bound of mass and damping for a planned force, exact, before any log.
 
 The log's position is known up to white noise (reading noise and rounding to a count) and, where one
 is stated, an unknown white force; nothing else. Initial position and velocity, the constant force,
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.intervals import NORMAL_95, UNKNOWN_FORCE
 from identification.planning.response import Response
-from identification.planning.stick_slip import Answer, Guess, answer, sensitivities
+from identification.planning.stick_slip import Answer, Guess, sensitivities, simulate_stick_slip
 
 FloatArray = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def predict(
         force_noise: rms of a white force that no log knows, held one sample, N (N·m).
         delay_known: False if the delay is estimated from the same log.
     """
-    motion = answer(force, guess, step)
+    motion = simulate_stick_slip(force, guess, step)
     response = Response(
         rate=guess.rate,
         step=step,

@@ -1,4 +1,4 @@
-"""Linear answer of a mass with viscous damping to held forces, its derivative, and its noise.
+"""Linear response of a mass with viscous damping to held forces, its derivative and its noise.
 
 Position answers a force per mass u, held for one step h, by q[k+1] = q[k] + h·φ1·v[k] + h²·φ2·u[k],
 v[k+1] = (1 - p·h·φ1)·v[k] + h·φ1·u[k] with φ1 = (1 - e^(-ph))/(ph), φ2 = (1 - φ1)/(ph): a filter of
@@ -37,7 +37,7 @@ def phi(delta: complex) -> tuple[complex, complex]:
     return first, (1 - first) / delta
 
 
-def pushed(rate: complex, span: complex) -> tuple[complex, complex]:
+def step_response(rate: complex, span: complex) -> tuple[complex, complex]:
     """Velocity and position after a unit force per mass for ``span`` s, from rest; real for reals.
 
     The first is also the distance coasted in that time per unit of velocity.
@@ -77,7 +77,7 @@ class Response:
 
     @cached_property
     def _velocity(self) -> tuple[FloatArray, FloatArray]:
-        coast = pushed(self.rate, self.step)[0].real
+        coast = step_response(self.rate, self.step)[0].real
         return np.array([coast]), np.array([1.0, self.rate * coast - 1.0])
 
     @cached_property

@@ -14,7 +14,7 @@ from math import copysign
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.planning.response import pushed
+from identification.planning.response import step_response
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Answer:
         return float(np.max(np.abs(self.velocity)))
 
 
-def answer(force: FloatArray, guess: Guess, step: float) -> Answer:
+def simulate_stick_slip(force: FloatArray, guess: Guess, step: float) -> Answer:
     """Position and velocity at each sample of a force held in between.
 
     Args:
@@ -123,7 +123,7 @@ def _trace(force: FloatArray, device: tuple[complex, ...], step: float) -> _Trac
     """The motion of (m, b, Fc, f0, velocity at the start); decisions go by real parts."""
     mass, damping, friction, offset, speed = device
     rate, grip = damping / mass, friction / mass
-    coast, fall = pushed(rate, step)
+    coast, fall = step_response(rate, step)
     decay = 1 - rate * coast
     place = 0.0 * speed
     trace = _Trace([place], [speed], [], [])
@@ -140,12 +140,12 @@ def _trace(force: FloatArray, device: tuple[complex, ...], step: float) -> _Trac
             speed, turned = later, sense
         else:
             before = _instant(rate, speed, net)
-            near, far = pushed(rate, before)
+            near, far = step_response(rate, before)
             place += near * speed + far * net
             after, onto = step - before, copysign(1.0, drive.real)
             held = abs(drive.real) <= grip.real
             onward = 0.0 * drive if held else drive - grip * onto
-            near, far = pushed(rate, after)
+            near, far = step_response(rate, after)
             place, speed = place + far * onward, near * onward
             beyond = drive.real / grip.real if held else onto
             turned = (sense * before.real + beyond * after.real) / step

@@ -13,7 +13,7 @@ from typing import Any
 
 from identification.errors import InvalidInputError
 from identification.readers.columns import LogColumns as LogColumns
-from identification.readers.columns import Reading, quoted
+from identification.readers.columns import Reading, quote
 
 Reader = Callable[[Path, bytes, LogColumns], Reading]
 
@@ -46,7 +46,7 @@ def reader_for(path: Path) -> Reader:
         *some, last = _READERS
         raise InvalidInputError(
             path,
-            f"has the ending '{quoted(path.suffix)}', which is not read",
+            f"has the ending '{quote(path.suffix)}', which is not read",
             _INSTEAD.get(ending, f"Give a log that ends in {', '.join(some)} or {last}"),
         )
     module, _, function = _READERS[ending].partition(".")

@@ -13,8 +13,8 @@ from identification.readers.columns import (
     FloatArray,
     LogColumns,
     Reading,
-    quoted,
-    wanted_columns,
+    column_names,
+    quote,
 )
 
 if TYPE_CHECKING:
@@ -48,12 +48,12 @@ def read_cells(
         from identification.readers.recognition import refuse_preamble
 
         refuse_preamble(path, content, separator, columns)
-    wanted = wanted_columns(path, columns, shown, table=True)
+    wanted = column_names(path, columns, shown, table=True)
     for name in wanted.values():
         # The second is the reader's own name for another column of one name.
         if shown.count(name) > 1 or f"{name}_duplicated_0" in shown:
             raise InvalidInputError(
-                path, f"has two columns named '{quoted(name)}'", "Rename one of them"
+                path, f"has two columns named '{quote(name)}'", "Rename one of them"
             )
     stored_as = dict(zip(shown, stored, strict=True))
     names = list(dict.fromkeys(stored_as[name] for name in wanted.values()))
@@ -135,7 +135,7 @@ def numbers_of(
             row = int(found[0])
             raise InvalidInputError(
                 path,
-                f"column '{quoted(name)}' holds '{quoted(str(cells[row]))}' in row {row + first}, "
+                f"column '{quote(name)}' holds '{quote(str(cells[row]))}' in row {row + first}, "
                 f"which is not a number with a decimal {decimal}",
                 "Write all numbers alike, and leave missing cells empty",
             )

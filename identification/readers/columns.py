@@ -94,7 +94,7 @@ class LogColumns:
                 )
 
 
-def wanted_columns(
+def column_names(
     path: Path, columns: LogColumns, present: Sequence[str], *, table: bool
 ) -> dict[str, str]:
     """Role (time, force, position and perhaps reference) to the column's name in the file.
@@ -121,8 +121,8 @@ def wanted_columns(
     wanted = {role: name for role, name in found.items() if name is not None}
     missing = {role: asked[role] for role, name in found.items() if name is None}
     if missing:
-        named = ", ".join(f"'{quoted(name)}'" for name in missing.values())
-        listed = ", ".join(quoted(name) for name in present[:_MOST_NAMED])
+        named = ", ".join(f"'{quote(name)}'" for name in missing.values())
+        listed = ", ".join(quote(name) for name in present[:_MOST_NAMED])
         more = f" and {len(present) - _MOST_NAMED} more" if len(present) > _MOST_NAMED else ""
         raise InvalidInputError(
             path,
@@ -137,14 +137,14 @@ def wanted_columns(
 def _suggested(present: Sequence[str], missing: Sequence[str]) -> str:
     """Options that take the columns left: by their units, or in the usual order if none has one."""
     found = [
-        f'--{role} "{quoted(name)}"'
+        f'--{role} "{quote(name)}"'
         for role in missing
         for name in present[:_MOST_NAMED]
         if unit_named(role, split_name(role, name)[1] or "") is not None
     ]
     if found or len(present) != len(missing):
         return f", perhaps {' or '.join(found[:3])}" if found else ""
-    in_order = (f'--{role} "{quoted(name)}"' for role, name in zip(missing, present, strict=True))
+    in_order = (f'--{role} "{quote(name)}"' for role, name in zip(missing, present, strict=True))
     return f", perhaps {' '.join(in_order)}"
 
 
@@ -176,13 +176,13 @@ def column_for(
         raise InvalidInputError(
             path,
             f"has several columns that may be the {role}: "
-            + ", ".join(f"'{quoted(name)}'" for name in found[:10]),
-            f'Name the right one, such as --{role} "{quoted(found[0])}"',
+            + ", ".join(f"'{quote(name)}'" for name in found[:10]),
+            f'Name the right one, such as --{role} "{quote(found[0])}"',
         )
     return found[0] if found else None
 
 
-def quoted(text: str) -> str:
+def quote(text: str) -> str:
     """A file's own text, safe and short enough to print."""
     printable = "".join(letter if letter.isprintable() else "?" for letter in text)
     return printable if len(printable) <= _LONGEST_QUOTE else printable[:_LONGEST_QUOTE] + "…"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import LogColumns, Reading, wanted_columns
+from identification.readers.columns import LogColumns, Reading, column_names
 from identification.readers.limits import (
     refuse_long,
     refuse_open_quote,
@@ -68,7 +68,7 @@ def read_plain_numbers(
         return None
     try:
         names = [name.strip("# ") for name in header.decode().strip("\r").split(separator)]
-        wanted = wanted_columns(path, columns, names, table=True)
+        wanted = column_names(path, columns, names, table=True)
         cells = {line.count(separator.encode()) + 1 for line in body.split(b"\n")}
         if len(set(names)) < len(names) or cells != {len(names)}:
             return None

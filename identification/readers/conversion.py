@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import LogColumns, Reading, quoted
+from identification.readers.columns import LogColumns, Reading, quote
 from identification.readers.header_units import Unit, split_name, unit_named
 from identification.trajectory import Motion
 
@@ -63,7 +63,7 @@ def conversion_of(
         if role == "reference" and given is None and unit is None:
             gains[role] = gains["position"]
         if unit is not None or name != getattr(columns, role):
-            words = f"{role} from '{quoted(name)}'"
+            words = f"{role} from '{quote(name)}'"
             notes.append(words + (f" times {gains[role]:.6g}" if gains[role] != 1 else ""))
     known = {role for role in ("force", "position") if role in names and units[role] is not None}
     return Conversion(
@@ -103,7 +103,7 @@ def _unit_of(path: Path, role: str, name: str, columns: LogColumns) -> Unit | No
         how = ", torque constant times transmission"
     raise InvalidInputError(
         path,
-        f"column '{quoted(name)}' states its unit as '{quoted(text)}', which {kind}",
+        f"column '{quote(name)}' states its unit as '{quote(text)}', which {kind}",
         f"Add {_option(role)} X: {_si(role)} per unit of the column{how}",
     )
 
@@ -121,7 +121,7 @@ def _refuse_contradiction(
         return
     raise InvalidInputError(
         path,
-        f"column '{quoted(name)}' states its unit as '{unit.text}', {unit.size:.6g} {_si(role)}, "
+        f"column '{quote(name)}' states its unit as '{unit.text}', {unit.size:.6g} {_si(role)}, "
         f"and {_option(role)} {given:g} contradicts it",
         f"Leave out {_option(role)}, give {math.copysign(unit.size, given):.6g}, or rename the "
         "column if its unit is wrong",
@@ -145,7 +145,7 @@ def _refuse_two_motions(
             who = "the axis is" if motion is not None else "another column's unit is"
             raise InvalidInputError(
                 path,
-                f"column '{quoted(names[role])}' is in {unit.text}, a unit of {kind} motion, and "
+                f"column '{quote(names[role])}' is in {unit.text}, a unit of {kind} motion, and "
                 f"{who} {meant}",
                 f"Add {_option(role)} X, {_si(role)} per {unit.text} through the transmission, or "
                 "state the right motion in the hardware file",

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import LogColumns, quoted
+from identification.readers.columns import LogColumns, quote
 from identification.readers.layout import COMMENT, MOST_BETWEEN, Layout, find_layout, roles_of
 from identification.readers.limits import refuse_open_quote, refuse_wide
 
@@ -146,7 +146,7 @@ def _refuse_commas(path: Path, separator: str, layout: Layout, line: str, cells:
     if separator == "," and cells >= 2 * len(layout.names) - 1:
         raise InvalidInputError(
             path,
-            f"is not a table of equally long rows: line {layout.first + 1}, '{quoted(line)}', has "
+            f"is not a table of equally long rows: line {layout.first + 1}, '{quote(line)}', has "
             f"{cells} cells below {len(layout.names)} names, as if commas stood between columns "
             "and before decimals",
             "Export it with semicolons or tabs between columns, or with decimal points",
@@ -165,8 +165,8 @@ def _decimal_of(
         row = cells_of(line, separator)
         for place in (place for place in places if place < len(row)):
             cell = row[place].strip()
-            name = quoted(layout.names[place])
-            seen = f"column '{name}' holds '{quoted(cell)}' in row {number}"
+            name = quote(layout.names[place])
+            seen = f"column '{name}' holds '{quote(cell)}' in row {number}"
             if _GROUPED.fullmatch(cell):
                 raise InvalidInputError(
                     path,

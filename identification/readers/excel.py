@@ -15,9 +15,9 @@ from identification.errors import InvalidInputError
 from identification.readers.columns import (
     LogColumns,
     Reading,
+    column_names,
     first_words,
-    quoted,
-    wanted_columns,
+    quote,
 )
 from identification.readers.layout import MOST_BETWEEN, Layout, find_layout, named_by, roles_of
 from identification.readers.limits import MOST_COLUMNS, refuse_long
@@ -55,7 +55,7 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
         if not found:
             raise _no_table(path, book, columns)
         if len(found) > 1:
-            names = ", ".join(f"'{quoted(name)}'" for name, _ in found[:10])
+            names = ", ".join(f"'{quote(name)}'" for name, _ in found[:10])
             raise InvalidInputError(
                 path,
                 f"has several sheets with the columns of a log: {names}",
@@ -124,12 +124,12 @@ def _no_table(path: Path, book: Any, columns: LogColumns) -> InvalidInputError:
             names = [name for name in named_by(_texts(row)) if name]
             if len(names) > 1:
                 try:
-                    wanted_columns(path, columns, names, table=True)
+                    column_names(path, columns, names, table=True)
                 except InvalidInputError as error:
                     return error
                 return InvalidInputError(
                     path,
-                    f"has rows on sheet '{quoted(sheet.title)}' between its header and its "
+                    f"has rows on sheet '{quote(sheet.title)}' between its header and its "
                     "numbers, or above both, that are neither comments nor units",
                     "Delete them",
                 )
@@ -156,7 +156,7 @@ def _reading(path: Path, sheet: Any, layout: Layout, *, alone: bool) -> Reading:
         role: np.array([_number(path, layout, role, k, c) for k, c in enumerate(column)])
         for role, column in cells.items()
     }
-    notes = layout.notes if alone else (f"sheet '{quoted(sheet.title)}'", *layout.notes)
+    notes = layout.notes if alone else (f"sheet '{quote(sheet.title)}'", *layout.notes)
     return Reading(values=values, names=layout.wanted, notes=notes, in_seconds=in_seconds)
 
 
@@ -188,7 +188,7 @@ def _number(path: Path, layout: Layout, role: str, row: int, cell: Any) -> float
     except ValueError:
         raise InvalidInputError(
             path,
-            f"column '{quoted(layout.wanted[role])}' holds '{quoted(str(cell))}' in row "
+            f"column '{quote(layout.wanted[role])}' holds '{quote(str(cell))}' in row "
             f"{layout.first + row + 1}, which is not a number",
             "Write numbers as numbers, not as text, and leave missing cells empty",
         ) from None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import LogColumns, quoted, wanted_columns
+from identification.readers.columns import LogColumns, column_names, quote
 from identification.readers.header_units import split_name, unit_named
 
 #: What marks a line as a comment.
@@ -67,7 +67,7 @@ def roles_of(path: Path, row: Row, columns: LogColumns) -> dict[str, str] | None
     if len(names) < _FEWEST_COLUMNS:
         return None
     try:
-        wanted = wanted_columns(path, columns, names, table=True)
+        wanted = column_names(path, columns, names, table=True)
     except InvalidInputError:
         return None
     return wanted if all(names.count(name) == 1 for name in wanted.values()) else None
@@ -173,7 +173,7 @@ def _units_in(
             option = "position" if role == "reference" else role
             raise InvalidInputError(
                 path,
-                f"has a row of units, and '{quoted(text)}' is no unit of {role} that is known",
+                f"has a row of units, and '{quote(text)}' is no unit of {role} that is known",
                 f"Add --{option}-gain X, what one of it is in SI units",
             )
     return texts
@@ -188,7 +188,7 @@ def _with_unit(path: Path, role: str, name: str, text: str) -> str:
     if mine != other and (mine is None or other is None or mine.size != other.size):
         raise InvalidInputError(
             path,
-            f"column '{quoted(name)}' has '{quoted(text)}' in the row of units",
+            f"column '{quote(name)}' has '{quote(text)}' in the row of units",
             "Delete the one that is wrong",
         )
     return name

@@ -9,7 +9,7 @@ from math import prod
 from pathlib import Path
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import quoted
+from identification.readers.columns import quote
 
 #: Bytes. A CSV log of MOST_SAMPLES rows of three full-precision numbers is about 1.2 GB.
 LARGEST_FILE = 2_000_000_000
@@ -83,6 +83,6 @@ def refuse_shape(path: Path, name: str, shape: tuple[int, ...]) -> None:
         size = " x ".join(str(size) for size in shape) or "a single number"
         raise InvalidInputError(
             path,
-            f"variable '{quoted(name)}' is {size}, not a single column",
+            f"variable '{quote(name)}' is {size}, not a single column",
             "Name a variable with one value for each sample",
         )

@@ -14,9 +14,9 @@ from identification.readers.columns import (
     FloatArray,
     LogColumns,
     Reading,
+    column_names,
     first_words,
-    quoted,
-    wanted_columns,
+    quote,
 )
 from identification.readers.limits import refuse_shape
 
@@ -42,7 +42,7 @@ def read_mat(path: Path, content: bytes, columns: LogColumns) -> Reading:
     reader: Any = scipy.io
     try:
         present = {str(name): (shape, kind) for name, shape, kind in _directory(content)}
-        wanted = wanted_columns(path, columns, list(present), table=False)
+        wanted = column_names(path, columns, list(present), table=False)
         # Before anything is unpacked: shapes and classes stand in the directory.
         for name in wanted.values():
             shape, kind = present[name]
@@ -81,5 +81,5 @@ def _vector(path: Path, name: str, stored: Any) -> FloatArray:
 
 
 def _no_numbers(path: Path, name: str) -> InvalidInputError:
-    problem = f"variable '{quoted(name)}' is not an array of real numbers"
+    problem = f"variable '{quote(name)}' is not an array of real numbers"
     return InvalidInputError(path, problem, "Save it as double")

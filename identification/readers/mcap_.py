@@ -17,7 +17,7 @@ from identification.readers.columns import (
     LogColumns,
     Reading,
     first_words,
-    quoted,
+    quote,
 )
 from identification.readers.limits import refuse_long
 
@@ -104,7 +104,7 @@ def _fields(path: Path, columns: LogColumns, topics: Mapping[str, str]) -> dict[
         asked["reference"] = columns.reference
     unnamed = [role for role, name in asked.items() if name == role]
     if unnamed:
-        listed = ", ".join(f"{quoted(name)} ({kind})" for name, kind in _some(topics))
+        listed = ", ".join(f"{quote(name)} ({kind})" for name, kind in _some(topics))
         options = " ".join(f"--{role} TOPIC/FIELD" for role in unnamed)
         raise InvalidInputError(
             path,
@@ -125,10 +125,10 @@ def _field(path: Path, role: str, name: str, topics: Mapping[str, str]) -> _Fiel
     topic = max((each for each in topics if slashed.startswith(f"{each}/")), key=len, default="")
     found = [_PART.fullmatch(part) for part in slashed[len(topic) + 1 :].split("/")]
     if not topic or None in found:
-        listed = ", ".join(quoted(each) for each, _ in _some(topics))
+        listed = ", ".join(quote(each) for each, _ in _some(topics))
         raise InvalidInputError(
             path,
-            f"has no field '{quoted(name)}'; its topics are {listed or 'none'}",
+            f"has no field '{quote(name)}'; its topics are {listed or 'none'}",
             f"Name topic and field, such as --{role} /joint_states/position[0]",
         )
     return _Field(
@@ -157,7 +157,7 @@ def _read(path: Path, reader: Any, fields: Mapping[str, _Field], when: str) -> d
     if when in _RECORDED and len(topics) > 1:
         raise InvalidInputError(
             path,
-            f"messages of {' and '.join(quoted(topic) for topic in topics)} have each their own "
+            f"messages of {' and '.join(quote(topic) for topic in topics)} have each their own "
             f"{when}",
             "Leave out --time: they are joined by the stamps in their headers",
         )
@@ -177,15 +177,17 @@ def _read(path: Path, reader: Any, fields: Mapping[str, _Field], when: str) -> d
             if names.setdefault(field, joint) != joint:
                 raise InvalidInputError(
                     path,
-                    f"the order of the joints in {quoted(topic)} changes: {quoted(str(joint))} "
-                    f"stands where {quoted(str(names[field]))} stood",
+                    f"the order of the joints in {quote(topic)} changes: {quote(str(joint))} "
+                    f"stands where {quote(str(names[field]))} stood",
                     "Record a topic in which it does not",
                 )
         refuse_long(path, len(kept.stamps))
     missing = [topic for topic in topics if topic not in found]
     if missing:
         raise InvalidInputError(
-            path, f"has no messages of {quoted(missing[0])}", "Record them, or name another topic"
+            path,
+            f"has no messages of {quote(missing[0])}",
+            "Record them, or name another topic",
         )
     return found
 
@@ -196,7 +198,7 @@ def _stamp(path: Path, topic: str, message: Any) -> int:
     if stamp is None:
         raise InvalidInputError(
             path,
-            f"messages of {quoted(topic)} have no header with a stamp",
+            f"messages of {quote(topic)} have no header with a stamp",
             "Add --time TOPIC/FIELD, or --time publish_time (when they were sent) or --time "
             "log_time (when they were recorded) if these are even enough",
         )
@@ -216,7 +218,7 @@ def _value(path: Path, field: _Field, message: Any) -> Any:
             listed = ", ".join(present[:_MOST_LISTED]) or "none"
             raise InvalidInputError(
                 path,
-                f"messages of {quoted(field.topic)} have no field '{quoted(name)}' there; they "
+                f"messages of {quote(field.topic)} have no field '{quote(name)}' there; they "
                 f"have: {listed}",
                 "Name one of these",
             )
@@ -232,7 +234,7 @@ def _value(path: Path, field: _Field, message: Any) -> Any:
         what = f"{len(_items(found))} values" if _items(found) else "no number"
         raise InvalidInputError(
             path,
-            f"field '{quoted(field.parts[-1][0])}' of {quoted(field.topic)} holds {what}",
+            f"field '{quote(field.parts[-1][0])}' of {quote(field.topic)} holds {what}",
             "Name a field of one number, with its index in brackets where there are several",
         )
     return found
@@ -245,7 +247,7 @@ def _joined(path: Path, found: Mapping[str, _Messages], columns: LogColumns) -> 
     if len(together) < _FEWEST_TOGETHER * most:
         raise InvalidInputError(
             path,
-            f"has {len(together)} stamps that all of {', '.join(map(quoted, found))} share, of "
+            f"has {len(together)} stamps that all of {', '.join(map(quote, found))} share, of "
             f"{most}: they are not stamped together, and when a force acted is not known",
             "Log force and position in one message, or with one stamp",
         )

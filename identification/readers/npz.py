@@ -14,9 +14,9 @@ from identification.readers.columns import (
     FloatArray,
     LogColumns,
     Reading,
+    column_names,
     first_words,
-    quoted,
-    wanted_columns,
+    quote,
 )
 from identification.readers.limits import refuse_shape
 
@@ -37,11 +37,13 @@ def read_npz(path: Path, content: bytes, columns: LogColumns) -> Reading:
         with ZipFile(BytesIO(content)) as archive:
             members = [name for name in archive.namelist() if name.endswith(_ENDING)]
             names = [name.removesuffix(_ENDING) for name in members]
-            wanted = wanted_columns(path, columns, names, table=False)
+            wanted = column_names(path, columns, names, table=False)
             for name in wanted.values():
                 if names.count(name) > 1:
                     raise InvalidInputError(
-                        path, f"has two arrays named '{quoted(name)}'", "Rename one of them"
+                        path,
+                        f"has two arrays named '{quote(name)}'",
+                        "Rename one of them",
                     )
             kinds = {role: _kind(path, archive, role, name) for role, name in wanted.items()}
             values = {role: _column(archive, name, kinds[role]) for role, name in wanted.items()}
@@ -64,16 +66,16 @@ def _kind(path: Path, archive: ZipFile, role: str, name: str) -> np.dtype[Any]:
         if version not in _HEADERS:
             raise InvalidInputError(
                 path,
-                f"array '{quoted(name)}' has format {version[0]}.{version[1]}, made for records",
+                f"array '{quote(name)}' has format {version[0]}.{version[1]}, made for records",
                 "Save a plain array of float64",
             )
         shape, _, kind = _HEADERS[version](stream)
     allowed = "iuf" + _MOMENTS if role == "time" else "iuf"
     if kind.kind not in allowed:
-        what = "pickled Python objects" if kind.hasobject else f"of type {quoted(str(kind))}"
+        what = "pickled Python objects" if kind.hasobject else f"of type {quote(str(kind))}"
         raise InvalidInputError(
             path,
-            f"array '{quoted(name)}' is {what}, not of real numbers",
+            f"array '{quote(name)}' is {what}, not of real numbers",
             "Save it as an array of float64",
         )
     refuse_shape(path, name, shape)

@@ -13,9 +13,9 @@ from identification.readers.columns import (
     FloatArray,
     LogColumns,
     Reading,
+    column_names,
     first_words,
-    quoted,
-    wanted_columns,
+    quote,
 )
 from identification.readers.limits import refuse_long
 
@@ -29,7 +29,7 @@ def read_parquet(path: Path, content: bytes, columns: LogColumns) -> Reading:
 
     try:
         types = pl.read_parquet_schema(BytesIO(content))
-        wanted = wanted_columns(path, columns, list(types), table=True)
+        wanted = column_names(path, columns, list(types), table=True)
         for role, name in wanted.items():
             _refuse_type(path, role, name, types[name])
         rows = pl.scan_parquet(BytesIO(content)).select(pl.len()).collect().item()
@@ -57,7 +57,9 @@ def _refuse_type(path: Path, role: str, name: str, kind: polars.DataType) -> Non
     if role == "time":
         remedy += ", in seconds"
     raise InvalidInputError(
-        path, f"column '{quoted(name)}' is of type {quoted(str(kind))}, no real numbers", remedy
+        path,
+        f"column '{quote(name)}' is of type {quote(str(kind))}, no real numbers",
+        remedy,
     )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import LogColumns, quoted
+from identification.readers.columns import LogColumns, quote
 
 if TYPE_CHECKING:
     import polars
@@ -42,14 +42,14 @@ def refuse_preamble(path: Path, content: bytes, separator: str, columns: LogColu
             raise InvalidInputError(
                 path,
                 f"has {above} line{'' if above == 1 else 's'} above its header, which stands in "
-                f"line {above + 1}; the first is '{quoted(lines[0])}'",
+                f"line {above + 1}; the first is '{quote(lines[0])}'",
                 "Delete the lines above the header",
             )
     first = lines[0] if lines else ""
     if first.startswith("#") and len(first.split(separator)) < _FEWEST_COLUMNS:
         raise InvalidInputError(
             path,
-            f"begins with a comment, '{quoted(first)}', where the names of the columns should be",
+            f"begins with a comment, '{quote(first)}', where the names of the columns should be",
             "Delete the lines above the header",
         )
 
@@ -99,7 +99,7 @@ def _words_of(rows: polars.DataFrame) -> str:
     """The cells of the first row that hold letters."""
     cells = [(cell or "").strip() for cell in rows.row(0)]
     found = [cell for cell in cells if any(letter.isalpha() for letter in cell)]
-    return ", ".join(f"'{quoted(cell)}'" for cell in found)
+    return ", ".join(f"'{quote(cell)}'" for cell in found)
 
 
 def _rows_named(first: int, count: int) -> str:

@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 
 from identification.errors import InvalidInputError
-from identification.readers.columns import LogColumns, Reading, wanted_columns
+from identification.readers.columns import LogColumns, Reading, column_names
 from identification.readers.comma_separated import read_csv
 from identification.readers.encoding import as_utf8, refuse_zeros
 from identification.readers.limits import refuse_packed
@@ -42,7 +42,7 @@ def _is_plain(path: Path, content: bytes, columns: LogColumns) -> bool:
         header, *others = (line.decode("utf-8-sig").strip("\r\n") for line in lines)
         separator = max(",;\t", key=header.count)
         names = [name.strip(' \t"#') for name in header.split(separator)]
-        wanted = wanted_columns(path, columns, names, table=True)
+        wanted = column_names(path, columns, names, table=True)
         places = [names.index(name) for name in wanted.values()]
         for line in others:
             cells = line.split(separator)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.held import Held
 from identification.estimators.least_squares import Regression
+from identification.estimators.zero_order_hold import HeldColumn
 from identification.structure.forces import smooth_speed
 from identification.structure.stability_selection import Structure, suggest
 
@@ -39,7 +39,7 @@ def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArra
     position = signals.position
 
     def held(values: FloatArray) -> FloatArray:
-        return table.filtered(Held.constant(values * motion.moving, signals.steps))
+        return table.filtered(HeldColumn.constant(values * motion.moving, signals.steps))
 
     def between(samples: FloatArray) -> FloatArray:
         return held((samples[1:] + samples[:-1]) / 2)

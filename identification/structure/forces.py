@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.friction import Kind
-from identification.estimators.held import Held
 from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
+from identification.estimators.zero_order_hold import HeldColumn
 from identification.structure.hysteresis import stop_operators
 
 FloatArray = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Forces:
         moving, steps = self.table.motion.moving, self.table.signals.steps
         found: dict[Kind, FloatArray] = {}
         for kind, held in self._held():
-            made = [self.table.filtered(Held.constant(each * moving, steps)) for each in held]
+            made = [self.table.filtered(HeldColumn.constant(each * moving, steps)) for each in held]
             found[kind] = np.stack(made, axis=1)
         return found
 
@@ -96,7 +96,7 @@ class Forces:
         return ((position[1:] + position[:-1]) / 2 - middle) / half
 
     def _held(self) -> Iterator[tuple[Kind, list[FloatArray]]]:
-        """Of each interval of the log."""
+        """Columns of each kind of force, one value an interval of the log."""
         position = self.table.signals.position
         unit = self._speed / self.fastest
         place, sense = self._place, self.table.motion.direction.mean()
@@ -116,7 +116,10 @@ def _waves(place: FloatArray, count: int) -> Iterator[FloatArray]:
 
 
 def smooth_speed(table: Regression) -> FloatArray:
-    """Velocity of each interval, smooth enough that its square is not mostly noise."""
+    """Velocity of each interval, smooth enough that its square is not mostly noise.
+
+    The answer has shape (n - 1,), m/s (rad/s).
+    """
     from scipy.ndimage import gaussian_filter1d
 
     width = width_of(table.cut_off.frequency) / table.signals.step

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from identification.device.friction import Kind, SlopeRange, UnmodelledForce
 from identification.estimators.intervals import NORMAL_95
 from identification.estimators.least_squares import Regression
-from identification.structure.distinct import scaled
+from identification.structure.collinearity import scale_to_unit_rms
 from identification.structure.forces import Forces
 from identification.structure.resampling import BLOCKS, BlockSums, least_norm, sums_of
 
@@ -168,7 +168,7 @@ def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> Frictio
 def _in_blocks(
     every: FloatArray, answer: FloatArray, count: int, columns: Mapping[Kind, FloatArray]
 ) -> _Table:
-    unit = np.stack([scaled(column) for column in every.T], axis=1)
+    unit = np.stack([scale_to_unit_rms(column) for column in every.T], axis=1)
     sizes = np.sqrt(np.mean(every**2, axis=0))
     members: dict[Kind, list[int]] = {}
     first = count
@@ -176,7 +176,7 @@ def _in_blocks(
         members[kind] = list(range(first, first + each.shape[1]))
         first += each.shape[1]
     return _Table(
-        sums_of(unit, scaled(answer)),
+        sums_of(unit, scale_to_unit_rms(answer)),
         list(range(count)),
         members,
         np.sqrt(np.mean(answer**2)) / np.where(sizes > 0, sizes, np.inf),

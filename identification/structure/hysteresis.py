@@ -1,4 +1,4 @@
-"""Stop operators: springs that yield, of which friction with a memory is a sum.
+"""Hysteresis by Prandtl-Ishlinskii stop operators: springs that yield at a limit.
 
 A spring that yields once it is stretched by its width is the stop operator of Prandtl and
 Ishlinskii (Visintin, Differential Models of Hysteresis, 1994, chapter III); a sum of some of them

@@ -74,7 +74,7 @@ class Resampled:
         return fitted, float(missed @ missed)
 
 
-def cut(columns: FloatArray, answer: FloatArray, *, nuisance: int) -> Resampled:
+def cut_into_blocks(columns: FloatArray, answer: FloatArray, *, nuisance: int) -> Resampled:
     """The least-squares fit of an answer, in blocks.
 
     Args:
@@ -177,7 +177,11 @@ def _long_run(shifts: FloatArray) -> FloatArray:
 
 
 def least_norm(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Least-squares solution of least norm; a half of a log may lack a term altogether."""
+    """Least-squares solution of least norm; a half of a log may lack a term altogether.
+
+    The matrix has shape (rows, columns), the right side shape (rows,), the solution shape
+    (columns,).
+    """
     return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
 
 

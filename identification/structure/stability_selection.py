@@ -1,6 +1,6 @@
-"""Which terms a log asks for beyond mass and damping: a second opinion, by sparse regression.
+"""Stability selection: which terms a log asks for beyond mass and damping, by sparse regression.
 
-The sceptic never gives mass or damping. Every column is brought to unit mean square, so that no
+It never gives mass or damping. Every column is brought to unit mean square, so that no
 unit decides. The log is cut into blocks; the fits with one block left out give the covariance of
 the candidates whatever the colour of the residual (resampling.py), and the fits to random halves
 of the blocks show which terms are asked for again and again (stability selection: Meinshausen and
@@ -20,16 +20,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.structure.distinct import (
+from identification.structure.collinearity import (
     ALWAYS,
     GRAVITY,
     OFFSET,
     POSITION,
-    distinct,
-    normalised,
-    scaled,
+    distinguishable_columns,
+    normalise_columns,
+    scale_to_unit_rms,
 )
-from identification.structure.resampling import BLOCKS, Resampled, cut
+from identification.structure.resampling import BLOCKS, Resampled, cut_into_blocks
 from identification.structure.sparse import paying_terms
 
 FloatArray = NDArray[np.float64]
@@ -129,8 +129,8 @@ def suggest(
             missing, too few rows, or no force.
     """
     _check(columns, force)
-    table = normalised(columns)
-    groups, unjudged = distinct(table)
+    table = normalise_columns(columns)
+    groups, unjudged = distinguishable_columns(table)
     if not groups:
         return Structure(
             asked=(), verdicts={}, unjudged=unjudged, sentences=tuple(_sentences({}, unjudged))
@@ -139,7 +139,7 @@ def suggest(
     terms = [_Term(names=group, members=tuple(next(places) for _ in group)) for group in groups]
     names = [name for group in groups for name in group]
     matrix = np.stack([table[name] for name in (*ALWAYS, *names)], axis=1)
-    fits = cut(matrix, scaled(force), nuisance=len(ALWAYS))
+    fits = cut_into_blocks(matrix, scale_to_unit_rms(force), nuisance=len(ALWAYS))
     terms, passed, doubt = _one_law_of_position(terms, fits)
     frequency = _frequencies(terms, fits, halves, seed)
     kept = _kept([term for term in terms if frequency[term.names] >= STABLE], fits)

@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.hand import Hand
-from datasets_synthetic.members import per_member
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import simulate
 

@@ -22,12 +22,20 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.forms import ComplexArray, FloatArray, Form, Term, least_real
+from tune.certificate.affine import AffineForm, ComplexArray, FloatArray, Term, real_lower_bound
 from tune.certificate.mechanism import Mechanism
 from tune.certificate.point import Setting
-from tune.certificate.proof import Cells, Claim, Proof, as_form, cover, mechanism_of, terms_of
 from tune.certificate.region import Region
-from tune.certificate.response import rate_of, sampled_plant, sinc
+from tune.certificate.value_set import rate_of, sampled_plant, sinc
+from tune.certificate.zero_exclusion import (
+    Cells,
+    Claim,
+    Proof,
+    as_affine,
+    branch_and_bound,
+    mechanism_of,
+    terms_of,
+)
 from tune.documents.certified import Multiplier
 
 
@@ -46,7 +54,7 @@ def prove_absolute(
     and with steady effects for the proof of their linear loop.
 
     Args:
-        region: the box, all of it free or all of it held.
+        region: the box, all of it free or all of it grounded.
         switched: stiffness of springs that are one-sided or saturate, damping and mass of what is
             switched; none negative.
         steady: damping and mass that act at any constant part from nothing to the gain; None for
@@ -64,7 +72,7 @@ def prove_absolute(
     def examine(merged: Region, cells: Cells) -> tuple[NDArray[np.bool_], FloatArray]:
         symbols = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
         terms = terms_of(cells, symbols)
-        theta = as_form(terms[0], cells, len(symbols))
+        theta = as_affine(terms[0], cells, len(symbols))
         with np.errstate(all="ignore"):
             condition = _determinant(
                 theta,
@@ -74,22 +82,22 @@ def prove_absolute(
                 claim.gain,
                 None if steady is None else (terms[1], steady),
             )
-            holds = least_real(condition) > 0
+            holds = real_lower_bound(condition) > 0
         pull = np.zeros_like(cells.low)
         for index, row in enumerate(symbols):
             pull[row] = np.abs(condition.slopes[index].real)
         return holds, pull + condition.real * _bent(cells, longest)
 
-    return cover(region, [Claim(gain=level, extra=claim.extra)], examine, most_cells)
+    return branch_and_bound(region, [Claim(gain=level, extra=claim.extra)], examine, most_cells)
 
 
 def multiplier_failure(region: Region, switched: Setting, multiplier: Multiplier) -> str | None:
     """Why a multiplier says nothing about a region; None where it may."""
     if switched.stiffness and not multiplier.taps and not multiplier.constant:
         return "the multiplier of the spring is nothing"
-    if region.held and switched.stiffness and not multiplier.constant:
-        return "a device that is held asks for a constant in the multiplier"
-    if not region.held and multiplier.constant:
+    if region.grounded and switched.stiffness and not multiplier.constant:
+        return "a device that is grounded asks for a constant in the multiplier"
+    if not region.grounded and multiplier.constant:
         return "a device that nothing holds asks for a multiplier without a constant"
     for name in ("damping", "mass"):
         if getattr(switched, name) and getattr(multiplier, name) is None:
@@ -101,7 +109,7 @@ def open_device_failure(region: Region) -> str | None:
     """Why a device may have poles by itself that the theorem does not allow; None where not.
 
     With damping above zero on the rigid mass and on every mode all that moves loses energy, so that
-    every pole of the mechanism, held by springs and hands or not, lies in the left half-plane, but
+    every pole of the mechanism, bound by springs and hands or not, lies in the left half-plane, but
     one at zero where nothing holds the position; a lag is stable, the hold maps s to e^(sT), and a
     delay adds poles at z = 0.
     """
@@ -131,26 +139,26 @@ def _bent(cells: Cells, longest: int) -> FloatArray:
 
 
 def _determinant(
-    theta: Form,
+    theta: AffineForm,
     mechanism: Mechanism,
     switched: Setting,
     multiplier: Multiplier,
     gain: float,
     steady: tuple[Term, Setting] | None,
-) -> Form:
-    """|D|² times the determinant, both without what they have of θ where nothing is held."""
+) -> AffineForm:
+    """|D|² times the determinant, both without what they have of θ where nothing is grounded."""
     plant = sampled_plant(theta, mechanism)
-    step, held = mechanism.sample_time, mechanism.held
+    step, grounded = mechanism.sample_time, mechanism.grounded
     # What the estimates have of s = jθ meets the pole of the plant.
-    s = theta * 1j if held else theta * 0.0 + 1.0
+    s = theta * 1j if grounded else theta * 0.0 + 1.0
     seen, bottom = plant.numerator, plant.denominator
     if steady is not None:
         part, setting = steady
         bottom = bottom + seen * (s * rate_of(theta, plant.half_sinc, step, setting)) * part
     sizes: list[Term] = []
-    products: list[Form] = []
+    products: list[AffineForm] = []
     if switched.stiffness:
-        real, product = _of_spring(theta, multiplier, held=held)
+        real, product = _of_spring(theta, multiplier, grounded=grounded)
         sizes.append(real * (1 / (gain * switched.stiffness)))
         products.append(product)
     for name, constant, power in (
@@ -176,8 +184,10 @@ def _determinant(
     return total
 
 
-def _of_spring(theta: Form, multiplier: Multiplier, *, held: bool) -> tuple[Form, Form]:
-    """(Re M, M), or (Re M, M/(jθ)) where nothing is held and M has no constant."""
+def _of_spring(
+    theta: AffineForm, multiplier: Multiplier, *, grounded: bool
+) -> tuple[AffineForm, AffineForm]:
+    """(Re M, M), or (Re M, M/(jθ)) where nothing is grounded and M has no constant."""
     real = product = theta * 0.0 + multiplier.constant
     square = _real(theta * theta)
     for tap in multiplier.taps:
@@ -186,7 +196,7 @@ def _of_spring(theta: Form, multiplier: Multiplier, *, held: bool) -> tuple[Form
         # 1 - e^(-jx) = jx·sinc(x/2)·e^(-jx/2), and its real part 2·sin²(x/2).
         real = real + square * (ratio * ratio) * (tap.weight * tap.samples**2 / 2)
         turned = ratio * half.turn() * (tap.weight * tap.samples)
-        product = product + (theta * 1j * turned if held else turned)
+        product = product + (theta * 1j * turned if grounded else turned)
     return real, product
 
 
@@ -198,20 +208,22 @@ def _product(terms: list[Term], without: tuple[int, ...] = ()) -> Term:
     return total
 
 
-def _conjugate(form: Form) -> Form:
-    return Form(np.conj(form.centre), np.conj(form.slopes), form.real, form.imag)
+def _conjugate(form: AffineForm) -> AffineForm:
+    return AffineForm(np.conj(form.centre), np.conj(form.slopes), form.real, form.imag)
 
 
-def _real(form: Form) -> Form:
+def _real(form: AffineForm) -> AffineForm:
     """The real part."""
-    return Form(_complex(form.centre), _complex(form.slopes), form.real, np.zeros_like(form.real))
+    return AffineForm(
+        _complex(form.centre), _complex(form.slopes), form.real, np.zeros_like(form.real)
+    )
 
 
 def _complex(values: ComplexArray) -> ComplexArray:
     return values.real.astype(np.complex128)
 
 
-def _squared(form: Form) -> Form:
+def _squared(form: AffineForm) -> AffineForm:
     """|x|²."""
     real, imag = _real(form), _real(form * -1j)
     return real * real + imag * imag

@@ -1,4 +1,4 @@
-"""What sampling folds onto one frequency: sums over its aliases of inverse powers.
+"""Aliasing: sums of inverse powers over all frequencies that sampling folds onto one.
 
 t_n(θ, x) = Σ e^(-2πjkx) / (j(θ + 2πk))^n over all whole k but 0, for θ in [0, π]. It has period one
 in x, the delay in samples, and is as smooth in it as n allows.
@@ -13,7 +13,7 @@ from math import comb, factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.forms import ComplexArray, FloatArray, Form
+from tune.certificate.affine import AffineForm, ComplexArray, FloatArray
 
 #: Terms of the power series in θ; without the two nearest aliases they fall like 4^-m.
 _TERMS = 28
@@ -52,7 +52,10 @@ def _bernoulli() -> NDArray[np.float64]:
 
 
 def sums(theta: FloatArray, x: FloatArray, first: int, last: int) -> list[ComplexArray]:
-    """t_first .. t_last at points; first >= 2."""
+    """t_first .. t_last at points; first >= 2.
+
+    θ (rad) and x (samples) have shape (points,), and so has each sum; none has a unit.
+    """
     fraction = x - np.floor(x)
     size = last + _TERMS
     powers = np.vander(1 - fraction, size + 1, increasing=True).T
@@ -74,7 +77,7 @@ def sums(theta: FloatArray, x: FloatArray, first: int, last: int) -> list[Comple
     return found
 
 
-def folded(theta: Form, x: Form) -> tuple[Form, Form]:
+def folded_sums(theta: AffineForm, x: AffineForm) -> tuple[AffineForm, AffineForm]:
     """(t_3, t_4) as forms in θ and x, both real forms."""
     at, late = theta.centre.real, x.centre.real
     values = sums(at, late, 2, 5)
@@ -82,7 +85,7 @@ def folded(theta: Form, x: Form) -> tuple[Form, Form]:
         np.sum(np.abs(form.slopes.real), axis=0) + form.real for form in (theta, x)
     )
     top = np.minimum(np.pi, at + wide_theta)
-    forms: list[Form] = []
+    forms: list[AffineForm] = []
     for n in (3, 4):
         below, here, above = values[n - 3], values[n - 2], values[n - 1]
         by_x = -below + 1j * at * here
@@ -101,5 +104,7 @@ def folded(theta: Form, x: Form) -> tuple[Form, Form]:
         lost = error > MOST[n]
         slopes = by_x * x.slopes.real + by_theta * theta.slopes.real
         error = np.where(lost, MOST[n], error)
-        forms.append(Form(np.where(lost, 0, here), np.where(lost, 0, slopes), error, error.copy()))
+        forms.append(
+            AffineForm(np.where(lost, 0, here), np.where(lost, 0, slopes), error, error.copy())
+        )
     return forms[0], forms[1]

@@ -1,4 +1,4 @@
-"""What a profile claims besides stability: forces, ripple, passivity."""
+"""Forces, ripple and passivity: what a profile claims besides stability, recomputed."""
 
 from __future__ import annotations
 

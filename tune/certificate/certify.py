@@ -10,15 +10,15 @@ from typing import Literal
 
 import numpy as np
 
+from tune.certificate.assumptions import assumptions, method, not_assessed
 from tune.certificate.bounds import force_failures, passivity_failures, ripple_failures
-from tune.certificate.felt import felt_failures
-from tune.certificate.levels import judge_levels
+from tune.certificate.fade_levels import judge_levels
 from tune.certificate.point import Point, Setting, setting_of
-from tune.certificate.proof import Claim, prove
 from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import Region, regions_of
-from tune.certificate.words import assumptions, method, not_assessed
-from tune.certificate.worst import Worst, worst_points
+from tune.certificate.rendered import rendering_failures
+from tune.certificate.worst_point import WorstCase, worst_points
+from tune.certificate.zero_exclusion import Claim, prove
 from tune.documents.certified import (
     AbsoluteStability,
     Certificate,
@@ -53,7 +53,7 @@ class _Findings:
 
     failures: list[str]
     unstable: list[WorstPoint] = field(default_factory=list[WorstPoint])
-    worst: tuple[tuple[str, ...], float, Worst] | None = None
+    worst: tuple[tuple[str, ...], float, WorstCase] | None = None
     absolute: dict[str, AbsoluteStability] = field(default_factory=dict[str, AbsoluteStability])
     points: int = 0
     cells: int = 0
@@ -116,7 +116,7 @@ def certify(
         found.failures += ripple_failures(design, moment, setting)
         found.failures += passivity_failures(design, moment, setting, bare)
         if len(moment) == 1:
-            found.failures += felt_failures(design, moment[0], setting)
+            found.failures += rendering_failures(design, moment[0], setting)
     if found.failures:
         raise CheckFailedError(tuple(found.failures), tuple(found.unstable))
     if found.worst is None:
@@ -193,7 +193,7 @@ def _judge(
 
 
 def _refuse(
-    found: _Findings, moment: tuple[str, ...], where: str, each: _Named, worst: Worst
+    found: _Findings, moment: tuple[str, ...], where: str, each: _Named, worst: WorstCase
 ) -> None:
     """Keep a point that is not stable, and the sentence about it."""
     gain, verdict = each.claim.gain, worst.verdict

@@ -1,4 +1,4 @@
-"""What a profile says of entering an element, against the same followed sample by sample."""
+"""Contact numbers of a profile, followed sample by sample and compared with what it says."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import Region, regions_of
-from tune.certificate.sampled import held_motion, state_space
+from tune.certificate.sampled_loops import held_motion, state_space
 from tune.documents.profile import Design, ElementProfile
 
 #: A stated number has four digits; a restitution is rounded outwards.

@@ -1,4 +1,4 @@
-"""Whether the steps of the loop may be as uneven as a profile says, computed anew.
+"""Jitter margin of a profile, computed anew: how uneven the steps of the loop may be.
 
 The law comes from its polynomials in z in controllable form, the mechanism from the certificate's
 own matrices. In the modes of the even loop, weighed by the Perron vectors of the largest moduli,
@@ -14,12 +14,12 @@ from itertools import product
 
 import numpy as np
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.polynomial import law_of
 from tune.certificate.precision import precision
 from tune.certificate.region import Region, regions_of
-from tune.certificate.sampled import held_motion, state_space
+from tune.certificate.sampled_loops import held_motion, state_space
 from tune.documents.profile import Design
 
 #: Of a sample time, beyond which no jitter is looked at.
@@ -75,7 +75,7 @@ def _largest_norm(region: Region, setting: Setting, values: FloatArray, jitter: 
     transitions = _transitions(region, setting, values, 1 + jitter * np.array(_STEPS))
     poles, modes = np.linalg.eig(transitions[_STEPS.index(0.0)])
     seen = np.linalg.inv(modes) @ transitions @ modes
-    if not setting.stiffness and not region.held:
+    if not setting.stiffness and not region.grounded:
         free = int(np.argmin(np.abs(poles - 1)))
         seen = np.delete(np.delete(seen, free, axis=1), free, axis=2)
     moduli = np.max(np.abs(seen), axis=0)

@@ -15,8 +15,8 @@ from math import prod
 
 import numpy as np
 
-from tune.certificate.aliases import MOST, folded
-from tune.certificate.forms import FloatArray, Form, Term, ends, inverse, stacked
+from tune.certificate.affine import AffineForm, FloatArray, Term, add_axis, inverse, range_of
+from tune.certificate.aliases import MOST, folded_sums
 
 #: Aliases are looked at one by one until the rest is below this part of 1/mass, or the most.
 _NEGLIGIBLE = 1e-6
@@ -37,24 +37,24 @@ class Mechanism:
         hand: mass, damping and stiffness of the grip; None is no hand.
         modes: frequency in Hz and damping ratio of each.
         participations: (e, h) of each mode.
-        held: a spring of device or hand holds the position.
+        grounded: a spring of device or hand holds the position.
     """
 
     mass: Term
     damping: Term
     sample_time: Term
-    delay: Form
+    delay: AffineForm
     lag: Term
     position_stiffness: Term
     hand: tuple[Term, Term, Term] | None
     modes: tuple[tuple[Term, Term], ...]
     participations: tuple[tuple[float, float], ...]
-    held: bool
+    grounded: bool
 
     @property
     def free_and_rigid(self) -> bool:
         """A mass on a damper, both perhaps of device and hand together, and nothing else."""
-        return not self.held and not self.modes and self.lag == 0.0
+        return not self.grounded and not self.modes and self.lag == 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +72,7 @@ class Scaled:
         hand: (m_h/T², b_h/T, k_h) or None.
         modes: (2ζω, ω²) in samples of each.
         participations: (e, h) of each.
-        held: as in the mechanism.
+        grounded: as in the mechanism.
     """
 
     mass: Term
@@ -85,7 +85,7 @@ class Scaled:
     hand: tuple[Term, Term, Term] | None
     modes: tuple[tuple[Term, Term], ...]
     participations: tuple[tuple[float, float], ...]
-    held: bool
+    grounded: bool
 
     @classmethod
     def of(cls, given: Mechanism) -> Scaled:
@@ -110,27 +110,27 @@ class Scaled:
                 (w * zeta * 2.0, w * w) for w, (_, zeta) in zip(omegas, given.modes, strict=True)
             ),
             participations=given.participations,
-            held=given.held,
+            grounded=given.grounded,
         )
 
     def stacked(self) -> Scaled:
         """With room for an axis of aliases."""
         return Scaled(
-            mass=stacked(self.mass),
-            per_mass=stacked(self.per_mass),
-            damping=stacked(self.damping),
-            ratio=stacked(self.ratio),
-            spring=None if self.spring is None else stacked(self.spring),
-            spring_ratio=None if self.spring_ratio is None else stacked(self.spring_ratio),
-            lag=None if self.lag is None else stacked(self.lag),
+            mass=add_axis(self.mass),
+            per_mass=add_axis(self.per_mass),
+            damping=add_axis(self.damping),
+            ratio=add_axis(self.ratio),
+            spring=None if self.spring is None else add_axis(self.spring),
+            spring_ratio=None if self.spring_ratio is None else add_axis(self.spring_ratio),
+            lag=None if self.lag is None else add_axis(self.lag),
             hand=self.hand
-            and (stacked(self.hand[0]), stacked(self.hand[1]), stacked(self.hand[2])),
-            modes=tuple((stacked(a), stacked(b)) for a, b in self.modes),
+            and (add_axis(self.hand[0]), add_axis(self.hand[1]), add_axis(self.hand[2])),
+            modes=tuple((add_axis(a), add_axis(b)) for a, b in self.modes),
             participations=self.participations,
-            held=self.held,
+            grounded=self.grounded,
         )
 
-    def plant(self, s: Form) -> tuple[Term, Form]:
+    def plant(self, s: AffineForm) -> tuple[Term, AffineForm]:
         """(numerator, denominator) of P at S; a denominator that vanishes at 0 is divided by S."""
         damped = s * self.mass + self.damping  # Y/S
         resonances = [s * (s + a) + c for a, c in self.modes]
@@ -141,13 +141,13 @@ class Scaled:
             inertial = s * (s + self.ratio)
             inertial = inertial if self.spring_ratio is None else inertial + self.spring_ratio
         numerator = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
-        rigid = damped * s if self.held else damped
+        rigid = damped * s if self.grounded else damped
         denominator = (rigid if self.spring is None else rigid + self.spring) * every
         if self.hand is not None:
             mass, damping, stiffness = self.hand
             followed = s * mass + damping
-            spring = s * followed + stiffness if self.held else followed
-            grip = spring if self.held else s * followed
+            spring = s * followed + stiffness if self.grounded else followed
+            grip = spring if self.grounded else s * followed
             grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
             denominator = denominator + spring * grasped
             if self.modes:
@@ -156,7 +156,9 @@ class Scaled:
             denominator = denominator * (s * self.lag + 1.0)
         return numerator, denominator
 
-    def _apart(self, resonances: Sequence[Form], others: Sequence[Term], inertial: Term) -> Term:
+    def _apart(
+        self, resonances: Sequence[AffineForm], others: Sequence[Term], inertial: Term
+    ) -> Term:
         """How the encoder still moves where the hand holds the handle at rest."""
         moves = _weighed(others, [(e - h) ** 2 for e, h in self.participations])
         for i, j in combinations(range(len(resonances)), 2):
@@ -165,13 +167,13 @@ class Scaled:
             moves = moves + inertial * both * (ei * hj - ej * hi) ** 2
         return moves * self.per_mass
 
-    def folded(self, theta: Form, delay: Form) -> Form:
+    def folded(self, theta: AffineForm, delay: AffineForm) -> AffineForm:
         """Σ P(S)·e^(-2πjkx)/S over all k but 0."""
         count = self._aliases()
         total: Term = 0.0
         leading = self._leading() if self.lag is None else None
         if leading is not None:
-            third, fourth = folded(theta, delay)
+            third, fourth = folded_sums(theta, delay)
             total = third * leading[0] + fourth * leading[1]
         if count:
             k: FloatArray = np.concatenate([np.arange(1.0, count + 1), -np.arange(1.0, count + 1)])
@@ -180,10 +182,10 @@ class Scaled:
             numerator, denominator = self.stacked().plant(s)
             per_s = s.inverse()
             value = denominator.inverse() * numerator
-            if not self.held:
+            if not self.grounded:
                 value = value * per_s
             if leading is not None:
-                first, second = (stacked(x) for x in leading)
+                first, second = (add_axis(x) for x in leading)
                 value = value - per_s * per_s * (first + per_s * second)
             turn = (delay.stacked() * k).turn()
             total = (value * per_s * turn).total() + total
@@ -214,7 +216,7 @@ class Scaled:
         return first, second
 
     def _aliases(self) -> int:
-        least = ends(self.mass)[0]
+        least = range_of(self.mass)[0]
         for count in range(_MOST_ALIASES):
             if self._rest(count) * least <= _NEGLIGIBLE:
                 return count
@@ -226,15 +228,17 @@ class Scaled:
         With the mass divided out, P = g'(M + C/S + K/S²)^-1·g/S² with M not below 1, so that what
         follows 1/S³ is at most g²·(K + ρ'²/(1-ρ))/S⁴, ρ = C/S + K/S² by norms.
         """
-        least = ends(self.mass)[0]
+        least = range_of(self.mass)[0]
         handle = 1 + sum(h * h for _, h in self.participations)
         encoder = 1 + sum(e * e for e, _ in self.participations)
-        damping = max(np.abs(ends(self.ratio)).max(), *(ends(a)[1] for a, _ in self.modes), 0.0)
-        own = 0.0 if self.spring_ratio is None else float(ends(self.spring_ratio)[1])
-        spring = max(own, *(ends(c)[1] for _, c in self.modes), 0.0)
+        damping = max(
+            np.abs(range_of(self.ratio)).max(), *(range_of(a)[1] for a, _ in self.modes), 0.0
+        )
+        own = 0.0 if self.spring_ratio is None else float(range_of(self.spring_ratio)[1])
+        spring = max(own, *(range_of(c)[1] for _, c in self.modes), 0.0)
         if self.hand is not None:
-            damping += ends(self.hand[1] * self.per_mass)[1] * handle
-            spring += ends(self.hand[2] * self.per_mass)[1] * handle
+            damping += range_of(self.hand[1] * self.per_mass)[1] * handle
+            spring += range_of(self.hand[2] * self.per_mass)[1] * handle
         nearest = np.pi * (2 * count + 1)
         share = (damping + spring / nearest) / nearest
         if share >= 1:
@@ -242,7 +246,7 @@ class Scaled:
         if self.lag is None:
             bend = spring + (damping + spring / nearest) ** 2 / (1 - share)
             return float(encoder * bend * _tail(5, count) / least)
-        slow = ends(self.lag)[0]
+        slow = range_of(self.lag)[0]
         size = min(_tail(3, count), _tail(4, count) / slow if slow > 0 else np.inf)
         return float(encoder / (1 - share) * size / least)
 
@@ -252,7 +256,7 @@ def _scalar(a: Sequence[float], b: Sequence[float]) -> float:
     return float(sum(x * y for x, y in zip(a, b, strict=True)))
 
 
-def _product(terms: Sequence[Form], without: tuple[int, ...] = ()) -> Term:
+def _product(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term:
     chosen = [term for i, term in enumerate(terms) if i not in without]
     return prod(chosen[1:], start=chosen[0]) if chosen else 1.0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.point import Setting
 from tune.certificate.polynomial import law_of
 from tune.certificate.precision import precision

@@ -66,12 +66,12 @@ def _by_exponential(point: Point) -> SampledPlant:
         numerator = numerators * arb_poly([0, 1]) + _resolvent(transition, read, old)
         delays = whole + 1
     denominator = transition.charpoly()
-    if not point.held:
+    if not point.grounded:
         denominator = denominator // arb_poly([-1, 1])
     return SampledPlant(
         numerator=numerator,
         denominator=denominator * arb_poly([0] * delays + [1]),
-        integrates=not point.held,
+        integrates=not point.grounded,
     )
 
 

@@ -1,4 +1,4 @@
-"""One way the device, the hand and the loop may be, and what the controller plays."""
+"""A point of the uncertain region: one device, hand and loop, and what the controller plays."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Point:
         )
 
     @property
-    def held(self) -> bool:
+    def grounded(self) -> bool:
         """A spring of the device or of the hand binds the position."""
         return self.position_stiffness != 0 or (self.hand is not None and self.hand.stiffness > 0)
 

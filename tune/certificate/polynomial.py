@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_poly
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.plant import sampled_plant
 from tune.certificate.point import ModePoint, Point, Setting
 from tune.certificate.precision import BITS, precision
@@ -21,8 +21,8 @@ __all__ = [
     "Setting",
     "closed_loop",
     "law_of",
-    "moved",
     "precision",
+    "shift_to_one",
 ]
 
 
@@ -101,8 +101,11 @@ def law_of(setting: Setting, sample_time: float) -> Law:
     return Law(numerator=damper + inertia, denominator=denominator, vanishes=True)
 
 
-def moved(polynomial: arb_poly) -> FloatArray:
-    """Descending coefficients in powers of z - 1: those of z cancel at low frequency."""
+def shift_to_one(polynomial: arb_poly) -> FloatArray:
+    """Descending coefficients in powers of z - 1: those of z cancel at low frequency.
+
+    The polynomial has balls as coefficients, shape (degree + 1,); they keep their units.
+    """
     return np.array([float(c) for c in polynomial(arb_poly([1, 1])).coeffs()][::-1])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identification import Device
-from tune.certificate.words import STIFFNESS_UNITS
+from tune.certificate.assumptions import STIFFNESS_UNITS
 from tune.documents.errors import CheckFailedError
 
 #: What to do about either.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tune.certificate.forms import FloatArray
+from tune.certificate.affine import FloatArray
 from tune.certificate.point import ModePoint, Point
 from tune.documents.certified import HandPlace
 from tune.documents.profile import Design
@@ -58,7 +58,7 @@ class Region:
     hand: HandRegion | None = None
 
     @property
-    def held(self) -> bool:
+    def grounded(self) -> bool:
         """Whether a spring of device or hand holds the position, everywhere in the region."""
         return self.position_stiffness[0] > 0 or (
             self.hand is not None and self.hand.stiffness[0] > 0
@@ -112,7 +112,7 @@ class Region:
         return np.array([(low + high) / 2 for low, high in self.sides()])
 
     def merged(self) -> Region:
-        """The same loops in fewer dimensions: a grip on a rigid device adds to all it has."""
+        """This region in fewer dimensions: a grip on a rigid device adds to all it has."""
         if self.hand is None or self.modes:
             return self
         return replace(

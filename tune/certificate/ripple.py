@@ -7,10 +7,10 @@ from functools import lru_cache
 import numpy as np
 from flint import arb_poly
 
-from tune.certificate.forms import ComplexArray
+from tune.certificate.affine import ComplexArray
 from tune.certificate.plant import sampled_plant
 from tune.certificate.point import Point, Setting
-from tune.certificate.polynomial import law_of, moved
+from tune.certificate.polynomial import law_of, shift_to_one
 from tune.certificate.precision import precision
 
 #: Points on the half circle. The integrand is smooth; the mean converges like r^points for a
@@ -42,7 +42,7 @@ def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> 
             bottom = bottom * zero
         if law.vanishes and not plant.integrates:
             fed_back = fed_back * zero
-        numerator, denominator = (moved(p) for p in (top, bottom + fed_back))
+        numerator, denominator = (shift_to_one(p) for p in (top, bottom + fed_back))
     value, count = np.nan, _FEWEST
     while count <= _MOST:
         angle = (np.arange(count) + 0.5) * (np.pi / count)

@@ -1,4 +1,4 @@
-"""Stable for every gain in (0, g]? Decided from certified roots; undecided is no.
+"""Schur stability for every gain in (0, g], decided from certified roots; undecided is no.
 
 At gain g all poles must certainly lie inside the unit circle. On the way down to zero gain a pole
 can leave the circle only through it, at z where -D(z)/N(z) is real: there D(z)·N(1/z) equals its

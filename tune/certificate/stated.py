@@ -1,4 +1,4 @@
-"""What a profile states beside its certificate, against the facts and words it is written from."""
+"""Statements of a profile beside its certificate, compared with the facts they are written from."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from identification import to_mapping
+from tune.certificate.assumptions import note_of_dropped, skipped_parts
 from tune.certificate.differences import differences
 from tune.certificate.elements import inconsistent
-from tune.certificate.words import note_of_dropped, skipped_parts
 from tune.documents.moments import groups_of
 from tune.documents.profile import Design, MarginProfile, SafeProfile
 

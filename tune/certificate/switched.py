@@ -1,4 +1,4 @@
-"""What of a moment is one-sided, saturates or is switched, and the proof that it is safe so."""
+"""Switched and saturating moments: what of them is nonlinear, and the proof of stability."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from itertools import combinations
 
 from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
 from tune.certificate.point import Setting
-from tune.certificate.proof import Claim, Proof, prove
 from tune.certificate.region import Region
 from tune.certificate.roots import judge
+from tune.certificate.zero_exclusion import Claim, Proof, prove
 from tune.documents.certified import AbsoluteStability, Multiplier
 from tune.documents.profile import Design
 
@@ -71,11 +71,11 @@ def judge_switched(
             "fade and whose masses and negative effects are not alike, so that their levels are "
             "not proved one by one. Let only one of them be felt together with it"
         )
-    switched, steady = split(design, moment, setting)
+    switched, steady = split_moment(design, moment, setting)
     claim = Claim(gain=witness.gain, extra=extra)
     cells = 0
     for region in regions:
-        multiplier = witness.held if region.held else witness.free
+        multiplier = witness.held if region.grounded else witness.free
         failure, proof = _prove(region, switched, steady, multiplier, claim, most_cells)
         cells += 0 if proof is None else proof.cells
         if failure is not None:
@@ -93,7 +93,7 @@ def judge_switched(
     return Outcome(cells=cells, proved=witness.model_copy(update={"covers": covers}))
 
 
-def split(
+def split_moment(
     design: Design, moment: tuple[str, ...], setting: Setting
 ) -> tuple[Setting, Setting | None]:
     """(springs and positive dampers, what fades slowly and is part of the device meanwhile)."""

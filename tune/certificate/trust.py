@@ -1,4 +1,4 @@
-"""What a check takes on trust: facts and wishes that no calculation from a profile can confirm."""
+"""Trusted facts: keys of a profile that no calculation from the profile can confirm."""
 
 from __future__ import annotations
 

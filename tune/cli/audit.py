@@ -57,7 +57,7 @@ def audit(
         from identification import UsageError, load_device
         from tune._audit import NEEDED
         from tune._audit import audit as judged
-        from tune.certificate.words import taken_on_trust
+        from tune.certificate.assumptions import trusted_facts
         from tune.documents.effects import Effects
         from tune.documents.errors import CheckFailedError
         from tune.loop.filters import Filters
@@ -86,7 +86,7 @@ def audit(
             )
         session.details |= _numbers(found)
         session.say(_table(found))
-        session.details["taken_on_trust"] = trusted = taken_on_trust(found.design.device)
+        session.details["taken_on_trust"] = trusted = trusted_facts(found.design.device)
         for line in trusted:
             session.say(f"taken on trust: {line}")
         if picture is not None:

@@ -1,4 +1,4 @@
-"""What a free device meets that enters an element, and how uneven steps may be, in words."""
+"""Contact and jitter in words: what a free device meets that enters an element."""
 
 from __future__ import annotations
 

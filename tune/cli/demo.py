@@ -18,13 +18,13 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
     """Bundled log → device.yaml → scene.yaml → profile.yaml, with tables and two pictures."""
 
     def action(session: Session) -> None:
-        from datasets_synthetic import bundled
+        from datasets_synthetic import bundled_path
         from identification import LogColumns, to_mapping, to_yaml
 
         for name in _FILES:
             session.target(Path(name))
-        log = bundled("homerehab.csv")
-        hardware = bundled("homerehab.hardware.yaml")
+        log = bundled_path("homerehab.csv")
+        hardware = bundled_path("homerehab.hardware.yaml")
         session.say(f"log: {log}")
         found = identified(session, [log], LogColumns(), hardware, "auto", [])
         session.write(Path("device.yaml"), to_yaml(to_mapping(found.device), DEVICE_COMMENT))

@@ -36,9 +36,9 @@ def device_table(device: Device) -> Table:
     if slope is not None:
         between = f"{slope.low:.4g} .. {slope.high:.4g}"
         table.add_row("slope of friction", "-", between, units["damping"], "-")
-    held = device.presliding_stiffness
-    if held is not None:
-        between = f"{held.low:.4g} .. {held.high:.4g}"
+    presliding = device.presliding_stiffness
+    if presliding is not None:
+        between = f"{presliding.low:.4g} .. {presliding.high:.4g}"
         table.add_row("stiffness before sliding", "-", between, units["stiffness"], "-")
     return table
 

@@ -35,7 +35,7 @@ class _Sum:
 
     @classmethod
     def of(cls, elements: Sequence[ElementProfile]) -> _Sum:
-        """Of some elements."""
+        """The sum of some elements."""
         return cls(
             stiffness=sum(each.stiffness for each in elements),
             damping=sum(each.damping for each in elements),

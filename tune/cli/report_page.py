@@ -155,8 +155,8 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
 
 def _statements(safe: SafeProfile) -> Iterator[Statement]:
     """What is proved, assumed, assessed, left out and taken on trust."""
+    from tune.certificate.assumptions import trusted_facts
     from tune.certificate.trust import TAKEN_ON_TRUST
-    from tune.certificate.words import taken_on_trust
 
     seal = safe.certificate
     yield Statement(
@@ -196,7 +196,7 @@ def _statements(safe: SafeProfile) -> Iterator[Statement]:
         heading="Taken on trust",
         lead="No calculation can confirm it: the person who signs answers for it.",
         lines=(
-            *taken_on_trust(safe.device),
+            *trusted_facts(safe.device),
             *(f"{each.key}: {each.reason}" for each in TAKEN_ON_TRUST),
         ),
     )

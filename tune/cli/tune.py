@@ -109,7 +109,7 @@ def tuned(
         sheet: where to draw the candidates that are compared; None to draw none.
     """
     from identification import to_mapping
-    from tune.certificate.words import taken_on_trust
+    from tune.certificate.assumptions import trusted_facts
     from tune.cli.rehearse import refuse_restless
     from tune.cli.tables import certificate_lines, elements_table
     from tune.optimisation._optimise import optimise
@@ -120,7 +120,7 @@ def tuned(
         with session.progress() as say:
             profile = optimise(device, wish.scene, table=wish.table, progress=say)
         session.say(elements_table(profile))
-    trusted = taken_on_trust(profile.device)
+    trusted = trusted_facts(profile.device)
     session.details |= {"profile": to_mapping(profile.signed()), "taken_on_trust": trusted}
     for note in profile.notes:
         session.say(note)
@@ -143,11 +143,11 @@ def _chosen(session: Session, device: Device, wish: Wanted, sheet: Path | None) 
         CheckFailedError: what it allows was not certified.
     """
     from tune.cli.tables import candidates_lines, candidates_table
-    from tune.optimisation.candidates import candidates, compared
+    from tune.optimisation.candidates import candidates, compare_candidates
 
     with session.progress() as say:
         found = candidates(device, wish.scene, table=wish.table, progress=say)
-    rows = compared(found, wish.table)
+    rows = compare_candidates(found, wish.table)
     session.details["candidates"] = [
         _plain(candidate, [row for row in rows if row.candidate == candidate.name])
         for candidate in found
@@ -190,6 +190,6 @@ def _plain(candidate: Candidate, rows: list[CandidateEffect]) -> dict[str, objec
 
 def _short(number: float | None) -> float | None:
     """Four digits, as profiles state steps: the interval is no better known."""
-    from identification import rounded
+    from identification import round_to_digits
 
-    return None if number is None else rounded(number, 4)
+    return None if number is None else round_to_digits(number, 4)

@@ -95,7 +95,7 @@ class Study(Document):
 
     @property
     def ratio(self) -> float:
-        """Of the two settings shown, above 1."""
+        """Ratio of the two settings shown, above 1."""
         return self.upper / self.lower
 
     def criterion(self) -> float:

@@ -203,7 +203,11 @@ def value_at_steps(steps: FloatArray, reference: float, weber: float, sign: int)
 def value_at_steps(
     steps: float | FloatArray, reference: float, weber: float, sign: int
 ) -> float | FloatArray:
-    """The value of the given sign that stands that many steps above (below) the bare device."""
+    """The value of the given sign that stands that many steps above (below) the bare device.
+
+    Steps are one number or an array of any shape, and so is the answer, in the unit of the
+    reference.
+    """
     return reference * np.expm1(np.multiply(sign * np.log1p(weber), steps))
 
 
@@ -223,7 +227,7 @@ class Telling:
     answers: Answers | None
 
 
-def told_apart(
+def chance_to_tell_apart(
     effect: EffectName,
     first: float,
     second: float,

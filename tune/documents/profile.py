@@ -226,7 +226,7 @@ class SafeProfile(Design):
         return to_yaml(content, "Safe profile written by haptune; 'haptune check' re-computes it.")
 
     def signed(self) -> SafeProfile:
-        """The same profile with its digest filled in."""
+        """This profile with its digest filled in."""
         return self.model_copy(update={"digest": digest_of(to_mapping(self))})
 
 

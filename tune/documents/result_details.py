@@ -99,13 +99,13 @@ class Details(TypedDict, total=False):
 
 
 class DoctorDetails(Details, total=False):
-    """Of ``doctor``."""
+    """Details of ``doctor``."""
 
     logs: list[LogExamined]
 
 
 class IdentifyDetails(Details, total=False):
-    """Of ``identify``; ``half_widths`` are parts of the values, by quantity."""
+    """Details of ``identify``; ``half_widths`` are parts of the values, by quantity."""
 
     half_widths: dict[str, float | None]
     method: str
@@ -113,18 +113,18 @@ class IdentifyDetails(Details, total=False):
 
 
 class TuneDetails(Details, total=False):
-    """Of ``tune``, and of ``report``, which has no candidates."""
+    """Details of ``tune``, and of ``report``, which has no candidates."""
 
     candidates: list[dict[str, Any]]
     what_if: list[AlternativeResult]
 
 
 class CalibrateDetails(IdentifyDetails, TuneDetails, total=False):
-    """Of ``calibrate``, ``demo`` and ``report``, which show a device and a profile."""
+    """Details of ``calibrate``, ``demo`` and ``report``, which show a device and a profile."""
 
 
 class CheckDetails(TypedDict, total=False):
-    """Of ``check``: the profile, the certificate as found anew, what it takes on trust by key."""
+    """Details of ``check``: profile, certificate as found anew, what is taken on trust by key."""
 
     profile: dict[str, Any]
     certificate: dict[str, Any]
@@ -142,7 +142,7 @@ class FaultResult(TypedDict):
 
 
 class AuditDetails(Details, total=False):
-    """Of ``audit``; null where something was not computed."""
+    """Details of ``audit``; null where something was not computed."""
 
     safe: bool
     loop: dict[str, Any]
@@ -184,7 +184,7 @@ class Check(TypedDict):
 
 
 class VerifyDetails(Details, total=False):
-    """Of ``verify``."""
+    """Details of ``verify``."""
 
     log: str
     elements: list[str]
@@ -198,7 +198,7 @@ class VerifyDetails(Details, total=False):
 
 
 class CompareDetails(Details, total=False):
-    """Of ``compare``; ``gain`` is the margin that is still proved."""
+    """Details of ``compare``; ``gain`` is the margin that is still proved."""
 
     kind: Literal["devices", "profiles", "profile and device"]
     changes: list[dict[str, Any]]
@@ -208,7 +208,7 @@ class CompareDetails(Details, total=False):
 
 
 class ExciteDetails(Details, total=False):
-    """Of ``excite``; shares are parts of the limits."""
+    """Details of ``excite``; shares are parts of the limits."""
 
     duration: float
     limits: dict[str, float | None]
@@ -221,7 +221,7 @@ class ExciteDetails(Details, total=False):
 
 
 class SimulateDetails(Details, total=False):
-    """Of ``simulate``."""
+    """Details of ``simulate``."""
 
     scenario: str
     description: str

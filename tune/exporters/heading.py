@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from identification import ForceLimit
 from tune.documents.profile import SafeProfile
-from tune.exporters.names import quoted
+from tune.exporters.names import quote_yaml
 
 #: What an integrator has to read before anything else; in ASCII.
 NOT_A_SAFETY_FUNCTION = (
@@ -25,7 +25,7 @@ def digest(profile: SafeProfile) -> str:
 
 def short(name: str) -> str:
     """A name in quotes, cut where it is very long."""
-    return quoted(name if len(name) <= _SHORT else name[: _SHORT - 3] + "...")
+    return quote_yaml(name if len(name) <= _SHORT else name[: _SHORT - 3] + "...")
 
 
 def unit_of_force(profile: SafeProfile) -> str:

@@ -1,4 +1,4 @@
-"""How far a reading can be from the straight line through the two before it."""
+"""Largest change of a reading against linear extrapolation of the two before it."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def _identifier(name: str) -> str:
     return word
 
 
-def quoted(text: str) -> str:
+def quote_yaml(text: str) -> str:
     """A text in double quotes as YAML takes it, ASCII only."""
     return '"' + "".join(_letter(letter) for letter in text) + '"'
 

@@ -10,7 +10,7 @@ from tune.documents.profile import SafeProfile
 from tune.exporters.heading import digest, force_limit, heading
 from tune.exporters.largest_change import largest_change
 from tune.exporters.law import law_of
-from tune.exporters.names import hash_comment, identifiers, quoted
+from tune.exporters.names import hash_comment, identifiers, quote_yaml
 from tune.exporters.plain import LAW, filter_of
 
 #: Letters of a name; the parser of ROS 2 takes texts of up to 256 bytes.
@@ -94,7 +94,7 @@ def _scalar(value: float | str | list[str]) -> str:
     if isinstance(value, list):
         return f"[{', '.join(_scalar(item) for item in value)}]"
     if isinstance(value, str):
-        return quoted(value)
+        return quote_yaml(value)
     if isinstance(value, bool):
         return str(value).lower()
     text = repr(value)

@@ -1,1 +1,1 @@
-"""The sampled loop: device under a zero-order hold, delay and filters, as polynomials in w."""
+"""The sampled loop: zero-order hold, delay and filters, in the w of the bilinear transform."""

@@ -43,7 +43,7 @@ class ClosedLoop:
     def poles(self) -> ComplexArray:
         """Poles in w, shape (degree,); a pole at z = -1 is infinite."""
         roots = np.full(len(self.closed) - 1, np.inf, dtype=np.complex128)
-        found = polished(np.roots(self.closed[::-1]).astype(np.complex128), self.closed)
+        found = polish_roots(np.roots(self.closed[::-1]).astype(np.complex128), self.closed)
         roots[: found.size] = found
         return roots
 
@@ -92,7 +92,11 @@ def spread(coefficients: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 
 def value(polynomial: FloatArray, v: FloatArray) -> ComplexArray:
-    """A polynomial in w at w = jv."""
+    """A polynomial in w at w = jv.
+
+    The coefficients have shape (degree + 1,), ascending; v and the answer have one shape, whatever
+    it is.
+    """
     total = np.full(np.shape(v), polynomial[-1], dtype=np.complex128)
     for coefficient in polynomial[-2::-1]:
         total = total * (1j * v) + coefficient
@@ -100,12 +104,19 @@ def value(polynomial: FloatArray, v: FloatArray) -> ComplexArray:
 
 
 def slope(polynomial: FloatArray) -> FloatArray:
-    """Its derivative, ascending in w."""
+    """Its derivative, ascending in w.
+
+    The coefficients have shape (degree + 1,), those of the answer shape (degree,).
+    """
     return polynomial[1:] * np.arange(1, len(polynomial))
 
 
-def polished(roots: ComplexArray, polynomial: FloatArray) -> ComplexArray:
-    """Roots improved by Newton's method on the polynomial itself."""
+def polish_roots(roots: ComplexArray, polynomial: FloatArray) -> ComplexArray:
+    """Roots improved by Newton's method on the polynomial itself.
+
+    Roots have any shape, which the answer has too; the coefficients have shape (degree + 1,),
+    ascending.
+    """
     derivative = slope(polynomial)
     for _ in range(_POLISHES):
         with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""The loop on the stability boundary w = jv, from its factors and without expanding any product.
+"""Factored loop on the stability boundary w = jv, without expanding any product.
 
 The damping of a lightly damped root is a small part of every coefficient of the expanded
 polynomial; where it decides, the coefficients know a boundary to seven digits only. Factor by

@@ -1,4 +1,4 @@
-"""How the controller estimates velocity and acceleration, as factors in w."""
+"""Filters: estimators of velocity and acceleration, as factors in w (bilinear transform)."""
 
 from __future__ import annotations
 
@@ -118,10 +118,10 @@ class Law:
 
 def law_of(filters: Filters, sample_time: FloatArray) -> Law:
     """The law of filters in a loop of the given sample time, s, of any shape."""
-    return combined(_velocity(filters, sample_time), _acceleration(filters, sample_time))
+    return common_denominator(_velocity(filters, sample_time), _acceleration(filters, sample_time))
 
 
-def combined(velocity: Estimator, acceleration: Estimator) -> Law:
+def common_denominator(velocity: Estimator, acceleration: Estimator) -> Law:
     """Both estimates over the least common multiple of their denominators."""
     missing = list(velocity.factors)
     only_acceleration: list[Polynomial] = []
@@ -143,13 +143,19 @@ def combined(velocity: Estimator, acceleration: Estimator) -> Law:
 
 
 def first_order_velocity(pole: FloatArray, loss: FloatArray) -> Estimator:
-    """(1-a)(z-1)/(z-a); ``loss`` is 1 - a."""
+    """(1-a)(z-1)/(z-a); ``loss`` is 1 - a.
+
+    Pole and loss have the shape of the loop and no unit.
+    """
     line = Polynomial.exact(loss, 1 + pole)
     return Estimator(numerator=DIFFERENCE.scaled(loss), factors=(line,))
 
 
 def twofold_acceleration(pole: FloatArray, loss: FloatArray) -> Estimator:
-    """The square of the first-order velocity; ``loss`` is 1 - a."""
+    """The square of the first-order velocity; ``loss`` is 1 - a.
+
+    Pole and loss have the shape of the loop and no unit.
+    """
     line = Polynomial.exact(loss, 1 + pole)
     numerator = DIFFERENCE.times(DIFFERENCE).scaled(loss * loss)
     return Estimator(numerator=numerator, factors=(line, line))
@@ -195,7 +201,10 @@ def _second_order(filters: Filters, angle: FloatArray) -> tuple[tuple[Polynomial
 
 
 def oscillation(decay: FloatArray, angle: FloatArray) -> Polynomial:
-    """z² - t·z + p of poles exp(-decay ± j·angle): (1-t+p) + 2(1-p)w + (1+t+p)w²."""
+    """z² - t·z + p of poles exp(-decay ± j·angle): (1-t+p) + 2(1-p)w + (1+t+p)w².
+
+    Decay and angle, rad a sample, have the shape of the loop.
+    """
     loss, left = -np.expm1(-decay), np.exp(-decay)
     near = loss * loss + 4 * left * np.sin(angle / 2) ** 2
     far = loss * loss + 4 * left * np.cos(angle / 2) ** 2

@@ -1,4 +1,4 @@
-"""The control law in states, sample by sample: readings in, force out."""
+"""State space of the control law: readings in, force out, sample by sample."""
 
 from __future__ import annotations
 
@@ -64,6 +64,8 @@ def law_pulses(
     filters: Filters, sample_time: float, values: tuple[float, float, float]
 ) -> FloatArray:
     """Force of a law after a reading of 1 m among readings of 0, N/m, until it has died away.
+
+    The answer has shape (samples,).
 
     Args:
         filters: of velocity and acceleration.

@@ -1,4 +1,4 @@
-"""Loop: the sampled haptic loop as a real polynomial in w, affine in K, B and M.
+"""Loop: the sampled haptic loop after the bilinear transform, a polynomial in w affine in K, B, M.
 
 With z = (1+w)/(1-w) every factor of the loop has exact coefficients (z-1 → 2w, z → 1+w,
 z-ε → (1-ε)+(1+ε)w, z-a → (1-a)+(1+a)w, all over 1-w), so the polynomial is a product of factors
@@ -21,13 +21,13 @@ from tune.loop.factors import Factors
 from tune.loop.filters import (
     Filters,
     Law,
-    combined,
+    common_denominator,
     first_order_velocity,
     law_of,
     twofold_acceleration,
 )
 from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.loop.polynomials import padded
+from tune.loop.polynomials import pad_coefficients
 from tune.loop.sampled_plant import (
     HoldEquivalent,
     SampledPlant,
@@ -47,7 +47,7 @@ class Loop:
         sizes: the same with every factor taken absolutely; rounding errors scale with these.
         transfer: plant and control law apart.
         scales: (T²/m, T/m, 1/m): what turns (K, B, M) into (α, β, γ), each of the loop's shape.
-        held: a spring of the hand, or the device's own force by position, binds the position;
+        grounded: a spring of the hand, or the device's own force by position, binds the position;
             without one the pole at z = 1 is free motion, and is left out of the judgement where no
             virtual spring is there either.
         factors: the same unexpanded, where known; it makes limits of lightly damped loops exact.
@@ -57,12 +57,12 @@ class Loop:
     sizes: Terms
     transfer: Transfer
     scales: tuple[FloatArray, FloatArray, FloatArray]
-    held: bool = False
+    grounded: bool = False
     factors: Factors | None = None
 
     def __repr__(self) -> str:
-        held = "position bound" if self.held else "position free without a spring"
-        return f"Loop(degree {self.degree} in w, shape {self.terms.free.shape[1:]}, {held})"
+        ground = "position bound" if self.grounded else "position free without a spring"
+        return f"Loop(degree {self.degree} in w, shape {self.terms.free.shape[1:]}, {ground})"
 
     @classmethod
     def from_parts(
@@ -146,7 +146,7 @@ class Loop:
         return replace(
             _closed(sampled.plant, law_of(filters, T), sampled.delta),
             scales=(T * T / sampled.mass, T / sampled.mass, 1 / sampled.mass),
-            held=sampled.held,
+            grounded=sampled.grounded,
         )
 
     @classmethod
@@ -163,7 +163,7 @@ class Loop:
         )
         samples, fraction = split_delay(np.asarray(delay_samples, float))
         assert fraction is None
-        law = combined(first_order_velocity(av, 1 - av), twofold_acceleration(aa, 1 - aa))
+        law = common_denominator(first_order_velocity(av, 1 - av), twofold_acceleration(aa, 1 - aa))
         return _closed(ideal_equivalent(delta, samples), law, delta)
 
     @property
@@ -177,7 +177,7 @@ class Loop:
         The factor w of free motion (z = 1) then belongs to the structure and is not judged
         (docs/theory.md, 2).
         """
-        return effects.position_free and not self.held
+        return effects.position_free and not self.grounded
 
     def lowest_power(self, effects: Effects) -> int:
         """The power of w from which coefficients are judged: 1 where `has_free_pole`, else 0."""
@@ -252,5 +252,5 @@ def _lift(coefficients: FloatArray, dimensions: int) -> FloatArray:
 
 def _terms(*parts: FloatArray) -> Terms:
     length = max(len(part) for part in parts)
-    free, alpha, beta, gamma = (padded(part, length) for part in parts)
+    free, alpha, beta, gamma = (pad_coefficients(part, length) for part in parts)
     return Terms(free=free, alpha=alpha, beta=beta, gamma=gamma)

@@ -1,4 +1,4 @@
-"""The mechanism in continuous time: rigid mass, modes and a hand, as a sum of second-order blocks.
+"""Modal model of the mechanism in continuous time: rigid mass, modes and a hand.
 
 In units of the mass and the sample time, d0 = s² + δs + k is the rigid mass on its damper and on
 the slope of its own force by position, di = s² + 2ζΩs + Ω² a
@@ -26,7 +26,7 @@ from identification import Mode
 from tune.documents.errors import LoopError
 from tune.documents.hand import Hand
 from tune.loop.polynomials import Polynomial
-from tune.loop.quadratics import split, split_fractions
+from tune.loop.quadratics import split_fractions, split_into_quadratics
 
 FloatArray = NDArray[np.float64]
 
@@ -126,7 +126,11 @@ class Part:
 
 
 def vibration_of(numbers: Sequence[FloatArray], T: FloatArray) -> Vibration:
-    """The numbers of a mode at a sample time, s. Raises LoopError where it cannot be."""
+    """The numbers of a mode at a sample time, s. Raises LoopError where it cannot be.
+
+    Frequency (Hz), damping ratio and both participations have the shape of the loop, as has the
+    sample time.
+    """
     frequency, ratio, encoder, handle = numbers
     if not (np.all(frequency > 0) and np.all(ratio >= 0)):
         raise LoopError(
@@ -140,7 +144,10 @@ def vibration_of(numbers: Sequence[FloatArray], T: FloatArray) -> Vibration:
 
 
 def grip_of(numbers: Sequence[FloatArray], m: FloatArray, T: FloatArray) -> Grip:
-    """The numbers of a hand beside mass (kg) and sample time (s). Raises LoopError if negative."""
+    """The numbers of a hand beside mass (kg) and sample time (s). Raises LoopError if negative.
+
+    Mass, damping (N·s/m) and stiffness (N/m) have the shape of the loop, as have m and T.
+    """
     mass, damping, stiffness = numbers
     if not (np.all(mass >= 0) and np.all(damping >= 0) and np.all(stiffness >= 0)):
         raise LoopError(
@@ -154,6 +161,8 @@ def parts_of(
     delta: FloatArray, spring: FloatArray, modes: Sequence[Vibration], grip: Grip | None
 ) -> tuple[Part, ...]:
     """The blocks of a mechanism; without a hand the rigid mass and each mode are their own.
+
+    All arrays have the shape of the loop and no unit.
 
     Args:
         delta: δ = bT/m.
@@ -230,7 +239,7 @@ def _coupled(
     )
     seen = others(0).plus(*(others(i).scaled(encoder[i] * handle[i]) for i in range(1, count)))
     lead = denominator.value[-1]
-    quadratics = split(denominator.scaled(1 / lead))
+    quadratics = split_into_quadratics(denominator.scaled(1 / lead))
     first = split_fractions(numerator.scaled(1 / lead), quadratics)
     second = split_fractions(seen.scaled(1 / lead), quadratics)
     return tuple(

@@ -1,4 +1,4 @@
-"""Polynomials in w whose coefficients carry what they were added up from.
+"""Polynomials in w with a bound of the rounding errors of their coefficients.
 
 A coefficient comes with a size: its error is at most a few units of roundoff of it. Products and
 sums keep that true, because sizes are multiplied and added without signs.
@@ -67,7 +67,10 @@ DIFFERENCE = Polynomial.exact(0.0, 2.0)
 
 
 def product(p: FloatArray, q: FloatArray) -> FloatArray:
-    """Product of two polynomials along the first axis; the other axes broadcast."""
+    """Product of two polynomials along the first axis; the other axes broadcast.
+
+    Shapes are (degree + 1, ...), ascending; the unit is the product of both.
+    """
     shape = _common(p, q)
     grown = np.zeros((len(p) + len(q) - 1, *shape))
     p = _lifted(p, shape)
@@ -77,7 +80,10 @@ def product(p: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def total(p: FloatArray, q: FloatArray) -> FloatArray:
-    """Sum of two polynomials along the first axis; the other axes broadcast."""
+    """Sum of two polynomials along the first axis; the other axes broadcast.
+
+    Shapes are (degree + 1, ...), ascending, of one unit.
+    """
     shape = _common(p, q)
     grown = np.zeros((max(len(p), len(q)), *shape))
     grown[: len(p)] += _lifted(p, shape)
@@ -85,8 +91,12 @@ def total(p: FloatArray, q: FloatArray) -> FloatArray:
     return grown
 
 
-def padded(part: FloatArray, length: int) -> FloatArray:
-    """With zeros for the powers that are missing."""
+def pad_coefficients(part: FloatArray, length: int) -> FloatArray:
+    """With zeros for the powers that are missing.
+
+    The part has shape (degree + 1, ...), ascending; the answer has shape (length, ...) and the unit
+    of the part.
+    """
     missing = length - len(part)
     return np.concatenate([part, np.zeros((missing, *part.shape[1:]))]) if missing else part
 

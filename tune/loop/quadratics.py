@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.loop.companion import companion_roots
-from tune.loop.polynomials import UNIT, Polynomial, padded, product
+from tune.loop.polynomials import UNIT, Polynomial, pad_coefficients, product
 
 FloatArray = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Quadratic:
     blur: FloatArray
 
 
-def split(polynomial: Polynomial) -> tuple[Quadratic, ...]:
+def split_into_quadratics(polynomial: Polynomial) -> tuple[Quadratic, ...]:
     """Quadratic factors of a monic polynomial of even degree.
 
     Args:
@@ -77,7 +77,7 @@ def split_fractions(
     """
     shape = numerator.value.shape[1:]
     count = len(quadratics)
-    wanted = padded(numerator.value, 2 * count).reshape(2 * count, -1)
+    wanted = pad_coefficients(numerator.value, 2 * count).reshape(2 * count, -1)
     matrix = _jacobian(
         np.stack([q.b.reshape(-1) for q in quadratics]),
         np.stack([q.a.reshape(-1) for q in quadratics]),

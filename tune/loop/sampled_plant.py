@@ -67,14 +67,14 @@ class SampledPlant:
         delta: δ = bT/m, of the shape of all that was given, as the two below.
         mass: kg.
         sample_time: s.
-        held: the position is bound, by a spring of the hand or by the device's own force.
+        grounded: the position is bound, by a spring of the hand or by the device's own force.
     """
 
     plant: HoldEquivalent
     delta: FloatArray
     mass: FloatArray
     sample_time: FloatArray
-    held: bool
+    grounded: bool
 
     @classmethod
     def from_numbers(
@@ -124,12 +124,14 @@ class SampledPlant:
             delta=delta,
             mass=m,
             sample_time=T,
-            held=sprung or (grip is not None and bool(np.any(grip.stiffness > 0))),
+            grounded=sprung or (grip is not None and bool(np.any(grip.stiffness > 0))),
         )
 
 
 def split_delay(delay: FloatArray) -> tuple[int, FloatArray | None]:
     """Delays in samples as (whole samples, fraction of each or None where all are whole).
+
+    Delays have the shape of the loop, and so have the fractions.
 
     Raises:
         LoopError: delays that are negative, too long, or more than a sample apart.
@@ -152,7 +154,10 @@ def split_delay(delay: FloatArray) -> tuple[int, FloatArray | None]:
 
 
 def ideal_equivalent(delta: FloatArray, samples: int) -> HoldEquivalent:
-    """Rigid mass and damper, (ψ+χw)(1-w) / (2w·[(1-ε)+(1+ε)w]), whole samples late."""
+    """Rigid mass and damper, (ψ+χw)(1-w) / (2w·[(1-ε)+(1+ε)w]), whole samples late.
+
+    δ has the shape of the loop and no unit; positions are over T²/m.
+    """
     plant = Plant.at(delta)
     top = Polynomial.exact(plant.psi, plant.chi)
     bottom = Polynomial.exact(0.0, 2.0).times(Polynomial.exact(plant.loss, 1 + plant.epsilon))

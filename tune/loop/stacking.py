@@ -1,4 +1,4 @@
-"""Loops of different delays side by side, so that one call judges all of them.
+"""Stacked loops: loops of different delays side by side, judged in one call.
 
 A loop of lower degree is multiplied by (1+w) as often as it takes. Its new poles lie at w = -1,
 z = 0, where nothing is ever in doubt, and no verdict, limit or margin changes.
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from tune.loop.coefficients import Terms, Transfer
 from tune.loop.loop import Loop
-from tune.loop.polynomials import padded
+from tune.loop.polynomials import pad_coefficients
 
 FloatArray = NDArray[np.float64]
 
 
-def stacked(loops: Sequence[Loop]) -> Loop:
-    """Loops of shape (corners,), all held or all free, as one of shape (all corners,)."""
+def stack_loops(loops: Sequence[Loop]) -> Loop:
+    """Loops of shape (corners,), all grounded or all free, as one of shape (all corners,)."""
     if len(loops) == 1:
         return loops[0]
     degree = max(loop.degree for loop in loops)
@@ -30,7 +30,7 @@ def stacked(loops: Sequence[Loop]) -> Loop:
             _raised(part(loop), by if lift else 0) for loop, by in zip(loops, lifts, strict=True)
         ]
         length = max(len(one) for one in raised)
-        return np.concatenate([padded(one, length) for one in raised], axis=1)
+        return np.concatenate([pad_coefficients(one, length) for one in raised], axis=1)
 
     def terms(which: Callable[[Loop], Terms]) -> Terms:
         return Terms(
@@ -57,7 +57,7 @@ def stacked(loops: Sequence[Loop]) -> Loop:
             np.concatenate([loop.scales[1] for loop in loops]),
             np.concatenate([loop.scales[2] for loop in loops]),
         ),
-        held=loops[0].held,
+        grounded=loops[0].grounded,
     )
 
 

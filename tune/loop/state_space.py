@@ -1,4 +1,4 @@
-"""The sampled loop as matrices from one sample to the next, for what polynomials cannot follow.
+"""State space of the sampled loop: matrices from one sample to the next.
 
 A wall that is entered and left switches between two loops, and a clock that jitters between many:
 both are followed in time. The state is that of the mechanism in continuous time, the commands on

@@ -1,4 +1,4 @@
-"""A second-order system under a held force that arrives between two samples, as factors in w.
+"""Zero-order hold of a second-order system with a fractional delay, as factors in w.
 
 For x'' + a·x' + b·x = u in units of the sample time, with the force F[k-1] until the fraction f of
 the step and F[k] after it, z·(z² - t·z + p)·x = (b1·z² + b2·z + b3)·F. In w, over (1-w)²,

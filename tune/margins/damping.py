@@ -1,4 +1,4 @@
-"""How fast a closed loop comes to rest and how little it rings: from its poles in s."""
+"""Damping ratio and decay rate of a closed loop, from its poles in s."""
 
 from __future__ import annotations
 
@@ -39,12 +39,17 @@ def least_damping_ratio(loop: Loop, effects: Effects) -> FloatArray:
 
     Poles with z nearer to 0 than exp(-π), whose ratio exceeds 0.707 in any case, are left out.
     Arguments as in `slowest_decay`; negative for a loop that grows.
+
+    The answer has the shape of loop and effects together, and no unit.
     """
     return for_each(loop, effects, _least_ratio)
 
 
 def poles_in_s(one: ClosedLoop) -> NDArray[np.complex128]:
-    """Poles s = ln(z)/T = (2/T)·artanh(w), rad/s, Im s in [-π/T, π/T]; -∞ for z = 0."""
+    """Poles s = ln(z)/T = (2/T)·artanh(w), rad/s, Im s in [-π/T, π/T]; -∞ for z = 0.
+
+    The answer has shape (poles,).
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(2 / one.sample_time * np.arctanh(one.poles()), dtype=np.complex128)
 

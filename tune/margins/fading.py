@@ -1,4 +1,4 @@
-"""How slowly an element has to fade: the shortest fade that no hand was found to pump with.
+"""Fade time: the shortest over which an element may fade so that no hand was found to pump.
 
 An element with mass is faded in and out, its level l[k] rising or falling by at most T/τ a sample.
 At each constant level the loop is stable; a swing may still gain from a level that moves with it,
@@ -82,13 +82,13 @@ class FadedLoop:
         still: the loop without what fades.
         more: what it adds at its full level.
         sample_time: s.
-        held: whether a spring of device or law binds the place at some level.
+        grounded: whether a spring of device or law binds the place at some level.
     """
 
     still: FloatArray
     more: FloatArray
     sample_time: float
-    held: bool
+    grounded: bool
 
     @classmethod
     def of(cls, place: Corner, filters: Filters, beside: Values, fading: Values) -> FadedLoop:
@@ -121,7 +121,7 @@ class FadedLoop:
             still=still + np.outer(drive, np.array(beside) @ rows),
             more=np.outer(drive, np.array(fading) @ rows),
             sample_time=step,
-            held=bool(beside[0] or fading[0] or place.position_stiffness),
+            grounded=bool(beside[0] or fading[0] or place.position_stiffness),
         )
 
     def at(self, level: FloatArray) -> FloatArray:
@@ -156,7 +156,7 @@ class FadedLoop:
     def _radius(self, periods: FloatArray) -> float:
         """Largest eigenvalue of some periods, without the one of a place that nothing holds."""
         values = np.linalg.eigvals(periods).reshape(-1, len(self.still))
-        if not self.held:
+        if not self.grounded:
             values[np.arange(len(values)), np.abs(values - 1).argmin(axis=1)] = 0
         return float(np.abs(values).max())
 

@@ -1,4 +1,4 @@
-"""Limit cycles: does a quantised reading keep a device with friction swinging at a wall?
+"""Limit cycles by describing functions: quantiser and friction of a device at a wall.
 
 Describing functions (Gelb and Vander Velde 1968; for haptics Diolaiti, Niemeyer, Barbagli and
 Salisbury 2006): a swing of amplitude A at the encoder and of angular frequency ω sees the quantiser

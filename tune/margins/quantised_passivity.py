@@ -1,4 +1,4 @@
-"""Passivity of a wall with an encoder: viscous friction answers the clock, Coulomb friction counts.
+"""Passivity with an encoder and with friction, of the wall that a device renders.
 
 A quantised reading is the position and an error of at most half a count, |n| ≤ Δ/2. The force is
 the law of the position, which sampling and delay make active, and the law of the error, at most

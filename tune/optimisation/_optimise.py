@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 
 from identification import Device, as_stored
+from tune.certificate.assumptions import note_of_dropped, skipped_parts
 from tune.certificate.refusal import refusal_of
-from tune.certificate.words import note_of_dropped, skipped_parts
 from tune.documents.certified import AbsoluteStability
 from tune.documents.effects import EffectName
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
@@ -19,13 +19,13 @@ from tune.documents.profile import Design, MarginProfile, PerceptionProfile, Saf
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import Filters
 from tune.optimisation.cutoffs import choose_filters
-from tune.optimisation.delays import Felt, extra_delays
+from tune.optimisation.delays import SizedMoment, extra_delays
 from tune.optimisation.describe import element_profile
 from tune.optimisation.fades import with_fades
 from tune.optimisation.nash import SAME
-from tune.optimisation.problem import Job
-from tune.optimisation.region import Spot
-from tune.optimisation.solve import Solved, groups, solve
+from tune.optimisation.problem import DesignTask
+from tune.optimisation.region import PlantPoint
+from tune.optimisation.solve import Solution, groups, solve
 
 Progress = Callable[[str], None]
 
@@ -68,19 +68,19 @@ def optimise(
     refusal = refusal_of(device)
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
-    job = Job.of(as_stored(device), scene, table or default_table(), favour)
-    filters = choose_filters(job, say)
+    task = DesignTask.of(as_stored(device), scene, table or default_table(), favour)
+    filters = choose_filters(task, say)
     for attempt in range(_MOST_ATTEMPTS + 1):
-        design, witnesses = _proposed(job, filters, say)
+        design, witnesses = _proposed(task, filters, say)
         say("certifying")
         try:
-            last = attempt == _MOST_ATTEMPTS or job.slack == SLACK[-1]
+            last = attempt == _MOST_ATTEMPTS or task.slack == SLACK[-1]
             certificate = certify(design, None if last else _CELLS, witnesses)
         except CheckFailedError as error:
-            warned = _warned(job, error)
+            warned = _warned(task, error)
             if warned is None or attempt == _MOST_ATTEMPTS:
                 raise
-            job = warned
+            task = warned
             continue
         profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
         return as_stored(profile).signed()
@@ -88,42 +88,42 @@ def optimise(
 
 
 def _proposed(
-    job: Job, filters: Filters, say: Progress
+    task: DesignTask, filters: Filters, say: Progress
 ) -> tuple[Design, dict[str, AbsoluteStability]]:
     """The largest effects of every group, and what proves its one-sided moments, as stored."""
-    solutions: list[Solved] = []
-    together = groups(job.scene)
+    solutions: list[Solution] = []
+    together = groups(task.scene)
     for number, elements in enumerate(together, start=1):
         say(f"tuning {', '.join(elements)} ({number} of {len(together)})")
-        solutions.append(solve(job, elements, filters))
+        solutions.append(solve(task, elements, filters))
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
     if all(not solved.problem.unknowns for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
-    design = with_fades(design_of(job, filters, solutions, dropped), job.scene)
-    return as_stored(design), _witnesses(job, solutions)
+    design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
+    return as_stored(design), _witnesses(task, solutions)
 
 
-def _witnesses(job: Job, solutions: Sequence[Solved]) -> dict[str, AbsoluteStability]:
+def _witnesses(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
     """What proves the moments that are one-sided, by their elements."""
     found = {names: one for solved in solutions for names, one in solved.absolute.items()}
     if not found:
         return {}
     from tune.optimisation.saturation import witness_of
 
-    margin = MARGINS[job.scene.margin]
+    margin = MARGINS[task.scene.margin]
     return {
-        " + ".join(names): as_stored(witness_of(one, margin, job.slack))
+        " + ".join(names): as_stored(witness_of(one, margin, task.slack))
         for names, one in found.items()
     }
 
 
-def _warned(job: Job, error: CheckFailedError) -> Job | None:
-    """The job with the points at which its proposal was unstable; with more slack if none was.
+def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
+    """The task with the points at which its proposal was unstable; with more slack if none was.
 
     None where neither is left to try.
     """
     spots = tuple(
-        Spot(
+        PlantPoint(
             mass=point.mass,
             damping=point.damping,
             sample_time=point.sample_time,
@@ -136,21 +136,21 @@ def _warned(job: Job, error: CheckFailedError) -> Job | None:
         for point in error.points
     )
     if not spots:
-        slack = next((more for more in SLACK if more > job.slack), None)
-        return None if slack is None else replace(job, slack=slack)
-    return replace(job, region=replace(job.region, found=job.region.found + spots))
+        slack = next((more for more in SLACK if more > task.slack), None)
+        return None if slack is None else replace(task, slack=slack)
+    return replace(task, region=replace(task.region, found=task.region.found + spots))
 
 
 def design_of(
-    job: Job,
+    task: DesignTask,
     filters: Filters,
-    solutions: Sequence[Solved],
+    solutions: Sequence[Solution],
     dropped: dict[str, str],
 ) -> Design:
     """What was chosen for every element, with its margins and why it is no larger, uncertified."""
-    device, scene = job.device, job.scene
+    device, scene = task.device, task.scene
     felt = [
-        Felt(problem=solved.problem, moment=moment, sizes=solved.sizes)
+        SizedMoment(problem=solved.problem, moment=moment, sizes=solved.sizes)
         for solved in solutions
         for moment in solved.problem.moments
         if any(moment.members)
@@ -166,7 +166,7 @@ def design_of(
             name,
             solved.dropped,
             delays,
-            job.slack,
+            task.slack,
             solved.absolute,
         )
         for solved in solutions
@@ -200,22 +200,22 @@ def design_of(
         margin=MarginProfile.of(scene.margin),
         elements=played,
         together=groups_of(scene.elements, scene.together),
-        ripple_limit=scene.ripple_limit or job.table.threshold(device.motion),
-        perception=_perception(job),
+        ripple_limit=scene.ripple_limit or task.table.threshold(device.motion),
+        perception=_perception(task),
         notes=tuple(note_of_dropped(label) + why for label, why in dropped.items()),
         method=methods,
     )
     return design.model_copy(update={"skipped": skipped_parts(design)})
 
 
-def _perception(job: Job) -> PerceptionProfile:
-    table = job.table
+def _perception(task: DesignTask) -> PerceptionProfile:
+    table = task.table
     return PerceptionProfile(
         name=table.name,
         stiffness=table.stiffness.value,
         damping=table.damping.value,
         mass=table.mass.value,
-        threshold=table.threshold(job.device.motion),
+        threshold=table.threshold(task.device.motion),
     )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
 from tune.loop.loop import Loop
-from tune.optimisation.limits import quiet_alone, ripple, stable_points
+from tune.optimisation.limits import largest_quiet_size, ripple, stable_points
 from tune.optimisation.problem import Moment, Problem
 from tune.stability.bracketing import CLOSE, last_within
 from tune.stability.intervals import stable_intervals
@@ -21,23 +21,32 @@ _HALVINGS = 50
 
 
 def largest_allowed(problem: Problem, sizes: FloatArray, index: int) -> float:
-    """The largest size of one unknown that every limit allows, grown from what is given."""
+    """The largest size of one unknown that every limit allows, grown from what is given.
+
+    Sizes have shape (unknowns,), SI units, and so has the answer.
+    """
     most = min(problem.unknowns[index].high, linear_bound(problem, sizes, index))
     least = min(most, *stable_bounds(problem, sizes, [index], [most], problem.margin.gain))
     return min(least, ripple_bound(problem, sizes, index, least))
 
 
 def linear_bound(problem: Problem, sizes: FloatArray, index: int) -> float:
-    """Size at which force is used up or something else is felt; inf where nothing is known."""
+    """Size at which force is used up or something else is felt; inf where nothing is known.
+
+    Sizes have shape (unknowns,), SI units; the answer is in the unit of the unknown.
+    """
     return min(problem.linear.bounds(sizes, index).values(), default=np.inf)
 
 
 def ripple_bound(problem: Problem, sizes: FloatArray, index: int, top: float) -> float:
-    """Size up to which the ripple keeps to its limit, from what is given; inf if to the top."""
+    """Size up to which the ripple keeps to its limit, from what is given; inf if to the top.
+
+    Sizes have shape (unknowns,), SI units; top and answer are in the unit of the unknown.
+    """
     if top <= 0 or problem.limits.encoder_resolution is None:
         return np.inf
     if len(problem.unknowns) == 1:
-        return quiet_alone(problem, index, top)
+        return largest_quiet_size(problem, index, top)
     moments = [m for m in problem.moments if any(index in members for members in m.members)]
     trial = sizes.copy()
 
@@ -62,6 +71,8 @@ def stable_bounds(
     The closed form in the coordinate at the full gain is the answer wherever the ray below it is
     stable too; where it is not (a second stable interval), the end of what is safe is halved to.
     Where others need the unknown, as a spring may need a damper, it must not be nothing at first.
+
+    Sizes have shape (unknowns,), SI units; tops and answers are in the units of their unknowns.
 
     Args:
         problem: with its loops.

@@ -129,7 +129,7 @@ def _left_open(scene: Scene, effect: EffectName) -> bool:
     return any(wish is not None and wish.kind != "value" for wish in wishes)
 
 
-def compared(
+def compare_candidates(
     found: tuple[Candidate, ...], table: PerceptionTable | None = None
 ) -> tuple[CandidateEffect, ...]:
     """Every effect of every candidate, effect by effect, those of one effect from safe to firm.

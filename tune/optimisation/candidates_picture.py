@@ -23,7 +23,7 @@ def candidates_picture(rows: Sequence[CandidateEffect]) -> Figure:
     """Perceived steps of each effect with each candidate, their values beside the bars.
 
     Args:
-        rows: of `compared`, at least one.
+        rows: of `compare_candidates`, at least one.
     """
     from identification import NotebookFigure
 

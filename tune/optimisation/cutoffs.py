@@ -5,42 +5,43 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
-from identification import rounded
 from tune.documents.effects import EffectName
-from tune.documents.scene import Cutoff
 from tune.loop.filters import Filters
-from tune.optimisation.cutting_planes import climbed
-from tune.optimisation.problem import Job
+from tune.optimisation.cutoff_axis import COARSE, CutoffAxis
+from tune.optimisation.cutoff_objective import (
+    CutoffObjective,
+    Tuned,
+    ranks_of,
+    slope_of,
+    tune_all_effects,
+    tune_with_filters,
+)
+from tune.optimisation.cutting_planes import maximise
+from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import groups
-from tune.optimisation.worth import Tuned, Worth, ranks_of, roughly, slope_of, tuned
-from tune.rendering.rendered import FASTEST
 
-#: Hz; a filter must pass the motions people make.
-LOWEST = FASTEST
-#: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
-#: a mass it rises with each octave of filtering, until force, stability or honey makes it fall.
-_COARSE = 3.0
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 1e-3
 #: This little is given for less filtering.
 _GOOD_ENOUGH = 2e-3
 #: Step on the logarithmic scale of cut-offs over which a slope is taken.
 _STEP = 1e-4
-#: Digits of a written cut-off.
-_DIGITS = 4
+#: Two worths that differ by less, by rounding or by where a solver ends, are one.
+_TIED = 1e-6
 
 
-def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
+def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
     """The fixed cut-offs, and for free ones the least filtering that does nearly as well as any.
 
-    What a cut-off is worth is told by `worth`, for all elements together. Free cut-offs are looked
-    for coarsely, one after the other, then together by cutting planes, on a logarithmic scale above
-    which there is no filter.
+    What a cut-off is worth is told by `cutoff_objective`, for all elements together. Free cut-offs
+    are looked for coarsely, one after the other in both orders, then together by cutting planes, on
+    a logarithmic scale above which there is no filter.
     A filter is only there for an effect that uses it: without a damper no velocity filter, without
     a virtual mass no acceleration filter.
     """
-    scene = job.scene
+    scene = task.scene
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
     windowed = scene.loop.velocity_window_samples if "damping" in wishes else None
     kind = Filters(
@@ -49,50 +50,22 @@ def choose_filters(job: Job, say: Callable[[str], None]) -> Filters:
         filter_damping_ratio=scene.loop.filter_damping_ratio,
         velocity_window_samples=windowed,
     )
-    nyquist = 0.5 / job.device.sample_time.high
-    velocity, acceleration = scene.loop.velocity_filter_hz, scene.loop.acceleration_filter_hz
+    nyquist = 0.5 / task.device.sample_time.high
+    with_velocity = "damping" in wishes and windowed is None
+    velocity = scene.loop.velocity_filter_hz if with_velocity else "none"
+    acceleration = scene.loop.acceleration_filter_hz if "mass" in wishes else "none"
     search = _Search(
-        job=job,
+        task=task,
         kind=kind,
         say=say,
         axes=(
-            _Axis.of(velocity if "damping" in wishes and windowed is None else "none", nyquist),
-            _Axis.of(acceleration if "mass" in wishes else "none", nyquist),
+            CutoffAxis.of(
+                velocity if "damping" in wishes and windowed is None else "none", nyquist
+            ),
+            CutoffAxis.of(acceleration if "mass" in wishes else "none", nyquist),
         ),
     )
     return search.best()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Axis:
-    """The choices of one cut-off on a logarithmic scale.
-
-    Attributes:
-        first: places to begin with, ascending; beyond the last but one there is no filter. One
-            place where the cut-off is not free.
-        fixed: Hz or none, where it is not free.
-    """
-
-    first: tuple[float, ...]
-    fixed: float | None = None
-
-    @classmethod
-    def of(cls, cutoff: Cutoff, nyquist: float) -> _Axis:
-        if cutoff != "free" or nyquist <= LOWEST:
-            return cls(first=(0.0,), fixed=cutoff if isinstance(cutoff, float) else None)
-        low, high = math.log(LOWEST), math.log(nyquist)
-        count = math.ceil((high - low) / math.log(_COARSE))
-        return cls(first=tuple(low + (high - low) * k / count for k in range(count + 2)))
-
-    @property
-    def free(self) -> bool:
-        return len(self.first) > 1
-
-    def hertz(self, place: float) -> float | None:
-        """The cut-off as it is written; None for no filter."""
-        if not self.free:
-            return self.fixed
-        return None if place > self.first[-2] else rounded(math.exp(place), _DIGITS)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -100,27 +73,27 @@ class _Search:
     """Filters that were tried, and what they are worth.
 
     Attributes:
-        job: what is tuned.
+        task: what is tuned.
         kind: order, damping ratio and window of the filters.
         say: called before each try.
         axes: choices of the velocity and the acceleration filter.
         tried: worth of all elements.
         known: each group as tuned by the filters that it uses.
         last: each group as it was tuned last.
-        rough: worth of each group on rays, by the filters that it uses.
+        whole: whether all effects of each group are kept, by the filters that it uses.
     """
 
-    job: Job
+    task: DesignTask
     kind: Filters
     say: Callable[[str], None]
-    axes: tuple[_Axis, _Axis]
-    tried: dict[Filters, Worth] = field(default_factory=dict[Filters, Worth])
+    axes: tuple[CutoffAxis, CutoffAxis]
+    tried: dict[Filters, CutoffObjective] = field(default_factory=dict[Filters, CutoffObjective])
     known: dict[tuple[tuple[str, ...], Filters], Tuned] = field(
         default_factory=dict[tuple[tuple[str, ...], Filters], Tuned]
     )
     last: dict[tuple[str, ...], Tuned] = field(default_factory=dict[tuple[str, ...], Tuned])
-    rough: dict[tuple[tuple[str, ...], Filters], Worth | None] = field(
-        default_factory=dict[tuple[tuple[str, ...], Filters], Worth | None]
+    whole: dict[tuple[tuple[str, ...], Filters], bool] = field(
+        default_factory=dict[tuple[tuple[str, ...], Filters], bool]
     )
 
     def best(self) -> Filters:
@@ -129,40 +102,67 @@ class _Search:
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
             return self._filters(point)
-        # What is looked for first is looked for again once the other cut-off is known.
-        for index in free if len(free) == 1 or not self._coupled() else (1, 0, 1):
-            point = self._coarsely(point, index)
-        for chosen in [free] if self._coupled() else [[index] for index in free]:
-            point = self._refined(point, chosen)
+        if self._coupled():
+            for start in self._starts(point):
+                self._refined(start, free)
+        else:
+            for index in free:
+                point = self._refined(self._along(point, index), [index])
         most = max(self.tried.values(), key=lambda each: each.order)
-        enough = Worth(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
+        enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
         return min((f for f, worth in self.tried.items() if worth.order >= enough), key=_lag)
 
-    def _coarsely(self, point: Sequence[float], index: int) -> list[float]:
-        """The point with the best of the first choices of one cut-off, least filtering first."""
-        places = reversed(self.axes[index].first)
-        points = [[*point[:index], place, *point[index + 1 :]] for place in places]
-        rough = [(self._roughly(each), each) for each in points]
-        good = [(worth.order, each) for worth, each in rough if worth is not None]
-        if good:
-            return max(good, key=lambda pair: pair[0])[1]
-        return max(points, key=lambda each: self._worth(each).order)
+    def _starts(self, middle: list[float]) -> list[list[float]]:
+        """Points to climb from: one cut-off after the other, in both orders.
 
-    def _roughly(self, point: Sequence[float]) -> Worth | None:
-        """What all elements are worth on rays; None where some of them are no good on any."""
+        Where no line through the middle keeps every effect, all pairs of first choices are asked.
+        """
+        starts: list[list[float]] = []
+        for first, then in ((1, 0), (0, 1)):
+            found = self._best_whole(self._line(middle, first))
+            again = found and self._best_whole(self._line(found, then))
+            if again and again not in starts:
+                starts.append(again)
+        if starts:
+            return starts
+        pairs = [list(pair) for pair in product(*(axis.first[::-1] for axis in self.axes))]
+        whole = self._best_whole(pairs)
+        return [whole or self._along(self._along(middle, 1), 0)]
+
+    def _line(self, point: Sequence[float], index: int) -> list[list[float]]:
+        """Points with the first choices of one cut-off, least filtering first."""
+        places = reversed(self.axes[index].first)
+        return [[*point[:index], place, *point[index + 1 :]] for place in places]
+
+    def _along(self, point: Sequence[float], index: int) -> list[float]:
+        """The point that is worth most among the first choices of one cut-off."""
+        points = self._line(point, index)
+        return self._best_whole(points) or _most([(self._worth(each), each) for each in points])
+
+    def _best_whole(self, points: Sequence[list[float]]) -> list[float] | None:
+        """The point that is worth most of those that keep every effect; None where none does."""
+        whole = [(worth, each) for each in points if (worth := self._whole(each))]
+        return _most(whole) if whole else None
+
+    def _whole(self, point: Sequence[float]) -> CutoffObjective | None:
+        """What all elements are worth; None where not all effects are kept, which is soon told."""
         filters = self._filters(point)
-        self._say(filters)
-        total = Worth(kept=(0,) * len(ranks_of(self.job)), value=0.0)
-        for elements in groups(self.job.scene):
+        for elements in self._filtered():
             used = self._of(elements, filters)
-            if self._used(elements) & {"damping", "mass"}:
-                if (elements, used) not in self.rough:
-                    self.rough[elements, used] = roughly(self.job, elements, used)
-                found = self.rough[elements, used]
-                if found is None:
-                    return None
-                total = total.plus(found)
-        return total
+            if (elements, used) not in self.whole:
+                self._say(filters)
+                found = tune_all_effects(self.task, elements, used, self.last.get(elements))
+                self.whole[elements, used] = found is not None
+                if found is not None:
+                    self.known[elements, used] = self.last[elements] = found
+            if not self.whole[elements, used]:
+                return None
+        return self._worth(point)
+
+    def _filtered(self) -> list[tuple[str, ...]]:
+        """Groups of elements that filters are for."""
+        every = groups(self.task.scene)
+        return [elements for elements in every if self._used(elements) & {"damping", "mass"}]
 
     def _say(self, filters: Filters) -> None:
         self.say(
@@ -173,11 +173,11 @@ class _Search:
     def _coupled(self) -> bool:
         """True where elements that are tuned together use both filters, and both are free."""
         return all(axis.free for axis in self.axes) and any(
-            {"damping", "mass"} <= self._used(elements) for elements in groups(self.job.scene)
+            {"damping", "mass"} <= self._used(elements) for elements in groups(self.task.scene)
         )
 
     def _used(self, elements: Sequence[str]) -> set[EffectName]:
-        return {effect for name in elements for effect in self.job.scene.elements[name].wishes()}
+        return {effect for name in elements for effect in self.task.scene.elements[name].wishes()}
 
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
         """From a point to one that is worth more than all around it."""
@@ -200,31 +200,30 @@ class _Search:
 
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
-        radius = math.log(_COARSE) / 2
-        return whole(climbed(value, slopes, start, ends, radius=radius, gain=_SAME))
+        radius = math.log(COARSE) / 2
+        return whole(maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
 
     def _slope(self, point: Sequence[float], index: int) -> float:
-        """Of the worth, by the logarithm of one cut-off."""
+        """Slope of the objective by the logarithm of one cut-off."""
         here = self._filters(point)
         name = ("velocity_filter_hz", "acceleration_filter_hz")[index]
         hertz: float = getattr(here, name)
         step = -_STEP if math.log(hertz) + _STEP > self.axes[index].first[-2] else _STEP
         there = replace(here, **{name: hertz * math.exp(step)})
         total = 0.0
-        for elements in groups(self.job.scene):
+        for elements in groups(self.task.scene):
             filters, moved = (self._of(elements, each) for each in (here, there))
             if filters != moved:
-                total += slope_of(self.job, self._tuned(elements, filters), moved)
+                total += slope_of(self.task, self._tuned(elements, filters), moved)
         return total / step
 
-    def _worth(self, point: Sequence[float]) -> Worth:
+    def _worth(self, point: Sequence[float]) -> CutoffObjective:
         filters = self._filters(point)
         if filters not in self.tried:
             self._say(filters)
-            total = Worth(kept=(0,) * len(ranks_of(self.job)), value=0.0)
-            for elements in groups(self.job.scene):
-                if self._used(elements) & {"damping", "mass"}:
-                    total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
+            total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
+            for elements in self._filtered():
+                total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
             self.tried[filters] = total
         return self.tried[filters]
 
@@ -240,7 +239,7 @@ class _Search:
     def _tuned(self, elements: tuple[str, ...], filters: Filters) -> Tuned:
         """One group; known if it was tried before with the filters that it uses."""
         if (elements, filters) not in self.known:
-            found = tuned(self.job, elements, filters, self.last.get(elements))
+            found = tune_with_filters(self.task, elements, filters, self.last.get(elements))
             self.known[elements, filters] = self.last[elements] = found
         return self.known[elements, filters]
 
@@ -249,6 +248,13 @@ class _Search:
             axis.hertz(place) for axis, place in zip(self.axes, point, strict=True)
         )
         return replace(self.kind, velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
+
+
+def _most(found: Sequence[tuple[CutoffObjective, list[float]]]) -> list[float]:
+    """The first of the points that are worth most; they tie where a cut-off changes nothing."""
+    most = max((worth for worth, _ in found), key=lambda each: each.order)
+    enough = CutoffObjective(kept=most.kept, value=most.value - _TIED).order
+    return next(point for worth, point in found if worth.order >= enough)
 
 
 def _lag(filters: Filters) -> float:

@@ -21,7 +21,7 @@ _MOST = 30
 _SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
 
 
-def climbed(
+def maximise(
     value: Callable[[Sequence[float]], float],
     slopes: Callable[[Sequence[float]], Sequence[float]],
     start: Sequence[float],
@@ -30,7 +30,7 @@ def climbed(
     radius: float,
     gain: float,
 ) -> list[float]:
-    """The best point met on the way up from a start.
+    """Maximise a function by cutting planes from a start; the best point met is returned.
 
     Args:
         value: to be made large; minus infinity where a point is not good.

@@ -1,4 +1,4 @@
-"""Extra samples of delay that settings bear, all moments of a scene judged side by side."""
+"""Delay margin of settings, all moments of a scene judged side by side."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PARTS = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Felt:
+class SizedMoment:
     """One moment at certain sizes of the unknowns."""
 
     problem: Problem
@@ -34,7 +34,7 @@ class Felt:
     sizes: FloatArray
 
 
-def extra_delays(felt: Sequence[Felt]) -> list[float]:
+def extra_delays(felt: Sequence[SizedMoment]) -> list[float]:
     """Extra samples of delay up to which every gain in (0, 1] is stable at every corner.
 
     Looked for at whole samples and, before the first that fails, at tenths; what lies between is
@@ -72,7 +72,7 @@ def _top(problem: Problem) -> int:
     return max(0, min(MOST, int(LONGEST_DELAY - box.delay[1] / box.sample_time[0])))
 
 
-def _holding(felt: Sequence[Felt], parts: NDArray[np.int64]) -> BoolArray:
+def _holding(felt: Sequence[SizedMoment], parts: NDArray[np.int64]) -> BoolArray:
     """Whether each moment is stable at its own parts of a sample more, at every gain in (0, 1]."""
     good = np.zeros(len(felt), dtype=np.bool_)
     together: dict[tuple[int, float, bool], list[int]] = {}
@@ -92,7 +92,7 @@ def _holding(felt: Sequence[Felt], parts: NDArray[np.int64]) -> BoolArray:
     return good
 
 
-def _stable(felt: Sequence[Felt], loops: Loops, late: float) -> BoolArray:
+def _stable(felt: Sequence[SizedMoment], loops: Loops, late: float) -> BoolArray:
     """Moments with the same loops, all with a spring or all without, at one extra delay."""
     each = [one.problem.effects(one.moment, one.sizes) for one in felt]
     totals: dict[EffectName, FloatArray | None] = {}

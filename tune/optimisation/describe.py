@@ -1,4 +1,4 @@
-"""What a chosen setting amounts to: which limit binds, margins, steps, and what was not needed."""
+"""Description of a chosen setting: which limit binds, margins, steps, what was not needed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device, rounded
+from identification import Device, round_to_digits
 from tune.documents.effects import EFFECT_NAMES, SHORTEST_FADE, EffectName, Effects
 from tune.documents.profile import ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Scene
@@ -52,7 +52,10 @@ _ORDER: tuple[LimitedBy, ...] = (
 
 
 def bindings(problem: Problem, sizes: FloatArray, indices: Sequence[int]) -> list[LimitedBy]:
-    """The constraint that keeps each of some effects from being larger, the others as they are."""
+    """The constraint that keeps each of some effects from being larger, the others as they are.
+
+    Sizes have shape (unknowns,), SI units.
+    """
     near = {index: float(sizes[index]) * _NEAR for index in indices}
     bounds = _bounds(problem, sizes, near)
     free = {index: np.inf for index, found in bounds.items() if not found}
@@ -137,6 +140,8 @@ def element_profile(
 ) -> ElementProfile:
     """The profile entry of one element, every number computed from the written sizes.
 
+    Sizes have shape (unknowns,), SI units.
+
     Args:
         device: as it is stored.
         scene: what was wanted.
@@ -160,7 +165,7 @@ def element_profile(
         values[unknown.effect] = unknown.sign * float(sizes[index])
         counted = unknown.steps(float(sizes[index]))
         if np.isfinite(counted):
-            steps[unknown.effect] = rounded(counted, 4)
+            steps[unknown.effect] = round_to_digits(counted, 4)
         open_ = float(sizes[index]) < unknown.high * (1 - _BINDS)
         saturates = index in bound or _spared(problem, sizes, index)
         limited[unknown.effect] = "saturation" if saturates and open_ else word
@@ -194,7 +199,7 @@ def element_profile(
             jitter=_jitter(device, problem, moments, sizes),
             absolute_gain=absolute_gain,
         ),
-        ripple=None if noise is None else rounded(noise, 4),
+        ripple=None if noise is None else round_to_digits(noise, 4),
         limited_by=limited,
         motion=motion,
         rendered=rendered(device, problem.filters, **values),
@@ -237,7 +242,7 @@ def _jitter(
         felt = problem.effects(moment, sizes)
         K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
         found = min(found, jitter_margin(places, problem.filters, (K, B, M)))
-    return rounded(found, 4)
+    return round_to_digits(found, 4)
 
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:

@@ -1,4 +1,4 @@
-"""The time over which each element fades: so slowly that no hand pumps by entering and leaving."""
+"""Fade times of the elements: so slow that no hand pumps by entering and leaving."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _times(gain: float, values: Values) -> Values:
 
 @lru_cache(maxsize=1024)
 def _found(places: tuple[Corner, ...], filters: Filters, beside: Values, fading: Values) -> float:
-    """Of moments and elements that are asked for more than once.
+    """Fade time of an element beside a moment, kept because it is asked for more than once.
 
     A spring that fades in from nothing swings so slowly at low levels that only what the device
     loses bounds it there: where that is too little, it is taken to go all the way in and out.

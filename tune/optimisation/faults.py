@@ -29,7 +29,10 @@ class Fault:
 
 
 def faults_of(problem: Problem, sizes: FloatArray, gain: float, noise: float | None) -> list[Fault]:
-    """Every limit that the sizes break, in words; their gain margin and ripple are known."""
+    """Every limit that the sizes break, in words; their gain margin and ripple are known.
+
+    Sizes have shape (unknowns,), SI units; the noise is in N (N·m).
+    """
     (moment,) = problem.moments
     margin, limits = problem.margin, problem.limits
     late = worst_gain(problem, moment, sizes)

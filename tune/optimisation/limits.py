@@ -1,4 +1,4 @@
-"""Exact answers about settings of a problem: are they allowed, and with which margins."""
+"""Feasibility of settings, exact: do they keep every limit, and with which margins."""
 
 from __future__ import annotations
 
@@ -35,10 +35,12 @@ def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: boo
     return min(float(np.min(safe_gain(loop, effects))) for loop in loops)
 
 
-def weakest(
+def least_margin_loops(
     problem: Problem, sizes: FloatArray, *, broken: bool = False
 ) -> Iterator[tuple[int, int]]:
     """(loop of ``problem.loops.late``, column) of the least margin of each moment and loop.
+
+    Sizes have shape (unknowns,), SI units.
 
     Args:
         problem: loops and margin.
@@ -56,7 +58,10 @@ def weakest(
 
 
 def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
-    """Force ripple of one moment on the device at its best estimate, N rms; None if unknown."""
+    """Force ripple of one moment on the device at its best estimate, N rms; None if unknown.
+
+    Sizes have shape (unknowns,), SI units.
+    """
     if problem.limits.encoder_resolution is None:
         return None
     effects = problem.effects(moment, sizes)
@@ -82,20 +87,23 @@ def forces(moment: Moment, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
     return parts[0], parts[0] + parts[1] + parts[2]
 
 
-def allowed(problem: Problem, sizes: FloatArray) -> bool:
-    """True where forces, rendering, ripple and stability with the whole margin hold, exactly."""
-    if not bool(linear_allowed(problem, sizes)):
+def is_feasible(problem: Problem, sizes: FloatArray) -> bool:
+    """True where forces, rendering, ripple and stability with the whole margin hold, exactly.
+
+    Sizes have shape (unknowns,), SI units.
+    """
+    if not bool(keeps_linear_limits(problem, sizes)):
         return False
     if len(problem.unknowns) == 1:
         size = float(sizes[0])
-        return size <= quiet_alone(problem, 0, size) * (1 + CLOSE) and all(
+        return size <= largest_quiet_size(problem, 0, size) * (1 + CLOSE) and all(
             stable_points(problem, sizes[None], problem.margin.gain)
         )
-    return bool(allowed_points(problem, sizes[None])[0])
+    return bool(feasible_points(problem, sizes[None])[0])
 
 
-def allowed_points(problem: Problem, points: FloatArray) -> BoolArray:
-    """`allowed` for many settings at once.
+def feasible_points(problem: Problem, points: FloatArray) -> BoolArray:
+    """Feasibility of many settings at once.
 
     Args:
         problem: with all its limits.
@@ -104,19 +112,22 @@ def allowed_points(problem: Problem, points: FloatArray) -> BoolArray:
     Returns:
         of shape (points,).
     """
-    good = cheaply_allowed(problem, points)
+    good = passes_cheap_limits(problem, points)
     good[good] = stable_points(problem, points[good], problem.margin.gain)
     return good
 
 
-def cheaply_allowed(problem: Problem, points: FloatArray) -> BoolArray:
-    """True where forces, rendering and ripple keep to their limits; stability is not looked at."""
-    good = linear_allowed(problem, points.T).copy()
+def passes_cheap_limits(problem: Problem, points: FloatArray) -> BoolArray:
+    """True where forces, rendering and ripple keep to their limits; stability is not looked at.
+
+    Points have shape (points, unknowns), SI units; the answer has shape (points,).
+    """
+    good = keeps_linear_limits(problem, points.T).copy()
     good[good] = _ripple_allowed(problem, points[good])
     return good
 
 
-def likely_stable(problem: Problem, points: FloatArray) -> BoolArray:
+def stable_in_doubles(problem: Problem, points: FloatArray) -> BoolArray:
     """Stability in a tenth of the time: asked for at the full gain only, shape (points,)."""
     stable = np.ones(len(points), dtype=np.bool_)
     for loop in problem.loops.late:
@@ -125,7 +136,7 @@ def likely_stable(problem: Problem, points: FloatArray) -> BoolArray:
     return stable
 
 
-def linear_allowed(problem: Problem, sizes: FloatArray) -> BoolArray:
+def keeps_linear_limits(problem: Problem, sizes: FloatArray) -> BoolArray:
     """True where no moment asks for more force than there is, and all is felt as what it is.
 
     Args:
@@ -135,7 +146,7 @@ def linear_allowed(problem: Problem, sizes: FloatArray) -> BoolArray:
     return np.all(problem.linear.used(sizes) <= 1 + CLOSE, axis=0)
 
 
-def quiet_alone(problem: Problem, index: int, top: float) -> float:
+def largest_quiet_size(problem: Problem, index: int, top: float) -> float:
     """Size of one unknown, felt alone, up to which the ripple keeps to its limit; inf to the top.
 
     Up to where it is stable at all where that is less than ``top``: so far it is found only once.

@@ -1,4 +1,4 @@
-"""Limits that are linear in the sizes: forces of the stated motions, and what a hand must feel.
+"""Linear limits: forces of the stated motions, and what a hand must feel.
 
 Each row reads a·sizes <= 1. What is felt of an element's mass and damping at both ends of the
 motions people make, its parasitic parts included, lies within one step of what the element asks for
@@ -29,7 +29,7 @@ _NO_FORCE = 1e-30
 _OF_A_STEP = 0.997
 
 
-class Reached(Protocol):
+class ForceReach(Protocol):
     """What a force is counted for: members and the motion of each."""
 
     @property
@@ -57,7 +57,7 @@ class LinearLimits:
 
     @classmethod
     def of(cls, rows: Iterable[tuple[LinearWord, FloatArray]], unknowns: int) -> LinearLimits:
-        """Of the rows that can bind: without a positive coefficient one never does."""
+        """The rows that can bind: without a positive coefficient one never does."""
         kept: list[tuple[LinearWord, FloatArray]] = [
             (word, row) for word, row in rows if np.any(row > 0)
         ]
@@ -82,9 +82,11 @@ class LinearLimits:
 
 
 def force_rows(
-    moments: Sequence[Reached], unknowns: int, continuous: float | None, peak: float | None
+    moments: Sequence[ForceReach], unknowns: int, continuous: float | None, peak: float | None
 ) -> Iterator[tuple[LinearWord, FloatArray]]:
     """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration.
+
+    Each row has shape (unknowns,), one over the unit of its unknown.
 
     Args:
         moments: elements felt at once; a penetration that nobody states bounds nothing.
@@ -112,6 +114,8 @@ def rendering_rows(
 
     An element whose every effect is a wanted value is met as it is commanded; the profile says what
     is felt of it.
+
+    Each row has shape (unknowns,), one over the unit of its unknown.
 
     Args:
         unknowns: of all elements.

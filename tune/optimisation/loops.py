@@ -18,7 +18,7 @@ from tune.documents.certified import Multiplier
 from tune.documents.effects import EffectName, Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.loop.stacking import stacked
+from tune.loop.stacking import stack_loops
 from tune.optimisation.region import Region
 from tune.rendering.ripple import force_ripple
 from tune.stability.bracketing import last_within
@@ -89,7 +89,7 @@ class Loops:
         return self._kept((effect, sign, which, 0.0), lambda: _end(loops, effect, sign))
 
     def end_alone_at(self, effect: EffectName, sign: int, extra: float) -> float:
-        """The same at the device's longest delay and ``extra`` samples more."""
+        """Stable size of one effect, felt alone, ``extra`` samples beyond the longest delay."""
         return self._kept(
             (effect, sign, "latest", extra), lambda: _end(self.latest(extra), effect, sign)
         )
@@ -135,8 +135,8 @@ class Loops:
 
 def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:
     """One loop of all that are free and one of all whose position is bound."""
-    alike = [[loop for loop in loops if loop.held == held] for held in (False, True)]
-    return tuple(stacked(group) for group in alike if group)
+    alike = [[loop for loop in loops if loop.grounded == grounded] for grounded in (False, True)]
+    return tuple(stack_loops(group) for group in alike if group)
 
 
 def _end(loops: Sequence[Loop], effect: EffectName, sign: int) -> float:

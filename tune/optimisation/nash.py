@@ -1,4 +1,4 @@
-"""The largest product of perceived steps (Nash's bargaining solution), rank after rank.
+"""Nash product: the largest product of perceived steps, rank after rank.
 
 Wanted values first, then the priorities: the product of the steps of one rank is made as large as
 can be, with at least one step for every effect of lower rank; then its sizes stay.
@@ -16,9 +16,9 @@ from tune.optimisation.backends import Backend, Rank
 from tune.optimisation.backends.multipliers import multipliers
 from tune.optimisation.backends.program import Family, Scenario, program_of
 from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.limits import allowed, allowed_points, weakest
+from tune.optimisation.initial_points import initial_points_of
+from tune.optimisation.limits import feasible_points, is_feasible, least_margin_loops
 from tune.optimisation.problem import Problem
-from tune.optimisation.starts import starts_of
 
 FloatArray = NDArray[np.float64]
 
@@ -54,10 +54,10 @@ class Optimum:
     scenarios: tuple[Scenario, ...] = ()
 
 
-def closed_form(problem: Problem) -> Optimum:
+def single_unknown_optimum(problem: Problem) -> Optimum:
     """The answer for one unknown: the least of its bounds, no solver."""
     sizes = np.array([largest_allowed(problem, np.zeros(1), 0)])
-    fits = sizes[0] >= problem.unknowns[0].low and allowed(problem, sizes)
+    fits = sizes[0] >= problem.unknowns[0].low and is_feasible(problem, sizes)
     return Optimum(sizes=sizes if fits else None, methods=("closed form",), disagreements=0.0)
 
 
@@ -69,13 +69,15 @@ def largest_product(
 ) -> Optimum:
     """The largest product of the steps of several unknowns, rank after rank.
 
+    Each setting has shape (unknowns,), SI units.
+
     Args:
         problem: at least two unknowns.
         backends: solvers; all propose and the best allowed proposal is taken.
         known: sizes that are allowed, to begin with; where there are none, the best of some rays.
         more: families of constraints that the exact check does not know, kept by proposals only.
     """
-    starts = list(known) or starts_of(problem)
+    starts = list(known) or initial_points_of(problem)
     if not starts:
         return Optimum(sizes=None, methods=(), disagreements=0.0)
     search = Search(problem=problem, backends=backends, start=starts[0], more=more)
@@ -161,7 +163,7 @@ class Search:
         """Whether the only unknown that is left could be raised to the least of its bounds."""
         raised = self.sizes.copy()
         raised[index] = largest_allowed(self.problem, self.sizes, index)
-        if self.more or raised[index] < self.sizes[index] or not allowed(self.problem, raised):
+        if self.more or raised[index] < self.sizes[index] or not is_feasible(self.problem, raised):
             return False
         self.sizes = raised
         self.methods.append("closed form")
@@ -184,7 +186,11 @@ class Search:
         """Give up a little of what is settled, where that is allowed."""
         met = self.sizes >= self.problem.high * (1 - SAME)
         eased = np.where(active & ~met, self.sizes * (1 - _EASE), self.sizes)
-        if np.any(~active) and np.all(eased >= self.problem.low) and allowed(self.problem, eased):
+        if (
+            np.any(~active)
+            and np.all(eased >= self.problem.low)
+            and is_feasible(self.problem, eased)
+        ):
             self.sizes = eased
 
     def _proposed(self, backend: Backend, rank: Rank, start: FloatArray) -> FloatArray | None:
@@ -195,26 +201,33 @@ class Search:
             if answer is None:
                 break
             proposal = np.exp(np.clip(answer, rank.lower, rank.upper))
-            if allowed(self.problem, proposal):
+            if is_feasible(self.problem, proposal):
                 return proposal
-            broken = set(weakest(self.problem, proposal, broken=True))
+            broken = set(least_margin_loops(self.problem, proposal, broken=True))
             if not self.scenarios:
-                broken |= set(weakest(self.problem, np.exp(start)))
+                broken |= set(least_margin_loops(self.problem, np.exp(start)))
             broken -= set(self.scenarios)
             if not broken:
                 break
             self.scenarios += sorted(broken)
             self.program = program_of(self.problem, self.scenarios, self.more)
-        return None if proposal is None else pulled_back(self.problem, np.exp(start), proposal)
+        return (
+            None if proposal is None else bisect_to_feasible(self.problem, np.exp(start), proposal)
+        )
 
 
-def pulled_back(problem: Problem, inner: FloatArray, proposal: FloatArray) -> FloatArray | None:
-    """The last allowed point on the way from a setting that is allowed to a proposal."""
+def bisect_to_feasible(
+    problem: Problem, inner: FloatArray, proposal: FloatArray
+) -> FloatArray | None:
+    """The last feasible point on the way from a feasible setting to a proposal.
+
+    All settings have shape (unknowns,), SI units.
+    """
     # Towards the proposal in smaller and smaller steps: most are only a little beyond.
     parts = 1 - np.asarray(np.geomspace(1.0, SAME / 100, _SECTIONS), dtype=np.float64)
     while True:
         points = inner ** (1 - parts[:, None]) * proposal ** parts[:, None]
-        good = allowed_points(problem, points)
+        good = feasible_points(problem, points)
         first = int(np.argmin(np.append(good, False)))
         last = max(first - 1, 0)
         if first in (0, _SECTIONS) or parts[first] - parts[last] < SAME / 100:

@@ -1,4 +1,4 @@
-"""The gain up to which a moment that is one-sided or cut is proved absolutely stable.
+"""One-sided moments: the gain up to which they are proved absolutely stable.
 
 Multipliers are found once for sizes in about one ratio and kept with the loops: the gain falls as
 sizes grow, whatever the multiplier.
@@ -32,7 +32,7 @@ _ALIKE, _TINY = 1e-2, 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class ProvedGain:
     """The largest gain found for a moment, and the multipliers that give it.
 
     Attributes:
@@ -47,10 +47,10 @@ class Found:
 
 
 #: By the elements of each moment that pushes on one side only.
-AllFound = Mapping[tuple[str, ...], Found]
+AllFound = Mapping[tuple[str, ...], ProvedGain]
 
 
-def found_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> Found:
+def search_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> ProvedGain:
     """The gain up to which a moment is absolutely stable at every corner and delay of the margin.
 
     Args:
@@ -59,20 +59,25 @@ def found_gain(problem: Problem, moment: Moment, sizes: FloatArray) -> Found:
         sizes: of the unknowns, shape (unknowns,).
     """
     if not problem.region.box.damping[0] > 0:
-        return Found(gain=0.0)
-    switched, steady = split(problem, moment, sizes)
+        return ProvedGain(gain=0.0)
+    switched, steady = split_moment(problem, moment, sizes)
     # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
     gains = [_MOST_GAIN if steady is None else problem.margin.gain * (1 + 2 * ROOM)]
     multipliers: dict[bool, Multiplier | None] = {}
     for loop in problem.loops.late:
         gain, multiplier = _at(problem.loops, loop, switched, steady)
         gains.append(gain)
-        multipliers[loop.held] = multiplier
-    return Found(gain=min(gains), free=multipliers.get(False), held=multipliers.get(True))
+        multipliers[loop.grounded] = multiplier
+    return ProvedGain(gain=min(gains), free=multipliers.get(False), held=multipliers.get(True))
 
 
-def split(problem: Problem, moment: Moment, sizes: FloatArray) -> tuple[Effects, Effects | None]:
-    """(springs and positive dampers, masses and what is negative at the gain of the margin)."""
+def split_moment(
+    problem: Problem, moment: Moment, sizes: FloatArray
+) -> tuple[Effects, Effects | None]:
+    """(springs and positive dampers, masses and what is negative at the gain of the margin).
+
+    Sizes have shape (unknowns,), SI units.
+    """
     signed = [u.sign * float(size) for u, size in zip(problem.unknowns, sizes, strict=True)]
     stiffness, damping, mass = ([signed[i] for i in members] for members in moment.members)
     positive = [value for value in damping if value > 0]
@@ -99,7 +104,7 @@ def _at(
     """
     responses = Responses.of(loop, steady)
     multiplier = loops.multiplier(
-        (loop.held, _direction(switched), None if steady is None else _sizes(steady)),
+        (loop.grounded, _direction(switched), None if steady is None else _sizes(steady)),
         lambda: find_multiplier(responses, switched),
     )
     if multiplier is None:

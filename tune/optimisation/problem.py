@@ -17,8 +17,8 @@ from tune.loop.filters import Filters, used_filters
 from tune.optimisation.linear import LinearLimits, force_rows, rendering_rows
 from tune.optimisation.loops import Loops
 from tune.optimisation.region import Region
+from tune.optimisation.scene_unknowns import NOTHING, Asking
 from tune.optimisation.unknown import Unknown
-from tune.optimisation.wished import NOTHING, Asking
 from tune.rendering.rendered import Shares
 
 FloatArray = NDArray[np.float64]
@@ -130,7 +130,7 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class DesignTask:
     """What is to be tuned: a scene on a device, with what is perceptible and where it must hold.
 
     Attributes:
@@ -164,8 +164,8 @@ class Job:
         scene: Scene,
         table: PerceptionTable,
         favour: EffectName | None = None,
-    ) -> Job:
-        """The job over the device's simultaneous box."""
+    ) -> DesignTask:
+        """The task over the device's simultaneous box."""
         extra = max(margin.extra_delay_samples for margin in MARGINS.values())
         region = Region.of(device, hand_of(scene.hand, device.motion), extra=extra)
         return cls(device=device, scene=scene, table=table, region=region, favour=favour)
@@ -186,7 +186,7 @@ class Job:
 
 
 def pose(
-    job: Job,
+    task: DesignTask,
     *,
     elements: Sequence[str],
     filters: Filters,
@@ -197,22 +197,22 @@ def pose(
     """The problem of some elements of a scene on a device.
 
     Args:
-        job: device, scene, perception and region.
+        task: device, scene, perception and region.
         elements: names that share moments.
         filters: cut-offs of the estimators.
         gone: labels "element.effect" that are left out.
         cut: elements whose force may be cut at its limit, so that no penetration is assumed.
         felt: effects are perceptible and felt as what they are; else only safe.
     """
-    device, scene = job.device, job.scene
+    device, scene = task.device, task.scene
     margin = MARGINS[scene.margin]
-    if job.slack:
-        margin = margin.model_copy(update={"gain": margin.gain * (1 + job.slack)})
+    if task.slack:
+        margin = margin.model_copy(update={"gain": margin.gain * (1 + task.slack)})
     asking = Asking(
         device=device,
-        box=job.region.box,
-        table=job.table,
-        favour=job.favour,
+        box=task.region.box,
+        table=task.table,
+        favour=task.favour,
         gain=margin.gain,
         filters=filters,
         felt=felt,
@@ -224,7 +224,7 @@ def pose(
         if f"{element}.{effect}" not in gone
     )
     within = set(elements)
-    subsets = [subset for name in elements for subset in job.subsets(name) if within >= {*subset}]
+    subsets = [subset for name in elements for subset in task.subsets(name) if within >= {*subset}]
     moments = tuple(
         _moment(device, scene, subset, unknowns, cut)
         for subset in sorted(subsets, key=len)
@@ -236,20 +236,20 @@ def pose(
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
     rows = list(force_rows(moments, len(unknowns), continuous, peak))
     if felt:
-        own = references(device, job.table)
-        rows += rendering_rows(unknowns, Shares.of(device, used), own, job.table)
+        own = references(device, task.table)
+        rows += rendering_rows(unknowns, Shares.of(device, used), own, task.table)
     return Problem(
         unknowns=unknowns,
         moments=moments,
         margin=margin,
-        loops=job.loops(used),
+        loops=task.loops(used),
         limits=Limits(
             continuous_force=continuous,
             peak_force=peak,
             encoder_resolution=(
                 None if device.encoder_resolution is None else device.encoder_resolution.value
             ),
-            ripple=scene.ripple_limit or job.table.threshold(device.motion),
+            ripple=scene.ripple_limit or task.table.threshold(device.motion),
         ),
         linear=LinearLimits.of(rows, len(unknowns)),
         cut=cut,

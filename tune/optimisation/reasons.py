@@ -1,4 +1,4 @@
-"""Why an effect cannot be kept whatever the others are, and what is said of one that is faint."""
+"""Reasons why an effect cannot be kept, and what is said of one below one perceived step."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
             )
         elif unknown.low > top and _NOTHING < unknown.steps(top) < 1:
             word = _word_of_high(unknown) if top == unknown.high else "force"
-            reasons[unknown.label] = faint(unknown, top, word)
+            reasons[unknown.label] = imperceptible(unknown, top, word)
         elif unknown.low > top:
             reasons[unknown.label] = (
                 f"even {unknown.low:.4g} exceeds the force limit, {limits.continuous_force:g} "
@@ -46,7 +46,9 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
             alone = largest_allowed(problem, nothing, 0)
             if alone < unknown.low and stable_points(problem, np.array([[unknown.low]]), gain)[0]:
                 sizes = np.array([alone])
-                reasons[unknown.label] = faint(unknown, alone, bindings(problem, sizes, [0])[0])
+                reasons[unknown.label] = imperceptible(
+                    unknown, alone, bindings(problem, sizes, [0])[0]
+                )
             elif alone < unknown.low and unknown.wish.kind == "range" and unknown.wish.low:
                 reasons[unknown.label] = (
                     f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
@@ -55,7 +57,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
             elif alone < unknown.low:
                 sizes = np.array([alone])
                 word = bindings(problem, sizes, [0])[0] if alone else "stability"
-                reasons[unknown.label] = faint(unknown, alone, word)
+                reasons[unknown.label] = imperceptible(unknown, alone, word)
     return reasons
 
 
@@ -65,7 +67,7 @@ def _word_of_high(unknown: Unknown) -> LimitedBy:
     return words.get(unknown.wish.kind, "gain-margin")
 
 
-def faint(unknown: Unknown, size: float, word: LimitedBy) -> str:
+def imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
     """What is said of a size that is less than one step."""
     return (
         f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "

@@ -22,8 +22,8 @@ from tune.loop.sampled_plant import LONGEST_DELAY, WHOLE, SampledPlant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spot:
-    """One way device and hand may be, SI units.
+class PlantPoint:
+    """A point of the uncertain region: one device with one hand, SI units.
 
     Attributes:
         position_stiffness: slope of the device's own force by position.
@@ -42,7 +42,7 @@ class Spot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Late:
+class DelayedLoops:
     """Loops at one delay, and by how many samples it exceeds the longest the device may have."""
 
     loop: Loop
@@ -69,7 +69,7 @@ class Region:
     current_lag: Quantity | None = None
     presliding: tuple[float, float] | None = None
     hand: Hand | None = None
-    found: tuple[Spot, ...] = ()
+    found: tuple[PlantPoint, ...] = ()
     _plants: dict[tuple[float, float], tuple[SampledPlant, ...]] = field(
         default_factory=dict[tuple[float, float], tuple[SampledPlant, ...]],
         init=False,
@@ -102,28 +102,28 @@ class Region:
             hand=hand,
         )
 
-    def loops(self, filters: Filters, extra: float) -> tuple[Late, ...]:
+    def loops(self, filters: Filters, extra: float) -> tuple[DelayedLoops, ...]:
         """Loops of all corners at the ends of the delay, at every whole sample between and beyond.
 
         Args:
             filters: of the controller.
             extra: samples of delay on top of the device's, at most.
         """
-        late: list[Late] = []
+        late: list[DelayedLoops] = []
         for step in dict.fromkeys(self.box.sample_time):
             first, last = (_snapped(delay / step) for delay in self.box.delay)
             for samples in _delays(first, last, extra):
                 beyond = max(0.0, samples - last)
                 late += [
-                    Late(loop=Loop.around(plant, filters), beyond=beyond)
+                    DelayedLoops(loop=Loop.around(plant, filters), beyond=beyond)
                     for plant in self._at(step, samples)
                 ]
-        for spot in self.found:
-            samples = _snapped(spot.delay / spot.sample_time)
-            beyond = max(0.0, samples - _snapped(self.box.delay[1] / spot.sample_time))
+        for point in self.found:
+            samples = _snapped(point.delay / point.sample_time)
+            beyond = max(0.0, samples - _snapped(self.box.delay[1] / point.sample_time))
             if beyond <= extra:
-                plant = self._plant([spot], samples)
-                late.append(Late(loop=Loop.around(plant, filters), beyond=beyond))
+                plant = self._plant([point], samples)
+                late.append(DelayedLoops(loop=Loop.around(plant, filters), beyond=beyond))
         return tuple(late)
 
     def latest(self, filters: Filters, extra: float) -> tuple[Loop, ...]:
@@ -137,35 +137,35 @@ class Region:
     def _at(self, step: float, samples: float) -> tuple[SampledPlant, ...]:
         """All corners at one sample time and delay: the device alone, held by friction, in hand."""
         if (step, samples) not in self._plants:
-            spots = list(self._corners(step, samples * step))
-            alike: dict[tuple[bool, bool], list[Spot]] = {}
-            for spot in spots:
-                key = (spot.hand is None, spot.position_stiffness == 0)
-                alike.setdefault(key, []).append(spot)
+            points = list(self._corners(step, samples * step))
+            alike: dict[tuple[bool, bool], list[PlantPoint]] = {}
+            for point in points:
+                key = (point.hand is None, point.position_stiffness == 0)
+                alike.setdefault(key, []).append(point)
             self._plants[step, samples] = tuple(
                 self._plant(each, samples) for each in alike.values()
             )
         return self._plants[step, samples]
 
-    def _plant(self, spots: Sequence[Spot], samples: float) -> SampledPlant:
+    def _plant(self, points: Sequence[PlantPoint], samples: float) -> SampledPlant:
         """Spots of one sample time and delay, all in a hand or all without, all sprung or none."""
-        grips = [spot.hand for spot in spots if spot.hand is not None]
+        grips = [point.hand for point in points if point.hand is not None]
         return SampledPlant.from_numbers(
-            mass=np.array([spot.mass for spot in spots]),
-            damping=np.array([spot.damping for spot in spots]),
-            sample_time=spots[0].sample_time,
+            mass=np.array([point.mass for point in points]),
+            damping=np.array([point.damping for point in points]),
+            sample_time=points[0].sample_time,
             delay_samples=samples,
             modes=tuple(
                 ModeNumbers(
-                    frequency_hz=np.array([spot.modes[index][0] for spot in spots]),
-                    damping_ratio=np.array([spot.modes[index][1] for spot in spots]),
+                    frequency_hz=np.array([point.modes[index][0] for point in points]),
+                    damping_ratio=np.array([point.modes[index][1] for point in points]),
                     at_encoder=mode.at_encoder,
                     at_handle=mode.at_handle,
                 )
                 for index, mode in enumerate(self.modes)
             ),
-            current_lag=np.array([spot.current_lag for spot in spots]),
-            position_stiffness=np.array([spot.position_stiffness for spot in spots]),
+            current_lag=np.array([point.current_lag for point in points]),
+            position_stiffness=np.array([point.position_stiffness for point in points]),
             hand=(
                 None
                 if not grips
@@ -177,7 +177,7 @@ class Region:
             ),
         )
 
-    def _corners(self, step: float, delay: float) -> Iterator[Spot]:
+    def _corners(self, step: float, delay: float) -> Iterator[PlantPoint]:
         """Every corner at one sample time and delay; modes shift and are damped all together."""
         ways = ((),)
         if self.modes:
@@ -201,7 +201,7 @@ class Region:
         for mass, damping, slope, way, lag, grip in product(
             masses, dampings, slopes, dict.fromkeys(ways), lags, grips
         ):
-            yield Spot(
+            yield PlantPoint(
                 mass=mass,
                 damping=damping,
                 sample_time=step,

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import rounded
+from identification import round_to_digits
 from tune.documents.certified import AbsoluteStability, Multiplier
 from tune.documents.scene import Margin
 from tune.optimisation.backends import Backend
-from tune.optimisation.limits import allowed
+from tune.optimisation.limits import is_feasible
 from tune.optimisation.nash import largest_product
-from tune.optimisation.one_sided import ROOM, AllFound, Found, found_gain, split
+from tune.optimisation.one_sided import ROOM, AllFound, ProvedGain, search_gain, split_moment
 from tune.optimisation.problem import Moment, Problem
 from tune.stability.absolute import gain_slopes
 from tune.stability.responses import Responses
@@ -37,17 +37,19 @@ _RANK = 100.0
 _RETREATS = 12
 
 
-def taken_back(problem: Problem, sizes: FloatArray) -> FloatArray:
+def scale_to_feasible(problem: Problem, sizes: FloatArray) -> FloatArray:
     """Sizes at which every one-sided moment keeps the margin, its springs and dampers scaled alike.
 
     That is exact for one moment: its gain grows as its sizes fall. Sizes are 0 where none is safe.
+
+    Sizes have shape (unknowns,), SI units, before and after.
     """
     sizes = sizes.copy()
     least = problem.margin.gain * (1 + ROOM)
     for _ in range(_RETREATS):
         kept = True
-        for moment in asking(problem):
-            gain = found_gain(problem, moment, sizes).gain
+        for moment in saturation_constraints(problem):
+            gain = search_gain(problem, moment, sizes).gain
             if gain < least:
                 kept = False
                 sizes[_members(problem, moment)] *= gain / least * (1 - ROOM / 10)
@@ -72,11 +74,11 @@ class Saturation:
     def of(cls, problem: Problem, sizes: FloatArray, found: AllFound) -> Saturation:
         """With the multipliers that were found at some sizes."""
         parts: list[tuple[Moment, Responses, Multiplier]] = []
-        for moment in asking(problem):
-            _, steady = split(problem, moment, sizes)
+        for moment in saturation_constraints(problem):
+            _, steady = split_moment(problem, moment, sizes)
             known = found[moment.elements]
             for loop in problem.loops.late:
-                multiplier = known.held if loop.held else known.free
+                multiplier = known.held if loop.grounded else known.free
                 if multiplier is not None:
                     parts.append((moment, Responses.of(loop, steady), multiplier))
         return cls(problem=problem, parts=tuple(parts))
@@ -92,7 +94,7 @@ class Saturation:
         values: list[FloatArray] = []
         slopes: list[FloatArray] = []
         for moment, responses, multiplier in self.parts:
-            switched, _ = split(self.problem, moment, sizes)
+            switched, _ = split_moment(self.problem, moment, sizes)
             found = gain_slopes(responses, switched, multiplier)
             slope = np.zeros((found.gain.size, sizes.size))
             for row, members in zip(found.slopes, moment.members, strict=True):
@@ -113,21 +115,23 @@ def absolutely_stable(
     Multipliers and sizes in turn: those that were the best at some sizes bound the next. Sizes are
     rounded to six digits.
 
+    All sizes have shape (unknowns,), SI units.
+
     Args:
         problem: with moments that ask for it.
         starts: sizes, the optimum without among them.
         backends: solvers that know constraints with slopes of their own.
     """
-    back = [taken_back(problem, sizes) for sizes in starts]
+    back = [scale_to_feasible(problem, sizes) for sizes in starts]
     best = max(back, key=lambda sizes: _product(problem, sizes))
     unbound = any(np.array_equal(best, sizes) for sizes in starts[:1])
     if len(problem.unknowns) > 1 and not unbound and np.all(best >= problem.low):
         for _ in range(_TURNS):
-            more = Saturation.of(problem, best, all_found(problem, best))
+            more = Saturation.of(problem, best, multipliers_found(problem, best))
             answer = largest_product(problem, backends, [best * (1 - ROOM)], [more]).sizes
             if answer is None:
                 break
-            answer = taken_back(problem, answer)
+            answer = scale_to_feasible(problem, answer)
             gained = _product(problem, answer) - _product(problem, best)
             if gained > 0:
                 best = answer
@@ -137,18 +141,20 @@ def absolutely_stable(
     if _product(problem, grown) > _product(problem, best):
         best = grown
     best = np.array([_floored(float(size)) for size in best])
-    return best, all_found(problem, best)
+    return best, multipliers_found(problem, best)
 
 
 def _grown(problem: Problem, sizes: FloatArray) -> FloatArray:
     """Springs and dampers scaled alike to what absolute stability leaves, where that is allowed."""
-    found = all_found(problem, sizes)
+    found = multipliers_found(problem, sizes)
     spare = min((each.gain for each in found.values()), default=0.0)
     trial = sizes.copy()
-    members = sorted({i for moment in asking(problem) for i in _members(problem, moment)})
+    members = sorted(
+        {i for moment in saturation_constraints(problem) for i in _members(problem, moment)}
+    )
     trial[members] *= max(spare / (problem.margin.gain * (1 + ROOM)), 1.0) * (1 - ROOM / 10)
-    trial = taken_back(problem, np.minimum(trial, problem.high))
-    return trial if allowed(problem, trial) else sizes
+    trial = scale_to_feasible(problem, np.minimum(trial, problem.high))
+    return trial if is_feasible(problem, trial) else sizes
 
 
 def _product(problem: Problem, sizes: FloatArray) -> float:
@@ -168,15 +174,21 @@ def _floored(size: float) -> float:
     if size <= 0:
         return 0.0
     unit = 10.0 ** (np.floor(np.log10(size)) - 5)
-    return rounded(float(np.floor(size / unit) * unit))
+    return round_to_digits(float(np.floor(size / unit) * unit))
 
 
-def all_found(problem: Problem, sizes: FloatArray) -> AllFound:
-    """`found_gain` of every moment that is one-sided."""
-    return {moment.elements: found_gain(problem, moment, sizes) for moment in asking(problem)}
+def multipliers_found(problem: Problem, sizes: FloatArray) -> AllFound:
+    """`search_gain` of every moment that is one-sided.
+
+    Sizes have shape (unknowns,), SI units.
+    """
+    return {
+        moment.elements: search_gain(problem, moment, sizes)
+        for moment in saturation_constraints(problem)
+    }
 
 
-def asking(problem: Problem) -> list[Moment]:
+def saturation_constraints(problem: Problem) -> list[Moment]:
     """The moments that must be absolutely stable."""
     return [moment for moment in problem.moments if moment.absolute]
 
@@ -185,7 +197,7 @@ def saturated(problem: Problem, found: AllFound) -> frozenset[int]:
     """Unknowns of the moments that have no more than the margin of absolute stability."""
     return frozenset(
         index
-        for moment in asking(problem)
+        for moment in saturation_constraints(problem)
         if found[moment.elements].gain < problem.margin.gain * (1 + 1.5 * ROOM)
         for index in _members(problem, moment)
     )
@@ -197,7 +209,7 @@ def _members(problem: Problem, moment: Moment) -> list[int]:
     return [*stiffness, *(i for i in damping if problem.unknowns[i].sign > 0)]
 
 
-def witness_of(found: Found, margin: Margin, slack: float) -> AbsoluteStability:
+def witness_of(found: ProvedGain, margin: Margin, slack: float) -> AbsoluteStability:
     """What is claimed of a moment: multipliers, and the gain to three decimals downwards.
 
     Args:

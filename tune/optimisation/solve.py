@@ -14,16 +14,16 @@ from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.optimisation.backends import Backend
 from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.cut import may_be_cut
 from tune.optimisation.describe import bindings
-from tune.optimisation.kept import any_allowed, kept_sets
-from tune.optimisation.nash import Optimum, closed_form, largest_product
-from tune.optimisation.problem import Job, Problem, pose
-from tune.optimisation.reasons import faint, reasons_for_nothing
-from tune.optimisation.settled import settled
+from tune.optimisation.feasible_subsets import any_allowed, feasible_subsets
+from tune.optimisation.nash import Optimum, largest_product, single_unknown_optimum
+from tune.optimisation.problem import DesignTask, Problem, pose
+from tune.optimisation.reasons import imperceptible, reasons_for_nothing
+from tune.optimisation.rounding import round_sizes
+from tune.optimisation.saturable import may_saturate
 
 if TYPE_CHECKING:
-    from tune.optimisation.one_sided import AllFound, Found
+    from tune.optimisation.one_sided import AllFound, ProvedGain
 
 FloatArray = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _ROUGHLY = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Solved:
+class Solution:
     """The answer for elements that share moments.
 
     Attributes:
@@ -51,7 +51,7 @@ class Solved:
     method: str = "as given"
     disagreement: float = 0.0
     unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
-    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "Found"])
+    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "ProvedGain"])
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
@@ -67,12 +67,12 @@ def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
 
 
 def solve(
-    job: Job,
+    task: DesignTask,
     elements: Sequence[str],
     filters: Filters,
     *,
     second_opinion: bool = True,
-) -> Solved:
+) -> Solution:
     """Tune one group; effects of which one step is out of reach are dropped, with what they miss.
 
     Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
@@ -81,30 +81,30 @@ def solve(
     Raises:
         NoFeasibleEffectError: a range cannot be met.
     """
-    usual = _solved(job, elements, filters, second_opinion=second_opinion)
-    cut = may_be_cut(job, elements)
+    usual = _solved(task, elements, filters, second_opinion=second_opinion)
+    cut = may_saturate(task, elements)
     if not cut:
         return usual
-    free = _solved(job, elements, filters, cut, beside=usual, second_opinion=second_opinion)
+    free = _solved(task, elements, filters, cut, beside=usual, second_opinion=second_opinion)
     return max(usual, free, key=lambda each: (each.sizes.size, _products(each.problem, each.sizes)))
 
 
 def _solved(
-    job: Job,
+    task: DesignTask,
     elements: Sequence[str],
     filters: Filters,
     cut: frozenset[str] = frozenset(),
     *,
-    beside: Solved | None = None,
+    beside: Solution | None = None,
     second_opinion: bool,
     gone: Mapping[str, str] | None = None,
-) -> Solved:
+) -> Solution:
     """One group with certain springs cut at the limit of force.
 
     What is proved to less than one step is dropped, and the rest is tuned without it.
 
     Args:
-        job: device, scene, perception and region.
+        task: device, scene, perception and region.
         elements: of the group.
         filters: of the controller.
         cut: elements whose springs are cut.
@@ -113,11 +113,11 @@ def _solved(
         gone: effects that are left out, with the reason.
     """
     problem, optimum, dropped = optimum_of(
-        job, elements, filters, cut=cut, second_opinion=second_opinion, gone=gone
+        task, elements, filters, cut=cut, second_opinion=second_opinion, gone=gone
     )
     if optimum is None or optimum.sizes is None:
-        return Solved(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
-    sizes = settled(problem, optimum.sizes)
+        return Solution(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
+    sizes = round_sizes(problem, optimum.sizes)
     found: AllFound = {}
     if second_opinion and any(moment.absolute for moment in problem.moments):
         from tune.optimisation.saturation import absolutely_stable
@@ -133,7 +133,7 @@ def _solved(
             short = {problem.unknowns[index].label: why}
             _refuse_broken_ranges(problem, short)
             return _solved(
-                job,
+                task,
                 elements,
                 filters,
                 cut,
@@ -141,7 +141,7 @@ def _solved(
                 second_opinion=second_opinion,
                 gone=dropped | short,
             )
-    return Solved(
+    return Solution(
         problem=problem,
         sizes=sizes,
         dropped=dropped,
@@ -157,7 +157,7 @@ def _labels(problem: Problem) -> list[str]:
 
 
 def optimum_of(
-    job: Job,
+    task: DesignTask,
     elements: Sequence[str],
     filters: Filters,
     *,
@@ -165,28 +165,33 @@ def optimum_of(
     second_opinion: bool = True,
     known: Sequence[FloatArray] = (),
     gone: Mapping[str, str] | None = None,
+    choosing: bool = True,
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
+    All sizes have shape (unknowns,), SI units.
+
     Args:
-        job: device, scene, perception and region.
+        task: device, scene, perception and region.
         elements: of the group.
         filters: of the controller.
         cut: elements whose force may be cut at its limit.
         second_opinion: ask all solvers.
         known: allowed sizes of all effects to begin with, where there are some.
         gone: effects that are left out, with the reason.
+        choosing: where effects that are possible alone are not so together, choose which are kept;
+            else the optimum has no sizes there.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
     """
 
     def posed(gone: frozenset[str]) -> Problem:
-        return pose(job, elements=elements, filters=filters, gone=gone, cut=cut)
+        return pose(task, elements=elements, filters=filters, gone=gone, cut=cut)
 
     def best(problem: Problem, known: Sequence[FloatArray] = ()) -> Optimum:
         if len(problem.unknowns) == 1:
-            return closed_form(problem)
+            return single_unknown_optimum(problem)
         return largest_product(problem, backends(second_opinion=second_opinion), known)
 
     dropped = dict(gone or {})
@@ -198,7 +203,7 @@ def optimum_of(
     if not problem.unknowns:
         return problem, None, dropped
     found = best(problem, [] if dropped else known)
-    if found.sizes is not None:
+    if found.sizes is not None or not choosing:
         return problem, found, dropped
     every = frozenset(unknown.label for unknown in problem.unknowns)
     before = frozenset(dropped)
@@ -209,7 +214,7 @@ def optimum_of(
         starts[labels] = any_allowed(posed(before | (every - labels)))
         return starts[labels] is not None
 
-    sets = kept_sets(problem.unknowns, feasible)
+    sets = feasible_subsets(problem.unknowns, feasible)
     if not sets:
         _refuse_broken_ranges(
             problem, dict.fromkeys(every, "no setting keeps it together with the other effects")
@@ -258,7 +263,7 @@ def _missed(problem: Problem, label: str, beside: Mapping[str, float]) -> str:
     unknown = problem.unknowns[index]
     sizes = np.array([beside.get(other.label, 0.0) for other in problem.unknowns])
     sizes[index] = largest_allowed(problem, sizes, index)
-    return faint(unknown, float(sizes[index]), bindings(problem, sizes, [index])[0])
+    return imperceptible(unknown, float(sizes[index]), bindings(problem, sizes, [index])[0])
 
 
 def backends(*, second_opinion: bool = True) -> list[Backend]:

@@ -11,7 +11,7 @@ from tune.documents.effects import Effects
 from tune.documents.profile import Design
 from tune.loop.filters import Filters, filters_of
 from tune.loop.loop import Loop
-from tune.optimisation.region import Late, Region
+from tune.optimisation.region import DelayedLoops, Region
 from tune.stability.verdict import largest, stable_values
 
 FloatArray = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Boundaries:
     """
 
     nominal: Loop
-    corners: tuple[Late, ...]
+    corners: tuple[DelayedLoops, ...]
     gain: float
     damping: float
 

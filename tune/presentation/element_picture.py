@@ -15,7 +15,7 @@ from tune.presentation.boundaries import Boundaries
 from tune.presentation.limits import Use, uses_of
 from tune.presentation.responses import Response, impact_response, step_response
 from tune.presentation.slices import draw_slice
-from tune.presentation.units import UNITS, spoken
+from tune.presentation.units import UNITS, format_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,10 +67,10 @@ def draw_element(
     _draw_limits(limits, design, name, units)
     _draw_step(step, design, element, units)
     _draw_impact(impact, design, element, units)
-    figure.suptitle(f"{shortened(name)}: {_sizes(element, units)}", fontsize=11, y=0.99)
+    figure.suptitle(f"{shorten_name(name)}: {_sizes(element, units)}", fontsize=11, y=0.99)
 
 
-def shortened(name: str) -> str:
+def shorten_name(name: str) -> str:
     """A name as a picture has room for it, without what matplotlib would take for a formula."""
     plain = name.replace("$", r"\$")
     return plain if len(plain) <= _SHORT else f"{plain[: _SHORT - 1]}…"
@@ -78,7 +78,7 @@ def shortened(name: str) -> str:
 
 def _sizes(element: ElementProfile, units: dict[str, str]) -> str:
     acting = (
-        f"{symbol} = {spoken(getattr(element, effect))} {units[effect]}"
+        f"{symbol} = {format_number(getattr(element, effect))} {units[effect]}"
         for symbol, effect in (("K", "stiffness"), ("B", "damping"), ("M", "mass"))
         if getattr(element, effect)
     )
@@ -115,7 +115,7 @@ def _draw_limits(axes: Axes, design: Design, name: str, units: dict[str, str]) -
 
 
 def _color(use: Use) -> str:
-    """Of a bar: beyond its limit, at what binds, or neither."""
+    """Color of a bar: beyond its limit, at what binds, or neither."""
     if use.part > _BEYOND:
         return "tab:red"
     return "#74c476" if use.binds else "#d3e6d3"

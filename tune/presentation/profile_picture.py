@@ -11,10 +11,10 @@ import numpy as np
 
 from tune.documents.profile import Design
 from tune.presentation.boundaries import Boundaries
-from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shortened
+from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shorten_name
 from tune.presentation.labels import place_labels
 from tune.presentation.slices import draw_region
-from tune.presentation.units import UNITS, spoken
+from tune.presentation.units import UNITS, format_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +94,8 @@ def draw_overview(figure: Figure | SubFigure, profile: Design, boundaries: Bound
     )
     late = profile.margin.extra_delay_samples
     figure.suptitle(
-        f"{shortened(profile.scene)} on {shortened(profile.device.name)}: safe for every gain up "
+        f"{shorten_name(profile.scene)} on {shorten_name(profile.device.name)}: "
+        "safe for every gain up "
         f"to {profile.margin.gain:g} with {late} extra sample{'s' * (late != 1)}",
         fontsize=11,
         y=1 - 0.12 / height,
@@ -131,7 +132,7 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
             clip_on=False,
             zorder=5,
         )
-        note = shortened(name) + (
+        note = shorten_name(name) + (
             f", M = {element.mass:.2g} {units['mass']}" if element.mass else ""
         )
         labels.append((element.damping, element.stiffness, note))
@@ -141,7 +142,7 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
 def _effects(profile: Design) -> list[str]:
     """Element and effect of everything that a scene asked for."""
     return [
-        f"{shortened(name)} {effect}"
+        f"{shorten_name(name)} {effect}"
         for name, element in profile.elements.items()
         for effect in element.limited_by
     ]
@@ -157,7 +158,7 @@ def _draw_steps(axes: Axes, profile: Design) -> None:
             steps.append(element.perceived_steps.get(effect, 0.0))
             value: float = getattr(element, effect)
             why = "as wanted" if reason == "wanted" else f"limited by {reason}"
-            words.append(f" {spoken(value)} {units[effect]}, {why}")
+            words.append(f" {format_number(value)} {units[effect]}, {why}")
     places = np.arange(len(labels))[::-1]
     axes.barh(places, steps, color="tab:green", alpha=0.6)
     axes.axvline(1, color="k", lw=0.8, ls=":")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from identification import legend_above
 from tune.documents.profile import ElementProfile
 from tune.presentation.boundaries import Boundaries
-from tune.presentation.units import spoken
+from tune.presentation.units import format_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,11 +79,11 @@ def draw_slice(
     top = float(axes.get_ylim()[1])
     if to_stiffness > K:
         axes.plot([B, B], [K, min(to_stiffness, top)], color="k", lw=0.9, ls=":")
-        words.append(f"K up to {spoken(to_stiffness)} {units['stiffness']}")
+        words.append(f"K up to {format_number(to_stiffness)} {units['stiffness']}")
     if to_damping > B:
         end = min(to_damping, float(axes.get_xlim()[1]))
         axes.plot([B, end], [K, K], color="k", lw=0.9, ls=":", clip_on=False)
-        words.append(f"B up to {spoken(to_damping)} {units['damping']}")
+        words.append(f"B up to {format_number(to_damping)} {units['damping']}")
     axes.plot([B], [K], "ko", ms=6, clip_on=False, zorder=5)
     left = " or ".join(words) or "nothing"
     axes.set_title(

@@ -24,6 +24,6 @@ UNITS: dict[Motion, dict[str, str]] = {
 }
 
 
-def spoken(number: float) -> str:
+def format_number(number: float) -> str:
     """Four digits, without an exponent where there are no more than six before the point."""
     return f"{float(f'{number:.4g}'):g}"

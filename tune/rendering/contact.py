@@ -17,7 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Box, Device, rounded
+from identification import Box, Device, round_to_digits
 from tune.documents.effects import EffectName
 from tune.documents.profile import Contact
 from tune.loop.filters import Filters
@@ -66,10 +66,12 @@ def contact(
         restitution=None
         if fades or not K
         else _restitution(device, box, filters, K, B, one_sided=one_sided),
-        depth_at_continuous_force=None if limit is None else rounded(limit.continuous / K, _DIGITS),
-        depth_at_peak_force=None if limit is None else rounded(limit.peak / K, _DIGITS),
-        force_on_entry=rounded(jolt, _DIGITS),
-        energy_per_entry=rounded(abs(M) * speed**2 / 2, _DIGITS) if M else None,
+        depth_at_continuous_force=None
+        if limit is None
+        else round_to_digits(limit.continuous / K, _DIGITS),
+        depth_at_peak_force=None if limit is None else round_to_digits(limit.peak / K, _DIGITS),
+        force_on_entry=round_to_digits(jolt, _DIGITS),
+        energy_per_entry=round_to_digits(abs(M) * speed**2 / 2, _DIGITS) if M else None,
     )
 
 
@@ -185,4 +187,6 @@ def _outwards(value: float, side: int) -> float:
     if value < _LEAST:
         return _LEAST if side > 0 and value > 0 else 0.0
     unit = 10.0 ** (math.floor(math.log10(value)) + 1 - _DIGITS)
-    return rounded(max(0.0, (math.floor if side < 0 else math.ceil)(value / unit) * unit), _DIGITS)
+    return round_to_digits(
+        max(0.0, (math.floor if side < 0 else math.ceil)(value / unit) * unit), _DIGITS
+    )

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device, rounded
+from identification import Device, round_to_digits
 from tune.documents.profile import Rendered
 from tune.loop.filters import Filters
 
@@ -73,7 +73,7 @@ class Shares:
 
     @classmethod
     def of(cls, device: Device, filters: Filters) -> Shares:
-        """Of a device at its best estimate; a vibration mode does not show at these motions."""
+        """Shares at the device's best estimate; a vibration mode does not show at these motions."""
         lag = device.current_lag
         return _shares(
             filters,
@@ -145,7 +145,9 @@ def rendered(
 
     def band(*parts: tuple[float, Band]) -> tuple[float, tuple[float, float]]:
         mean, slow, fast = (
-            rounded(sum(size * getattr(share, name) for size, share in parts if size), _DIGITS)
+            round_to_digits(
+                sum(size * getattr(share, name) for size, share in parts if size), _DIGITS
+            )
             for name in ("mean", "slowest", "fastest")
         )
         return mean, (slow, fast)

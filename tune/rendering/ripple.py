@@ -59,7 +59,9 @@ def force_ripple(loop: Loop, effects: Effects, encoder_resolution: float) -> Flo
 def handle_vibration(loop: Loop, effects: Effects, encoder_resolution: float) -> FloatArray:
     """Vibration of the handle from encoder quantisation, m rms (rad), at the samples.
 
-    Arguments as in `force_ripple`. `vibration.felt_vibration` weighs it by what a hand feels.
+    Arguments as in `force_ripple`; `vibration_in_thresholds` weighs it by what a hand feels.
+
+    The answer has the shape of loop and effects together.
     """
     return _noise(loop, effects, loop.transfer.handle_numerator, encoder_resolution)
 

@@ -111,7 +111,7 @@ def handle_spectrum(
     return density * np.abs(response) ** 2
 
 
-def felt_vibration(
+def vibration_in_thresholds(
     loop: Loop,
     effects: Effects,
     encoder_resolution: float,

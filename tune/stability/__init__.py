@@ -1,1 +1,1 @@
-"""Is the loop stable, up to which gain, and how large may one effect be: exact, no iteration."""
+"""Stability of the loop: verdict, gain intervals and the largest effect, without iteration."""

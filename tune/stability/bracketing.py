@@ -1,4 +1,4 @@
-"""The end of what keeps to a limit, between a place that keeps to it and one that does not.
+"""Bracketing: the last value that keeps to a limit, between one that does and one that does not.
 
 scipy.optimize's bracketing searches want finite values and give a root; here values may be infinite
 or jump, what is wanted is the last place seen to keep to the limit, and no scipy is loaded for it.

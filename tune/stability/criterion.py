@@ -1,4 +1,4 @@
-"""Do all roots of a real polynomial lie in Re w < 0? An answer that knows its rounding errors.
+"""Routh-Hurwitz criterion with bounds of its rounding errors: are all roots in Re w < 0?
 
 Each coefficient c comes with a size s, the sum of the absolute values it was added up from; the
 true coefficient lies within ``ULPS·u·s`` of c. +1 is certainly stable, -1 certainly not stable and

@@ -1,4 +1,4 @@
-"""Where polynomials A(w) + s·B(w), s > 0, have a root on the boundary of stability.
+"""Crossings of the stability boundary by A(w) + s·B(w), s > 0: its roots on Re w = 0.
 
 A root can only cross the boundary at w = jω. With x = ω² both even and odd part vanish there:
 E_A(x) + s·E_B(x) = 0 and O_A(x) + s·O_B(x) = 0, so x is a positive root of one polynomial,
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.loop.companion import companion_roots
-from tune.loop.polynomials import UNIT, padded, product
+from tune.loop.polynomials import UNIT, pad_coefficients, product
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -52,7 +52,11 @@ def candidates(
 
 
 def with_ends(s: FloatArray, fixed: FloatArray, varied: FloatArray) -> FloatArray:
-    """Crossings with those at w = 0 and w = ∞, inf where unused."""
+    """Crossings with those at w = 0 and w = ∞, inf where unused.
+
+    s has shape (crossings, loops), the coefficients shape (degree + 1, loops); the answer has two
+    more rows.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = -fixed[[0, -1]] / varied[[0, -1]]
     points = np.concatenate([s, ends])
@@ -79,12 +83,14 @@ def crossings(
     resultant = product(odd[1], even[0])
     other = product(even[1], odd[0])
     length = max(len(resultant), len(other))
-    scale = padded(np.abs(resultant), length) + padded(np.abs(other), length)
-    resultant = padded(resultant, length) - padded(other, length)
+    scale = pad_coefficients(np.abs(resultant), length) + pad_coefficients(np.abs(other), length)
+    resultant = pad_coefficients(resultant, length) - pad_coefficients(other, length)
     resultant[np.abs(resultant) <= 4 * UNIT * scale] = 0.0
     roots = _roots_of(resultant)
     x = real_parts(roots, _NEARLY_REAL)
-    both = np.stack([padded(part, len(even[0])) for part in (even[0], odd[0], even[1], odd[1])], 1)
+    both = np.stack(
+        [pad_coefficients(part, len(even[0])) for part in (even[0], odd[0], even[1], odd[1])], 1
+    )
     both = both[:, :, None]
     s = _gain_at(x, both)
     for _ in range(polishes):
@@ -131,7 +137,10 @@ def _roots_of(polynomials: FloatArray) -> ComplexArray:
 
 
 def real_parts(roots: ComplexArray, nearly: float) -> FloatArray:
-    """Positive real parts of the roots that are real to a part of them, nan elsewhere."""
+    """Positive real parts of the roots that are real to a part of them, nan elsewhere.
+
+    Roots have any shape, and the answer has it too.
+    """
     with np.errstate(invalid="ignore"):
         real = (roots.real > 0) & (np.abs(roots.imag) <= nearly * np.abs(roots.real))
     return np.where(real, roots.real, np.nan)

@@ -1,4 +1,4 @@
-"""The intervals of s > 0 on which polynomials A(w) + s·B(w) are stable.
+"""Stability intervals: the s > 0 for which polynomials A(w) + s·B(w) are stable.
 
 Between two neighbouring crossings of the boundary nothing changes: the criterion decides once.
 """
@@ -101,7 +101,7 @@ def stable_up_to(
     return stable.reshape(shape)
 
 
-class Reached(NamedTuple):
+class StabilityLimits(NamedTuple):
     """How a family of polynomials ceases to be stable below or beyond some s.
 
     Attributes:
@@ -117,13 +117,13 @@ class Reached(NamedTuple):
     near: FloatArray
 
 
-def reached(
+def stability_limits(
     fixed: FloatArray,
     varied: FloatArray,
     fixed_size: FloatArray,
     varied_size: FloatArray,
     below: float,
-) -> Reached:
+) -> StabilityLimits:
     """Where fixed + s·varied ceases to be stable.
 
     Args:
@@ -146,7 +146,7 @@ def reached(
         x = np.concatenate([x, np.zeros((1, x.shape[1])), np.full((1, x.shape[1]), np.inf)])
         away = np.nan_to_num(np.abs(points / end - 1), nan=np.inf)
         which = np.argmin(away, axis=0)[None]
-        return Reached(
+        return StabilityLimits(
             end=end,
             omega=np.sqrt(np.take_along_axis(x, which, axis=0)[0]),
             broken=broken,

@@ -1,4 +1,4 @@
-"""The multiplier that proves the largest gain, found by line searches alone.
+"""Zames-Falb multipliers: the one that proves the largest gain, found by line searches.
 
 The gain that a multiplier proves is quasiconcave in its weights and constants (for a fixed gain the
 condition is a linear matrix inequality in them), and one or two taps reach it to a per cent: a
@@ -61,7 +61,7 @@ def find_multiplier(responses: Responses, effects: Effects) -> Multiplier | None
     """The multiplier with which `absolute_gain` over all loops is largest, nearly.
 
     Args:
-        responses: of the loops, all free or all held.
+        responses: of the loops, all free or all grounded.
         effects: stiffness that is one-sided or saturates, damping and mass that are switched at
             any moment; each a positive number or absent, one of them at least present.
 
@@ -264,7 +264,7 @@ def _strict(multiplier: Multiplier, responses: Responses, effects: Effects) -> M
     """With as much of what keeps it from vanishing as costs nearly nothing.
 
     Taps of 3 and 6 samples vanish together at θ = 2π/3, where a proof would then have nothing to
-    show; a tap of one sample does not below 2π. A device that is held asks for a constant.
+    show; a tap of one sample does not below 2π. A device that is grounded asks for a constant.
     """
     slope = sum(tap.weight * tap.samples for tap in multiplier.taps)
     taps = {tap.samples: tap.weight for tap in multiplier.taps}
@@ -273,7 +273,7 @@ def _strict(multiplier: Multiplier, responses: Responses, effects: Effects) -> M
         weights = dict(sorted((taps | {1: taps.get(1, 0.0) + slope * part}).items()))
         more = {
             "taps": tuple(Tap(samples=i, weight=weight) for i, weight in weights.items()),
-            "constant": float(slope * part) if responses.held else 0.0,
+            "constant": float(slope * part) if responses.grounded else 0.0,
         }
         trials.append(multiplier.model_copy(update=more))
     gains = _gains(trials, responses, effects)
@@ -283,7 +283,7 @@ def _strict(multiplier: Multiplier, responses: Responses, effects: Effects) -> M
 
 def _gains(trials: Sequence[Multiplier], responses: Responses, effects: Effects) -> list[float]:
     """What each multiplier proves; of free loops on the grid, which tells them apart."""
-    if responses.held:
+    if responses.grounded:
         return [float(np.min(absolute_gain(responses, effects, trial))) for trial in trials]
     weights = [
         [sum(tap.weight for tap in trial.taps if tap.samples == samples) for samples in _LADDER]

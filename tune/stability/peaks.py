@@ -1,4 +1,4 @@
-"""Largest value of a quotient P(x)/Q(x), x = v², over all frequencies: found by levels, no grid.
+"""Peak of a quotient P(x)/Q(x), x = v², over all frequencies, by level sets and no grid.
 
 Where P - level·Q has no positive root the level is nowhere exceeded. From the largest value known,
 the roots at that level enclose whatever exceeds it; the middles of those gaps give a larger value,
@@ -45,7 +45,10 @@ def parts_on_axis(polynomial: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def positive_roots(polynomial: FloatArray) -> FloatArray:
-    """Positive and nearly real roots of a polynomial in x, ascending."""
+    """Positive and nearly real roots of a polynomial in x, ascending.
+
+    The coefficients have shape (degree + 1,), ascending; the answer has shape (roots,).
+    """
     roots = np.roots(polynomial[::-1])
     real = (roots.real > 0) & (np.abs(roots.imag) <= NEARLY_REAL * roots.real)
     return np.sort(roots.real[real]).astype(np.float64)
@@ -58,6 +61,8 @@ def peak(
     starts: FloatArray,
 ) -> tuple[float, float]:
     """(largest value, its v) of P/Q over v in [0, ∞].
+
+    Coefficients have shape (degree + 1,), starts shape (starts,).
 
     Args:
         value: P/Q at finite v, an array; it may know better digits than the expanded P and Q.

@@ -1,4 +1,4 @@
-"""Frequency responses of loops on the upper half of the unit circle, plant and estimates apart."""
+"""Frequency responses of loops on the upper half of the unit circle."""
 
 from __future__ import annotations
 
@@ -111,15 +111,15 @@ class Responses:
         return np.tile(np.stack(self.loop.scales), (1, len(self.levels)))
 
     @property
-    def held(self) -> bool:
+    def grounded(self) -> bool:
         """A spring of device or hand binds the position."""
-        return self.loop.held
+        return self.loop.grounded
 
 
 def _grid(loop: Loop) -> FloatArray:
     """Angles in (0, π]: in equal ratios, evenly, and around every resonance of the plant."""
     denominator = loop.transfer.plant_denominator
-    drop = 0 if loop.held else 1
+    drop = 0 if loop.grounded else 1
     lower = denominator[drop:-1] / denominator[-1]
     roots = companion_roots(lower)
     size = np.abs(roots)

@@ -1,4 +1,4 @@
-"""Is a loop stable, over which gains, and how large may one effect become? In closed form.
+"""Stability verdict: is a loop stable, over which gains, how large may one effect become.
 
 One criterion and one way of finding boundaries serve every combination of effects: the published
 limits (6), (13), (19), (25), (28), (36) and (43) are what `largest` and `is_stable` answer when
@@ -16,10 +16,10 @@ from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.loop.coefficients import Terms
 from tune.loop.factors import Factors
 from tune.loop.loop import Loop
+from tune.stability.batch_verdicts import judge_of
 from tune.stability.criterion import VerdictArray, routh
 from tune.stability.crossings import Ratio
 from tune.stability.intervals import Intervals, stable_intervals, stable_up_to
-from tune.stability.lone_effects import judge_of
 
 FloatArray = NDArray[np.float64]
 #: Points from which it is worth while to set up a judge of many.
@@ -65,7 +65,10 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
 
 
 def is_stable(loop: Loop, effects: Effects) -> NDArray[np.bool_]:
-    """True where the loop is certainly stable; undecided counts as unstable. See `verdict`."""
+    """True where the loop is certainly stable; undecided counts as unstable. See `verdict`.
+
+    The answer has the shape of loop and effects together.
+    """
     return verdict(loop, effects) > 0
 
 
@@ -92,7 +95,10 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
-    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time."""
+    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time.
+
+    The answer has the shape of loop and effects together.
+    """
     return stable_up_to(*_by_gain(loop, effects), gain)
 
 

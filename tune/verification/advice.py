@@ -16,11 +16,11 @@ from tune.certificate.refusal import refuse_unbalanced
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
 from tune.loop.filters import filters_of
-from tune.verification.allowed import AllowedLoops, Modes, ModeSeen
-from tune.verification.elements import effects_of, moments_of, scaled, spoken
+from tune.verification.consistent_loops import ConsistentLoops, MeasuredMode, Modes
+from tune.verification.elements import effects_of, moment_in_words, moments_of, scale_effects
 from tune.verification.margins_kept import MarginJudge
 from tune.verification.motion_outcomes import DECAY_TOLERANCE, frequency_tolerance
-from tune.verification.plays import Play, planned
+from tune.verification.plays import Play, plan_play
 from tune.verification.prediction import Prediction, predict
 
 #: Gains that are tried, the least first.
@@ -49,7 +49,7 @@ class Advice:
 
     def words(self, motion: str) -> str:
         """One or two sentences, for a "linear" or "rotary" axis."""
-        name = spoken(self.moment)
+        name = moment_in_words(self.moment)
         if self.play is None:
             return f"{name} cannot be verified: {self.why}; no other element tells its delay either"
         if not self.why:
@@ -81,7 +81,7 @@ def advise(
     singles = tuple(moment for moment in moments_of(profile, None) if len(moment) == 1)
     found: list[Advice] = []
     for number, target in enumerate(targets, 1):
-        say(f"looking for what tells of {spoken(target)} ({number} of {len(targets)})")
+        say(f"looking for what tells of {moment_in_words(target)} ({number} of {len(targets)})")
         play, why = plays.least(target, target)
         if play is None:
             others = [each for each in singles if each != target][:_MOST_OTHERS]
@@ -98,7 +98,7 @@ class _Plays:
     def __init__(self, profile: Design) -> None:
         self._profile = profile
         self._planned: dict[tuple[tuple[str, ...], float], tuple[Play | None, str]] = {}
-        self._allowed: dict[tuple[tuple[str, ...], float], tuple[AllowedLoops, ...]] = {}
+        self._allowed: dict[tuple[tuple[str, ...], float], tuple[ConsistentLoops, ...]] = {}
         self._judges: dict[tuple[str, ...], MarginJudge] = {}
 
     def least(
@@ -150,7 +150,7 @@ class _Plays:
 
     def _plan(self, player: tuple[str, ...], gain: float) -> tuple[Play | None, str]:
         if (player, gain) not in self._planned:
-            self._planned[player, gain] = planned(self._profile, player, gain)
+            self._planned[player, gain] = plan_play(self._profile, player, gain)
         return self._planned[player, gain]
 
     def _tells(
@@ -163,7 +163,7 @@ class _Plays:
         profile = self._profile
         filters = filters_of(profile.loop)
         if (player, gain) not in self._allowed:
-            effects = scaled(effects_of(profile, player), gain)
+            effects = scale_effects(effects_of(profile, player), gain)
             extra = profile.margin.extra_delay_samples
             modes = Modes(profile.device, filters, effects, extra=extra, step=_STEP)
             self._allowed[player, gain] = tuple(
@@ -183,12 +183,12 @@ def _devices(device: Device) -> Iterator[Device]:
         yield device.model_copy(update={"damping": quantity(device.damping.low)})
 
 
-def _expected(prediction: Prediction) -> ModeSeen:
+def _expected(prediction: Prediction) -> MeasuredMode:
     """The mode as a log would show it."""
     nominal = prediction.nominal
     hertz = (frequency_tolerance(prediction) + _USUAL_HALF) * nominal.frequency
     slack = (DECAY_TOLERANCE + _USUAL_HALF) * nominal.decay
-    return ModeSeen(
+    return MeasuredMode(
         frequency=(nominal.frequency - hertz, nominal.frequency + hertz)
         if nominal.frequency
         else None,

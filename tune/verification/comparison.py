@@ -15,13 +15,13 @@ from tune.documents.profile import Design
 from tune.loop.filters import filters_of
 from tune.loop.loop import Loop
 from tune.verification.clock import check_clock
-from tune.verification.cutoffs_seen import CutoffSeen, cutoffs_seen
-from tune.verification.delay_seen import DelaySeen, judge_delay, unknown_delay
 from tune.verification.elements import moments_of
-from tune.verification.law_seen import LawSeen, judge_law, printed_digit
-from tune.verification.motion_seen import MotionSeen, judge_motion
+from tune.verification.measured_cutoffs import MeasuredCutoff, measured_cutoffs
+from tune.verification.measured_delay import MeasuredDelay, judge_delay, unknown_delay
+from tune.verification.measured_law import MeasuredLaw, decimal_digit, judge_law
+from tune.verification.measured_motion import MeasuredMotion, judge_motion
+from tune.verification.measured_ripple import judge_ripple
 from tune.verification.outcome import Outcome, not_assessed
-from tune.verification.ripple_seen import judge_ripple
 from tune.verification.variants import Log
 
 FloatArray = NDArray[np.float64]
@@ -65,10 +65,10 @@ class Verification:
     elements: tuple[str, ...]
     gain: float
     outcomes: tuple[Outcome, ...]
-    law: LawSeen
-    cutoffs: tuple[CutoffSeen, ...]
-    motion: MotionSeen | None
-    delay: DelaySeen
+    law: MeasuredLaw
+    cutoffs: tuple[MeasuredCutoff, ...]
+    motion: MeasuredMotion | None
+    delay: MeasuredDelay
     trajectory: Trajectory
 
     def __repr__(self) -> str:
@@ -151,8 +151,8 @@ def verify(
     unit = _UNITS[profile.device.motion]
     moments = moments_of(profile, element)
     law = judge_law(profile, moments, trajectory.force, trajectory.position, gain, unit)
-    motion: MotionSeen | None = None
-    cutoffs: tuple[CutoffSeen, ...] = ()
+    motion: MeasuredMotion | None = None
+    cutoffs: tuple[MeasuredCutoff, ...] = ()
     if law.effects is None or law.gain <= 0:
         why = "no law is known that was played"
         rest = tuple(not_assessed(check, why) for check in _OF_THE_MOTION)
@@ -163,7 +163,7 @@ def verify(
             rest = (*motion.outcomes, _ripple(profile, trajectory, law, law.effects, motion, unit))
             if law.outcomes[0].verdict == "agrees":
                 log = Log(force=trajectory.force, position=trajectory.position, used=law.used)
-                cutoffs = cutoffs_seen(log, law.loop, law.effects)
+                cutoffs = measured_cutoffs(log, law.loop, law.effects)
                 delay = judge_delay(
                     profile, law.loop, law.moment, law.effects, motion.mode, cutoffs
                 )
@@ -224,10 +224,10 @@ def _step(trajectory: Trajectory) -> float:
 def _motion(
     profile: Design,
     trajectory: Trajectory,
-    law: LawSeen,
+    law: MeasuredLaw,
     effects: Effects,
     release: float | None,
-) -> MotionSeen:
+) -> MeasuredMotion:
     first = 0 if release is None else int(np.searchsorted(trajectory.time, release))
     return judge_motion(
         profile.device,
@@ -271,9 +271,9 @@ def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
 def _ripple(
     profile: Design,
     trajectory: Trajectory,
-    law: LawSeen,
+    law: MeasuredLaw,
     effects: Effects,
-    motion: MotionSeen,
+    motion: MeasuredMotion,
     unit: str,
 ) -> Outcome:
     if motion.release is None or motion.measured is None or motion.prediction is None:
@@ -292,6 +292,6 @@ def _ripple(
         _step(trajectory),
         fastest,
         nominal.next_decay,
-        printed_digit(trajectory.force),
+        decimal_digit(trajectory.force),
         unit,
     )

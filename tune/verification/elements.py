@@ -42,12 +42,12 @@ def effects_of(profile: Design, moment: tuple[str, ...]) -> Effects:
     return Effects(**{name: value or None for name, value in sums.items()})
 
 
-def scaled(effects: Effects, gain: float) -> Effects:
+def scale_effects(effects: Effects, gain: float) -> Effects:
     """Effects at a gain; what is not there stays away."""
     K, B, M = (None if size is None else float(size) * gain for size in effects.arrays())
     return Effects(stiffness=K, damping=B, mass=M)
 
 
-def spoken(moment: tuple[str, ...]) -> str:
+def moment_in_words(moment: tuple[str, ...]) -> str:
     """The name of a moment."""
     return _AND.join(moment)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.loop_profile import LoopProfile
-from tune.verification.elements import scaled
+from tune.verification.elements import scale_effects
 from tune.verification.law import Columns, fit_free, fit_scaled
 from tune.verification.variants import Log, Variant, variants
 
@@ -94,7 +94,7 @@ def _scaled(
         remedy=variant.remedy,
         moment=moment,
         loop=variant.loop,
-        effects=scaled(moments[moment], fits[moment].gain),
+        effects=scale_effects(moments[moment], fits[moment].gain),
         late=variant.late,
         residual=fits[moment].residual,
         material=variant.material,

@@ -88,6 +88,9 @@ def slow_poles(loop: Loop, effects: Effects, sample_time: float) -> NDArray[np.c
 
 
 def damped_hertz(poles: NDArray[np.complex128]) -> FloatArray:
-    """Frequency of modes that oscillate, Hz; 0 where a pole is real."""
+    """Frequency of modes that oscillate, Hz; 0 where a pole is real.
+
+    Poles are in rad/s and of any shape, and the answer has it too.
+    """
     swings = np.abs(poles.imag) > _REAL * np.abs(poles)
     return np.where(swings, np.abs(poles.imag), 0.0) / (2 * np.pi)

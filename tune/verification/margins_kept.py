@@ -11,7 +11,7 @@ from tune.documents.profile import Design
 from tune.loop.filters import Filters, used_filters
 from tune.loop.mechanism import HandNumbers
 from tune.stability.verdict import safe_up_to
-from tune.verification.allowed import AllowedLoops
+from tune.verification.consistent_loops import ConsistentLoops
 from tune.verification.elements import effects_of
 from tune.verification.loops_over import hands_of, loops_over
 
@@ -36,7 +36,7 @@ class Kept:
 
 
 def margin_kept(
-    profile: Design, moment: tuple[str, ...], filters: tuple[Filters, ...], allowed: AllowedLoops
+    profile: Design, moment: tuple[str, ...], filters: tuple[Filters, ...], allowed: ConsistentLoops
 ) -> Kept:
     """Judge one moment, at the gain of the profile, on all allowed loops.
 
@@ -63,7 +63,7 @@ class MarginJudge:
     __slots__ = ("_effects", "_hands", "_known", "_profile", "_tasks")
 
     def __init__(self, profile: Design, moment: tuple[str, ...]) -> None:
-        """Of a profile and elements felt together."""
+        """Takes a profile and elements felt together."""
         margin = profile.margin
         self._profile, self._effects = profile, effects_of(profile, moment)
         self._hands = hands_of(profile.hand)
@@ -72,12 +72,12 @@ class MarginJudge:
         #: Gain up to which all of the loops were found stable, or the least at which they were not.
         self._known: dict[tuple[object, ...], tuple[float, float]] = {}
 
-    def keeps_all(self, filters: tuple[Filters, ...], allowed: AllowedLoops) -> bool:
+    def keeps_all(self, filters: tuple[Filters, ...], allowed: ConsistentLoops) -> bool:
         """Whether the margin is kept on every loop; the longest delays, likely lost, go first."""
         delays = _judged_delays(allowed)[::-1]
         return all(self.keeps(filters, allowed, delay) for delay in delays)
 
-    def keeps(self, filters: tuple[Filters, ...], allowed: AllowedLoops, delay: float) -> bool:
+    def keeps(self, filters: tuple[Filters, ...], allowed: ConsistentLoops, delay: float) -> bool:
         """Whether the margin is kept on every loop of one delay, samples."""
         rigid = _extremes(allowed, delay)
         used = dict.fromkeys(used_filters(each, self._effects) for each in filters)
@@ -109,14 +109,14 @@ class MarginJudge:
         return gain <= up_to
 
 
-def _judged_delays(allowed: AllowedLoops) -> list[float]:
+def _judged_delays(allowed: ConsistentLoops) -> list[float]:
     """The shortest and the longest delay and the whole samples between, samples, ascending."""
     delays = np.unique(allowed.delay_samples)
     ends = np.isin(delays, (delays.min(initial=np.inf), delays.max(initial=0.0)))
     return delays[ends | (delays % 1 == 0)].tolist()
 
 
-def _extremes(allowed: AllowedLoops, delay: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _extremes(allowed: ConsistentLoops, delay: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(mass, damping, own stiffness), of each first and last the ends of damping, at one delay."""
     here = allowed.delay_samples == delay
     parts = allowed.mass[here], allowed.damping[here], allowed.position_stiffness[here]

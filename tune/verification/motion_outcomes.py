@@ -144,7 +144,7 @@ def decay_outcome(
     if 0 < missing * per_sample < _MOST_SAMPLES * per_sample**2:
         parts.append(f"the delay were {missing / per_sample:.2g} sample(s) longer")
     hint = f"{remedy}{' or '.join(parts)}." if parts else remedy.removesuffix(" As if ")
-    found = judged_decay(measured, turns, prediction, apart, hint.replace("N·m·s/m", "N·m·s/rad"))
+    found = judge_decay(measured, turns, prediction, apart, hint.replace("N·m·s/m", "N·m·s/rad"))
     return replace(found, numbers={**found.numbers, **beside})
 
 
@@ -152,7 +152,7 @@ def _with_damping(device: Device, factor: float) -> Device:
     return device.model_copy(update={"damping": quantity(device.damping.value * factor)})
 
 
-def judged_decay(
+def judge_decay(
     measured: FreeMotion, turns: int, prediction: Prediction, apart: str, remedy: str
 ) -> Outcome:
     """A measured decay against the prediction; ``apart`` is said besides."""

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from tune.documents.profile import Design
 from tune.verification.comparison import Verification
-from tune.verification.elements import spoken
+from tune.verification.elements import moment_in_words
+from tune.verification.measured_picture import draw_measured
 from tune.verification.prediction import binding_stiffness
-from tune.verification.seen_picture import draw_seen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,10 +48,11 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
     left.set_xlabel("time, s")
     for axes in (above, below, left):
         legend_above(axes)
-    draw_seen(figure.add_subplot(grid[:, 1]), seen)
+    draw_measured(figure.add_subplot(grid[:, 1]), seen)
     gain = f" at gain {seen.gain:.3g}" if np.isfinite(seen.gain) else ""
     figure.suptitle(
-        f"{seen.source}: {spoken(seen.elements)}{gain} on {profile.device.name}", fontsize=10
+        f"{seen.source}: {moment_in_words(seen.elements)}{gain} on {profile.device.name}",
+        fontsize=10,
     )
     return figure
 

@@ -10,8 +10,8 @@ from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.profile import Design
 from tune.documents.scene import DEFAULT_MOTION
-from tune.verification.elements import effects_of, scaled, spoken
-from tune.verification.motion_seen import obstacle
+from tune.verification.elements import effects_of, moment_in_words, scale_effects
+from tune.verification.measured_motion import obstacle
 from tune.verification.prediction import Prediction, binding_stiffness, predict
 
 #: Turning points that make a decay known, and how large a swing must be, part of the displacement.
@@ -51,13 +51,14 @@ class Play:
             else f"pushed to {self.speed:.3g} {'m' if motion == 'linear' else 'rad'}/s"
         )
         return (
-            f"play {spoken(self.moment)} at gain {self.gain:g}, {begin}, for {self.duration:.3g} s"
+            f"play {moment_in_words(self.moment)} at gain {self.gain:g}, {begin}, "
+            f"for {self.duration:.3g} s"
         )
 
 
-def planned(profile: Design, moment: tuple[str, ...], gain: float) -> tuple[Play | None, str]:
+def plan_play(profile: Design, moment: tuple[str, ...], gain: float) -> tuple[Play | None, str]:
     """(a play of a moment at a gain that shows frequency or decay, why there is none)."""
-    effects = scaled(effects_of(profile, moment), gain)
+    effects = scale_effects(effects_of(profile, moment), gain)
     prediction = predict(profile.device, profile.loop, effects)
     hindered = obstacle(prediction)
     if hindered is not None:

@@ -51,13 +51,19 @@ class Release:
 
 
 def smallest_step(position: FloatArray) -> float:
-    """Least distance of two different readings, m: one count, if the log is of an encoder."""
+    """Least distance of two different readings, m: one count, if the log is of an encoder.
+
+    The position has shape (n,).
+    """
     values = np.unique(position)
     return float(np.min(np.diff(values))) if values.size > 1 else 0.0
 
 
 def reading_noise(position: FloatArray) -> float:
-    """Standard deviation of one reading, m, from second differences, of which motion has few."""
+    """Standard deviation of one reading, m, from second differences, of which motion has few.
+
+    The position has shape (n,).
+    """
     second = np.diff(position, n=2)
     return float(_MAD * np.median(np.abs(second)) / np.sqrt(6))
 
@@ -106,6 +112,8 @@ def turning_points(position: FloatArray, clear: float) -> list[int]:
     """Rows at which the motion turns by more than ``clear``; the first is where it sets off.
 
     A turning point that spans several equal readings is in their middle, the first at their end.
+
+    The position has shape (n,), m (rad), as has ``clear``; the answer has shape (turning points,).
     """
     found: list[int] = []
     low = high = 0

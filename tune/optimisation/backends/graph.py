@@ -149,11 +149,11 @@ def _graph(structure: Structure) -> _Graph:
             # An unstable loop has no energy: the logarithm says so, and is nearly linear.
             constraints.append(energy.log() / 2)
     routh: list[Any] = []
-    for degree, corners, held in structure.shapes:
+    for degree, corners, grounded in structure.shapes:
         table = take(4, degree + 1, corners)
         for total in totals:
             for corner in range(corners):
-                coefficients = _polynomial(table[:, :, corner], total, drop=not held)
+                coefficients = _polynomial(table[:, :, corner], total, drop=not grounded)
                 routh += [-c for c in coefficients]
                 routh += [ratio - 1 for ratio in routh_ratios(coefficients)]
     for place, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""SLSQP through nlopt, with the exact reach of stability and its slopes."""
+"""Sequential quadratic programming (SLSQP of nlopt), with the exact reach of stability."""
 
 from __future__ import annotations
 
@@ -75,6 +75,8 @@ def least_violation(program: Program, rank: Rank, start: FloatArray) -> FloatArr
     """Log-sizes at which the most broken constraint is as little broken as can be found.
 
     Minimises t subject to every constraint being at most t; t stops a little inside.
+
+    Start and answer have shape (unknowns,): logarithms of sizes in SI units.
     """
     program_at = Evaluation(program, rank)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tune.loop.coefficients import Terms
 from tune.loop.loop import Loop
-from tune.loop.polynomials import padded
+from tune.loop.polynomials import pad_coefficients
 from tune.optimisation.backends.graph import Functions, Structure
 from tune.optimisation.backends.reach import Reach
 from tune.optimisation.problem import Problem
@@ -99,9 +99,9 @@ def program_of(
     structure = Structure(
         signs=tuple(unknown.sign for unknown in problem.unknowns),
         moments=tuple(moment.members for moment in problem.moments),
-        shapes=tuple((loop.degree, len(chosen), loop.held) for loop, chosen in shown),
+        shapes=tuple((loop.degree, len(chosen), loop.grounded) for loop, chosen in shown),
         laws=problem.loops.nominal.degree if ripple else 0,
-        bound=problem.loops.nominal.held,
+        bound=problem.loops.nominal.grounded,
         linear=(int(np.sum(~either)), int(np.sum(either))),
     )
     references = np.array([u.reference for u in problem.unknowns])
@@ -148,4 +148,4 @@ def _law(loop: Loop, unit: float) -> FloatArray:
     scales = np.array([1.0, *(unit * float(s) for s in loop.scales)])
     parts = loop.transfer
     rows = (parts.plant_denominator, parts.alpha, parts.beta, parts.gamma)
-    return np.stack([padded(row, loop.degree + 1) for row in rows]) * scales[:, None]
+    return np.stack([pad_coefficients(row, loop.degree + 1) for row in rows]) * scales[:, None]

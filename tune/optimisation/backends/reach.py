@@ -1,4 +1,4 @@
-"""The stability constraint as solvers see it: how far the gain is from where stability ends.
+"""Stability constraint for solvers: how far the gain is from where stability ends.
 
 With the sizes fixed, the loop is stable for gains up to some g; ln g is exact (`intervals`), and so
 is its slope: the root that crosses at w = jω keeps to the axis when effects and gain change
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tune.loop.loop import Loop
 from tune.optimisation.backends.gaps import gap_phase
 from tune.optimisation.problem import Problem
-from tune.stability.intervals import reached
+from tune.stability.intervals import stability_limits
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -32,14 +32,14 @@ class Reach:
     Attributes:
         tables: of each loop with corners, (fixed, varied and their sizes), of shapes
             (degree+1, corners) and (3, degree+1, corners) in K, B and M.
-        held: whether device or hand bind the position, by loop.
+        grounded: whether device or hand bind the position, by loop.
         shares: what each unknown adds to K, B and M of the moments with a spring and of those
             without, (moments, 3, unknowns).
         gain: that must be stable.
     """
 
     tables: tuple[tuple[FloatArray, FloatArray, FloatArray, FloatArray], ...]
-    held: tuple[bool, ...]
+    grounded: tuple[bool, ...]
     shares: tuple[FloatArray, FloatArray]
     gain: float
 
@@ -56,7 +56,7 @@ class Reach:
         """
         return cls(
             tables=tuple(_table(loop, columns) for loop, columns in shown),
-            held=tuple(loop.held for loop, _ in shown),
+            grounded=tuple(loop.grounded for loop, _ in shown),
             shares=(problem.shares(sprung=True), problem.shares(sprung=False)),
             gain=gain,
         )
@@ -71,10 +71,10 @@ class Reach:
         """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
         values: list[FloatArray] = [np.empty(0)]
         slopes: list[FloatArray] = [np.empty((0, sizes.size))]
-        for table, held in zip(self.tables, self.held, strict=True):
+        for table, grounded in zip(self.tables, self.grounded, strict=True):
             for shares, sprung in zip(self.shares, (True, False), strict=True):
                 if len(shares):
-                    skip = 0 if sprung or held else 1
+                    skip = 0 if sprung or grounded else 1
                     value, slope = _reach(table, shares * sizes, skip, self.gain)
                     values.append(value.ravel())
                     slopes.append(slope.reshape(-1, sizes.size))
@@ -106,7 +106,7 @@ def _reach(
     spread = [np.broadcast_to(part[skip:, None], shape) for part in (fixed, fixed_size)]
     together = (spread[0], varied, spread[1], varied_size)
     free, law, free_size, law_size = (part.reshape(shape[0], -1) for part in together)
-    found = reached(free, law, free_size, law_size, gain)
+    found = stability_limits(free, law, free_size, law_size, gain)
     gap, place = gap_phase(free, law, found.near, gain, found.broken)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         value = np.stack([np.log(gain / found.end), gap])

@@ -1,0 +1,177 @@
+"""Cross-validation: do parameters fitted on one part of a log predict the other?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import Finding
+from identification.estimators.intervals import half_width
+from identification.estimators.linear import symmetric_inverse, unit_columns
+from identification.estimators.model import Estimate
+from identification.findings.force_balance import ForceBalance, even_sizes
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+#: Parts a log is cut into, each left out in turn.
+_PARTS = 4
+#: A prediction may miss by this part of the rms force more than a fit of the part itself does; ...
+DOUBTED = 0.05
+#: ... beyond this the parts are not of one device.
+REFUSED = 0.25
+#: ... and by this many standard deviations of the prediction itself, or the rest says too little.
+_SIGMAS = 4.0
+#: Blocks of each part, left out in turn for that standard deviation.
+_BLOCKS = 8
+#: Parameters that must not move.
+_JUDGED = ("mass", "damping")
+#: A move that is this part of the value, or less, matters to no margin.
+_HARMLESS = 0.02
+
+
+def cross_validation(
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
+) -> tuple[Finding, ...]:
+    """``heldout-misfit``: the device changed while it was logged, or the model is wrong."""
+    missed = _misses(balance, chosen)
+    worst = int(np.argmax(missed))
+    share = float(missed[worst] / np.std(balance.force))
+    if share < DOUBTED:
+        return ()
+    start, span = float(balance.time[0]), float(balance.time[-1] - balance.time[0])
+    first, last = (start + span * part / _PARTS for part in (worst, worst + 1))
+    refused = share >= REFUSED
+    return (
+        Finding(
+            code="heldout-misfit",
+            severity="refusal" if refused else "warning",
+            seen=f"fitted on the rest of {trajectory.source}, the force from {first:.3g} to "
+            f"{last:.3g} s is missed by {share:.0%} of its rms more than by a fit of its own",
+            needed=f"at most {REFUSED if refused else DOUBTED:.0%}",
+            remedy="Log again with nothing loose, warmed up and untouched; cut the log where the "
+            "device changed.",
+        ),
+    )
+
+
+def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
+    """``heldout-misfit``: what the cut-off moves is more than the interval without it holds.
+
+    A model that is right is right at every frequency. The move is in the interval all the same.
+    """
+    if chosen.leaning is None:
+        return ()
+    alone = replace(chosen, covariance=chosen.covariance - np.outer(chosen.leaning, chosen.leaning))
+    moved = {name: abs(float(chosen.leaning[chosen.parameters.index(name)])) for name in _JUDGED}
+    unstable = [
+        name
+        for name, move in moved.items()
+        if move > half_width(alone, name) and move > _HARMLESS * abs(chosen.value(name))
+    ]
+    if not unstable:
+        return ()
+    seen = " and ".join(
+        f"{name} {chosen.value(name):.4g} ± {half_width(alone, name):.2g} by ± {moved[name]:.2g}"
+        for name in unstable
+    )
+    return (
+        Finding(
+            code="heldout-misfit",
+            severity="warning",
+            seen=f"another cut-off moves the {seen} in {trajectory.source}",
+            needed="a move within the interval",
+            remedy="A force that the model does not have acts at some frequencies: excite harder, "
+            "and look for play, vibration or friction that depends on place.",
+        ),
+    )
+
+
+def _misses(balance: ForceBalance, chosen: Estimate) -> FloatArray:
+    """Excess of each part's prediction over its own fit, rms in N, shape (parts,); 0 if chance.
+
+    Only rows of a part that move no faster than the rest count: others are extrapolated.
+    """
+    # A term that the estimate does without would only follow chance where the rest is slow.
+    terms = balance.plant if chosen.model.directional else balance.plant[:, :-1]
+    columns, _ = unit_columns(np.column_stack((terms, balance.carried)))
+    edges = np.cumsum([0, *even_sizes(len(balance), _PARTS * _BLOCKS)])
+    parts = list(pairwise(edges[::_BLOCKS].tolist()))
+    slow = balance.moving
+    for column in (np.abs(balance.acceleration), np.abs(balance.velocity)):
+        fastest = np.array([np.max(column[first:last]) for first, last in parts])
+        for part, (first, last) in enumerate(parts):
+            slow[first:last] &= column[first:last] <= np.max(np.delete(fastest, part))
+    whole = _Blocks.of(columns, balance.force, balance.moving, edges)
+    shown = _Blocks.of(columns, balance.force, slow, edges)
+    inside = np.arange(_PARTS * _BLOCKS) // _BLOCKS
+    return np.array(
+        [
+            _miss(whole.chosen(inside != part), shown.chosen(inside == part))
+            for part in range(_PARTS)
+        ]
+    )
+
+
+def _miss(rest: _Blocks, own: _Blocks) -> float:
+    """What the rest of a log predicts worse of a part than its own fit does, rms in N."""
+    if own.counts.sum() == 0 or rest.counts.sum() == 0:
+        return 0.0
+    square, count = own.normal.sum(axis=0), float(own.counts.sum())
+    fits = [rest.fits(), own.fits()]
+    apart = fits[0][0] - fits[1][0]
+    excess = float(apart @ square @ apart) / count
+    # How far both fits may be off: each without one of its blocks in turn (jackknife).
+    chance = 0.0
+    for fit in fits:
+        change = fit[1:] - fit[0]
+        squares = np.einsum("ij,jk,ik->", change, square, change)
+        chance += float(squares) / count * (1 - 1 / len(change))
+    return float(np.sqrt(excess)) if excess > _SIGMAS**2 * chance else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Blocks:
+    """Sums of squares and products of consecutive blocks, from which any part is fitted at once.
+
+    Attributes:
+        normal: XᵀX of each block, shape (blocks, p, p), columns of unit norm.
+        right: Xᵀf, shape (blocks, p).
+        counts: rows of each, shape (blocks,).
+    """
+
+    normal: FloatArray
+    right: FloatArray
+    counts: FloatArray
+
+    @classmethod
+    def of(
+        cls, columns: FloatArray, force: FloatArray, used: NDArray[np.bool_], edges: IntArray
+    ) -> _Blocks:
+        """Blocks between edges, of the rows used."""
+        table = np.column_stack((columns, force)) * used[:, None]
+        blocks = [table[first:last] for first, last in pairwise(edges.tolist())]
+        squares = np.stack([block.T @ block for block in blocks])
+        return cls(
+            normal=squares[:, :-1, :-1],
+            right=squares[:, :-1, -1],
+            counts=np.add.reduceat(used, edges[:-1], dtype=np.float64),
+        )
+
+    def chosen(self, which: NDArray[np.bool_]) -> _Blocks:
+        """Some of the blocks."""
+        return _Blocks(
+            normal=self.normal[which], right=self.right[which], counts=self.counts[which]
+        )
+
+    def fits(self) -> FloatArray:
+        """Least squares, of least norm, on all blocks, then without each, shape (1 + blocks, p)."""
+        count = len(self.counts)
+        weights = np.concatenate((np.ones((1, count)), 1.0 - np.eye(count)))
+        inverse = symmetric_inverse(np.tensordot(weights, self.normal, axes=1))
+        solved = inverse @ (weights @ self.right)[..., None]
+        return np.asarray(solved[..., 0], dtype=np.float64)

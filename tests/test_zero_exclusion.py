@@ -1,0 +1,169 @@
+"""Whole regions proved: to the edge of the margin, with margin left, without damping, in a hand."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.random_boxes import EXTRA, around, draw, safe_gain, unstable_samples
+from tests.thinned import thinned
+from tune.certificate.point import Setting
+from tune.certificate.region import HandRegion, Region
+from tune.certificate.roots import judge
+from tune.certificate.worst_point import worst_point
+from tune.certificate.zero_exclusion import Claim, prove
+
+#: What is left of the safe gain, as the studies ask.
+LEFT = 1.5
+CELLS = 200_000
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "mass"),
+    thinned(
+        [
+            (1000.0, 10.0, 1.0),
+            (2000.0, 0.0, 0.0),
+            (0.0, 100.0, 0.0),
+            (0.0, 0.0, 1.0),
+            (0.0, 0.0, -1.0),
+        ],
+        2,
+    ),
+)
+def test_the_proof_reaches_to_the_very_edge_of_the_margin(
+    stiffness: float, damping: float, mass: float
+) -> None:
+    """A ±10 % box with the worst corner a part in 10⁵ inside is proved, one as far outside not."""
+    region = Region(
+        mass=around(3.0, 0.1),
+        damping=around(10.0, 0.1),
+        sample_time=around(1e-3, 0.01),
+        delay=(1e-3, 1e-3),
+    )
+    setting = Setting(
+        stiffness=stiffness,
+        damping=damping,
+        mass=mass,
+        velocity_filter_hz=100.0,
+        acceleration_filter_hz=20.0,
+    )
+    limit = safe_gain(region, setting)
+    assert prove(region, setting, [Claim(gain=limit * (1 - 1e-5), extra=EXTRA)], 10_000).proved
+    assert not prove(region, setting, [Claim(gain=limit * (1 + 1e-4), extra=EXTRA)], 10_000).proved
+
+
+def _study(
+    spread: float, seeds: range, samples: int, *, everything: bool
+) -> list[dict[str, object]]:
+    """Boxes with a gain margin of 1.5 left: proved or not, in what time; search and samples."""
+    rows: list[dict[str, object]] = []
+    for seed in seeds:
+        region, setting = draw(seed, spread, with_everything=everything)
+        limit = safe_gain(region, setting)
+        if limit == 0:
+            continue
+        claim = Claim(gain=limit / LEFT, extra=EXTRA)
+        worst = worst_point(region, setting, claim)
+        start = time.process_time()
+        proof = prove(region, setting, [claim], CELLS)
+        seconds = time.process_time() - start
+        bad = 0
+        if proof.proved:
+            assert worst.verdict.answer == "stable"
+            bad = unstable_samples(region, setting, claim, samples, np.random.default_rng(seed))
+        rows.append(
+            {
+                "seed": seed,
+                "stable": worst.verdict.answer == "stable",
+                "proved": proof.proved,
+                "seconds": seconds,
+                "cells": proof.cells,
+                "unstable": bad,
+            }
+        )
+    kept = os.environ.get("HAPTUNE_STUDY")
+    if kept:
+        Path(kept).write_text(json.dumps(rows), encoding="utf-8")
+    return rows
+
+
+def _share(rows: list[dict[str, object]]) -> float:
+    stable = [row for row in rows if row["stable"]]
+    return float(np.mean([bool(row["proved"]) for row in stable]))
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.2])
+def test_boxes_with_margin_are_proved(spread: float) -> None:
+    """A short version of the study; cells stand for time, which a busy machine would blur."""
+    rows = _study(spread, range(6), 300, everything=False)
+    assert _share(rows) == 1.0
+    assert all(row["unstable"] == 0 for row in rows)
+    assert max(int(str(row["cells"])) for row in rows) < 3000
+
+
+def test_boxes_with_delay_hand_and_mode_are_proved() -> None:
+    rows = _study(0.1, range(3, 5), 300, everything=True)
+    assert _share(rows) == 1.0
+    assert all(row["unstable"] == 0 for row in rows)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("spread", "everything", "count", "samples", "share", "seconds"),
+    [
+        (0.1, False, 1000, 10_000, 0.95, 0.25),
+        (0.2, False, 1000, 10_000, 0.95, 1.0),
+        (0.1, True, 1000, 10_000, 0.80, 30.0),
+    ],
+)
+def test_a_thousand_boxes(
+    spread: float, everything: bool, count: int, samples: int, share: float, seconds: float
+) -> None:
+    """Share of truly stable boxes proved, 95th percentile of the time, no unstable sample."""
+    rows = _study(spread, range(count), samples, everything=everything)
+    assert _share(rows) >= share
+    assert np.quantile([float(str(row["seconds"])) for row in rows], 0.95) <= seconds
+    assert all(row["unstable"] == 0 for row in rows)
+
+
+@pytest.mark.parametrize(("damper", "proved"), [(3.0, True), (1.4, False)])
+def test_a_device_that_may_have_no_damping_needs_a_damper(damper: float, proved: bool) -> None:
+    """b from 0: a spring K holds for B > K·(delay + T/2), here 2.5 N·s/m, and no less."""
+    region = Region(
+        mass=(2.9, 3.1), damping=(0.0, 1.0), sample_time=(1e-3, 1e-3), delay=(1e-3, 1e-3)
+    )
+    setting = Setting(
+        stiffness=1000.0,
+        damping=damper,
+        mass=0.0,
+        velocity_filter_hz=None,
+        acceleration_filter_hz=None,
+    )
+    claim = Claim(gain=1.5, extra=1.0)
+    assert prove(region, setting, [claim], 5000).proved is proved
+    assert (worst_point(region, setting, claim).verdict.answer == "stable") is proved
+
+
+def test_a_hand_on_a_rigid_device_is_mass_and_damper_more() -> None:
+    """A hand without a spring proves what the heavier, more damped device proves, cell by cell."""
+    region, setting = draw(3, 0.1, with_everything=False)
+    hand = HandRegion(mass=(0.1, 0.2), damping=(1.0, 2.0), stiffness=(0.0, 0.0))
+    heavier = replace(
+        region,
+        mass=(region.mass[0] + 0.1, region.mass[1] + 0.2),
+        damping=(region.damping[0] + 1.0, region.damping[1] + 2.0),
+    )
+    claim = Claim(gain=safe_gain(heavier, setting) / LEFT, extra=EXTRA)
+    held = prove(replace(region, hand=hand), setting, [claim], CELLS)
+    assert held.proved
+    low, high = np.array(heavier.sides()).T
+    for part in np.random.default_rng(0).random((20, len(low))):
+        point = heavier.point(low + part * (high - low), float(part[0]))
+        assert judge(point, setting, claim.gain).answer == "stable"

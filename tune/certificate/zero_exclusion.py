@@ -1,0 +1,269 @@
+"""Zero exclusion by branch and bound: no pole crosses the unit circle anywhere in a region.
+
+In a cell of θ, of everything not known exactly and of gains between two ends, the condition of a
+crossing D + s·N = 0 cannot be met if one straight line through zero has D + s·N strictly on one
+side for both end gains: then also for every gain between them. Where no line is found the cell is
+split across what moves D + s·N most, until every cell is excluded or the budget is spent. With one
+point known to be stable, a region without crossings is stable throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.certificate.affine import ROUNDING, AffineForm, FloatArray, Term
+from tune.certificate.mechanism import Mechanism
+from tune.certificate.point import Setting
+from tune.certificate.region import Region
+from tune.certificate.value_set import excludes_zero, gain_vertices, value_set
+
+#: Cells looked at together: enough to keep numpy busy, few enough to stay in the cache.
+_BATCH = 4096
+#: Cells narrower than this, relative to the region, in whatever would be split next: a crossing is
+#: all but certain there, and doubles would not tell otherwise.
+_NARROWEST = 1e-9
+#: Ratio of neighbouring frequencies to begin with.
+_RATIO = 1.5
+#: A side that moves nothing is split when it is so many times wider than what would be.
+_STARVED = 16.0
+#: A second side is split at once if it moves the loop by more than this part of the first.
+_ALSO = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """What is to hold in the whole region: every gain in (0, gain], delay up to extra samples."""
+
+    gain: float
+    extra: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proof:
+    """Outcome of branch and bound.
+
+    Attributes:
+        proved: every cell was excluded.
+        cells: looked at.
+        doubt: a place that could not be excluded, one column: values of the merged region's sides,
+            then the extra samples of delay; None if proved.
+    """
+
+    proved: bool
+    cells: int
+    doubt: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Lower and upper ends, shape (sides, cells): θ, gain, extra delay, sides of the region."""
+
+    low: FloatArray
+    high: FloatArray
+
+    def __len__(self) -> int:
+        return self.low.shape[1]
+
+    def chosen(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Cells:
+        """Some of them."""
+        return Cells(self.low[:, which], self.high[:, which])
+
+    def with_(self, other: Cells) -> Cells:
+        """These and others."""
+        return Cells(np.hstack([self.low, other.low]), np.hstack([self.high, other.high]))
+
+
+#: (what is to hold holds in each cell, how much each side moves it).
+Examine = Callable[[Region, Cells], tuple[NDArray[np.bool_], FloatArray]]
+
+
+def prove(region: Region, setting: Setting, claims: Sequence[Claim], most_cells: int) -> Proof:
+    """Exclude crossings everywhere in a region, for several claims at once.
+
+    Args:
+        region: the box.
+        setting: what is played, not nothing.
+        claims: gains and extra delays.
+        most_cells: budget.
+    """
+    return branch_and_bound(
+        region, claims, lambda merged, cells: _exclusion_test(merged, setting, cells), most_cells
+    )
+
+
+def _exclusion_test(
+    region: Region, setting: Setting, cells: Cells
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """(no crossing in the cell, how much each side moves the loop)."""
+    moving = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
+    symbols = [row for row in moving if row != 1]
+    terms = terms_of(cells, symbols)
+    with np.errstate(all="ignore"):
+        response = value_set(
+            as_affine(terms[0], cells, len(symbols)), mechanism_of(region, terms), setting
+        )
+        bottom, top = gain_vertices(response, cells.low[1], cells.high[1])
+        excluded = excludes_zero(bottom, top)
+        if response.rising is not None and region.damping[0] >= 0:
+            excluded |= response.rising > 0
+        pull = np.zeros_like(cells.low)
+        for index, row in enumerate(symbols):
+            pull[row] = np.maximum(np.abs(bottom.slopes[index]), np.abs(top.slopes[index]))
+        pull[1] = np.abs(response.varied.centre) * (cells.high[1] - cells.low[1]) / 2
+        return excluded, pull
+
+
+def branch_and_bound(
+    region: Region, claims: Sequence[Claim], examine: Examine, most_cells: int
+) -> Proof:
+    """Branch and bound: split a region until everything asked for holds in every cell.
+
+    Args:
+        region: the box.
+        claims: gains and extra delays.
+        examine: is called with the merged region and some of its cells.
+        most_cells: budget.
+    """
+    region = region.merged()
+    waiting = _initial_cells(region, claims)
+    widest = (waiting.high - waiting.low).max(axis=1, keepdims=True)
+    seen = 0
+    while len(waiting):
+        cells = waiting.chosen(slice(-_BATCH, None))
+        waiting = waiting.chosen(slice(None, -_BATCH))
+        seen += len(cells)
+        holds, pull = examine(region, cells)
+        open_ = cells.chosen(~holds)
+        if not len(open_):
+            continue
+        parts, narrow = _branch(open_, pull[:, ~holds], widest)
+        if narrow is not None or seen + len(waiting) + len(parts) > most_cells:
+            index = 0 if narrow is None else narrow
+            middle = (open_.low[:, index] + open_.high[:, index]) / 2
+            return Proof(proved=False, cells=seen, doubt=np.append(middle[3:], middle[2])[:, None])
+        waiting = waiting.with_(parts)
+    return Proof(proved=True, cells=seen)
+
+
+def _initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
+    """Frequencies in steps of one ratio down to where the device's damping takes over."""
+    least = min(1.0, max(1e-9, region.damping[0] * region.sample_time[0] / region.mass[1]))
+    count = max(2, int(np.ceil(np.log(np.pi / (0.3 * least)) / np.log(_RATIO))))
+    edges = np.concatenate([[0.0], np.pi * _RATIO ** -np.arange(count, -1.0, -1.0)])
+    # Beyond π by a rounding: the response is symmetric there.
+    edges[-1] = np.nextafter(np.pi, 4)
+    lows, highs = np.array(region.sides()).T
+    columns: list[tuple[FloatArray, FloatArray]] = []
+    for claim in claims:
+        pieces = max(1, int(np.ceil(2 * claim.extra)))
+        for piece in range(pieces):
+            start, end = claim.extra * piece / pieces, claim.extra * (piece + 1) / pieces
+            for bottom, top in pairwise(edges):
+                columns.append(
+                    (
+                        np.array([bottom, 0.0, start, *lows]),
+                        np.array([top, claim.gain, end, *highs]),
+                    )
+                )
+    return Cells(
+        np.column_stack([low for low, _ in columns]), np.column_stack([high for _, high in columns])
+    )
+
+
+def terms_of(cells: Cells, symbols: Sequence[int]) -> list[Term]:
+    """Each row as a form in its own symbol, or as a number where all cells agree."""
+    terms: list[Term] = []
+    for row in range(len(cells.low)):
+        low, high = cells.low[row], cells.high[row]
+        if row not in symbols and np.all(low == low[0]):
+            terms.append(float(low[0]))
+            continue
+        centre = (low + high) / 2
+        slopes = np.zeros((len(symbols), len(low)), dtype=np.complex128)
+        if row in symbols:
+            slopes[symbols.index(row)] = (high - low) / 2
+        error = ROUNDING * np.maximum(np.abs(low), np.abs(high))
+        terms.append(AffineForm(centre + 0j, slopes, error, np.zeros_like(error)))
+    return terms
+
+
+def as_affine(term: Term, cells: Cells, symbols: int) -> AffineForm:
+    """A term as a form in so many symbols, a number as one that none of them moves."""
+    if isinstance(term, AffineForm):
+        return term
+    count = len(cells)
+    zero = np.zeros(count)
+    return AffineForm(np.full(count, term + 0j), np.zeros((symbols, count), complex), zero, zero)
+
+
+def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
+    """What may be anywhere in each cell, from the terms of its sides."""
+    theta, _, extra, mass, damping, step, delay, lag, slope, *rest = terms
+    del theta
+    hand = None
+    if region.hand is not None:
+        hand = (rest[0], rest[1], rest[2])
+        rest = rest[3:]
+    return Mechanism(
+        mass=mass,
+        damping=damping,
+        sample_time=step,
+        delay=_samples(delay, step, extra, terms[0]),
+        lag=lag,
+        position_stiffness=slope,
+        hand=hand,
+        modes=tuple((rest[2 * i], rest[2 * i + 1]) for i in range(len(region.modes))),
+        participations=tuple((mode.at_encoder, mode.at_handle) for mode in region.modes),
+        grounded=region.grounded,
+    )
+
+
+def _samples(delay: Term, step: Term, extra: Term, like: Term) -> AffineForm:
+    """τ/T + extra as a form, whatever is known exactly."""
+    assert isinstance(like, AffineForm)  # θ always has a width
+    per_step = step.inverse() if isinstance(step, AffineForm) else 1 / step
+    return like * 0.0 + (delay * per_step + extra)
+
+
+def _branch(cells: Cells, pull: FloatArray, widest: FloatArray) -> tuple[Cells, int | None]:
+    """(halves across what moves the loop most, index of a cell too narrow to be split)."""
+    pull = np.where(np.isfinite(pull), pull, 0.0)
+    width = cells.high - cells.low
+    relative = width / np.where(widest > 0, widest, 1.0)
+    # Where nothing is bounded yet every side counts by its width.
+    pull = np.where(pull.max(axis=0) > 0, pull, relative)
+    pull = np.where(width > 0, pull, -1.0)
+    order = np.argsort(-pull, axis=0, kind="stable")
+    index = np.arange(len(cells))
+    # A side too wide to be followed, as the delay is where a phase turns far, has no pull at all:
+    # it has its turn when what would be split has become much narrower.
+    starved = np.where(pull == 0, relative, 0.0)
+    neglected = starved.max(axis=0) > _STARVED * relative[order[0], index]
+    first = order[0]
+    first[neglected] = starved.argmax(axis=0)[neglected]
+    narrow = np.flatnonzero(relative[first, index] < _NARROWEST)
+    if narrow.size:
+        return cells, int(narrow[0])
+    halves = _halved(cells, first)
+    second = order[1]
+    both = ~neglected & (pull[second, index] > _ALSO * pull[first, index])
+    twice = np.concatenate([both, both])
+    sides = np.concatenate([second, second])
+    return (
+        halves.chosen(~twice).with_(_halved(halves.chosen(twice), sides[twice])),
+        None,
+    )
+
+
+def _halved(cells: Cells, side: NDArray[np.intp]) -> Cells:
+    index = np.arange(len(cells))
+    middle = (cells.low[side, index] + cells.high[side, index]) / 2
+    below, above = cells.high.copy(), cells.low.copy()
+    below[side, index] = middle
+    above[side, index] = middle
+    return Cells(np.hstack([cells.low, above]), np.hstack([below, cells.high]))

@@ -1,0 +1,87 @@
+"""Unknowns of the design problem, made from what a scene asks of its elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from identification import Box, Device
+from tune.documents.effects import EffectName
+from tune.documents.perception import PerceptionTable, references, value_at_steps
+from tune.documents.scene import Element
+from tune.loop.filters import Filters
+from tune.optimisation.unknown import Unknown
+from tune.rendering.rendered import Shares
+
+#: Sizes below this part of the reference are as good as nothing: a ten-thousandth of a step.
+NOTHING = 1e-5
+#: Steps that an effect keeps at least: no hand tells less from nothing. The rest is for rounding.
+LEAST = 1 + 2e-5
+#: Sizes above this multiple of the reference are no haptic effect on any device (46 steps at 34 %).
+BOUNDLESS = 1e6
+#: A device made lighter (less damped) keeps at least this part of what it has.
+REMAINS = 1e-3
+#: Exponent of the steps of a favoured effect (the asymmetric bargaining solution).
+FAVOURED = 4.0
+#: An effect of which less than this part is felt, or its opposite, counts as felt this little: no
+#: size of it that is sensible then reaches a step worth having, and logarithms stay finite.
+BARELY_FELT = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asking:
+    """What all unknowns of a problem share.
+
+    Attributes:
+        device: that the effects are added to.
+        box: of it, simultaneous.
+        table: Weber fractions and thresholds.
+        favour: an effect whose steps count more; None for none.
+        gain: the margin's.
+        filters: cut-offs of the estimators.
+        felt: effects are kept at one step at least.
+    """
+
+    device: Device
+    box: Box
+    table: PerceptionTable
+    favour: EffectName | None
+    gain: float
+    filters: Filters
+    felt: bool
+
+    def unknown(self, name: str, given: Element, effect: EffectName) -> Unknown:
+        """The unknown of one effect of an element."""
+        device, table = self.device, self.table
+        wish = given.wishes()[effect]
+        bare = references(device, table)[effect]
+        reference, weber = bare / _share(device, self.filters, effect), getattr(table, effect).value
+        high = BOUNDLESS * bare if wish.high is None else abs(wish.high)
+        if wish.sign < 0:
+            # The bare device must keep the same margin downwards: M >= -m_low/g, B >= -b_low/g.
+            lowest = {"mass": self.box.mass[0], "damping": self.box.damping[0]}[effect]
+            most = min(lowest / self.gain, (1 - REMAINS) * min(bare, reference))
+            high = most if wish.high is None else min(high, most)
+        least = abs(float(value_at_steps(LEAST, reference, weber, wish.sign)))
+        if not self.felt:
+            least = min(NOTHING * bare, high)
+        starts = wish.low if wish.kind == "range" and wish.low else 0.0
+        return Unknown(
+            element=name,
+            effect=effect,
+            sign=wish.sign,
+            low=max(least, starts),
+            high=high,
+            wish=wish,
+            reference=reference,
+            weber=weber,
+            level=0 if wish.kind == "value" else given.priority,
+            weight=FAVOURED if effect == self.favour else 1.0,
+        )
+
+
+def _share(device: Device, filters: Filters, effect: EffectName) -> float:
+    """The part of a commanded effect that a hand feels as such; all of a spring."""
+    if effect == "stiffness":
+        return 1.0
+    shares = Shares.of(device, filters)
+    return max((shares.damping if effect == "damping" else shares.mass).mean, BARELY_FELT)

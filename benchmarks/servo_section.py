@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 Method = Callable[[Trajectory, float], FloatArray]
 
 #: Samples of a log, and how many logs.
-_LENGTHS = ((5_000, 200), (50_000, 100))
+_LENGTHS = ((5_000, 200), (50_000, 40))
 _TEXT = """\
 A device like HomeRehab follows a path by a servo, and its encoder's noise is in the force: root
 mean square errors of mass and damping over seeds, beside least squares on central differences

@@ -36,7 +36,6 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (2, "is not one of 'auto'", "identify log.csv --method guess"),
     (2, "'soft' is not one of", "tune homerehab scene.yaml --margin soft"),
     (2, "--force-gain", "identify log.csv --force-gain two"),
-    (2, "fills in no scene", "new scene --device knob"),
     (2, "fills in no player", "new player --device knob"),
     (2, "is of no scene", "new scene --language c"),
     (2, "logs are of y", "identify log.csv --axis y --hardware x.yaml"),

@@ -15,6 +15,7 @@ from tune.certificate.refusal import refuse_unbalanced
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
+from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.loop import Loop
 from tune.verification.clock import check_clock
@@ -44,8 +45,6 @@ _NEEDED = {
     "decay": "frequency or decay of the free motion",
     "delay": "the margin of the profile at every delay the log allows",
 }
-_UNITS = {"linear": "N", "rotary": "N·m"}
-_LENGTHS = {"linear": "m", "rotary": "rad"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +151,7 @@ def verify(
     refuse_unbalanced(profile.device)
     _check_request(profile, trajectory, gain, release)
     check_clock(profile, trajectory)
-    unit = _UNITS[profile.device.motion]
+    unit = UNITS[profile.device.motion]["force"]
     moments = moments_of(profile, element)
     law = judge_law(profile, moments, trajectory.force, trajectory.position, gain, unit)
     motion: MeasuredMotion | None = None
@@ -246,7 +245,7 @@ def _motion(
 
 def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
     """Is the position in the unit of the device, read by its encoder?"""
-    length = _LENGTHS[profile.device.motion]
+    length = UNITS[profile.device.motion]["length"]
     known = profile.device.encoder_resolution
     if known is None:
         return not_assessed("encoder", "the resolution is not in the device")

@@ -7,7 +7,7 @@ A whole batch of devices runs in one loop over time.
 What happens at the instant t of a sample: the encoder is read (noise added, then rounded to a
 count), the controller computes its force, the force limit clips it, the log takes down all three.
 The force then acts from t + delay until delay after the next sample; before the first command
-arrives it is zero. With an even clock t = kT.
+arrives it is zero. With an even clock t = kT. One file: one batch from its start to any sample.
 """
 
 from __future__ import annotations

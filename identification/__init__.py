@@ -1,6 +1,7 @@
 """Identification of a haptic axis: mass and damping from a logged trajectory.
 
-The public names load on first use, so that reading a device file does not import an estimator.
+The public names load on first use, so that reading a device file does not import an estimator. One
+file: the list of public names.
 """
 
 from __future__ import annotations

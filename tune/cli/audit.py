@@ -1,4 +1,7 @@
-"""``haptune audit``: are these gains safe on this device."""
+"""``haptune audit``: are these gains safe on this device.
+
+One file: one command: its options, tables and exit codes.
+"""
 
 from __future__ import annotations
 

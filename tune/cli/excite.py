@@ -1,4 +1,7 @@
-"""``haptune excite``: plan the force of a calibration within limits."""
+"""``haptune excite``: plan the force of a calibration within limits.
+
+One file: one command: its options, tables and exit codes.
+"""
 
 from __future__ import annotations
 

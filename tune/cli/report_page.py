@@ -1,4 +1,7 @@
-"""What a report of a profile shows: the tables of the commands, pictures, and what it rests on."""
+"""What a report of a profile shows: the tables of the commands, pictures, and what it rests on.
+
+One file: the chapters of one page, in their order.
+"""
 
 from __future__ import annotations
 

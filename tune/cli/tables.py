@@ -1,4 +1,7 @@
-"""Results as tables for a terminal."""
+"""Results as tables for a terminal.
+
+One file: the tables that several commands print.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""``haptune verify``: a closed-loop log of the real device against its profile."""
+"""``haptune verify``: a closed-loop log of the real device against its profile.
+
+One file: one command: its options, tables and exit codes.
+"""
 
 from __future__ import annotations
 

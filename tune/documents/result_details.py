@@ -1,7 +1,8 @@
 """What a command computed, in its JSON result: every number that its tables show, in SI units.
 
 A command that fails keeps what was computed until then, so that no key is sure to be there. A
-number that is not finite, or was not computed, is null.
+number that is not finite, or was not computed, is null. One file: the details of every command,
+side by side in one schema.
 """
 
 from __future__ import annotations

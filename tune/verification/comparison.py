@@ -1,4 +1,7 @@
-"""The one verb: does a low-gain closed-loop log behave as its profile predicts?"""
+"""The one verb: does a low-gain closed-loop log behave as its profile predicts?
+
+One file: the steps of one verb, in their order.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +19,11 @@ from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.loop import Loop
 from tune.verification.clock import check_clock
+from tune.verification.decimal_digits import decimal_digit
 from tune.verification.elements import moments_of
 from tune.verification.measured_cutoffs import MeasuredCutoff, measured_cutoffs
 from tune.verification.measured_delay import MeasuredDelay, judge_delay, unknown_delay
-from tune.verification.measured_law import MeasuredLaw, decimal_digit, judge_law
+from tune.verification.measured_law import MeasuredLaw, judge_law
 from tune.verification.measured_motion import MeasuredMotion, judge_motion
 from tune.verification.measured_ripple import judge_ripple
 from tune.verification.outcome import Outcome, not_assessed
@@ -279,7 +283,6 @@ def _ripple(
         return not_assessed("ripple", "no free motion is seen")
     known = profile.device.encoder_resolution
     nominal = motion.prediction.nominal
-    fastest = max(nominal.natural / (2 * np.pi), motion.measured.frequency)
     free = slice(motion.release.first, motion.release.end)
     return judge_ripple(
         Loop.from_parts(profile.device, filters_of(law.loop)),
@@ -289,7 +292,7 @@ def _ripple(
         trajectory.position[free],
         tuple(turn - motion.release.first for turn in motion.release.turns),
         _step(trajectory),
-        fastest,
+        max(nominal.natural / (2 * np.pi), motion.measured.frequency),
         nominal.next_decay,
         decimal_digit(trajectory.force),
         unit,

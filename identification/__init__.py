@@ -70,6 +70,9 @@ if TYPE_CHECKING:
     from identification.documents.document import round_to_digits as round_to_digits
     from identification.documents.document import to_mapping as to_mapping
     from identification.documents.writing import (
+        Replaced as Replaced,
+    )
+    from identification.documents.writing import (
         difference_of as difference_of,
     )
     from identification.documents.writing import (
@@ -180,7 +183,7 @@ _HOMES = {
     "device.quantities": "AnyQuantity Quantity quantity",
     "device.stated": "Fact",
     "trajectory": "Motion Trajectory",
-    "documents.writing": "difference_of write_bytes write_text",
+    "documents.writing": "Replaced difference_of write_bytes write_text",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -214,6 +217,7 @@ __all__ = [
     "NotebookFigure",
     "Plant",
     "Quantity",
+    "Replaced",
     "SlopeRange",
     "Trajectory",
     "UnmodelledForce",

@@ -1,4 +1,7 @@
-"""Pictures of a profile: where its elements lie in the stable region, and what they feel like."""
+"""Pictures of a profile: where its elements lie in the stable region, and what they feel like.
+
+One file: panels that are laid out together.
+"""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false

@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -36,6 +37,7 @@ PLANS = {
 }
 
 
+@cache
 def file_graph(package: str) -> Graph:
     """Modules of a package, and those of it that each imports, for types or when called too."""
     files = {_dotted(path): path for path in sorted((ROOT / package).rglob("*.py"))}

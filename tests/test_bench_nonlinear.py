@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -63,10 +64,14 @@ def experiments() -> dict[str, Experiment]:
 EXACT = stiffness_limits()
 
 
-@pytest.fixture(scope="module")
-def apparent() -> dict[str, FloatArray]:
-    """Limit of K at the bench over the exact one, less 1, of every experiment and device."""
-    names, each = zip(*experiments().items(), strict=True)
+@cache
+def apparent(subject: str) -> dict[str, FloatArray]:
+    """Limit of K at the bench over the exact one, less 1, of a subject's experiments and devices.
+
+    The subject is the first word of the names of its experiments.
+    """
+    chosen = {name: one for name, one in experiments().items() if name.split(",")[0] == subject}
+    names, each = zip(*chosen.items(), strict=True)
 
     def values(name: str) -> FloatArray:
         rows = [np.broadcast_to(np.asarray(getattr(one, name), dtype=float), 4) for one in each]
@@ -99,34 +104,31 @@ def apparent() -> dict[str, FloatArray]:
 
 
 @pytest.mark.long
-def test_an_encoder_makes_the_limit_look_a_little_lower(apparent: dict[str, FloatArray]) -> None:
+def test_an_encoder_makes_the_limit_look_a_little_lower() -> None:
     """Measured 0.1 to 0.2 % low."""
-    np.testing.assert_allclose(apparent["linear"], 0.0, atol=CLOSE)
-    for name in ("encoder", "encoder, slow"):
-        assert np.all((apparent[name] > -0.01) & (apparent[name] < CLOSE))
+    np.testing.assert_allclose(apparent("linear")["linear"], 0.0, atol=CLOSE)
+    for off in apparent("encoder").values():
+        assert np.all((off > -0.01) & (off < CLOSE))
 
 
 @pytest.mark.long
-def test_coulomb_friction_makes_the_limit_look_higher_the_slower_the_push(
-    apparent: dict[str, FloatArray],
-) -> None:
+def test_coulomb_friction_makes_the_limit_look_higher_the_slower_the_push() -> None:
     """Measured at 100 counts a sample: 17, 9.5 and 6.6 %, and 28-fold on EMPS; a tenth at 1000."""
-    slow, fast = apparent["friction, slow"], apparent["friction"]
+    rubbing = apparent("friction")
+    slow, fast = rubbing["friction, slow"], rubbing["friction"]
     np.testing.assert_allclose(slow[:3], [0.170, 0.095, 0.066], atol=0.01)
     np.testing.assert_allclose(fast[:3], slow[:3] / 10, rtol=0.15, atol=CLOSE)
     assert slow[3] > 10 > fast[3] > 1
 
 
-def test_a_force_limit_hides_the_limit_from_a_hard_push_only(
-    apparent: dict[str, FloatArray],
-) -> None:
-    np.testing.assert_allclose(apparent["limit"], 0.0, atol=CLOSE)
-    assert np.all(apparent["limit, hard"] > 1)
+def test_a_force_limit_hides_the_limit_from_a_hard_push_only() -> None:
+    limited = apparent("limit")
+    np.testing.assert_allclose(limited["limit"], 0.0, atol=CLOSE)
+    assert np.all(limited["limit, hard"] > 1)
 
 
-def test_a_one_sided_wall_looks_stronger_to_a_push_that_leaves_it(
-    apparent: dict[str, FloatArray],
-) -> None:
+def test_a_one_sided_wall_looks_stronger_to_a_push_that_leaves_it() -> None:
     """Measured: nothing within the wall, five- to sixfold where it is left."""
-    np.testing.assert_allclose(apparent["wall"], 0.0, atol=2 * CLOSE)
-    assert np.all(apparent["wall, hard"] > 1)
+    walled = apparent("wall")
+    np.testing.assert_allclose(walled["wall"], 0.0, atol=2 * CLOSE)
+    assert np.all(walled["wall, hard"] > 1)

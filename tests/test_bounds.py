@@ -107,6 +107,7 @@ def test_lists_without_end(tmp_path: Path, name: str) -> None:
     assert f"holds more than {MOST_EVENTS} keys" in _refusal(load_mapping, path)
 
 
+@pytest.mark.long
 def test_keys_without_end(tmp_path: Path) -> None:
     path = tmp_path / "keys.yaml"
     path.write_text("".join(f"k{i}: 1\n" for i in range(90_000)), encoding="utf-8")

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.thinned import thinned
 from tune.certificate.polynomial import Point, Setting
 from tune.certificate.roots import judge
 from tune.documents.effects import Effects
@@ -45,7 +46,7 @@ def _case(seed: int) -> tuple[Point, Setting, Loop, Effects]:
     return point, setting, loop, effects
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", thinned(range(4), 2))
 def test_the_gain_up_to_which_all_gains_are_stable_is_the_same(block: int) -> None:
     bounded = 0
     for seed in range(50 * block, 50 * block + 50):

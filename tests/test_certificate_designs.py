@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from identification import load_device, to_mapping, to_yaml
 from tests.random_boxes import safe_gain as limit_of_corners
-from tune import Scene, optimise
+from tune import SafeProfile, Scene, optimise
 from tune.certificate.assumptions import NO_HAND, WITH_HAND
 from tune.certificate.certify import certify
 from tune.certificate.check import check
@@ -101,6 +102,12 @@ def test_a_hand_that_destabilises_is_named() -> None:
         certify(Design.model_validate(content))
 
 
+@cache
+def _wall_and_water() -> SafeProfile:
+    scene = {"elements": {"wall": {"stiffness": 1500.0}, "water": {"damping": 20.0}}}
+    return optimise(load_device("homerehab"), Scene.model_validate(scene))
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -115,8 +122,7 @@ def test_a_hand_that_destabilises_is_named() -> None:
 def test_a_forged_worst_point_is_found_out(
     tmp_path: Path, changes: dict[str, object], words: str
 ) -> None:
-    scene = {"elements": {"wall": {"stiffness": 1500.0}, "water": {"damping": 20.0}}}
-    profile = optimise(load_device("homerehab"), Scene.model_validate(scene))
+    profile = _wall_and_water()
     assert profile.certificate.worst.elements == ("wall",)
     content = to_mapping(profile)
     worst = content["certificate"]["worst"]

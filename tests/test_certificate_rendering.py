@@ -44,7 +44,7 @@ def _profile(name: str, loop: dict[str, Any], *, lag: bool, delay: float) -> Saf
     return optimise(device.model_copy(update=changes), Scene.model_validate(scene))
 
 
-@pytest.mark.parametrize("loop", thinned(LOOPS, 2), ids=lambda loop: " ".join(loop) or "free")
+@pytest.mark.parametrize("loop", thinned(LOOPS, 1), ids=lambda loop: " ".join(loop) or "free")
 @pytest.mark.parametrize(("lag", "delay"), thinned([(True, 2.3), (False, 1.0)], 1))
 @pytest.mark.parametrize("name", thinned(["homerehab", "knob"], 1))
 def test_what_is_written_is_what_the_law_makes_felt(

@@ -110,6 +110,7 @@ def test_the_axis_of_a_log_is_that_of_the_hardware_unless_named() -> None:
     assert load_device("device.yaml").axis == "y"
 
 
+@pytest.mark.long
 def test_demo_writes_its_five_files() -> None:
     ended = haptune("demo", "--json")
     assert ended.code == 0, ended.err
@@ -239,9 +240,27 @@ _LOADED = (
     "sys.argv[0] = 'haptune'; main()"
 )
 
+#: Each command exits with 0, or all of it ends with the code of the first that does not.
+_LOADED_BY_SEVERAL = (
+    "import sys; from tune.cli import main\n"
+    "for command in sys.argv[1:]:\n"
+    "    sys.argv = ['haptune', *command.split()]\n"
+    "    try: main()\n"
+    "    except SystemExit as ended:\n"
+    "        if ended.code: raise\n"
+    "print('loaded:', *sys.modules)"
+)
+
 
 def _modules(*arguments: str) -> set[str]:
     done = _shell(_LOADED, *arguments)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.rpartition("loaded:")[2].split())
+
+
+def _modules_of_several(*commands: str) -> set[str]:
+    """Modules loaded when all commands have run one after the other in one process."""
+    done = _shell(_LOADED_BY_SEVERAL, *commands)
     assert done.returncode == 0, done.stderr
     return set(done.stdout.rpartition("loaded:")[2].split())
 
@@ -258,10 +277,10 @@ def test_a_spring_alone_loads_no_solver() -> None:
     loaded = _modules("tune", "homerehab", "scene.yaml")
     assert "tune.optimisation._optimise" in loaded
     assert not heavy & loaded
-    for arguments in ("check profile.yaml", "export profile.yaml --to c,ros2,chai3d,json"):
-        loaded = _modules(*arguments.split())
-        assert "tune.certificate.roots" in loaded
-        assert not heavy & loaded, arguments
+    both = "check profile.yaml", "export profile.yaml --to c,ros2,chai3d,json"
+    loaded = _modules_of_several(*both)
+    assert "tune.certificate.roots" in loaded
+    assert not heavy & loaded
 
 
 def test_an_audit_loads_no_solver() -> None:

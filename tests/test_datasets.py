@@ -75,7 +75,7 @@ def test_a_named_rig_is_the_device_without_its_intervals(name: str) -> None:
     assert rig.force_limit[0] == device.force_limit.peak
 
 
-@pytest.mark.parametrize("name", thinned(SCENARIOS, 3))
+@pytest.mark.parametrize("name", thinned(SCENARIOS, 2))
 def test_scenario_stays_within_its_limits_and_moves(name: str) -> None:
     scenario = SCENARIOS[name]
     rig, log = scenario.rig(), run(scenario)

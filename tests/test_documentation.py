@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,10 +19,12 @@ import pytest
 
 from datasets_synthetic import Controller, bundled_path, log_text, named_rig, rig_of, simulate
 from identification.findings import CODES
-from tests.commands import haptune
+from tests.commands import files, haptune
 from tune import load_profile
 
 ROOT = Path(__file__).parents[1]
+#: The pages of the main job, which the usual run follows; the long run follows all.
+MAIN = {"README.md", "calibrating.md"}
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 #: Pages whose links have to resolve.
 LINKING = (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md")
@@ -32,6 +34,8 @@ SHOWN = {"c"}
 LEFT_OUT = ("python -m pip", "python -m pytest")
 #: The element that is played for ``haptune verify``, and its gain.
 PLAYED, GAIN = "rubber", 0.3
+#: Files that the demo writes.
+DEMONSTRATED = {"device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png"}
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 #: The README is read in one go.
@@ -137,12 +141,31 @@ def test_every_finding_has_its_section_and_its_picture() -> None:
     assert sorted(told) == [(code,) * 3 for code in sorted(CODES)]
 
 
-def test_every_block_runs_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def _at_the_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(bundled_path("homerehab.csv"), "log.csv")
+
+
+@pytest.mark.usefixtures("_at_the_device")
+def test_every_block_of_the_main_job_runs_as_printed() -> None:
+    ran = _run_blocks(block for block in _blocks() if block[0] in MAIN)
+    assert ran >= {"demo", "calibrate", "check", "export", "report", "excite", "doctor"}
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("_at_the_device")
+def test_every_block_runs_as_printed() -> None:
+    ran = _run_blocks(_blocks())
+    assert ran >= {"demo", "calibrate", "check", "export", "excite", "doctor", "audit", "verify"}
+    assert Path("controller", "haptune_guard.c").is_file()
+
+
+def _run_blocks(blocks: Iterable[tuple[str, str, str]]) -> set[str]:
+    """Run blocks, each line once, in the current folder; the commands of haptune that ran."""
     ran: set[str] = set()
     lines: set[str] = set()
-    for page, language, text in _blocks():
+    for page, language, text in blocks:
         if language == "python":
             exec(compile(text, page, "exec"), {})  # noqa: S102
         for line, command in _commands(text) if language == "sh" else ():
@@ -162,12 +185,13 @@ def test_every_block_runs_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyP
             ran.add(arguments[0])
             if arguments[0] == "demo":
                 _compare_first_table(ended.out)
-    assert ran >= {"demo", "calibrate", "check", "export", "excite", "doctor", "audit", "verify"}
+                assert files() == {"log.csv", *DEMONSTRATED}
+                assert Path("profile.png").read_bytes().startswith(b"\x89PNG")
     page = Path("report.html").read_text(encoding="utf-8")
     assert "identified again for this report" in page
     elements = load_profile("profile.yaml").elements
     assert page.count("data:image/svg+xml") == 2 + len(elements)  # the region and the log beside
-    assert (tmp_path / "controller" / "haptune_guard.c").is_file()
+    return ran
 
 
 def _compare_first_table(printed: str) -> None:

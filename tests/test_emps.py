@@ -133,6 +133,7 @@ def test_a_stated_delay_of_zero_is_honoured() -> None:
     assert device.mass.value == pytest.approx(MASS, rel=0.01)
 
 
+@pytest.mark.long
 def test_the_wrong_sign_is_noticed() -> None:
     from identification import LogRefusedError
 

@@ -75,12 +75,12 @@ def test_drift_that_no_force_can_prevent_is_a_sentence() -> None:
         {"damping": 0.0},
         pytest.param({"speed": None}, marks=pytest.mark.long),
         pytest.param({"ramp": 0.0}, marks=pytest.mark.long),
-        {"duration": 0.2, "ramp": 0.05},
+        pytest.param({"duration": 0.2, "ramp": 0.05}, marks=pytest.mark.long),
         pytest.param({"damping": 3000.0}, marks=pytest.mark.long),
         pytest.param({"travel": 1e-4}, marks=pytest.mark.long),
         pytest.param({"travel": 100.0}, marks=pytest.mark.long),
         {"delay": "unknown"},
-        {"force_noise": 0.1},
+        pytest.param({"force_noise": 0.1}, marks=pytest.mark.long),
     ],
     ids=str,
 )
@@ -164,4 +164,4 @@ def test_template_is_read() -> None:
     read = load_excitation(Path("mine.yaml"))
     assert (read.mass.low, read.mass.high, read.samples) == (2.7, 3.3, 10_000)
     assert len(read.corners()) == 9
-    assert replace(planned("knob"), spec=read).time[-1] == pytest.approx(3.0)
+    assert replace(planned("homerehab"), spec=read).time[-1] == pytest.approx(3.0)

@@ -21,6 +21,7 @@ from identification.findings import inspect
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.findings import findings_of, refusals, warnings
 from tests.simulated.catalogue.raw import RawLog
+from tests.thinned import thinned
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -198,7 +199,12 @@ def hand_on(spring: float, damper: float, *, hertz: tuple[float, ...]) -> Trajec
 
 
 @pytest.mark.parametrize(
-    ("spring", "damper"), [(500.0, 0.0), (500.0, 5.0), (0.0, 20.0)], ids=["K", "KB", "B"]
+    ("spring", "damper"),
+    [
+        pytest.param(500.0, 0.0, id="K"),
+        pytest.param(500.0, 5.0, id="KB", marks=pytest.mark.long),
+        pytest.param(0.0, 20.0, id="B"),
+    ],
 )
 @pytest.mark.parametrize(
     "hertz", [(0.7, 1.9, 3.1), pytest.param((1.0,), marks=pytest.mark.long)], ids=["three", "one"]
@@ -234,7 +240,7 @@ def test_friction_and_offset_in_one_way_motion() -> None:
     assert both == pytest.approx(0.8 + 0.5, rel=0.02)
 
 
-@pytest.mark.parametrize(("mass", "severity"), [(3.02, None), (4.5, "refusal")])
+@pytest.mark.parametrize(("mass", "severity"), thinned([(4.5, "refusal"), (3.02, None)], 1))
 def test_a_device_that_changes(mass: float, severity: str | None) -> None:
     """The last third is of another mass; both parts start from rest."""
     parts = (plain(5000, 1), _other(mass))

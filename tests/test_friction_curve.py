@@ -100,7 +100,7 @@ def test_a_spring_that_yields_follows_its_width() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "servo"),
-    thinned([("quadratic", False), ("presliding", True), ("place", False), ("stribeck", True)], 2),
+    thinned([("presliding", True), ("quadratic", False), ("place", False), ("stribeck", True)], 1),
 )
 def test_each_kind_is_named_and_mass_and_slope_are_right_beside_it(kind: Kind, servo: bool) -> None:
     log = record(friction_of(kind, SHARES["middle"]), range(3, 4), servo=servo, seconds=6.0)[0]
@@ -119,10 +119,11 @@ def test_each_kind_is_named_and_mass_and_slope_are_right_beside_it(kind: Kind, s
         assert 0 < held.low < held.high
 
 
-def test_plain_friction_shows_no_curve() -> None:
-    for servo in (False, True):
-        for log in record(Friction(), range(2), servo=servo, seconds=6.0):
-            assert _curve(log.trajectory) is None
+@pytest.mark.parametrize("seed", thinned(range(2), 1))
+@pytest.mark.parametrize("servo", [False, True])
+def test_plain_friction_shows_no_curve(seed: int, servo: bool) -> None:
+    (log,) = record(Friction(), range(seed, seed + 1), servo=servo, seconds=6.0)
+    assert _curve(log.trajectory) is None
 
 
 def test_drag_is_told_and_the_box_holds_its_slopes() -> None:

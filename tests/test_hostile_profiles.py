@@ -10,6 +10,7 @@ import pytest
 
 from identification import load_device, load_mapping, to_mapping, to_yaml
 from tests.commands import haptune
+from tests.thinned import thinned
 from tune import Scene, optimise
 from tune.documents.profile import digest_of
 
@@ -43,19 +44,22 @@ def _forged(place: str, value: float, folder: Path) -> Path:
 
 @pytest.mark.parametrize(
     ("place", "value"),
-    [
-        ("elements.wall.motion.penetration", 0.0),
-        ("margin.gain", 1e300),
-        ("margin.gain", 1.7e308),
-        ("loop.velocity_filter_hz", 1e-300),
-        ("loop.velocity_filter_hz", 0.0),
-        ("elements.wall.stiffness", 1e308),
-        ("elements.wall.stiffness", 5e-324),
-        ("elements.wall.damping", -1e308),
-        ("elements.wall.mass", 1e300),
-        ("elements.wall.margins.gain", 1.7e308),
-        ("perception.damping", 5e-324),
-    ],
+    thinned(
+        [
+            ("elements.wall.motion.penetration", 0.0),
+            ("margin.gain", 1e300),
+            ("margin.gain", 1.7e308),
+            ("loop.velocity_filter_hz", 1e-300),
+            ("loop.velocity_filter_hz", 0.0),
+            ("elements.wall.stiffness", 1e308),
+            ("elements.wall.stiffness", 5e-324),
+            ("elements.wall.damping", -1e308),
+            ("elements.wall.mass", 1e300),
+            ("elements.wall.margins.gain", 1.7e308),
+            ("perception.damping", 5e-324),
+        ],
+        6,
+    ),
 )
 def test_a_number_no_device_has_is_refused_in_a_sentence(
     tmp_path: Path, place: str, value: float

@@ -86,6 +86,7 @@ def test_a_force_of_the_wrong_sign() -> None:
     assert "sign-flip" in refused(turned, hardware=HARDWARE, allow=CODES)
 
 
+@pytest.mark.long
 def test_a_hand_against_a_virtual_damper_shows_the_controller() -> None:
     """F = -K·q - B·q̇ fits perfectly with damping -B."""
     time = np.arange(12000) * STEP

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ _DOCUMENTS = ("certified", "effects", "errors", "loop_profile", "moments", "prof
 PACKAGES = ("identification", "tune", "datasets_synthetic")
 
 
-def _imports(path: Path) -> set[str]:
+@cache
+def _imports(path: Path) -> frozenset[str]:
     """Full dotted names imported by a file, ``from a import b`` as a.b."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -24,7 +26,7 @@ def _imports(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             assert node.level == 0, f"{path} imports relatively"
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return found
+    return frozenset(found)
 
 
 def _files(package: str) -> list[Path]:
@@ -41,7 +43,7 @@ def _modules(package: str) -> dict[str, set[str]]:
     }
     found: dict[str, set[str]] = {}
     for module, path in paths.items():
-        named = _imports(path)
+        named = set(_imports(path))
         named |= {name.rpartition(".")[0] for name in named}
         found[module] = (named & paths.keys()) - {module}
     return found

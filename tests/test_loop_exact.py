@@ -11,6 +11,7 @@ from flint import arb, arb_poly
 from tests.general_loops import compare, draw_case, draw_ray, loop_of, without_filters
 from tests.reference import crossings, stable_by_jury
 from tests.sampled_loops import Case, loop_along, plant
+from tests.thinned import thinned
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.stability.criterion import ULPS, UNIT
 from tune.stability.verdict import largest, stable_values
@@ -28,8 +29,9 @@ def _accept(tally: Counter[str], count: int) -> None:
     assert tally["draw undecided"] <= 1e-3 * tally["draw"], tally
 
 
-def test_verdicts_and_margins_against_360_digits() -> None:
-    _accept(compare(150, seed=1), 150)
+@pytest.mark.parametrize("count", thinned([75, 150], 1))
+def test_verdicts_and_margins_against_360_digits(count: int) -> None:
+    _accept(compare(count, seed=1), count)
 
 
 @pytest.mark.long

@@ -62,7 +62,7 @@ def test_delay_margins_of_random_loops_long(seed: int) -> None:
         # docs/theory.md, 5: limits with one and two samples of delay, m = 3 kg, b = 10, 1 ms.
         ("stiffness", (6673.0, 4006.0)),
         ("damping", (2493.0, 1615.0)),
-        ("mass", (3.71, 3.33)),
+        pytest.param("mass", (3.71, 3.33), marks=pytest.mark.long),
     ],
 )
 def test_a_limit_with_delay_has_that_delay_as_its_margin(

@@ -85,24 +85,32 @@ def _limit(profile: SafeProfile, element: str, effect: EffectName) -> tuple[floa
 @pytest.mark.parametrize(
     ("effect", "word", "tight", "loose"),
     [
-        (
+        pytest.param(
             "stiffness",
             "force",
             {"also": DEEP, "device": PROMPT},
             {"also": DEEP, "device": UNLIMITED | PROMPT},
+            marks=pytest.mark.long,
         ),
-        ("stiffness", "rendering", {"device": UNLIMITED}, {"device": UNLIMITED | PROMPT}),
+        pytest.param(
+            "stiffness",
+            "rendering",
+            {"device": UNLIMITED},
+            {"device": UNLIMITED | PROMPT},
+            marks=pytest.mark.long,
+        ),
         (
             "mass",
             "ripple",
             {"also": THICK, "loop": {"acceleration_filter_hz": 30.0}, "ripple_limit": 0.12},
             {"also": THICK, "loop": {"acceleration_filter_hz": 30.0}, "ripple_limit": 0.2},
         ),
-        (
+        pytest.param(
             "stiffness",
             "delay-margin",
             {"device": UNLIMITED | PROMPT, "margin": "conservative"},
             {"device": UNLIMITED | PROMPT, "margin": "balanced"},
+            marks=pytest.mark.long,
         ),
         ("damping", "wanted", {"wish": 10.0}, {"wish": "max"}),
         ("stiffness", "range", {"wish": {"min": 100.0, "max": 300.0}}, {"wish": "max"}),

@@ -63,7 +63,7 @@ def refused_for_a_reason(case: OwnForceCase) -> bool:
     return any(bench.radii((0.0, 0.0, 0.0), np.zeros(1))[0] > 1 for bench in case.corners())
 
 
-@pytest.mark.parametrize("seed", some(*range(4)))
+@pytest.mark.parametrize("seed", some(0, 1))
 def test_an_audit_says_what_is_true(seed: int) -> None:
     case = draw_case(seed)
     found = judged(case)

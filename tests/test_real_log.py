@@ -37,6 +37,7 @@ def _haptune(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     return ended.value.code
 
 
+@pytest.mark.long
 def test_identify_lands_in_the_published_bands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -200,6 +200,7 @@ def test_the_answer_does_not_depend_on_the_units_of_columns() -> None:
         assert other.verdicts[name].deviations == pytest.approx(verdict.deviations, rel=1e-4)
 
 
+@pytest.mark.long
 def test_the_answer_does_not_depend_on_the_units_of_the_log() -> None:
     axis = _axis()
     log = axis.trajectory

@@ -14,6 +14,7 @@ from datasets_synthetic import Clock, Faults, Hand, Wall, log_text
 from identification import LogRefusedError, Trajectory, UsageError
 from tests.closed_loop_logs import AXIS, BENCHES, STYLUS, Bench, T, said, verdicts
 from tests.commands import haptune
+from tests.thinned import thinned
 from tune import Scene, optimise
 from tune.verification import verification_picture, verify
 
@@ -52,7 +53,7 @@ def test_the_measured_mode_is_that_of_the_continuous_device() -> None:
     assert abs(measured.decay - 1.45) < measured.decay_half + 0.01
 
 
-@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize("name", thinned(BENCHES, 1))
 def test_a_mass_that_differs_by_30_percent_shows_in_the_frequency(name: str) -> None:
     bench, element, gain = BENCHES[name]
     other = {"mass": 1.3 * bench.truth["mass"]}

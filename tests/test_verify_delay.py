@@ -15,6 +15,7 @@ from identification import Trajectory, load_device
 from tests.closed_loop_logs import Bench, T
 from tests.commands import haptune
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
+from tests.thinned import thinned
 from tune import Scene, optimise
 from tune.loop.filters import Filters
 from tune.verification import Verification, advise, margins_of_others, verify
@@ -80,17 +81,20 @@ def _margin_is_kept(element: str, delay: int, mass: float = 3.0, damping: float 
 
 @pytest.mark.parametrize(
     ("element", "gain", "delay", "code"),
-    [
-        ("rubber", 0.1, 2, 4),
-        ("rubber", 0.1, 7, 4),
-        ("rubber", 0.3, 1, 4),
-        ("rubber", 0.3, 7, 4),
-        ("rubber", 0.9, 1, 0),
-        ("rubber", 0.9, 3, 4),
-        ("rubber", 0.9, 6, 6),
-        ("wall", 0.3, 1, 4),
-        ("cup", 0.3, 1, 0),
-    ],
+    thinned(
+        [
+            ("rubber", 0.3, 1, 4),
+            ("rubber", 0.9, 1, 0),
+            ("rubber", 0.9, 6, 6),
+            ("wall", 0.3, 1, 4),
+            ("cup", 0.3, 1, 0),
+            ("rubber", 0.1, 2, 4),
+            ("rubber", 0.1, 7, 4),
+            ("rubber", 0.3, 7, 4),
+            ("rubber", 0.9, 3, 4),
+        ],
+        5,
+    ),
 )
 def test_agreement_is_said_only_where_the_log_tells(
     element: str, gain: float, delay: int, code: int

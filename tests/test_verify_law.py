@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from tests.closed_loop_logs import AXIS, BENCHES, KNOB, STYLUS, Bench, said, verdicts
+from tests.thinned import thinned
 from tune.verification import verify
 
 
-@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize("name", thinned(BENCHES, 1))
 def test_another_cutoff_is_named_with_its_value(name: str) -> None:
     bench, element, gain = BENCHES[name]
     cutoff = 0.7 * bench.filters["velocity_filter_hz"]
@@ -21,7 +22,7 @@ def test_another_cutoff_is_named_with_its_value(name: str) -> None:
     assert f"velocity is filtered at {cutoff:g} Hz" in said(seen, "law")
 
 
-@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize("name", thinned(reversed(BENCHES), 1))
 def test_a_missing_filter_is_named(name: str) -> None:
     bench, element, gain = BENCHES[name]
     seen = verify(bench.profile, bench.log(element, gain, velocity_filter_hz=np.inf))
@@ -30,25 +31,31 @@ def test_a_missing_filter_is_named(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("changed", "words"),
-    [
-        ({"acceleration_filter_hz": 45.0}, "acceleration is filtered at 45 Hz"),
-        (
-            {"acceleration_filter_order": 1},
-            "acceleration is filtered at 30 Hz and order 1 instead of 2",
-        ),
-        ({"velocity_filter_order": 2}, "velocity is filtered at 50 Hz and order 2 instead of 1"),
-        (
-            {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
-            "velocity is taken over a window of 15 sample(s)",
-        ),
-        ({"velocity_filter_hz": 30.0, "acceleration_filter_hz": 50.0}, "are exchanged"),
-        (
-            {"velocity_filter_hz": np.inf, "acceleration_filter_hz": np.inf},
-            "velocity and acceleration are not filtered",
-        ),
-        ({"stiffness": 560.0}, "stiffness at 0.56 of the profile's, damping at 0.8"),
-        ({"damping": 0.008}, "damping at 0.0008 of the profile's"),
-    ],
+    thinned(
+        [
+            ({"acceleration_filter_hz": 45.0}, "acceleration is filtered at 45 Hz"),
+            (
+                {"acceleration_filter_order": 1},
+                "acceleration is filtered at 30 Hz and order 1 instead of 2",
+            ),
+            (
+                {"velocity_filter_order": 2},
+                "velocity is filtered at 50 Hz and order 2 instead of 1",
+            ),
+            (
+                {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
+                "velocity is taken over a window of 15 sample(s)",
+            ),
+            ({"velocity_filter_hz": 30.0, "acceleration_filter_hz": 50.0}, "are exchanged"),
+            (
+                {"velocity_filter_hz": np.inf, "acceleration_filter_hz": np.inf},
+                "velocity and acceleration are not filtered",
+            ),
+            ({"stiffness": 560.0}, "stiffness at 0.56 of the profile's, damping at 0.8"),
+            ({"damping": 0.008}, "damping at 0.0008 of the profile's"),
+        ],
+        5,
+    ),
     ids=str,
 )
 def test_what_the_controller_runs_instead_is_named(changed: dict[str, Any], words: str) -> None:
@@ -57,7 +64,7 @@ def test_what_the_controller_runs_instead_is_named(changed: dict[str, Any], word
     assert words in said(seen, "law")
 
 
-@pytest.mark.parametrize("rows", [1, -1, 2])
+@pytest.mark.parametrize("rows", thinned([1, -1, 2], 2))
 def test_a_shifted_force_column_is_named(rows: int) -> None:
     log = STYLUS.log("wall", 0.5, samples=1200)
     seen = verify(STYLUS.profile, replace(log, force=np.roll(log.force, rows)))
@@ -75,7 +82,7 @@ def test_a_flipped_sign_is_named_and_no_motion_is_judged(name: str) -> None:
     assert verdicts(seen)["frequency"] == "not assessed"
 
 
-@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("known", thinned([True, False], 1))
 def test_millimetres_are_named_with_and_without_a_known_encoder(known: bool) -> None:
     log = STYLUS.log("wall", 0.5)
     profile = STYLUS.profile
@@ -132,18 +139,21 @@ def test_printed_digits_are_no_misfit() -> None:
 
 @pytest.mark.parametrize(
     ("loop", "run"),
-    [
-        ({"velocity_filter_order": 2}, {"velocity_filter_order": 2}),
-        (
-            {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
-            {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
-        ),
-        ({"acceleration_filter_order": 1}, {"acceleration_filter_order": 1}),
-        (
-            {"velocity_filter_hz": None, "velocity_window_samples": 15},
-            {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
-        ),
-    ],
+    thinned(
+        [
+            ({"velocity_filter_order": 2}, {"velocity_filter_order": 2}),
+            (
+                {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
+                {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
+            ),
+            ({"acceleration_filter_order": 1}, {"acceleration_filter_order": 1}),
+            (
+                {"velocity_filter_hz": None, "velocity_window_samples": 15},
+                {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
+            ),
+        ],
+        2,
+    ),
     ids=str,
 )
 def test_every_filter_of_a_profile_is_recognised(loop: dict[str, Any], run: dict[str, Any]) -> None:

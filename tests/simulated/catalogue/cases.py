@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from identification import Hardware
+from identification.findings import CODES
 from tests.simulated.catalogue import arrays, machines
 from tests.simulated.catalogue.raw import RawLog
 
@@ -38,48 +40,50 @@ class Case:
     hardware: Hardware
 
 
-def cases(seed: int) -> tuple[Case, ...]:
-    """Three logs for each finding code, 60 in all."""
+def cases(seed: int, codes: Collection[str] = CODES) -> tuple[Case, ...]:
+    """Three logs for each of the finding codes, 60 in all; only those asked for are simulated."""
     first, second, third = machines.good(seed)
     three = (first, second, third)
-    broken: dict[str, tuple[RawLog, ...]] = {
-        "not-exciting-mass": machines.slow(seed),
-        "not-exciting-damping": machines.fast(seed),
-        "few-counts": tuple(map(arrays.counted, three, (130, 60, 8))),
-        "force-saturated": tuple(map(arrays.clipped, three, (0.9, 0.5, 0.2))),
-        "dropped-samples": (
+    broken: dict[str, Callable[[], tuple[RawLog, ...]]] = {
+        "not-exciting-mass": lambda: machines.slow(seed),
+        "not-exciting-damping": lambda: machines.fast(seed),
+        "few-counts": lambda: tuple(map(arrays.counted, three, (130, 60, 8))),
+        "force-saturated": lambda: tuple(map(arrays.clipped, three, (0.9, 0.5, 0.2))),
+        "dropped-samples": lambda: (
             arrays.dropped(first, 0.01, seed),
             arrays.dropped(second, 0.33, seed),
             arrays.dropped(third, 0.5, seed, gap=0.3),
         ),
-        "jitter": machines.jittered(seed),
-        "clock-backward": (
+        "jitter": lambda: machines.jittered(seed),
+        "clock-backward": lambda: (
             arrays.backward(first, 1, 0.001, seed),
             arrays.backward(second, 20, 0.0025, seed),
             arrays.backward(third, 0, 0.0, seed),
         ),
-        "encoder-wrap": tuple(map(arrays.wrapped, three, (0.98, 0.5, 0.1))),
-        "sign-flip": tuple(arrays.in_units(log, force=-1.0) for log in (first, second, third)),
-        "gravity": machines.on_an_arm(seed),
-        "stiction": machines.sticking(seed),
-        "hand-on-device": machines.held(seed),
-        "controller-identified": machines.rendered(seed),
-        "delay-unknown": machines.late(seed),
-        "non-finite": (
+        "encoder-wrap": lambda: tuple(map(arrays.wrapped, three, (0.98, 0.5, 0.1))),
+        "sign-flip": lambda: tuple(
+            arrays.in_units(log, force=-1.0) for log in (first, second, third)
+        ),
+        "gravity": lambda: machines.on_an_arm(seed),
+        "stiction": lambda: machines.sticking(seed),
+        "hand-on-device": lambda: machines.held(seed),
+        "controller-identified": lambda: machines.rendered(seed),
+        "delay-unknown": lambda: machines.late(seed),
+        "non-finite": lambda: (
             arrays.with_holes(first, 1, seed),
             arrays.with_holes(second, 80, seed),
             arrays.with_holes(third, 4000, seed, infinite=True),
         ),
-        "constant-column": (
+        "constant-column": lambda: (
             replace(first, force=np.full_like(first.force, 3.0)),
             replace(second, position=np.zeros_like(second.position)),
             replace(third, force=np.zeros_like(third.force), position=np.ones_like(third.position)),
         ),
-        "too-short": tuple(
+        "too-short": lambda: tuple(
             log.rows(slice(0, samples)) for log, samples in zip(three, (190, 60, 5), strict=True)
         ),
-        "heldout-misfit": tuple(map(arrays.weakened, three, (0.02, 0.35, 1.5))),
-        "unmodelled-force": machines.dragged(seed),
+        "heldout-misfit": lambda: tuple(map(arrays.weakened, three, (0.02, 0.35, 1.5))),
+        "unmodelled-force": lambda: machines.dragged(seed),
     }
     # In volts of 30 N each nothing shows. A log in mN exceeds the hardware; counts show themselves.
     units = (
@@ -103,10 +107,12 @@ def cases(seed: int) -> tuple[Case, ...]:
             ),
         )
         for code, logs in broken.items()
-        for level, log in zip(LEVELS, logs, strict=True)
+        if code in codes
+        for level, log in zip(LEVELS, logs(), strict=True)
     ]
-    found += [
-        Case(code="force-unit", level=level, log=log, hardware=hardware)
-        for level, (log, hardware) in zip(LEVELS, units, strict=True)
-    ]
+    if "force-unit" in codes:
+        found += [
+            Case(code="force-unit", level=level, log=log, hardware=hardware)
+            for level, (log, hardware) in zip(LEVELS, units, strict=True)
+        ]
     return tuple(found)

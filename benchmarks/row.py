@@ -1,4 +1,8 @@
-"""One measured line, and how it is timed."""
+"""One measured line, and how it is timed.
+
+Times are of the processor: with one thread they are those of the clock on a quiet machine, and
+hardly change on a busy one.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ _LONG_ENOUGH = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """Wall-clock times of one call, s.
+    """Times the processor worked on one call, s.
 
     Attributes:
         first: of the first call, with whatever it builds and keeps.
@@ -78,7 +82,7 @@ def with_unit(seconds: float) -> str:
 
 
 def best_seconds(action: Callable[[], object], repeats: int = 5) -> float:
-    """Least of several wall-clock times of one call, after one to warm up."""
+    """Least of several times of one call, after one to warm up."""
     action()
     return min(_seconds(action) for _ in range(repeats))
 
@@ -102,6 +106,6 @@ def timed_in_turn(actions: Sequence[Callable[[], object]], repeats: int = 9) -> 
 
 
 def _seconds(action: Callable[[], object]) -> float:
-    start = time.perf_counter()
+    start = time.process_time()
     action()
-    return time.perf_counter() - start
+    return time.process_time() - start

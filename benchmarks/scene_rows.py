@@ -94,10 +94,17 @@ def rows() -> Iterator[Row]:
         cases = (part.beside, part.without)
         tasks = [chosen.task() for chosen in cases]
         both = list(zip(cases, tasks, strict=True))
-        designs = [description(chosen, task, proposal(chosen, task)) for chosen, task in both]
+        solved = [proposal(chosen, task) for chosen, task in both]
+        designs = [
+            description(chosen, task, found)
+            for (chosen, task), found in zip(both, solved, strict=True)
+        ]
         calls: dict[str, list[Callable[[], object]]] = {
             "propose": [lambda c=chosen, j=task: proposal(c, j) for chosen, task in both],
-            "certify": [certificate(design) for design in designs],
+            "certify": [
+                certificate(chosen, task, found, design)
+                for (chosen, task), found, design in zip(both, solved, designs, strict=True)
+            ],
         }
         for what, pair in calls.items():
             beside, without = timed_in_turn(pair, 5)

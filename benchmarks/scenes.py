@@ -11,10 +11,11 @@ from tune.certificate.certify import certify
 from tune.documents.certified import Certificate
 from tune.documents.perception import default_table
 from tune.documents.profile import Design
-from tune.documents.scene import Scene
+from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import Filters
 from tune.optimisation._optimise import design_of
 from tune.optimisation.problem import DesignTask
+from tune.optimisation.saturation import witness_of
 from tune.optimisation.solve import Solution, groups, solve
 
 #: Cut-offs where a case does not say otherwise, Hz.
@@ -72,6 +73,14 @@ def description(chosen: Case, task: DesignTask, solutions: list[Solution]) -> De
     return as_stored(design_of(task, chosen.filters, solutions, dropped))
 
 
-def certificate(design: Design) -> Callable[[], Certificate]:
-    """The call that certifies a design."""
-    return lambda: certify(design)
+def certificate(
+    chosen: Case, task: DesignTask, solutions: list[Solution], design: Design
+) -> Callable[[], Certificate]:
+    """The call that certifies a design, with what proves its one-sided moments."""
+    margin = MARGINS[chosen.scene.margin]
+    witnesses = {
+        " + ".join(names): as_stored(witness_of(found, margin, task.slack))
+        for solved in solutions
+        for names, found in solved.absolute.items()
+    }
+    return lambda: certify(design, None, witnesses)

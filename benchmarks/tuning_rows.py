@@ -74,7 +74,7 @@ def _parts(name: str, chosen: Case) -> Iterator[Row]:
         timed(lambda: description(chosen, task, solutions), 5),
         "margins, steps, ripple, what limits",
     )
-    certified = certificate(design)
+    certified = certificate(chosen, task, solutions, design)
     found = certified()
     yield Row.of(f"certify {name}", timed(certified, 3), f"{found.points} points and the proof")
 

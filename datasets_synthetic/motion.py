@@ -8,7 +8,8 @@ with what it is used to test.
 
 Local error: with h the step and p the larger of b/m and the natural frequency of the field, one
 step misses the velocity it gains by a relative |h·p|⁴/120, and behaves like a device whose b (or
-whose frequency) is wrong by that fraction.
+whose frequency) is wrong by that fraction. One file: one step of the integration, with its stops
+and reversals.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Standard trials of controllers on a simulated device: does it settle, and if not, why.
 
-What is played is in trials.py; here it is judged.
+What is played is in trials.py; here it is judged. One file: one verdict on each trial, and what it
+is read from.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Named scenarios: device, excitation, faults and seed that together make one log."""
+"""Named scenarios: device, excitation, faults and seed that together make one log.
+
+One file: the list of scenarios and what runs one of them.
+"""
 
 from __future__ import annotations
 

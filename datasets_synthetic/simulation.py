@@ -7,13 +7,14 @@ A whole batch of devices runs in one loop over time.
 What happens at the instant t of a sample: the encoder is read (noise added, then rounded to a
 count), the controller computes its force, the force limit clips it, the log takes down all three.
 The force then acts from t + delay until delay after the next sample; before the first command
-arrives it is zero. With an even clock t = kT.
+arrives it is zero. With an even clock t = kT. One file: one batch from its start to any sample.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,21 +37,39 @@ from datasets_synthetic.timetable import EvenTimetable, Timetable, UnevenTimetab
 FloatArray = NDArray[np.float64]
 
 
-def simulate(
-    rig: Rig,
-    force: FloatArray,
-    *,
-    controller: Controller | Servo | None = None,
-    hand: Hand | None = None,
-    faults: Faults | None = None,
-    clock: Clock | None = None,
-    seed: int | Sequence[int] = 0,
-    position: float | FloatArray = 0.0,
-    velocity: float | FloatArray = 0.0,
-    push: FloatArray | None = None,
-    watch: bool = False,
-    largest_step: float = LARGEST_STEP,
-) -> Recording:
+class Conditions(TypedDict, total=False):
+    """Conditions under which devices are simulated; what is left out is as if it were not there.
+
+    Attributes:
+        controller: virtual effects on the measured position or a servo that follows a reference,
+            or None for open loop.
+        hand: that holds the device, or None.
+        faults: noise, or None for none.
+        clock: uneven sampling and lost rows, or None for even and complete logs.
+        seed: a list gives each member its own; one number, by default 0, is spread over the members
+            by numpy's SeedSequence, the first of them the same as that of a single run.
+        position: at t = 0, m (rad), a number or shape (batch,), by default 0.
+        velocity: at t = 0, m/s (rad/s), a number or shape (batch,), by default 0.
+        push: of a hand on the handle, besides its impedance, held over each sample and not delayed,
+            N (N·m), shape (n,) or (batch, n), or None.
+        watch: whether the true motion is recorded too, by default not.
+        largest_step: largest |h·p| of one integration step h of a rigid device, by default
+            LARGEST_STEP; see motion.py for the error.
+    """
+
+    controller: Controller | Servo | None
+    hand: Hand | None
+    faults: Faults | None
+    clock: Clock | None
+    seed: int | Sequence[int]
+    position: float | FloatArray
+    velocity: float | FloatArray
+    push: FloatArray | None
+    watch: bool
+    largest_step: float
+
+
+def simulate(rig: Rig, force: FloatArray, **conditions: Unpack[Conditions]) -> Recording:
     """Run a batch of devices for n samples.
 
     A rig, controller, hand or start of one member is repeated to the size of the largest among
@@ -60,39 +79,13 @@ def simulate(
         rig: the true devices.
         force: N (N·m), shape (n,) or (batch, n): the whole command in open loop, added to the
             controller's in closed loop.
-        controller: virtual effects on the measured position or a servo that follows a reference,
-            or None for open loop.
-        hand: that holds the device, or None.
-        faults: noise, or None for none.
-        clock: uneven sampling and lost rows, or None for even and complete logs.
-        seed: a list gives each member its own; one number is spread over the members by
-            numpy's SeedSequence, the first of them the same as that of a single run.
-        position: at t = 0, m (rad), a number or shape (batch,).
-        velocity: at t = 0, m/s (rad/s), a number or shape (batch,).
-        push: of a hand on the handle, besides its impedance, held over each sample and not delayed,
-            N (N·m), shape (n,) or (batch, n), or None.
-        watch: whether the true motion is recorded too.
-        largest_step: largest |h·p| of one integration step h of a rigid device; see motion.py for
-            the error.
+        conditions: of ``Conditions``, by name.
 
     Returns:
         One log a member. A loop that grows without bound ends in values that are not finite,
         which ``Recording.trajectory`` refuses.
     """
-    run = Simulation(
-        rig,
-        force,
-        controller=controller,
-        hand=hand,
-        faults=faults,
-        clock=clock,
-        seed=seed,
-        position=position,
-        velocity=velocity,
-        push=push,
-        watch=watch,
-        largest_step=largest_step,
-    )
+    run = Simulation(rig, force, **conditions)
     return run.until(run.samples)
 
 
@@ -119,24 +112,14 @@ class Simulation:
         "samples",
     )
 
-    def __init__(
-        self,
-        rig: Rig,
-        force: FloatArray,
-        *,
-        controller: Controller | Servo | None = None,
-        hand: Hand | None = None,
-        faults: Faults | None = None,
-        clock: Clock | None = None,
-        seed: int | Sequence[int] = 0,
-        position: float | FloatArray = 0.0,
-        velocity: float | FloatArray = 0.0,
-        push: FloatArray | None = None,
-        watch: bool = False,
-        largest_step: float = LARGEST_STEP,
-    ) -> None:
+    def __init__(self, rig: Rig, force: FloatArray, **conditions: Unpack[Conditions]) -> None:
         """Ready to start; arguments as of ``simulate``, with as many samples as may be played."""
-        faults, hand, clock = faults or Faults(), hand or Hand(), clock or Clock()
+        controller, push = conditions.get("controller"), conditions.get("push")
+        hand, clock = conditions.get("hand") or Hand(), conditions.get("clock") or Clock()
+        faults = conditions.get("faults") or Faults()
+        seed, watch = conditions.get("seed", 0), conditions.get("watch", False)
+        position, velocity = conditions.get("position", 0.0), conditions.get("velocity", 0.0)
+        largest_step = conditions.get("largest_step", LARGEST_STEP)
         seeds = tuple(int(each) for each in np.atleast_1d(seed))
         command = np.atleast_2d(np.asarray(force, dtype=np.float64))
         pushed = None if push is None else np.atleast_2d(np.asarray(push, dtype=np.float64))

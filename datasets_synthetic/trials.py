@@ -5,7 +5,7 @@ go from a displacement, a push and its release, a push beyond the force limit, a
 counts where friction and quantiser may sustain an oscillation, and falls from afar and from near
 into a wall, where one-sided elements only push and others fade if they have to. All are one batch,
 the place of the wall nowhere for those without one: trials are the outermost, conditions the next,
-controllers the innermost.
+controllers the innermost. One file: the trials of one batch, laid out and named.
 """
 
 from __future__ import annotations

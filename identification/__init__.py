@@ -1,6 +1,7 @@
 """Identification of a haptic axis: mass and damping from a logged trajectory.
 
-The public names load on first use, so that reading a device file does not import an estimator.
+The public names load on first use, so that reading a device file does not import an estimator. One
+file: the list of public names.
 """
 
 from __future__ import annotations
@@ -68,6 +69,9 @@ if TYPE_CHECKING:
     from identification.documents.document import parse_document as parse_document
     from identification.documents.document import round_to_digits as round_to_digits
     from identification.documents.document import to_mapping as to_mapping
+    from identification.documents.writing import (
+        Replaced as Replaced,
+    )
     from identification.documents.writing import (
         difference_of as difference_of,
     )
@@ -179,7 +183,7 @@ _HOMES = {
     "device.quantities": "AnyQuantity Quantity quantity",
     "device.stated": "Fact",
     "trajectory": "Motion Trajectory",
-    "documents.writing": "difference_of write_bytes write_text",
+    "documents.writing": "Replaced difference_of write_bytes write_text",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -213,6 +217,7 @@ __all__ = [
     "NotebookFigure",
     "Plant",
     "Quantity",
+    "Replaced",
     "SlopeRange",
     "Trajectory",
     "UnmodelledForce",

@@ -1,4 +1,7 @@
-"""The one verb: mass, damping, friction and delay of an axis from its logs, with intervals."""
+"""The one verb: mass, damping, friction and delay of an axis from its logs, with intervals.
+
+One file: the steps of one verb, in their order.
+"""
 
 from __future__ import annotations
 

@@ -54,9 +54,8 @@ def draw(graphs: dict[str, Graph], target: Path) -> None:
     from matplotlib.figure import Figure
 
     with rc_context({"svg.hashsalt": "haptune", "svg.fonttype": "none"}):
-        figure = Figure(figsize=(15, 8), layout="constrained")
-        widths = [_broadest(rooms) for rooms in graphs.values()]
-        axes = figure.subplots(1, len(graphs), width_ratios=widths, squeeze=False)[0]
+        figure = Figure(figsize=(7, 12), layout="constrained")
+        axes = figure.subplots(len(graphs), 1, squeeze=False)[:, 0]
         for place, (package, rooms) in zip(axes, graphs.items(), strict=True):
             _draw_package(place, package, rooms)
         figure.savefig(target, metadata={"Date": None})

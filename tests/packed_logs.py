@@ -19,6 +19,7 @@ ROWS = 300
 TIME = np.arange(ROWS) * 1e-3
 FORCE = np.sin(40 * TIME)
 POSITION = 0.01 * np.cos(40 * TIME)
+SAMPLES = tuple(zip(TIME.tolist(), FORCE.tolist(), POSITION.tolist(), strict=True))
 GOOD: dict[str, Any] = {"time": TIME, "force": FORCE, "position": POSITION}
 
 

@@ -1,4 +1,7 @@
-"""One-sided, saturated and switched effects: found gains and their proof against other means."""
+"""One-sided, saturated and switched effects: found gains and their proof against other means.
+
+One file: one condition, against a reference in many digits.
+"""
 
 from __future__ import annotations
 

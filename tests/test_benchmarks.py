@@ -8,7 +8,7 @@ import pytest
 from benchmarks.long_log import DAMPING, DELAY, MASS, long_log
 from benchmarks.other_methods import OTHERS, arriving
 from benchmarks.servo_peers import multiple_shooting, one_filter, output_error, srivc
-from benchmarks.servo_rows import Method, servo_family
+from benchmarks.servo_section import Method, servo_family
 from datasets_synthetic import Rig, multisine, simulate
 from identification import Trajectory
 from identification.estimators.model import Model

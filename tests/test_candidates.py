@@ -92,7 +92,7 @@ def test_the_picture_has_a_bar_for_every_effect_of_every_candidate(
     walls: tuple[Candidate, ...],
 ) -> None:
     rows = compare_candidates(walls)
-    (axes,) = candidates_picture(rows).axes
+    (axes,) = candidates_picture(rows, "linear").axes
     bars: list[Rectangle] = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
     widths = sorted(bar.get_width() for bar in bars)
     assert widths == pytest.approx(sorted(row.steps.value for row in rows))

@@ -36,7 +36,6 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (2, "is not one of 'auto'", "identify log.csv --method guess"),
     (2, "'soft' is not one of", "tune homerehab scene.yaml --margin soft"),
     (2, "--force-gain", "identify log.csv --force-gain two"),
-    (2, "fills in no scene", "new scene --device knob"),
     (2, "fills in no player", "new player --device knob"),
     (2, "is of no scene", "new scene --language c"),
     (2, "logs are of y", "identify log.csv --axis y --hardware x.yaml"),
@@ -162,7 +161,7 @@ def _raising(error: BaseException) -> Callable[..., NoReturn]:
 
 #: What to break, so that each command is stopped from inside.
 INSIDE = {
-    "demo": "datasets_synthetic.bundled",
+    "demo": "datasets_synthetic.bundled_path",
     "new scene": "identification.write_text",
     "identify log.csv": "identification.load_trajectory",
     "tune homerehab scene.yaml": "tune.optimisation._optimise.optimise",

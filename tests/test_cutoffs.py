@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import platform
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,7 +15,9 @@ import pytest
 
 from identification import load_device, quantity
 from tests.filter_cases import DEVICES, RIPPLES, SCENES, best_of_grid, task_of, worth_of
+from tests.optimum_pairs import random_pair
 from tests.thinned import thinned
+from tests.unlimited import stated
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune.documents.perception import default_table
 from tune.loop.filters import Filters
@@ -32,6 +36,22 @@ def _silent(sentence: str) -> None:
 def _within(worth: CutoffObjective, best: CutoffObjective) -> bool:
     """As many effects kept, and a product within a per cent."""
     return worth.order >= (best.kept, best.value - ONE_PERCENT)
+
+
+def demo_choice() -> tuple[float, float, float]:
+    """Cut-offs in Hz of a scene like that of the demo on HomeRehab, and what they are worth."""
+    elements = {
+        "wall": {"stiffness": "max", "damping": "max", "one_sided": True, "speed": 0.2},
+        "water": {"damping": 10.0},
+        "cup": {"damping": 30.0, "mass": "max"},
+        "feather": {"mass": "min", "damping": 20.0},
+    }
+    task = task_of("homerehab", elements, together=[["wall", "water"]])
+    filters = choose_filters(task, _silent)
+    assert filters.velocity_filter_hz is not None
+    assert filters.acceleration_filter_hz is not None
+    value = worth_of(task, filters).value
+    return filters.velocity_filter_hz, filters.acceleration_filter_hz, value
 
 
 def _never(sentence: str) -> None:
@@ -94,6 +114,44 @@ def test_the_slope_of_worth_is_that_of_tuning_anew(name: str) -> None:
         slope = slope_of(task, found, moved[1]) / step
         assert sides[0] - 0.02 <= slope <= sides[1] + 0.02
         assert sides[1] - sides[0] < 3
+
+
+@pytest.mark.parametrize("change", ["velocity_filter_hz", "acceleration_filter_hz"])
+def test_the_slope_beside_a_wanted_value_is_that_of_tuning_anew(change: str) -> None:
+    task = task_of("homerehab", {"it": {"damping": 30.0, "mass": "max"}})
+    here, step = Filters(velocity_filter_hz=12.56, acceleration_filter_hz=28.0), 1e-3
+    moved = replace(here, **{change: getattr(here, change) * np.exp(step)})
+    found = tune_with_filters(task, ["it"], here)
+    there = tune_with_filters(task, ["it"], moved).worth.value
+    anew = (there - found.worth.value) / step
+    assert abs(anew) > 0.02
+    assert slope_of(task, found, moved) / step == pytest.approx(anew, rel=0.01)
+
+
+@pytest.mark.parametrize(("seed", "kept"), [(55, 2), pytest.param(7, 2, marks=pytest.mark.long)])
+def test_every_effect_is_kept_where_some_pair_of_cutoffs_keeps_it(seed: int, kept: int) -> None:
+    """A line through the middle of all cut-offs keeps one; the best pairs keep both."""
+    pair = random_pair(seed)
+    free = {"velocity_filter_hz": "free", "acceleration_filter_hz": "free"}
+    scene = pair.scene.model_copy(update={"loop": pair.scene.loop.model_copy(update=free)})
+    task = DesignTask.of(stated(pair.device), scene, default_table())
+    assert worth_of(task, choose_filters(task, _silent)).kept == (kept,)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(platform.machine() not in {"x86_64", "AMD64"}, reason="names of x86 kernels")
+def test_another_kernel_of_linear_algebra_chooses_the_same() -> None:
+    """Rounding must not decide: cut-offs agree to half a per cent, worth to a part in a million."""
+    code = "from tests.test_cutoffs import demo_choice\nprint(*demo_choice())"
+    env = {**os.environ, "OPENBLAS_CORETYPE": "Nehalem"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=env
+    )
+    assert done.returncode == 0, done.stderr
+    there = [float(each) for each in done.stdout.split()]
+    here = demo_choice()
+    assert there[:2] == pytest.approx(here[:2], rel=5e-3)
+    assert there[2] == pytest.approx(here[2], abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,7 @@
-"""Quantities, hardware and devices: what they refuse, what they keep, and the simultaneous box."""
+"""Quantities, hardware and devices: what they refuse, what they keep, and the simultaneous box.
+
+One file: the keys of one file, each with what it refuses.
+"""
 
 from __future__ import annotations
 

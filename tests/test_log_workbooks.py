@@ -14,9 +14,7 @@ import pytest
 
 from identification import LogRefusedError, load_trajectory
 from tests.packed_logs import (
-    FORCE,
-    POSITION,
-    ROWS,
+    SAMPLES,
     TIME,
     assert_damage_is_refused,
     assert_extra_is_named,
@@ -25,7 +23,6 @@ from tests.packed_logs import (
 )
 
 HEADER = ("time", "force", "position")
-SAMPLES = tuple(zip(TIME.tolist(), FORCE.tolist(), POSITION.tolist(), strict=True))
 
 
 def workbook(
@@ -76,7 +73,7 @@ def test_the_one_sheet_that_holds_a_log_is_found(tmp_path: Path) -> None:
 
 def test_dates_become_seconds(tmp_path: Path) -> None:
     start = datetime(2026, 3, 1, 12)
-    rows = [(start + timedelta(milliseconds=k), *SAMPLES[k][1:]) for k in range(ROWS)]
+    rows = [(start + timedelta(milliseconds=k), *row[1:]) for k, row in enumerate(SAMPLES)]
     path = workbook(tmp_path, ("time [ms]", *HEADER[1:]), *rows)
     log = load_trajectory(path)
     # A workbook stores days; Excel and openpyxl keep milliseconds.

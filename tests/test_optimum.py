@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.solver_rows import CASES, posed_of, task_of
+from benchmarks.solver_cells import CASES, posed_of, task_of
 from benchmarks.solvers import SOLVERS
 from tests.optimum_answers import (
     UNDECIDED,

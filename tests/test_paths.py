@@ -12,8 +12,7 @@ import pytest
 
 import identification
 import tune
-from identification import InvalidInputError
-from identification.documents.writing import Replaced
+from identification import InvalidInputError, Replaced
 from tests.commands import FLUID, log_text
 from tune.cli.new import excitation_of
 

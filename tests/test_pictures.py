@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -9,23 +10,29 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation, Text
 
-from datasets_synthetic import bundled_path
-from identification import Hardware, identify, load_device, load_document, load_trajectory
+from datasets_synthetic import bundled_path, named_rig, simulate
+from identification import Device, Hardware, identify, load_device, load_document, load_trajectory
+from identification.pictures.friction import draw_friction
 from identification.pictures.identified import identified_picture
 from identification.pictures.residual import autocorrelation
 from tests.commands import haptune, log_text
-from tune import SafeProfile, Scene, optimise, profile_picture
+from tune import SafeProfile, Scene, optimise, profile_picture, profile_sheet
 from tune.cli.drawing import draw
 from tune.cli.session import Session
+from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import Design, ElementProfile, MarginProfile, Margins
+from tune.documents.scene import Motion
+from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.state_space import SampledLoop, corners_of
 from tune.presentation.boundaries import Boundaries
 from tune.presentation.element_picture import element_picture
 from tune.presentation.labels import place_labels
 from tune.presentation.limits import uses_of
+from tune.presentation.profile_picture import words_of_shown
 from tune.presentation.responses import impact_response, step_response
-from tune.presentation.units import UNITS
 
 DEVICE = load_device("homerehab")
 #: A name that matplotlib would take for a broken formula.
@@ -98,6 +105,74 @@ def test_what_binds_is_used_up(profile: SafeProfile) -> None:
     assert all(use.part < 1.001 for use in uses.values())
 
 
+def test_a_force_limit_is_used_up_by_what_is_felt_at_once() -> None:
+    """Felt at once, the wall's 8 N and the water's 0.2 m/s times 10 N·s/m act together."""
+    motion = Motion(penetration=0.01, speed=0.2, acceleration=2.0)
+    sizes = {"wall": (800.0, 0.0), WATER: (0.0, 10.0), "cup": (0.0, 5.0)}
+    margins = Margins(gain=4.0, extra_delay_samples=3.0, passive="not-applicable")
+    design = Design(
+        device=DEVICE,
+        scene="two",
+        loop=LoopProfile(sample_time=0.001, extra_delay_samples=1.0),
+        margin=MarginProfile(name="balanced", gain=2.0, extra_delay_samples=1),
+        elements={
+            name: ElementProfile(
+                stiffness=K,
+                damping=B,
+                mass=0.0,
+                perceived_steps={},
+                margins=margins,
+                limited_by={"damping": "wanted"},
+                motion=motion,
+            )
+            for name, (K, B) in sizes.items()
+        },
+        together=(("wall", WATER),),
+        ripple_limit=0.1,
+    )
+    used = {
+        name: {use.limit: use for use in uses_of(design, name, UNITS["linear"])} for name in sizes
+    }
+    assert used["wall"]["force in motion"].part == pytest.approx(10.0 / 28.0)
+    assert used["wall"]["force in motion"].words == f"8 of 28 N, 10 with {WATER}"
+    assert used["wall"]["sustained force"].words == "8 of 14 N"
+    assert used[WATER]["force in motion"].words == "2 of 28 N, 10 with wall"
+    assert used["cup"]["force in motion"].words == "1 of 28 N"
+    assert words_of_shown(design) == ""
+    elements = {f"{name} {k}": each for k in range(5) for name, each in design.elements.items()}
+    many = design.model_copy(update={"elements": elements, "together": ()})
+    assert words_of_shown(many) == "of 15 elements the first 12 are drawn one by one"
+    assert words_of_shown(many) in [text.get_text() for text in _sheet_texts(many)]
+
+
+def _sheet_texts(design: Design) -> list[Text]:
+    """Texts on the overview of a sheet, without the pictures of each element, which take long."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tune.presentation.profile_picture.draw_element", lambda *_: None)
+        return [text for part in profile_sheet(design).subfigs for text in part.texts]
+
+
+def test_friction_by_direction_lies_where_the_log_shows_it() -> None:
+    """Damping of 14 and 6 N·s/m by direction with an offset of 2 N, which the pair holds."""
+    rig = replace(named_rig("homerehab"), damping_asymmetry=4.0, force_offset=2.0)
+    sweep = 2.0 + 10.0 * np.sin(2 * np.pi * 0.7 * np.arange(8000) * 1e-3)
+    log = simulate(rig, sweep).trajectory()
+    pairs = {
+        "damping_by_direction": {"forward": 14.0, "backward": 6.0},
+        "friction_by_direction": {"forward": 2.8, "backward": 0.0},
+    }
+    # The offset of a fit about the mean speed is another than that at rest.
+    device = Device.model_validate({**dict(DEVICE), **pairs, "force_offset": 3.1})
+    axes = Figure().add_subplot()
+    draw_friction(axes, log, device, None, "N")
+    middles = [line for line in axes.lines if line.get_marker() == "o"]
+    assert len(middles) == 2
+    for line in middles:
+        speed, seen = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        told = np.where(speed > 0, 2.8 + 14.0 * speed, 1.2 + 6.0 * speed)
+        assert np.median(np.abs(seen - told)) < 0.1
+
+
 def _overlaps(figure: Figure) -> list[tuple[str, str]]:
     """Pairs of texts within the same axes, tick labels left out, that fall on one another."""
     renderer = FigureCanvasAgg(figure).get_renderer()
@@ -125,12 +200,48 @@ def test_labels_of_points_that_nearly_fall_together_do_not() -> None:
     assert _overlaps(figure) == []
 
 
+def test_a_label_without_room_is_left_out_and_no_line_crosses_a_label() -> None:
+    figure = Figure(figsize=(2.5, 2))
+    axes = figure.add_subplot()
+    points = [(0.5 + 0.002 * k, 0.5, f"thing {k}") for k in range(40)]
+    labels = place_labels(axes, points)
+    assert 0 < len(labels) < 40
+    assert _overlaps(figure) == []
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = [label.get_window_extent(renderer) for label in labels]
+    arrows = [text.arrow_patch for text in axes.texts if isinstance(text, Annotation)]
+    paths = [arrow.get_path() for arrow in arrows if arrow is not None]
+    crossed = [sum(path.intersects_bbox(box, filled=False) for box in boxes) for path in paths]
+    assert max(crossed, default=0) <= 1
+
+
 def test_no_text_of_a_profile_falls_on_another(profile: SafeProfile) -> None:
     assert _overlaps(profile_picture(profile)) == []
     drawn = element_picture(profile, "wall")
     assert _overlaps(drawn) == []
     words = " ".join(text.get_text() for axes in drawn.axes for text in axes.texts)
     assert "8 of 14 N" in words
+
+
+def test_a_picture_calls_safe_only_what_is(
+    profile: SafeProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tune.presentation.profile_picture.draw_element", lambda *_: None)
+    titles: list[str] = []
+    monkeypatch.setattr("tune.cli.drawing.draw", lambda *given: titles.append(_title(given[2])))
+    picture = str(tmp_path / "audit.png")
+    assert haptune("audit", "homerehab", "--stiffness", "30000", "--picture", picture).code == 6
+    assert titles[0].endswith("NOT SAFE: stability and force")
+    assert ": safe for every gain up to 2 with 1 extra sample" in _title(profile_sheet(profile))
+    design = Design.model_validate({name: getattr(profile, name) for name in Design.model_fields})
+    assert ": margin: every gain up to 2" in _title(profile_sheet(design))
+
+
+def _title(figure: Figure) -> str:
+    """The title of the overview on a sheet."""
+    title = figure.subfigs[0].get_suptitle()
+    assert title
+    return title
 
 
 def test_correlation_is_that_of_a_known_process() -> None:

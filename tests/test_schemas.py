@@ -22,7 +22,7 @@ from identification import (
     to_mapping,
 )
 from tune import SafeProfile, Scene, optimise
-from tune.cli.new import excitation_of, hardware_of, template
+from tune.cli.new import excitation_of, hardware_of, scene_of, template
 from tune.documents.perception import PerceptionTable
 from tune.rendering.vibration import ThresholdCurve
 from tune.schemas import FOLDER, generate
@@ -88,6 +88,7 @@ def test_what_haptune_writes_and_ships_is_valid() -> None:
         _validator(kind).validate(_parsed(text))
     for name in named_devices():
         _validator("hardware").validate(_parsed(hardware_of(name)))
+        _validator("scene").validate(_parsed(scene_of(name)))
         _validator("device").validate(to_mapping(load_device(name)))
     profile = optimise(
         load_device("homerehab"), Scene.model_validate({"elements": {"w": {"stiffness": "max"}}})

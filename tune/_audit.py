@@ -1,4 +1,7 @@
-"""Audit: are these gains safe on this device, why not, and which are the nearest safe ones."""
+"""Audit: are these gains safe on this device, why not, and which are the nearest safe ones.
+
+One file: one verb and the report that it returns.
+"""
 
 from __future__ import annotations
 

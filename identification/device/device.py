@@ -1,4 +1,7 @@
-"""Device: one axis of a haptic device, hardware plus what was identified."""
+"""Device: one axis of a haptic device, hardware plus what was identified.
+
+One file: the keys of one file.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ Ljung, System Identification, 1999, section 4.3; an ARMAX model whose A is the d
 coefficients c1, c2 are fitted with p = b/m; what else colours the force (tremor, friction that the
 model misses) is taken out by a filter made from the spectrum of the rest (whitening.py). Without
 unlogged force it is output error, with nothing else least squares; it is consistent in closed loop.
+One file: model, derivatives and shaping of one search.
 """
 
 from __future__ import annotations

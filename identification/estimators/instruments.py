@@ -5,7 +5,8 @@ both bias least squares. Instruments are the same columns of a position that doe
 part of the position that a logged reference explains, or, without one, the noise-free device moved
 by the logged force, simulated with the estimate and estimated again until both agree (refined
 instrumental variables: Young, Recursive Estimation and Time-Series Analysis, 2011, chapter 8). The
-simulated ones are valid in open loop only: in closed loop the logged force carries the noise.
+simulated ones are valid in open loop only: in closed loop the logged force carries the noise. One
+file: the instruments, logged or simulated, serve one solution.
 """
 
 from __future__ import annotations

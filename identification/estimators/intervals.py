@@ -7,7 +7,8 @@ the CR3 covariance of MacKinnon and White, Journal of Econometrics 29, 1985, p. 
 correlation inside a block, and however unevenly the blocks excite the device, it is in there.
 In white noise it is a little wide (the unbiased CR2 by 3 to 10 % narrower), which an encoder's
 rounding needs: as the device turns, it is correlated from block to block. With instruments, whose
-blocks tell far less evenly, leaving out is up to twice too wide, and CR2 it is.
+blocks tell far less evenly, leaving out is up to twice too wide, and CR2 it is. One file: all kinds
+of covariance here share their blocks.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Filtered least squares: every term of the equation of motion through one low-pass.
 
 The rows (rows.py) are exact for any time stamps; one zero-phase low-pass goes over all columns and
-the force alike, so what it does to them cancels.
+the force alike, so what it does to them cancels. One file: the regression and its one solution.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 Coulomb friction turns over exactly where the velocity does, and bends the velocity there. Smoothing
 the position enough to beat encoder noise moves those turning points by a fraction of a millisecond,
 always to the same side, which shifts damping by per cents. So the smoothed velocity is only the
-start; ``refine_motion`` adds the fast part of the velocity from the model itself.
+start; ``refine_motion`` adds the fast part of the velocity from the model itself. One file:
+direction measured and direction refined are one estimate.
 """
 
 from __future__ import annotations

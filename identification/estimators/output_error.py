@@ -4,7 +4,7 @@ q = q0 + v0·(1 - e^(-pt))/p + (G_p[F] - Σ terms·G_p[column])/m, G_p = 1/(s(s+
 integrated exactly for held inputs and any time stamps. Only p, and the delay if nobody states it,
 are nonlinear; with friction the velocity reversals are nonlinear too (output_error_friction.py).
 Best where position noise is all there is; a force that the log does not know integrates twice and
-spoils it, which its residual then shows.
+spoils it, which its residual then shows. One file: model, derivatives and start of one search.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Where the direction of motion is read from a noisy position, every turn is off by part of a sample,
 always a little to the same side, and the error integrates twice. Here it follows from the
 parameters themselves, and Gauss-Newton goes over all of them with the exact sensitivity of every
-turn (stick_slip.py).
+turn (stick_slip.py). One file: model, derivatives and steps of one search.
 """
 
 from __future__ import annotations

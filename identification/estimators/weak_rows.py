@@ -1,4 +1,7 @@
-"""Rows of a log under modulating functions, and iterated solutions of the weak form."""
+"""Rows of a log under modulating functions, and iterated solutions of the weak form.
+
+One file: rows, covariance and solution of one iteration.
+"""
 
 from __future__ import annotations
 

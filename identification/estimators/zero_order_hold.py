@@ -2,7 +2,8 @@
 
 Interval k is [t[k], t[k+1]); a log of n samples has n - 1 of them, of any lengths. Everything that
 acts on the device is constant over an interval but for jumps inside it, so the equation of motion
-can be averaged and integrated exactly.
+can be averaged and integrated exactly. One file: a held column, and the commands that it is made
+of.
 """
 
 from __future__ import annotations

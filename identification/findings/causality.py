@@ -42,9 +42,10 @@ def causality(
     )
     law = law_of(trajectory, balance)
     if _controller(trajectory, law):
+        sign = "-" if law.damping >= 0 else "+"
         return (
             _controller_finding(
-                f"F = -{law.stiffness:.4g}·q - {law.damping:.4g}·q̇ explains "
+                f"F = {-law.stiffness:.4g}·q {sign} {abs(law.damping):.4g}·q̇ explains "
                 f"{1 - law.unexplained:.2%} of the force in {trajectory.source}, mass, damping and "
                 f"friction {1 - law.plant_unexplained:.2%}; the reading of the same sample "
                 f"explains {law.answer:.0%} of what is new in the force",

@@ -7,7 +7,7 @@ where their numbers lie between a part of the continuous force and the peak forc
 that it takes the unit on trust.
 
 No remedy fits the hardware to the log: limits and counts come from data sheets, or a wrong unit
-would move into the device.
+would move into the device. One file: the findings about the units of two columns.
 """
 
 from __future__ import annotations

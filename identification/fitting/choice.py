@@ -1,4 +1,7 @@
-"""Which method to believe, and why."""
+"""Which method to believe, and why.
+
+One file: one decision, test after test, in the order in which they are made.
+"""
 
 from __future__ import annotations
 

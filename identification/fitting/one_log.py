@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.delay import Delay
@@ -57,11 +55,6 @@ class LogFit:
     def method(self) -> str:
         """Name of the method believed."""
         return self.estimate.method
-
-    @property
-    def residual_rms(self) -> float:
-        """Root mean square of the residual, in the unit of ``estimate.residual_unit``."""
-        return float(np.sqrt(np.mean(self.estimate.residual**2)))
 
 
 def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> LogFit:

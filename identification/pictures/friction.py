@@ -38,7 +38,7 @@ def draw_friction(
     from identification.figure import legend_above
 
     rows = balance_of(trajectory, estimate)
-    friction = rows.force - device.mass.value * rows.acceleration - device.force_offset.value
+    friction = rows.force - device.mass.value * rows.acceleration - _offset(device)
     if device.position_stiffness is not None:
         friction = friction - device.position_stiffness.value * rows.position
     if device.gravity is not None:
@@ -90,6 +90,11 @@ def _draw_middles(axes: Axes, rows: ForceBalance, friction: np.ndarray) -> None:
             ms=3.5,
             label="log, median by speed" if sense > 0 else None,
         )
+
+
+def _offset(device: Device) -> float:
+    """The offset that is beside the friction, N; a friction by direction holds all of it."""
+    return device.force_offset.value if device.friction_by_direction is None else 0.0
 
 
 def _coulomb(device: Device, sense: int) -> float:

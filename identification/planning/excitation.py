@@ -4,7 +4,8 @@ Three families of signals are brought to their best within the limits and compar
 is the net force of the best, plus the friction of the guessed device while it moves, so that
 friction neither holds the device nor bends its path, and the constant force guessed. Every corner
 of the guesses is then simulated exactly and the force scaled until none of them leaves its limits;
-for the force that is played, devices between the corners too.
+for the force that is played, devices between the corners too. One file: the steps of one plan, in
+their order.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Three shapes of force, each at its best within the limits: multisine, swept sine, binary."""
+"""Three shapes of force, each at its best within the limits: multisine, swept sine, binary.
+
+One file: three families, scaled to the same limits in the same way.
+"""
 
 from __future__ import annotations
 

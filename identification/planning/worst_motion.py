@@ -3,7 +3,8 @@
 Many devices are stepped at once, in the closed form of stick_slip.py between two turns of the
 velocity. A net force F/m moves a lighter device further at the same b/m, so the farthest device of
 a box of mass and damping lies where either is least: only these two sides are looked at, each in
-levels of equal ratio, with friction in levels and a constant force at both ends.
+levels of equal ratio, with friction in levels and a constant force at both ends. One file: the
+region, its levels and the motion of each corner.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Bags of ROS 2 (MCAP): columns are fields of messages, rows are messages of one stamp."""
+"""Bags of ROS 2 (MCAP): columns are fields of messages, rows are messages of one stamp.
+
+One file: one kind of file, from its bytes to columns.
+"""
 
 from __future__ import annotations
 

@@ -8,7 +8,8 @@ something beside it.
 
 What a loop feels of friction is the slope of its curve over speed where it works. With the kinds
 found in the regression the slope is known from rest to the fastest speed seen; what they leave over
-counts against it in the proportion in which they themselves moved damping.
+counts against it in the proportion in which they themselves moved damping. One file: one fit, and
+what is read from it.
 """
 
 from __future__ import annotations

@@ -9,7 +9,8 @@ Shah and Samworth, ibid. 75, 2013, p. 55). pysindy judges each half (sparse.py),
 which the errors are independent.
 
 A term is asked for if most halves ask for it, if the whole log does so by a margin that chance
-does not reach, and if it is a noticeable part of the force.
+does not reach, and if it is a noticeable part of the force. One file: one selection, from columns
+to verdicts.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ negative: positive definite is the same as a positive determinant,
     Π aᵢ + Σ Re(pᵢ·G)·Π_{j≠i} aⱼ - ¼|G|²·Σ_{i<j} |pᵢ - pⱼ|²·Π_{k≠i,j} aₖ > 0.
 
 Multiplied by |D|², G = N/D, nothing is divided by what may vanish. Where nothing holds the position
-M(1) = 0, and the pole of G at z = 1 is taken out of both.
+M(1) = 0, and the pole of G at z = 1 is taken out of both. One file: one condition over cells, and
+what it presumes.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@ An affine form is c + Σ sᵢ·uᵢ + r with every uᵢ in [-1, 1] and r anywher
 complex plane. Linear parts of a sum cancel as they should, and the rest shrinks with the square of
 the cell. So boxes of ±20 % can be proved near the boundary, where interval arithmetic cannot. Real
 and imaginary part of the rest are kept apart, because a loop near its limit is told from an
-unstable one by its phase. Cells are the last axis of every array.
+unstable one by its phase. Cells are the last axis of every array. One file: the operations of one
+arithmetic.
 """
 
 from __future__ import annotations

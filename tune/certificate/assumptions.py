@@ -1,4 +1,7 @@
-"""Assumptions of a certificate, and what it leaves to others, in sentences."""
+"""Assumptions of a certificate, and what it leaves to others, in sentences.
+
+One file: the sentences of one certificate, which must not contradict each other.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Certify a design over its whole box: every device, hand, delay, gain and moment."""
+"""Certify a design over its whole box: every device, hand, delay, gain and moment.
+
+One file: the steps of one certificate, in their order.
+"""
 
 from __future__ import annotations
 

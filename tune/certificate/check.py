@@ -1,4 +1,7 @@
-"""Re-compute a written profile by the independent path: digest, certificate, all that it says."""
+"""Re-compute a written profile by the independent path: digest, certificate, all that it says.
+
+One file: the steps of one check, in their order.
+"""
 
 from __future__ import annotations
 

@@ -3,7 +3,8 @@
 The plant P(S), S in units of one sample, is a quotient of polynomials in S and in every parameter:
 rigid mass with a spring of its own, modes, a hand that holds the handle, and the lag of the current
 loop. Its aliases are looked at one by one as far as they matter; those beyond are sums of inverse
-powers of S, known in closed form, and a bounded rest.
+powers of S, known in closed form, and a bounded rest. One file: one transfer function, and its
+aliases.
 """
 
 from __future__ import annotations

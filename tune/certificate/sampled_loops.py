@@ -1,4 +1,7 @@
-"""Sampled loops in double precision, many at once: to search with, never to decide."""
+"""Sampled loops in double precision, many at once: to search with, never to decide.
+
+One file: from parameters to polynomials, in doubles all the way.
+"""
 
 from __future__ import annotations
 

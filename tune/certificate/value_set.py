@@ -8,7 +8,8 @@ P the plant in continuous time, x the delay in samples: what a held force does a
 at those that sampling cannot tell from it. P is a quotient of polynomials in S and in every
 parameter, whatever modes, hand and lag are there, and the delay is any real number. Multiplied by
 its denominator D at k = 0 the condition reads D + s·N = 0, almost straight in everything; farther
-aliases are sums of inverse powers and a bounded rest.
+aliases are sums of inverse powers and a bounded rest. One file: plant, law and aliases are factors
+of one value set.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""``haptune audit``: are these gains safe on this device."""
+"""``haptune audit``: are these gains safe on this device.
+
+One file: one command: its options, tables and exit codes.
+"""
 
 from __future__ import annotations
 
@@ -89,10 +92,13 @@ def audit(
         session.details["taken_on_trust"] = trusted = trusted_facts(found.design.device)
         for line in trusted:
             session.say(f"taken on trust: {line}")
+        proved = f"safe with margin {found.design.margin.name}, proved over the whole box"
+        wrong = " and ".join(dict.fromkeys(fault.limit for fault in found.faults))
         if picture is not None:
-            draw_profile(session, picture, found.design)
+            verdict = proved if found.safe else f"NOT SAFE: {wrong}"
+            draw_profile(session, picture, found.design, verdict)
         if found.safe:
-            session.say(f"safe with margin {found.design.margin.name}, proved over the whole box")
+            session.say(proved)
             return
         nearest = _sentence(found.nearest)
         raise CheckFailedError(
@@ -148,7 +154,8 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
     from tune._audit import ELEMENT
     from tune.cli.contacts import contact_words, varied
     from tune.cli.friction_rows import friction_rows
-    from tune.cli.tables import UNITS, further_delay
+    from tune.cli.tables import further_delay
+    from tune.documents.units import UNITS
 
     design, margins = found.design, found.margins
     units = UNITS[design.device.motion]

@@ -9,27 +9,19 @@ import typer
 
 from tune.cli.drawing import beside, device_in, draw_identified, draw_profile, target_picture
 from tune.cli.identify import identified
+from tune.cli.log_options import LogOptions, with_log_options
 from tune.cli.options import (
     Allow,
-    Axis,
     Candidates,
-    Decimal,
     DryRun,
-    Force,
-    ForceGain,
     HardwareFile,
     Json,
     Logs,
     MarginOption,
     MethodOption,
     Picture,
-    Position,
-    PositionGain,
     ProfileOut,
     Quiet,
-    Reference,
-    Time,
-    TimeGain,
 )
 from tune.cli.session import Session, run_command
 from tune.cli.tune import tuned, wanted
@@ -44,19 +36,13 @@ _IN_HARDWARE = (
 )
 
 
+@with_log_options()
 def calibrate(
     logs: Logs,
     scene: Annotated[Path, typer.Option("--scene", metavar="SCENE", help="scene.yaml")],
     output: ProfileOut = Path("profile.yaml"),
-    time: Time = "time",
-    force: Force = "force",
-    position: Position = "position",
-    reference: Reference = None,
-    time_gain: TimeGain = None,
-    force_gain: ForceGain = None,
-    position_gain: PositionGain = None,
-    axis: Axis = None,
-    decimal: Decimal = None,
+    *,
+    options: LogOptions,
     hardware: HardwareFile = None,
     allow: Allow = None,
     method: MethodOption = "auto",
@@ -70,25 +56,13 @@ def calibrate(
     """Identify the device and tune the scene in one go; the device is kept inside the profile."""
 
     def action(session: Session) -> None:
-        from identification import LogColumns
-
         session.target(output, *logs, scene, hardware)
         inputs = (*logs, scene, hardware, output)
         target_picture(session, picture, *inputs)
         target_picture(session, picture and beside(picture, "profile"), *inputs)
         sheet = picture and beside(picture, "candidates") if candidates else None
         target_picture(session, sheet, *inputs)
-        columns = LogColumns(
-            time=time,
-            force=force,
-            position=position,
-            reference=reference,
-            time_gain=time_gain,
-            force_gain=force_gain,
-            position_gain=position_gain,
-            axis=axis,
-            decimal=decimal,
-        )
+        columns = options.columns()
         wish = wanted(scene, margin)
         found = identified(session, logs, columns, hardware, method, allow or [])
         found.device.require_stated(

@@ -66,6 +66,11 @@ def device_rows(device: Device) -> list[tuple[str, Quantity, str]]:
     return rows
 
 
+def half_widths(device: Device) -> dict[str, float | None]:
+    """By label, half of each interval as part of its value; None where there is no such part."""
+    return {label: relative_half_width(quantity) for label, quantity, _ in device_rows(device)}
+
+
 def _reservations(device: Device) -> Iterator[str]:
     """What nobody stated of a device, and what was only assumed."""
     if device.missing:

@@ -7,22 +7,14 @@ from typing import TYPE_CHECKING
 
 from tune.cli.drawing import draw, target_picture
 from tune.cli.identify import read_log, tell_reading
+from tune.cli.log_options import LogOptions, with_log_options
 from tune.cli.options import (
     Allow,
-    Axis,
-    Decimal,
-    Force,
-    ForceGain,
     HardwareFile,
     Json,
     Logs,
     Picture,
-    Position,
-    PositionGain,
     Quiet,
-    Reference,
-    Time,
-    TimeGain,
 )
 from tune.cli.session import Session, run_command
 
@@ -33,17 +25,11 @@ if TYPE_CHECKING:
     from tune.documents.result_details import LogExamined
 
 
+@with_log_options()
 def doctor(
     logs: Logs,
-    time: Time = "time",
-    force: Force = "force",
-    position: Position = "position",
-    reference: Reference = None,
-    time_gain: TimeGain = None,
-    force_gain: ForceGain = None,
-    position_gain: PositionGain = None,
-    axis: Axis = None,
-    decimal: Decimal = None,
+    *,
+    options: LogOptions,
     hardware: HardwareFile = None,
     allow: Allow = None,
     picture: Picture = None,
@@ -55,24 +41,13 @@ def doctor(
     def action(session: Session) -> None:
         from identification import (
             Hardware,
-            LogColumns,
             LogRefusedError,
             examine,
             load_document,
         )
         from tune.cli.details import log_examined
 
-        columns = LogColumns(
-            time=time,
-            force=force,
-            position=position,
-            reference=reference,
-            time_gain=time_gain,
-            force_gain=force_gain,
-            position_gain=position_gain,
-            axis=axis,
-            decimal=decimal,
-        )
+        columns = options.columns()
         if picture is not None:
             for place in range(len(logs)):
                 target_picture(session, numbered(picture, place), *logs, hardware)

@@ -12,7 +12,7 @@ from tune.cli.session import Session
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from identification import Device, Identification
+    from identification import Device, Identification, Motion
     from tune.documents.profile import Design
     from tune.optimisation.candidates import CandidateEffect
 
@@ -66,18 +66,22 @@ def draw_identified(
     draw(session, picture, drawn)
 
 
-def draw_profile(session: Session, picture: Path, profile: Design) -> None:
-    """Draw region, limits and responses of every element."""
+def draw_profile(
+    session: Session, picture: Path, profile: Design, verdict: str | None = None
+) -> None:
+    """Draw region, limits and responses of every element, with a verdict in the title."""
     from tune.presentation.profile_picture import profile_sheet
 
     with session.progress() as say:
         say("drawing")
-        drawn = profile_sheet(profile)
+        drawn = profile_sheet(profile, verdict)
     draw(session, picture, drawn)
 
 
-def draw_candidates(session: Session, picture: Path, rows: Sequence[CandidateEffect]) -> None:
+def draw_candidates(
+    session: Session, picture: Path, rows: Sequence[CandidateEffect], motion: Motion
+) -> None:
     """Draw the steps of every effect with each candidate."""
     from tune.optimisation.candidates_picture import candidates_picture
 
-    draw(session, picture, candidates_picture(rows))
+    draw(session, picture, candidates_picture(rows, motion))

@@ -6,25 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tune.cli.drawing import device_in, draw_identified, target_picture
+from tune.cli.log_options import LogOptions, with_log_options
 from tune.cli.options import (
     Allow,
-    Axis,
-    Decimal,
     DeviceOut,
     DryRun,
-    Force,
-    ForceGain,
     HardwareFile,
     Json,
     Logs,
     MethodOption,
     Picture,
-    Position,
-    PositionGain,
     Quiet,
-    Reference,
-    Time,
-    TimeGain,
 )
 from tune.cli.session import Session, run_command
 
@@ -44,18 +36,12 @@ if TYPE_CHECKING:
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
 
 
+@with_log_options()
 def identify(
     logs: Logs,
     output: DeviceOut = Path("device.yaml"),
-    time: Time = "time",
-    force: Force = "force",
-    position: Position = "position",
-    reference: Reference = None,
-    time_gain: TimeGain = None,
-    force_gain: ForceGain = None,
-    position_gain: PositionGain = None,
-    axis: Axis = None,
-    decimal: Decimal = None,
+    *,
+    options: LogOptions,
     hardware: HardwareFile = None,
     allow: Allow = None,
     method: MethodOption = "auto",
@@ -67,21 +53,11 @@ def identify(
     """Mass, damping and friction with 95 % intervals; several logs give their envelope."""
 
     def action(session: Session) -> None:
-        from identification import LogColumns, to_mapping, to_yaml
+        from identification import to_mapping, to_yaml
 
         session.target(output, *logs, hardware)
         target_picture(session, picture, *logs, hardware, output)
-        columns = LogColumns(
-            time=time,
-            force=force,
-            position=position,
-            reference=reference,
-            time_gain=time_gain,
-            force_gain=force_gain,
-            position_gain=position_gain,
-            axis=axis,
-            decimal=decimal,
-        )
+        columns = options.columns()
         result = identified(session, logs, columns, hardware, method, allow or [])
         if result.device.position_stiffness is not None or result.device.gravity is not None:
             _warn_of_refusal(session, result.device)
@@ -144,7 +120,7 @@ def identified(
         say("identifying")
         result = estimate(trajectories, hardware=known, method=method, allow=allow)
     session.found(result.findings)
-    session.details |= _details(result)
+    session.details |= identified_details(result)
     session.say(device_table(result.device))
     session.say(f"method: {result.method}; {result.reason}")
     for fit in result.logs:
@@ -158,17 +134,14 @@ def identified(
     return result
 
 
-def _details(found: Identification) -> IdentifyDetails:
-    """The device as its file will hold it, and how each log was identified."""
+def identified_details(found: Identification) -> IdentifyDetails:
+    """The device as its file will hold it, and how each log was identified; shared with report."""
     from identification import to_mapping
-    from tune.cli.details import relative_half_width
-    from tune.cli.device_table import device_rows
+    from tune.cli.device_table import half_widths
 
     return {
         "device": to_mapping(found.device),
-        "half_widths": {
-            label: relative_half_width(quantity) for label, quantity, _ in device_rows(found.device)
-        },
+        "half_widths": half_widths(found.device),
         "method": found.method,
         "logs": [_log_identified(fit) for fit in found.logs],
     }

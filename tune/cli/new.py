@@ -15,6 +15,10 @@ from tune.cli.session import Session, run_command
 _ROOM = {"emps": 0.1, "homerehab": 0.1, "knob": 1.0, "stylus": 0.03}
 
 
+#: Parts of the stiffness that the continuous force allows, of which a soft spring is one.
+_SOFT = 20.0
+
+
 class Kind(StrEnum):
     """Files that have a template."""
 
@@ -39,7 +43,7 @@ def new(
     kind: Annotated[Kind, typer.Argument(help="What to write.")],
     device: Annotated[
         Optional[str],  # noqa: UP045 - typer reads it at run time
-        typer.Option("--device", help="Fill in what a known device has, such as homerehab."),
+        typer.Option("--device", help="Fill in what suits a known device, such as homerehab."),
     ] = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
@@ -72,13 +76,9 @@ def new(
             session.say("fill in how your device is read and driven; haptune never drives it")
             return
         path = output or Path(f"{kind.value}.yaml")
-        if device is not None and kind is Kind.scene:
-            raise UsageError("--device", "fills in no scene", "Leave it out")
         session.target(path)
-        if device is None:
-            text = template(kind.value)
-        else:
-            text = hardware_of(device) if kind is Kind.hardware else excitation_of(device)
+        filled = {Kind.hardware: hardware_of, Kind.scene: scene_of, Kind.excitation: excitation_of}
+        text = template(kind.value) if device is None else filled[kind](device)
         session.write(path, text, dry_run=dry_run)
         if kind is not Kind.scene and device is None:
             known = ", ".join(named_devices())
@@ -137,6 +137,39 @@ def excitation_of(name: str) -> str:
         kept = f"#{comment}" if comment and "such as" not in comment else ""
         lines.append(f"{key + ': ' + known[key]:<31} {kept}".rstrip())
     return "\n".join(lines) + "\n"
+
+
+def scene_of(name: str) -> str:
+    """The template of a scene with sizes and motions that suit a known device or a device file."""
+    from identification import load_device
+    from tune.documents.perception import SCALE_DEPTH, default_table
+    from tune.documents.scene import DEFAULT_MOTION
+    from tune.documents.units import UNITS, format_number
+
+    device = load_device(name)
+    units, motion = UNITS[device.motion], DEFAULT_MOTION[device.motion]
+    depth, damping = SCALE_DEPTH[device.motion], device.damping.value
+    noticed = f"ripple_limit: {format_number(default_table().threshold(device.motion))}"
+    sizes = {
+        "(m/s)": f"({units['speed']})",
+        "how deep (m)": f"how deep ({units['length']})",
+        "penetration: 0.01": f"penetration: {depth:g}",
+        "speed: 0.2": f"speed: {motion.speed:.1f}",
+        "acceleration: 2.0": f"acceleration: {motion.acceleration:.1f}",
+        "ripple_limit: 0.1         # N rms": f"{'# ' + noticed:<25} # {units['force']} rms",
+    }
+    for factor, written in ((1, "10.0"), (3, "30.0"), (2, "20.0")):
+        sizes[f"damping: {written}"] = f"damping: {format_number(factor * damping)}"
+    if device.force_limit is not None:
+        stiffest = device.force_limit.continuous / depth
+        softest = stiffest / _SOFT
+        within = f"{{min: {format_number(softest)}, max: {format_number(stiffest)}}}"
+        sizes["stiffness: {min: 200.0, max: 1500.0}"] = f"stiffness: {within}"
+    above, elements, below = template("scene").partition("ripple_limit:")
+    below = elements + below
+    for before, after in sizes.items():
+        below = below.replace(before, after)
+    return f"# Sizes suit {name}; choose your own.\n{above}{below}"
 
 
 def hardware_of(name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal, Optional
+from typing import Annotated, Optional
 
 import typer
 
@@ -23,46 +23,8 @@ Logs = Annotated[
     list[Path],
     typer.Argument(help="Logs of one axis: CSV or other text, Parquet, MAT, NPZ, Excel or MCAP."),
 ]
-Time = Annotated[str, typer.Option("--time", metavar="COL", help="Column of time, in seconds.")]
-TimeGain = Annotated[
-    Optional[float],  # noqa: UP045 - typer reads it at run time
-    typer.Option("--time-gain", metavar="X", help="s per unit of the time column."),
-]
-Decimal = Annotated[
-    Optional[Literal["comma", "point"]],  # noqa: UP045
-    typer.Option("--decimal", help="What stands before decimals in a text file."),
-]
-Force = Annotated[
-    str, typer.Option("--force", metavar="COL", help="Column of the actuator's force.")
-]
-Position = Annotated[str, typer.Option("--position", metavar="COL", help="Column of position.")]
-Reference = Annotated[
-    Optional[str],  # noqa: UP045 - typer reads it at run time
-    typer.Option("--reference", metavar="COL", help="Column of the set-point, if logged."),
-]
-ForceGain = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option(
-        "--force-gain",
-        metavar="X",
-        help="N (N·m) per unit of the force column: per ampere torque constant and transmission; 1 "
-        "states that it is in N (N·m).",
-    ),
-]
-PositionGain = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option(
-        "--position-gain",
-        metavar="X",
-        help="m (rad) per unit of the position column; 1 states that it is in m (rad).",
-    ),
-]
-Axis = Annotated[
-    Optional[str],  # noqa: UP045
-    typer.Option("--axis", metavar="NAME", help="Name of the axis; default from the hardware."),
-]
 HardwareFile = Annotated[
-    Optional[Path],  # noqa: UP045
+    Optional[Path],  # noqa: UP045 - typer reads it at run time
     typer.Option("--hardware", metavar="FILE", help="hardware.yaml: what is known beforehand."),
 ]
 Allow = Annotated[

@@ -7,19 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from tune.cli.identify import read_log
+from tune.cli.identify import identified_details, read_log
+from tune.cli.log_options import LogOptions, with_log_options
 from tune.cli.options import (
-    Axis,
-    Decimal,
-    Force,
-    ForceGain,
     Json,
-    Position,
-    PositionGain,
     Quiet,
-    Reference,
-    Time,
-    TimeGain,
 )
 from tune.cli.session import Session, run_command
 
@@ -29,6 +21,7 @@ if TYPE_CHECKING:
     from tune.documents.profile import SafeProfile
 
 
+@with_log_options()
 def report(
     profile: Annotated[Path, typer.Argument(help="profile.yaml")],
     logs: Annotated[
@@ -47,39 +40,23 @@ def report(
             "a time, and show what each would bring.",
         ),
     ] = None,
-    time: Time = "time",
-    force: Force = "force",
-    position: Position = "position",
-    reference: Reference = None,
-    time_gain: TimeGain = None,
-    force_gain: ForceGain = None,
-    position_gain: PositionGain = None,
-    axis: Axis = None,
-    decimal: Decimal = None,
+    *,
+    options: LogOptions,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """One page to sign, complete in itself, after the check; exit code 6 if that fails."""
 
     def action(session: Session) -> None:
-        from identification import LogColumns, to_mapping
+        from identification import to_mapping
         from tune.certificate.check import check
+        from tune.cli.device_table import half_widths
         from tune.cli.report_page import page_of
         from tune.presentation.page import html_of
 
         given = logs or []
         session.target(output, profile, *given, what_if)
-        columns = LogColumns(
-            time=time,
-            force=force,
-            position=position,
-            reference=reference,
-            time_gain=time_gain,
-            force_gain=force_gain,
-            position_gain=position_gain,
-            axis=axis,
-            decimal=decimal,
-        )
+        columns = options.columns()
         with session.progress() as say:
             say("re-computing the certificate")
             safe = check(profile).profile
@@ -93,7 +70,11 @@ def report(
         with session.progress() as say:
             say("drawing")
             text = html_of(page_of(safe, found, alternatives))
-        session.details["profile"] = to_mapping(safe)
+        session.details |= {} if found is None else identified_details(found)
+        session.details |= {
+            "profile": to_mapping(safe),
+            "half_widths": half_widths(safe.device),
+        }
         session.store(output, text.encode())
         session.say(
             f"{profile} passed its check. Open the page in a browser, read it, print it and sign it"

@@ -1,4 +1,7 @@
-"""What a report of a profile shows: the tables of the commands, pictures, and what it rests on."""
+"""What a report of a profile shows: the tables of the commands, pictures, and what it rests on.
+
+One file: the chapters of one page, in their order.
+"""
 
 from __future__ import annotations
 
@@ -107,11 +110,17 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
 
 def _pictures(safe: SafeProfile, boundaries: Boundaries) -> Iterator[PictureView]:
     from tune.presentation.element_picture import element_picture
-    from tune.presentation.profile_picture import profile_picture, shown_elements
+    from tune.presentation.profile_picture import (
+        profile_picture,
+        shown_elements,
+        words_of_shown,
+    )
 
+    shown = words_of_shown(safe)
     yield picture_view(
         profile_picture(safe, boundaries=boundaries),
-        "The region without mass with every element, and the steps a hand can tell of each effect.",
+        "The region without mass with every element, and the steps a hand can tell of each effect"
+        + (f"; {shown}." if shown else "."),
     )
     for name in shown_elements(safe):
         yield picture_view(

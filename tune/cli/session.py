@@ -1,4 +1,7 @@
-"""One run of a command: what it says, what it writes, how it ends."""
+"""One run of a command: what it says, what it writes, how it ends.
+
+One file: one run of a command from its first line to its exit code.
+"""
 
 from __future__ import annotations
 

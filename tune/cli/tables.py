@@ -1,4 +1,7 @@
-"""Results as tables for a terminal."""
+"""Results as tables for a terminal.
+
+One file: the tables that several commands print.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from tune.cli.contacts import contact_lines, varied
+from tune.documents.units import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,26 +23,6 @@ if TYPE_CHECKING:
     from tune.documents.profile import SafeProfile
     from tune.documents.scene import MarginName
     from tune.optimisation.candidates import Candidate, CandidateEffect
-
-#: Units of each motion by quantity.
-UNITS = {
-    "linear": {
-        "stiffness": "N/m",
-        "damping": "N·s/m",
-        "mass": "kg",
-        "force": "N",
-        "length": "m",
-        "speed": "m/s",
-    },
-    "rotary": {
-        "stiffness": "N·m/rad",
-        "damping": "N·m·s/rad",
-        "mass": "kg·m²",
-        "force": "N·m",
-        "length": "rad",
-        "speed": "rad/s",
-    },
-}
 
 
 def units_of(motion: Motion | None) -> dict[str, str]:

@@ -160,7 +160,7 @@ def _chosen(session: Session, device: Device, wish: Wanted, sheet: Path | None) 
         assert chosen.error is not None
         raise chosen.error
     if sheet is not None:
-        draw_candidates(session, sheet, rows)
+        draw_candidates(session, sheet, rows, device.motion)
     return chosen.profile
 
 

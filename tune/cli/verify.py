@@ -1,4 +1,7 @@
-"""``haptune verify``: a closed-loop log of the real device against its profile."""
+"""``haptune verify``: a closed-loop log of the real device against its profile.
+
+One file: one command: its options, tables and exit codes.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +12,11 @@ import typer
 
 from tune.cli.drawing import draw
 from tune.cli.identify import tell_reading
+from tune.cli.log_options import LogOptions, with_log_options
 from tune.cli.options import (
-    Axis,
-    Decimal,
-    Force,
-    ForceGain,
     Json,
-    Position,
-    PositionGain,
+    Picture,
     Quiet,
-    Time,
-    TimeGain,
 )
 from tune.cli.session import Session, run_command
 
@@ -33,6 +30,7 @@ if TYPE_CHECKING:
 _MORE = 1.02
 
 
+@with_log_options(without=frozenset({"reference"}))
 def verify(
     profile: Annotated[Path, typer.Argument(help="profile.yaml")],
     log: Annotated[
@@ -60,25 +58,16 @@ def verify(
             help="When the hand let go, in the time of the log; default: largest displacement.",
         ),
     ] = None,
-    time: Time = "time",
-    force: Force = "force",
-    position: Position = "position",
-    time_gain: TimeGain = None,
-    force_gain: ForceGain = None,
-    position_gain: PositionGain = None,
-    axis: Axis = None,
-    decimal: Decimal = None,
-    picture: Annotated[
-        Optional[Path],  # noqa: UP045
-        typer.Option("--picture", help="Where to draw motion and force against them (PNG)."),
-    ] = None,
+    *,
+    options: LogOptions,
+    picture: Picture = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Does a low-gain closed-loop log behave as the profile predicts? Ends with 6 if not."""
 
     def action(session: Session) -> None:
-        from identification import LogColumns, UsageError, load_trajectory
+        from identification import UsageError, load_trajectory
         from tune.documents.errors import CheckFailedError
         from tune.documents.profile import load_profile
         from tune.verification import margins_of_others, verification_picture, verify
@@ -91,18 +80,9 @@ def verify(
         if picture is not None:
             session.target(picture, profile, log)
         safe = load_profile(profile)
-        columns = LogColumns(
-            time=time,
-            force=force,
-            position=position,
-            time_gain=time_gain,
-            force_gain=force_gain,
-            position_gain=position_gain,
-            axis=axis,
-            decimal=decimal,
-        )
+        columns = options.columns()
         trajectory = load_trajectory(
-            log, columns, motion=safe.device.motion, axis=axis or safe.device.axis
+            log, columns, motion=safe.device.motion, axis=columns.axis or safe.device.axis
         )
         tell_reading(session, trajectory)
         with session.progress() as say:

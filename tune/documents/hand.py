@@ -8,12 +8,6 @@ from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from identification import AnyQuantity, Document, quantity
 
-GRIP_SOURCE = (
-    "rounded outwards from measured ranges, quoted from memory: fingertip impedance (Hajian and "
-    "Howe 1997: some grams, 4 to 7 N·s/m, 0.25 to 1.3 kN/m) and arm stiffness (Mussa-Ivaldi, Hogan "
-    "and Bizzi 1985: 0.1 to 0.8 kN/m); for rotary axes the same at a lever of 20 mm"
-)
-
 
 class Hand(Document):
     """A grip as mass, damper and spring to a place that rests: m_h·ẍ + b_h·ẋ + k_h·x.
@@ -45,7 +39,10 @@ class Hand(Document):
         return self
 
 
-#: From two fingers that hardly touch to an arm that braces itself.
+#: From two fingers that hardly touch to an arm that braces itself: rounded outwards from measured
+#: ranges, quoted from memory. Fingertip impedance (Hajian and Howe 1997): some grams, 4 to 7 N·s/m,
+#: 0.25 to 1.3 kN/m; arm stiffness (Mussa-Ivaldi, Hogan and Bizzi 1985): 0.1 to 0.8 kN/m. Rotary
+#: axes have the same at a lever of 20 mm.
 FREE_TO_RIGID: dict[Literal["linear", "rotary"], Hand] = {
     "linear": Hand(
         mass=quantity(0.1, 0.005, 1.0),

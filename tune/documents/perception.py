@@ -1,4 +1,7 @@
-"""How finely hands tell effects apart, as data: Weber fractions, thresholds, steps and chances."""
+"""How finely hands tell effects apart, as data: Weber fractions, thresholds, steps and chances.
+
+One file: the table and the steps that are counted in it.
+"""
 
 from __future__ import annotations
 

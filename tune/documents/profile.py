@@ -1,4 +1,7 @@
-"""SafeProfile: what was chosen, why, and the certificate it passed, as YAML with a digest."""
+"""SafeProfile: what was chosen, why, and the certificate it passed, as YAML with a digest.
+
+One file: the keys of one file.
+"""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ DETAILS: dict[str, type] = {
     "verify": VerifyDetails,
     "compare": CompareDetails,
     "export": Details,
-    "report": TuneDetails,
+    "report": CalibrateDetails,
     "excite": ExciteDetails,
     "simulate": SimulateDetails,
 }

@@ -1,7 +1,8 @@
 """What a command computed, in its JSON result: every number that its tables show, in SI units.
 
 A command that fails keeps what was computed until then, so that no key is sure to be there. A
-number that is not finite, or was not computed, is null.
+number that is not finite, or was not computed, is null. One file: the details of every command,
+side by side in one schema.
 """
 
 from __future__ import annotations
@@ -113,14 +114,18 @@ class IdentifyDetails(Details, total=False):
 
 
 class TuneDetails(Details, total=False):
-    """Details of ``tune``, and of ``report``, which has no candidates."""
+    """Details of ``tune``."""
 
     candidates: list[dict[str, Any]]
     what_if: list[AlternativeResult]
 
 
 class CalibrateDetails(IdentifyDetails, TuneDetails, total=False):
-    """Details of ``calibrate``, ``demo`` and ``report``, which show a device and a profile."""
+    """Details of ``calibrate``, ``demo`` and ``report``, which show a device and a profile.
+
+    The ``half_widths`` of ``report`` are of the device in the profile; its ``device``, where logs
+    were given, is as identified from them again.
+    """
 
 
 class CheckDetails(TypedDict, total=False):

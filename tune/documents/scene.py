@@ -1,4 +1,7 @@
-"""The scene file: what is to be felt, how the hand moves there, and how much margin is kept."""
+"""The scene file: what is to be felt, how the hand moves there, and how much margin is kept.
+
+One file: the keys of one file.
+"""
 
 from __future__ import annotations
 

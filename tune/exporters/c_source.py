@@ -1,4 +1,7 @@
-"""The source of the C guard as text; $-names are filled in from a profile by c_guard.py."""
+"""The source of the C guard as text; $-names are filled in from a profile by c_guard.py.
+
+One file: the text of one C file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Filters: estimators of velocity and acceleration, as factors in w (bilinear transform)."""
+"""Filters: estimators of velocity and acceleration, as factors in w (bilinear transform).
+
+One file: each kind of filter as the same pair of estimators.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 With z = (1+w)/(1-w) every factor of the loop has exact coefficients (z-1 → 2w, z → 1+w,
 z-ε → (1-ε)+(1+ε)w, z-a → (1-a)+(1+a)w, all over 1-w), so the polynomial is a product of factors
-and nothing cancels however small δ = bT/m is. Stable means all its roots lie in Re w < 0.
+and nothing cancels however small δ = bT/m is. Stable means all its roots lie in Re w < 0. One file:
+one class and the ways to build it.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ the rigid mass) position over force is N/D, handle over force H/D,
 
 Without a negative damping or slope every term of D and N is positive: nothing cancels. D is then
 split into real quadratic factors and N, H into partial fractions over them. Close poles make the
-terms of those large, and with them the sizes of what is put together from them.
+terms of those large, and with them the sizes of what is put together from them. One file: modes,
+hand and rigid mass are joined in one sum.
 """
 
 from __future__ import annotations

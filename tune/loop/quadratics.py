@@ -5,6 +5,7 @@ stays in one factor) and the factors then improved by Newton's method on their c
 residual is exact to rounding. Its Jacobian is the matrix of the partial fractions too. Close
 factors are ill-determined one by one, but all together they still reproduce the polynomial to a
 few units of roundoff of its terms, and that is what counts for whatever is put together from them.
+One file: factors and partial fractions share roots and their repair.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The sampled plant in w: mechanism, current lag, zero-order hold, and a delay of any length.
 
-The device as a controller meets it, before it has any filters.
+The device as a controller meets it, before it has any filters. One file: one plant, ideal or
+general.
 """
 
 from __future__ import annotations

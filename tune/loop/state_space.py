@@ -2,7 +2,8 @@
 
 A wall that is entered and left switches between two loops, and a clock that jitters between many:
 both are followed in time. The state is that of the mechanism in continuous time, the commands on
-their way to the actuator, and what the estimators remember.
+their way to the actuator, and what the estimators remember. One file: one loop, in contact and
+free.
 """
 
 from __future__ import annotations

@@ -9,7 +9,8 @@ With the impulse response g(v) and its mirror image e(v) = exp(-a(1-v))·g(v), b
 g from 0 to 1-f, b3 that of e from 0 to f, the first coefficient that of g + e from 0 to 1, and the
 last that of g - e less what the fraction moves. All integrands are positive up to half an
 oscillation, so that sums over nodes lose nothing, whether the poles are real, complex, equal or
-zero. Poles far outside what the nodes can follow have closed forms without cancellation.
+zero. Poles far outside what the nodes can follow have closed forms without cancellation. One file:
+one integral, for every kind of pole.
 """
 
 from __future__ import annotations

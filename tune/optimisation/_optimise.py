@@ -1,4 +1,7 @@
-"""The one verb: device + scene → certified profile."""
+"""The one verb: device + scene → certified profile.
+
+One file: the steps of one verb, in their order.
+"""
 
 from __future__ import annotations
 

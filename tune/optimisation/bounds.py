@@ -1,4 +1,7 @@
-"""How large one unknown may be under each kind of limit, the others as they are."""
+"""How large one unknown may be under each kind of limit, the others as they are.
+
+One file: each kind of limit bounds the same unknown.
+"""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 By rank as many effects as can be kept count first; then the sum of the logarithms of steps, those
 of a wanted value over all that it asks for, each rank a tenth of the one before. The slope of that
 sum by a cut-off follows from the multipliers of what binds (envelope theorem): sizes need not be
-found anew.
+found anew. One file: the objective and its slope have to agree.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Filter cut-offs where a scene leaves them free: as little filtering as does nearly as well."""
+"""Filter cut-offs where a scene leaves them free: as little filtering as does nearly as well.
+
+One file: one search along two axes.
+"""
 
 from __future__ import annotations
 

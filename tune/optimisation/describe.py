@@ -1,4 +1,7 @@
-"""Description of a chosen setting: which limit binds, margins, steps, what was not needed."""
+"""Description of a chosen setting: which limit binds, margins, steps, what was not needed.
+
+One file: all that is said of one chosen setting.
+"""
 
 from __future__ import annotations
 

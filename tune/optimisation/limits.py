@@ -1,4 +1,7 @@
-"""Feasibility of settings, exact: do they keep every limit, and with which margins."""
+"""Feasibility of settings, exact: do they keep every limit, and with which margins.
+
+One file: every limit that a setting has to keep, asked in one place.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Nash product: the largest product of perceived steps, rank after rank.
 
 Wanted values first, then the priorities: the product of the steps of one rank is made as large as
-can be, with at least one step for every effect of lower rank; then its sizes stay.
+can be, with at least one step for every effect of lower rank; then its sizes stay. One file: the
+search over one rank after another, and its proposals.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The design problem of elements that share a moment: unknowns, moments, loops and limits."""
+"""The design problem of elements that share a moment: unknowns, moments, loops and limits.
+
+One file: the parts of one problem, none of use alone.
+"""
 
 from __future__ import annotations
 

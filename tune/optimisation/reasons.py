@@ -23,7 +23,8 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
     limits = problem.limits
     nothing = np.zeros(len(problem.unknowns))
     for index, unknown in enumerate(problem.unknowns):
-        top = min(unknown.high, problem.linear.bounds(nothing, index).get("force", np.inf))
+        most = problem.linear.bounds(nothing, index).get("force", np.inf)
+        top = min(unknown.high, most)
         if unknown.high <= 0:
             reasons[unknown.label] = (
                 f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
@@ -35,7 +36,8 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
         elif unknown.low > top:
             reasons[unknown.label] = (
                 f"even {unknown.low:.4g} exceeds the force limit, {limits.continuous_force:g} "
-                f"continuous and {limits.peak_force:g} at the peak"
+                f"continuous and {limits.peak_force:g} at the peak; at most {most:.4g} keeps to it "
+                "in this motion. Ask for less"
             )
         elif weakest <= 0 and not _helped(problem, index):
             reasons[unknown.label] = (

@@ -1,7 +1,8 @@
 """Region: everything a profile must hold for, as the loops of its corners.
 
 The corners propose; that the whole region between them holds is for the certificate to prove, and
-where it finds a worse point, that point joins the region as one more loop.
+where it finds a worse point, that point joins the region as one more loop. One file: corners and
+later points become loops in the same way.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Moments that push on one side only or are cut, as far as they are proved absolutely stable.
 
 The linear loop is no yardstick for them: without its damper, or cut at a force, a spring is what it
-is alone (docs/theory.md, 10).
+is alone (docs/theory.md, 10). One file: multipliers and sizes are found in turn.
 """
 
 from __future__ import annotations

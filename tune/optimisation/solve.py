@@ -1,4 +1,7 @@
-"""Elements that share moments to their largest perceivable effects, rounded and allowed exactly."""
+"""Elements that share moments to their largest perceivable effects, rounded and allowed exactly.
+
+One file: rank after rank, what is kept and what is dropped is one loop.
+"""
 
 from __future__ import annotations
 

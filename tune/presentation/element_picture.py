@@ -11,11 +11,11 @@ import numpy as np
 
 from identification import legend_above
 from tune.documents.profile import Design, ElementProfile
+from tune.documents.units import UNITS, format_number
 from tune.presentation.boundaries import Boundaries
 from tune.presentation.limits import Use, uses_of
 from tune.presentation.responses import Response, impact_response, step_response
 from tune.presentation.slices import draw_slice
-from tune.presentation.units import UNITS, format_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 11.0, 6.2
 #: Where the four pictures stand on their figure, in parts of it and of a picture.
 _GRID = {
-    "left": 0.085,
+    "left": 0.095,
     "right": 0.925,
     "top": 0.85,
     "bottom": 0.085,
@@ -135,6 +135,7 @@ def _draw_step(axes: Axes, design: Design, element: ElementProfile, units: dict[
     _draw_devices(axes, found, found.position if sprung else found.speed)
     what = f"position, {units['length']}" if sprung else f"speed, {units['speed']}"
     axes.set_ylabel(what)
+    axes.tick_params(labelsize=8)
     axes.set_xlabel("time, s")
     axes.set_title(
         f"step: {force:.3g} {units['force']} on the handle; friction left out",
@@ -153,22 +154,26 @@ def _draw_impact(
     _draw_devices(axes, found, found.force)
     if limit is not None:
         most = max(float(np.max(np.abs(found.force))), 1e-12)
-        for level, words in ((limit.peak, "peak"), (limit.continuous, "continuous")):
+        for level, words, dashes in (
+            (limit.continuous, "continuous force", ":"),
+            (limit.peak, "peak force", "--"),
+        ):
             if level < 3 * most:
                 for side in (-1, 1):
                     axes.axhline(
                         side * level,
                         color="tab:red",
                         lw=0.8,
-                        ls="--" if words == "peak" else ":",
-                        label="force limits" if side > 0 and words == "peak" else None,
+                        ls=dashes,
+                        label=words if side > 0 else None,
                     )
     axes.set_ylabel(f"force, {units['force']}")
+    axes.tick_params(labelsize=8)
     axes.set_xlabel("time, s")
     beside = axes.twinx()
     beside.plot(found.time, found.speed[0], color="tab:blue", lw=1)
     beside.set_ylabel(f"speed, {units['speed']}", color="tab:blue")
-    beside.tick_params(axis="y", labelcolor="tab:blue")
+    beside.tick_params(axis="y", labelcolor="tab:blue", labelsize=8)
     legend_above(axes)
     axes.set_title(
         f"impact at {element.motion.speed:g} {units['speed']}, no hand"

@@ -44,7 +44,7 @@ def uses_of(design: Design, name: str, units: dict[str, str]) -> tuple[Use, ...]
         bound[reason] = (*bound.get(reason, ()), effect)
     found = (
         *_margins(design, element),
-        *_forces(design, element, units["force"]),
+        *_forces(design, name, units["force"]),
         *_felt(design, element),
     )
     most = {why: max(part for _, other, part, _ in found if other == why) for _, why, _, _ in found}
@@ -73,22 +73,41 @@ def _margins(design: Design, element: ElementProfile) -> Iterator[tuple[str, str
         yield "switched or cut", "saturation", part, words
 
 
-def _forces(
-    design: Design, element: ElementProfile, unit: str
-) -> Iterator[tuple[str, str, float, str]]:
-    limit, motion = design.device.force_limit, element.motion
-    if limit is not None and limit.peak > 0:
-        sustained = element.stiffness * (motion.penetration or 0.0)
-        if sustained and limit.continuous > 0:
-            words = f"{sustained:.3g} of {limit.continuous:.4g} {unit}"
-            yield "sustained force", "force", sustained / limit.continuous, words
-        peak = (
-            sustained
-            + abs(element.damping) * motion.speed
-            + abs(element.mass) * motion.acceleration
-        )
-        words = f"{peak:.3g} of {limit.peak:.4g} {unit}"
-        yield "force in motion", "force", peak / limit.peak, words
+def _sustained(element: ElementProfile) -> float:
+    """Force of the spring at the depth it must last to, N."""
+    return element.stiffness * (element.motion.penetration or 0.0)
+
+
+def _in_motion(element: ElementProfile) -> float:
+    """Force of the whole element in its motion, N."""
+    motion = element.motion
+    return (
+        _sustained(element)
+        + abs(element.damping) * motion.speed
+        + abs(element.mass) * motion.acceleration
+    )
+
+
+def _forces(design: Design, name: str, unit: str) -> Iterator[tuple[str, str, float, str]]:
+    """Forces of the element, and of the moment with it whose forces are the largest."""
+    limit, element = design.device.force_limit, design.elements[name]
+    for what, force_of, most in (
+        ("sustained force", _sustained, limit.continuous if limit else 0.0),
+        ("force in motion", _in_motion, limit.peak if limit else 0.0),
+    ):
+        own = force_of(element)
+        if most <= 0 or (what == "sustained force" and not own):
+            continue
+        forces = {
+            moment: sum(force_of(design.elements[each]) for each in moment)
+            for moment in design.moments()
+            if name in moment
+        }
+        worst, total = max(forces.items(), key=lambda item: (item[1], -len(item[0])))
+        beside = [each for each in worst if each != name]
+        words = f"{own:.3g} of {most:.4g} {unit}"
+        words += f", {total:.3g} with {' and '.join(beside)}" if beside else ""
+        yield what, "force", total / most, words
     if element.ripple is not None:
         words = f"{element.ripple:.2g} of {design.ripple_limit:g} {unit}"
         yield "encoder ripple", "ripple", element.ripple / design.ripple_limit, words

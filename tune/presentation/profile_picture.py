@@ -1,4 +1,7 @@
-"""Pictures of a profile: where its elements lie in the stable region, and what they feel like."""
+"""Pictures of a profile: where its elements lie in the stable region, and what they feel like.
+
+One file: panels that are laid out together.
+"""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false
@@ -9,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tune.documents.profile import Design
+from tune.documents.profile import Design, SafeProfile
+from tune.documents.units import UNITS, format_number
 from tune.presentation.boundaries import Boundaries
 from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shorten_name
 from tune.presentation.labels import place_labels
 from tune.presentation.slices import draw_region
-from tune.presentation.units import UNITS, format_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
 _FIRST, _EFFECT = 4.6, 0.28
 #: Elements that are drawn one by one, at most: a picture of more would be read by nobody.
 MOST_ELEMENTS = 12
+#: Reasons that are no limit, in words.
+_WHY = {"wanted": "as wanted", "not-perceptible": "not perceptible"}
 
 
 def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) -> Figure:
@@ -43,10 +48,15 @@ def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) ->
     return figure
 
 
-def profile_sheet(profile: Design) -> Figure:
+def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
     """The overview, then each element with its slice of the region, limits, step and impact.
 
-    Of more than `MOST_ELEMENTS` that play something the first are drawn.
+    Of more than `MOST_ELEMENTS` that play something the first are drawn, and the picture says so.
+
+    Args:
+        profile: certified or not.
+        verdict: for the title; None says what is proved of a certified profile, and of another
+            which margin is asked for.
     """
     from identification import NotebookFigure
 
@@ -58,18 +68,30 @@ def profile_sheet(profile: Design) -> Figure:
     boundaries = Boundaries.of(profile)
     for part, name in zip(parts[1:], names, strict=True):
         draw_element(part, profile, name, boundaries)
-    draw_overview(parts[0], profile, boundaries)
+    draw_overview(parts[0], profile, boundaries, verdict=verdict, note=words_of_shown(profile))
     return figure
 
 
 def shown_elements(profile: Design) -> list[str]:
     """Names of the elements that are drawn one by one: those that play something, the first."""
-    playing = (
+    return _playing(profile)[:MOST_ELEMENTS]
+
+
+def words_of_shown(profile: Design) -> str:
+    """Which elements are drawn one by one, in words; "" where all are."""
+    playing = len(_playing(profile))
+    if playing <= MOST_ELEMENTS:
+        return ""
+    return f"of {playing} elements the first {MOST_ELEMENTS} are drawn one by one"
+
+
+def _playing(profile: Design) -> list[str]:
+    """Names of the elements that play something."""
+    return [
         name
         for name, element in profile.elements.items()
         if element.stiffness or element.damping or element.mass
-    )
-    return list(playing)[:MOST_ELEMENTS]
+    ]
 
 
 def overview_height(profile: Design) -> float:
@@ -78,8 +100,15 @@ def overview_height(profile: Design) -> float:
     return max(_FIRST, 1.2 + _EFFECT * effects)
 
 
-def draw_overview(figure: Figure | SubFigure, profile: Design, boundaries: Boundaries) -> None:
-    """Draw region and perceived steps on a figure or a part of one."""
+def draw_overview(
+    figure: Figure | SubFigure,
+    profile: Design,
+    boundaries: Boundaries,
+    *,
+    verdict: str | None = None,
+    note: str = "",
+) -> None:
+    """Draw region and perceived steps on a figure or a part of one, with a note below the title."""
     height = overview_height(profile)
     left, right = figure.subplots(
         1,
@@ -92,16 +121,23 @@ def draw_overview(figure: Figure | SubFigure, profile: Design, boundaries: Bound
             "wspace": 0.16 + 0.018 * max(map(len, _effects(profile))),
         },
     )
-    late = profile.margin.extra_delay_samples
+    title = f"{shorten_name(profile.scene)} on {shorten_name(profile.device.name)}"
     figure.suptitle(
-        f"{shorten_name(profile.scene)} on {shorten_name(profile.device.name)}: "
-        "safe for every gain up "
-        f"to {profile.margin.gain:g} with {late} extra sample{'s' * (late != 1)}",
+        f"{title}: {_verdict(profile) if verdict is None else verdict}",
         fontsize=11,
         y=1 - 0.12 / height,
     )
+    if note:
+        figure.text(0.5, 1 - 0.42 / height, note, fontsize=9, ha="center", va="bottom")
     _draw_steps(right, profile)
     _draw_places(left, profile, boundaries)
+
+
+def _verdict(profile: Design) -> str:
+    """What is proved of a certified profile; of another, the margin that is asked for."""
+    late = profile.margin.extra_delay_samples
+    margin = f"every gain up to {profile.margin.gain:g} with {late} extra sample{'s' * (late != 1)}"
+    return f"safe for {margin}" if isinstance(profile, SafeProfile) else f"margin: {margin}"
 
 
 def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
@@ -136,7 +172,11 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
             f", M = {element.mass:.2g} {units['mass']}" if element.mass else ""
         )
         labels.append((element.damping, element.stiffness, note))
-    place_labels(axes, labels)
+    left_out = len(labels) - len(place_labels(axes, labels))
+    if left_out:
+        named = "names have" if left_out > 1 else "name has"
+        axes.set_title(f"{axes.get_title(loc='left')}\n{left_out} {named} no room",
+                       fontsize=8, loc="left", pad=16)  # fmt: skip
 
 
 def _effects(profile: Design) -> list[str]:
@@ -157,8 +197,8 @@ def _draw_steps(axes: Axes, profile: Design) -> None:
         for effect, reason in element.limited_by.items():
             steps.append(element.perceived_steps.get(effect, 0.0))
             value: float = getattr(element, effect)
-            why = "as wanted" if reason == "wanted" else f"limited by {reason}"
-            words.append(f" {format_number(value)} {units[effect]}, {why}")
+            size = f"{format_number(value)} {units[effect]}" if value else "not played"
+            words.append(f" {size}, {_WHY.get(reason, f'limited by {reason}')}")
     places = np.arange(len(labels))[::-1]
     axes.barh(places, steps, color="tab:green", alpha=0.6)
     axes.axvline(1, color="k", lw=0.8, ls=":")

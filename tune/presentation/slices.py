@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from identification import legend_above
 from tune.documents.profile import ElementProfile
+from tune.documents.units import format_number
 from tune.presentation.boundaries import Boundaries
-from tune.presentation.units import format_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.profile import Design
+from tune.documents.units import UNITS
 from tune.presentation.boundaries import Boundaries
-from tune.presentation.units import UNITS
 
 FloatArray = NDArray[np.float64]
 

@@ -1,7 +1,8 @@
 """What a hand feels of commanded effects at the motions people make, docs/theory.md, 8.
 
 Filters, delay and hold let a virtual mass lag behind the acceleration: less of it is felt as mass,
-and some as damping. A damper that lags takes mass away, a spring that lags takes damping away.
+and some as damping. A damper that lags takes mass away, a spring that lags takes damping away. One
+file: impedances, bands and shares are steps of one computation.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Stability intervals: the s > 0 for which polynomials A(w) + s·B(w) are stable.
 
-Between two neighbouring crossings of the boundary nothing changes: the criterion decides once.
+Between two neighbouring crossings of the boundary nothing changes: the criterion decides once. One
+file: intervals and the shortcut up to one gain decide by the same crossings.
 """
 
 from __future__ import annotations

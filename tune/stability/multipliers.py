@@ -7,7 +7,8 @@ called: single taps first, then the best is mixed with each other one, then the 
 
 G. Zames and P. L. Falb, "Stability conditions for systems with monotone and slope-restricted
 nonlinearities", SIAM J. Control 6(1), 1968; discrete: J. C. Willems and R. W. Brockett, "Some new
-rearrangement inequalities having application in stability analysis", IEEE TAC 13(5), 1968.
+rearrangement inequalities having application in stability analysis", IEEE TAC 13(5), 1968. One
+file: the candidates of one search, side by side.
 """
 
 from __future__ import annotations

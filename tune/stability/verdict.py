@@ -2,7 +2,8 @@
 
 One criterion and one way of finding boundaries serve every combination of effects: the published
 limits (6), (13), (19), (25), (28), (36) and (43) are what `largest` and `is_stable` answer when
-the other effects are absent.
+the other effects are absent. One file: every question about stability goes through the same two
+polynomials.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@
     force = law.force(["wall"], period, position) # every period, with [] where nothing is touched
 
 SI units. It plays what the C guard of the same profile plays. Python may pause for longer than a
-period: what is missed is bridged, and more than is certified ends every contact.
+period: what is missed is bridged, and more than is certified ends every contact. One file: a
+program that is copied to a controller as it is.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ and keep a hand on the emergency stop of the device, which must not depend on th
 Row k of force.csv is held from k T on. Each sample the position is read, compared with the limits,
 and only then the force is written. Whatever ends the play writes zero force, and the rows up to
 there are kept. SI units: N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along
-+position. The device starts at rest in the middle of its travel, with no hand on it.
++position. The device starts at rest in the middle of its travel, with no hand on it. One file: a
+program that is copied to a controller as it is.
 """
 
 from __future__ import annotations

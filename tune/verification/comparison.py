@@ -1,4 +1,7 @@
-"""The one verb: does a low-gain closed-loop log behave as its profile predicts?"""
+"""The one verb: does a low-gain closed-loop log behave as its profile predicts?
+
+One file: the steps of one verb, in their order.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,15 @@ from tune.certificate.refusal import refuse_unbalanced
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
+from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.loop import Loop
 from tune.verification.clock import check_clock
+from tune.verification.decimal_digits import decimal_digit
 from tune.verification.elements import moments_of
 from tune.verification.measured_cutoffs import MeasuredCutoff, measured_cutoffs
 from tune.verification.measured_delay import MeasuredDelay, judge_delay, unknown_delay
-from tune.verification.measured_law import MeasuredLaw, decimal_digit, judge_law
+from tune.verification.measured_law import MeasuredLaw, judge_law
 from tune.verification.measured_motion import MeasuredMotion, judge_motion
 from tune.verification.measured_ripple import judge_ripple
 from tune.verification.outcome import Outcome, not_assessed
@@ -40,8 +45,6 @@ _NEEDED = {
     "decay": "frequency or decay of the free motion",
     "delay": "the margin of the profile at every delay the log allows",
 }
-_UNITS = {"linear": "N", "rotary": "N·m"}
-_LENGTHS = {"linear": "m", "rotary": "rad"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +151,7 @@ def verify(
     refuse_unbalanced(profile.device)
     _check_request(profile, trajectory, gain, release)
     check_clock(profile, trajectory)
-    unit = _UNITS[profile.device.motion]
+    unit = UNITS[profile.device.motion]["force"]
     moments = moments_of(profile, element)
     law = judge_law(profile, moments, trajectory.force, trajectory.position, gain, unit)
     motion: MeasuredMotion | None = None
@@ -242,7 +245,7 @@ def _motion(
 
 def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
     """Is the position in the unit of the device, read by its encoder?"""
-    length = _LENGTHS[profile.device.motion]
+    length = UNITS[profile.device.motion]["length"]
     known = profile.device.encoder_resolution
     if known is None:
         return not_assessed("encoder", "the resolution is not in the device")
@@ -280,7 +283,6 @@ def _ripple(
         return not_assessed("ripple", "no free motion is seen")
     known = profile.device.encoder_resolution
     nominal = motion.prediction.nominal
-    fastest = max(nominal.natural / (2 * np.pi), motion.measured.frequency)
     free = slice(motion.release.first, motion.release.end)
     return judge_ripple(
         Loop.from_parts(profile.device, filters_of(law.loop)),
@@ -290,7 +292,7 @@ def _ripple(
         trajectory.position[free],
         tuple(turn - motion.release.first for turn in motion.release.turns),
         _step(trajectory),
-        fastest,
+        max(nominal.natural / (2 * np.pi), motion.measured.frequency),
         nominal.next_decay,
         decimal_digit(trajectory.force),
         unit,

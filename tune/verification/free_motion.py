@@ -6,7 +6,7 @@ envelope falls by 2·x_f in every half-cycle besides its exponential decay. The 
 read from the log, hence everything but σ and ω₀ is linear (B. F. Feeny and J. W. Liang, "A
 decrement method for the simultaneous estimation of Coulomb and viscous friction", Journal of Sound
 and Vibration 195(1), 1996, use the turning points alone). Without a spring speed decays as
-q̈ + σ·q̇ = constant.
+q̈ + σ·q̇ = constant. One file: one fit, with a spring or without.
 """
 
 from __future__ import annotations

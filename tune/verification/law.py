@@ -3,7 +3,8 @@
 F[k] = -s·(K·y + B·v + M·a) + offset, v and a by the very filters of a profile on the positions of
 the log. The offset is where the spring is relaxed. What the filters remember from before the log,
 or from a contact that reset them, dies away in their own modes; each contact has columns for these,
-so that no row is lost and the state at its start need not be known.
+so that no row is lost and the state at its start need not be known. One file: columns and fits of
+one regression.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Measured control law: does the logged force follow from the positions as the profile says?"""
+"""Measured control law: does the logged force follow from the positions as the profile says?
+
+One file: one fit of the law, and what it is held to say.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from numpy.typing import NDArray
 from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design
+from tune.verification.decimal_digits import WHOLE, decimal_digit
 from tune.verification.elements import effects_of, moment_in_words, scale_effects
 from tune.verification.explanations import EXPLAINS, MATERIAL_SIZE, Explanation, explain
 from tune.verification.law import LawFit, fit_scaled, noise_gain
@@ -33,9 +37,6 @@ _AT_LIMIT = 1e-6
 _PLATEAU = 0.05
 #: ... no force while it moves by this part is outside of a one-sided wall.
 _OUTSIDE = 0.01
-#: Digits after the point that are looked for in a column.
-_MOST_DIGITS = 12
-_WHOLE = 1e-3
 #: Units in which a position is often logged, as m or rad in one of them.
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "µm": 1e-6, "degrees": np.pi / 180}
 
@@ -178,22 +179,10 @@ def _digits(profile: Design, force: FloatArray, position: FloatArray, effects: E
     digit = decimal_digit(position)
     if resolution is not None and digit > 0:
         counts = position / resolution.value
-        if np.all(np.abs(counts - np.rint(counts)) * resolution.value < _WHOLE * digit):
+        if np.all(np.abs(counts - np.rint(counts)) * resolution.value < WHOLE * digit):
             digit = 0.0  # whole counts, printed exactly
     moved = digit / np.sqrt(12) * noise_gain(effects, profile.loop)
     return float(np.hypot(rounding, moved))
-
-
-def decimal_digit(column: FloatArray) -> float:
-    """The decimal digit all values are multiples of; 0 where none of the first twelve is.
-
-    The column has shape (rows,), any unit, which the answer shares.
-    """
-    for power in range(_MOST_DIGITS):
-        shifted = column * 10.0**power
-        if np.all(np.abs(shifted - np.rint(shifted)) < _WHOLE):
-            return 10.0**-power
-    return 0.0
 
 
 def _law_outcome(

@@ -1,4 +1,7 @@
-"""Measured free motion: its frequency and decay against the poles of the loop."""
+"""Measured free motion: its frequency and decay against the poles of the loop.
+
+One file: what is measured, predicted and concluded of one release.
+"""
 
 from __future__ import annotations
 

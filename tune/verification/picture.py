@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.profile import Design
+from tune.documents.units import UNITS
 from tune.verification.comparison import Verification
 from tune.verification.elements import moment_in_words
 from tune.verification.measured_picture import draw_measured
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-_UNITS = {"linear": ("m", "N"), "rotary": ("rad", "N·m")}
 #: Inches.
 _WIDTH, _HEIGHT = 12.0, 7.5
 
@@ -38,7 +38,8 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
     grid = figure.add_gridspec(3, 2, width_ratios=(1.7, 1))
     above = figure.add_subplot(grid[0, 0])
     below, left = (figure.add_subplot(grid[row, 0], sharex=above) for row in (1, 2))
-    length, force = _UNITS[profile.device.motion]
+    units = UNITS[profile.device.motion]
+    length, force = units["length"], units["force"]
     _motion(above, profile, seen)
     above.set_ylabel(f"position, {length}")
     _force(below, seen)
@@ -125,7 +126,7 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
             rest + side * wide,
             color="tab:green",
             alpha=0.4,
-            lw=0,
+            lw=0.8,
             label="predicted envelope" if side > 0 else None,
         )
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from identification import Motion
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from identification import Motion
 
 UNITS: dict[Motion, dict[str, str]] = {
     "linear": {

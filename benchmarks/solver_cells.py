@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.row import Row, timed
+from benchmarks.row import timed
 from benchmarks.scenes import Case, case, proposal
+from benchmarks.section import Cell
 from benchmarks.solvers import SOLVERS, Task
 from tests.optimum_reference import Reference
 from tests.optimum_search import highest
@@ -27,6 +28,13 @@ FloatArray = NDArray[np.float64]
 _STARTS = 30
 #: Beyond a limit by less is on it, in log-sizes.
 _NOISE = 1e-12
+#: Solvers that haptune does not ask.
+PEERS = (
+    "scipy SLSQP",
+    "nlopt COBYLA",
+    "nlopt ISRES",
+    "scipy differential evolution",
+)
 #: Repeats of a solver.
 _REPEATS = 5
 
@@ -61,44 +69,37 @@ class Posed:
         place = self.reference.onto(np.clip(place, self.reference.low, self.reference.high))
         return self.best - self.reference.product(place, range(self.reference.count))
 
-    def words(self, place: FloatArray | None) -> str:
+    def answer(self, case: str, method: str, seconds: float, place: FloatArray | None) -> Cell:
         """The gap, and how far beyond what is allowed the proposal was, in log-sizes."""
+        ours = method not in PEERS
         if place is None:
-            return "gave up"
+            return Cell(case=case, method=method, ours=ours, seconds=seconds, note="gave up")
         place = np.clip(place, self.reference.low, self.reference.high)
         spare = float(np.min(self.reference.rows(place)[0]))
-        beyond = f", from {-spare:.0e} beyond" if spare < -_NOISE else ""
-        return f"gap {max(self.gap(place), 0.0):.1e}{beyond}"
+        note = f"proposed from {-spare:.0e} beyond what is allowed" if spare < -_NOISE else ""
+        gap = max(self.gap(place), 0.0)
+        return Cell(case=case, method=method, ours=ours, seconds=seconds, error=gap, note=note)
 
 
-def rows() -> Iterator[Row]:
+def cells() -> Iterator[Cell]:
     """Every case by every solver, and by what haptune makes of them."""
     for name, chosen in CASES.items():
         posed = posed_of(chosen)
         problem = posed.problem
         if len(problem.unknowns) == 1:
-            yield Row.of(
-                f"{name}: closed form",
-                timed(lambda p=problem: single_unknown_optimum(p)),
-                posed.words(_log(single_unknown_optimum(problem).sizes)),
+            seconds = timed(lambda p=problem: single_unknown_optimum(p)).middle
+            yield posed.answer(
+                name, "closed form", seconds, _log(single_unknown_optimum(problem).sizes)
             )
         task = task_of(posed)
         for solver, solve_with in SOLVERS.items():
             answers: list[FloatArray | None] = []
             timing = timed(lambda s=solve_with, t=task, a=answers: a.append(s(t)), _REPEATS)
-            yield Row.of(
-                f"{name}: {solver}",
-                timing,
-                posed.words(answers[-1]),
-                "start and corners given",
-            )
+            yield posed.answer(name, solver, timing.middle, answers[-1])
         if len(problem.unknowns) > 1:
-            yield Row.of(
-                f"{name}: largest product",
-                timed(lambda p=problem: largest_product(p, backends()), _REPEATS),
-                posed.words(_log(largest_product(problem, backends()).sizes)),
-                "starts and corners looked for",
-            )
+            whole = timed(lambda p=problem: largest_product(p, backends()), _REPEATS)
+            sizes = _log(largest_product(problem, backends()).sizes)
+            yield posed.answer(name, "largest product", whole.middle, sizes)
 
 
 def _log(sizes: FloatArray | None) -> FloatArray | None:

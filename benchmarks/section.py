@@ -1,0 +1,126 @@
+"""One part of the benchmarks: what was measured, and who is at the front."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from benchmarks.row import Row, with_unit
+
+#: Closer than this part of one another, times or errors count as equal: they scatter by as much.
+_ALIKE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """One method on one case.
+
+    Attributes:
+        case: what is asked.
+        method: who answers.
+        ours: haptune does.
+        seconds: of one answer; None where there is none.
+        error: as the section says; None where there is no answer.
+        note: what else is known, or why there is no answer.
+        unsafe: the answer lets through what is unstable; it is drawn, and at no front.
+    """
+
+    case: str
+    method: str
+    ours: bool = False
+    seconds: float | None = None
+    error: float | None = None
+    note: str = ""
+    unsafe: bool = False
+
+    @property
+    def answered(self) -> bool:
+        """There is a time and an error, and no harm in the answer."""
+        return self.seconds is not None and self.error is not None and not self.unsafe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A page.
+
+    Attributes:
+        name: of the file.
+        title: of the page.
+        text: what is measured and how to read it, Markdown.
+        cells: for the picture of error against time.
+        error: what the errors are, for the axis.
+        floor: smaller errors are drawn there.
+        reasons: of a method of ours: why a peer may be ahead of it.
+        rows: further lines, without a picture.
+        ratios: by name; smaller is better. They are kept and compared.
+        shown: cases of a second, smaller picture.
+    """
+
+    name: str
+    title: str
+    text: str
+    cells: tuple[Cell, ...] = ()
+    error: str = "error"
+    floor: float = 1e-16
+    reasons: dict[str, str] = field(default_factory=dict[str, str])
+    rows: tuple[Row, ...] = ()
+    ratios: dict[str, float] = field(default_factory=dict[str, float])
+    shown: tuple[str, ...] = ()
+
+    @property
+    def cases(self) -> list[str]:
+        """In the order measured."""
+        return list(dict.fromkeys(cell.case for cell in self.cells))
+
+    def of(self, case: str) -> list[Cell]:
+        """Cells of a case."""
+        return [cell for cell in self.cells if cell.case == case]
+
+
+def ahead_of(cell: Cell, others: list[Cell], floor: float) -> list[Cell]:
+    """Those that are both faster and more accurate, beyond what scatters."""
+    if cell.seconds is None or cell.error is None:
+        return []
+    seconds, error = cell.seconds * (1 - _ALIKE), max(cell.error, floor) * (1 - _ALIKE)
+    return [
+        other
+        for other in others
+        if other.answered
+        and other.seconds is not None
+        and other.error is not None
+        and other.seconds < seconds
+        and max(other.error, floor) < error
+    ]
+
+
+def at_the_front(cells: list[Cell], floor: float) -> list[Cell]:
+    """Those that no other is ahead of, fastest first."""
+    answered = [cell for cell in cells if cell.answered]
+    free = [cell for cell in answered if not ahead_of(cell, answered, floor)]
+    return sorted(free, key=lambda cell: cell.seconds or 0.0)
+
+
+def sentences(section: Section) -> list[str]:
+    """Of each case: who is at the front; of each method of ours: which peers are ahead of it."""
+    lines: list[str] = []
+    for case in section.cases:
+        cells = section.of(case)
+        front = ", ".join(
+            f"{'**' if cell.ours else ''}{cell.method}{'**' if cell.ours else ''}"
+            for cell in at_the_front(cells, section.floor)
+        )
+        lines.append(f"- *{case}*: at the front, fastest first: {front}.")
+        peers = [cell for cell in cells if not cell.ours]
+        for cell in (cell for cell in cells if cell.ours):
+            before = ahead_of(cell, peers, section.floor)
+            if not cell.answered:
+                lines.append(f"  {cell.method}: {cell.note}.")
+            elif before:
+                names = ", ".join(other.method for other in before)
+                why = section.reasons.get(cell.method, "")
+                lines.append(f"  {cell.method} is behind {names}{': ' + why if why else '.'}")
+    return lines
+
+
+def time_words(cell: Cell) -> str:
+    """The time with a unit, or a dash."""
+    return "–" if cell.seconds is None else with_unit(cell.seconds)

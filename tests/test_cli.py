@@ -298,6 +298,7 @@ def test_letters_a_terminal_cannot_show_do_not_stop_a_command() -> None:
     assert "N?m" in done.stdout
 
 
+@pytest.mark.long
 def test_a_reader_that_goes_away_does_not_stop_the_writing() -> None:
     """As in ``haptune tune … | head -1``."""
     main = "import sys; sys.argv[0] = 'haptune'; from tune.cli import main; main()"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from datasets_synthetic import bundled_path
 from identification import examine, load_trajectory
-from tests.commands import files, haptune
+from tests.commands import Ended, files, haptune
 
 
 @pytest.fixture(autouse=True)
@@ -68,9 +69,14 @@ def test_peak_speed_and_excited_band() -> None:
     assert seen.mass.value == pytest.approx(3.0, rel=0.02)
 
 
+@cache
+def _doctor_on_the_bundled_log() -> Ended:
+    return haptune("doctor", "homerehab.csv")
+
+
 def test_half_widths_are_those_of_identify() -> None:
     assert haptune("identify", "homerehab.csv", "--quiet").code == 0
-    stated = haptune("doctor", "homerehab.csv").out
+    stated = _doctor_on_the_bundled_log().out
     from identification import load_device
 
     mass = load_device("device.yaml").mass
@@ -106,7 +112,7 @@ def test_one_bad_log_does_not_hide_the_others() -> None:
 
 
 def test_warnings_are_no_refusal_and_quiet_is_quiet() -> None:
-    ended = haptune("doctor", "homerehab.csv")
+    ended = _doctor_on_the_bundled_log()
     assert ended.code == 0
     assert "usable, with warnings: " in ended.out
     assert "warning: delay-unknown" in ended.err

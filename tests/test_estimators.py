@@ -141,12 +141,17 @@ def test_refined_direction_is_the_true_one() -> None:
     assert wrong.mean() < 0.003
 
 
+@cache
+def _five_seconds() -> Trajectory:
+    axis = Axis()
+    force = excited(axis, samples=5000)
+    return log(force[:, 0], positions(axis, force)[:, 0])
+
+
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_estimators_are_fast(method: str) -> None:
     """20 ms of a core, preparation included; the limit leaves room for a slow one."""
-    axis = Axis()
-    force = excited(axis, samples=5000)
-    trajectory = log(force[:, 0], positions(axis, force)[:, 0])
+    trajectory = _five_seconds()
     estimate_by(method, trajectory, Model(), 0.0)
     start = process_time()
     estimate_by(method, trajectory, Model(), 0.0)

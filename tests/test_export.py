@@ -32,7 +32,13 @@ HOSTILE = (
 )
 
 
-@pytest.mark.parametrize("names", HOSTILE, ids=range(len(HOSTILE)))
+@pytest.mark.parametrize(
+    "names",
+    [
+        pytest.param(names, id=str(k), marks=pytest.mark.long if k > 4 else ())
+        for k, names in enumerate(HOSTILE)
+    ],
+)
 def test_hostile_names_are_harmless_everywhere(tmp_path: Path, names: tuple[str, ...]) -> None:
     profile = renamed(*names)
     words = identifiers(names)

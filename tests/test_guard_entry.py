@@ -13,6 +13,7 @@ from identification import load_device
 from tests.entered import Run, played
 from tests.entered_scenes import SCENES, depth_of, scene_on, stated_sum
 from tests.guard import Guard, built, enter, push
+from tests.thinned import thinned
 from tune import SafeProfile, Scene, optimise
 from tune.exporters import export
 from tune.exporters.largest_change import largest_change
@@ -177,7 +178,7 @@ def test_one_wrong_reading_never_makes_more_force_than_the_stated_sum(
 
 
 @pytest.mark.parametrize("in_a_row", [True, False])
-@pytest.mark.parametrize("device", SCENES)
+@pytest.mark.parametrize("device", thinned(SCENES, 2))
 def test_a_tenth_of_the_periods_missed_leaves_every_element_quiet(
     scenes: dict[str, Played], device: str, in_a_row: bool
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands import haptune
+from tests.thinned import thinned
 
 SPRING = "elements: {wall: {stiffness: max}}\n"
 LAUGHS = "a: &a [l, l, l, l, l, l, l, l, l]\n" + "".join(
@@ -93,7 +94,7 @@ def _refused(words: str, *command: str) -> None:
     assert time.perf_counter() - started < 5
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", thinned(SCENES, 24))
 def test_scenes(name: str) -> None:
     words, text = SCENES[name]
     Path("hostile.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())

@@ -178,17 +178,7 @@ def device_of_a_noisy_log() -> tuple[Trajectory, Device]:
     return plain, identify(plain).device
 
 
-@settings(max_examples=8, deadline=None)
-@given(
-    force=st.floats(-2, 2).map(lambda power: 10**power),
-    length=st.floats(-3, 3).map(lambda power: 10**power),
-    time=st.floats(-1, 1).map(lambda power: 10**power),
-    shift=st.floats(-5, 5),
-    turn=st.sampled_from([1.0, -1.0]),
-)
-def test_units_shifts_and_direction_change_nothing(
-    force: float, length: float, time: float, shift: float, turn: float
-) -> None:
+def _nothing_changes(force: float, length: float, time: float, shift: float, turn: float) -> None:
     plain, reference = device_of_a_noisy_log()
     # A plausible size of travel and force is all that depends on units.
     allow = ["force-unit"]
@@ -210,3 +200,30 @@ def test_units_shifts_and_direction_change_nothing(
         assert abs(seen.value / unit - known.value) <= 1e-3 * half
         assert (seen.high - seen.low) / unit == pytest.approx(2 * half, rel=1e-2)
     assert device.delay.value == pytest.approx(reference.delay.value * time, rel=1e-2)
+
+
+#: Sizes of force, length and time, shift of the clock and direction of another log.
+CHANGED = given(
+    force=st.floats(-2, 2).map(lambda power: 10**power),
+    length=st.floats(-3, 3).map(lambda power: 10**power),
+    time=st.floats(-1, 1).map(lambda power: 10**power),
+    shift=st.floats(-5, 5),
+    turn=st.sampled_from([1.0, -1.0]),
+)
+
+
+@settings(max_examples=4)
+@CHANGED
+def test_units_shifts_and_direction_change_nothing(
+    force: float, length: float, time: float, shift: float, turn: float
+) -> None:
+    _nothing_changes(force, length, time, shift, turn)
+
+
+@pytest.mark.long
+@settings(max_examples=40)
+@CHANGED
+def test_units_shifts_and_direction_change_nothing_in_many_logs(
+    force: float, length: float, time: float, shift: float, turn: float
+) -> None:
+    _nothing_changes(force, length, time, shift, turn)

@@ -23,6 +23,7 @@ from identification.findings import CODES
 from tests.axis_logs import COUNT, HARDWARE, STEP, codes, homerehab, log, refused
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.simulated.families import FAMILIES
+from tests.thinned import thinned
 
 
 @pytest.mark.long
@@ -95,6 +96,7 @@ def test_a_hand_against_a_virtual_damper_shows_the_controller() -> None:
     assert "controller-identified" in refused(log(-300 * place - 20 * velocity, place))
 
 
+@pytest.mark.long
 def test_a_slow_log_does_not_tell_the_mass() -> None:
     time = np.arange(20000) * STEP
     axis = Axis(mass=0.005, damping=10.0)
@@ -156,7 +158,7 @@ STRANGE: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {
 
 
 @pytest.mark.parametrize("allow", [(), CODES], ids=["strict", "all allowed"])
-@pytest.mark.parametrize("method", ["auto", "output-error"])
+@pytest.mark.parametrize("method", thinned(["auto", "output-error"], 1))
 @pytest.mark.parametrize("name", STRANGE)
 def test_no_log_ends_in_anything_but_a_device_or_a_sentence(
     name: str, method: Method, allow: tuple[str, ...]

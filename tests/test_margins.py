@@ -76,8 +76,9 @@ def _compare(count: int, seed: int, *, plain: bool) -> None:
 
 
 @pytest.mark.parametrize("plain", thinned([False, True], 1))
-def test_margins_of_random_loops(plain: bool) -> None:
-    _compare(5, seed=1, plain=plain)
+@pytest.mark.parametrize("count", thinned([3, 5], 1))
+def test_margins_of_random_loops(plain: bool, count: int) -> None:
+    _compare(count, seed=1, plain=plain)
 
 
 @pytest.mark.long

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import os
 import re
 import warnings
@@ -54,10 +56,25 @@ def _numbers(text: str) -> list[float]:
     return [float(number) for number in text.split()]
 
 
+@pytest.mark.parametrize("name", FIGURES)
+def test_what_a_notebook_imports_is_there(name: str) -> None:
+    """Every cell is Python, and every name taken from a module is found in it."""
+    notebook: Any = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
+    for cell in notebook.cells:
+        if cell.cell_type != "code":
+            continue
+        for node in ast.walk(ast.parse(cell.source)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                module = importlib.import_module(node.module)
+                for alias in node.names:
+                    assert hasattr(module, alias.name), f"{node.module} has no {alias.name}"
+
+
 def test_every_notebook_has_a_test() -> None:
     assert {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")} == set(FIGURES)
 
 
+@pytest.mark.long
 def test_first_steps_ends_with_a_checked_profile(tmp_path: Path) -> None:
     figures, text = _figures_and_text("first_steps", tmp_path)
     assert len(figures) == FIGURES["first_steps"]

@@ -193,6 +193,7 @@ def test_no_evolution_finds_better(seed: int) -> None:
     assert best >= reached - 0.2, "the evolution did not come near: it proves nothing"
 
 
+@pytest.mark.long
 def test_the_benchmark_asks_every_local_solver_fairly() -> None:
     """Given the corners and the start, all of them end where the searches did."""
     posed = posed_of(CASES["K and B"], starts=3)

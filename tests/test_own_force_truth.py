@@ -131,7 +131,7 @@ def test_loop_and_certificate_judge_one_device_alike(seed: int) -> None:
     assert (verdict.answer == "stable") == stable(bench, sizes, 1.0)
 
 
-@pytest.mark.parametrize("seed", some(1, 2, 6, 9))
+@pytest.mark.parametrize("seed", some(1, 2))
 def test_what_is_tuned_is_stable_and_what_is_refused_is_not(seed: int) -> None:
     case = draw_case(seed)
     played = ("stiffness", "damping", "mass")[seed % 3]

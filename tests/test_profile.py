@@ -76,6 +76,14 @@ def test_every_digit_changed_to_every_other_is_noticed(tmp_path: Path, rich: boo
     _digits_are_guarded(text, tmp_path / "profile.yaml", all_others, every=1)
 
 
+def test_an_unchanged_profile_passes_its_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("profile.yaml").write_text(_profile().to_yaml(), encoding="utf-8")
+    assert haptune("check", "profile.yaml").code == 0
+
+
 @pytest.mark.parametrize(
     "pattern",
     thinned(
@@ -98,7 +106,6 @@ def test_a_changed_digit_ends_with_exit_code_6(
     monkeypatch.chdir(tmp_path)
     text = _profile().to_yaml()
     Path("profile.yaml").write_text(text, encoding="utf-8")
-    assert haptune("check", "profile.yaml").code == 0
     found = re.search(pattern, text)
     assert found, pattern
     at = found.start(1)
@@ -161,7 +168,7 @@ FORGED: tuple[tuple[str, Any, str], ...] = (
 
 
 @pytest.mark.parametrize(
-    ("where", "value", "words"), thinned(FORGED, 12), ids=lambda item: str(item)[:40]
+    ("where", "value", "words"), thinned(FORGED, 8), ids=lambda item: str(item)[:40]
 )
 def test_a_forged_claim_with_a_right_digest_is_found_out(
     tmp_path: Path, where: str, value: Any, words: str

@@ -15,6 +15,7 @@ import typer
 
 from tests.commands import FLUID, files
 from tests.processes import needs_posix, started
+from tests.thinned import thinned
 from tune.cli.session import Session, run_command
 
 pytestmark = needs_posix
@@ -96,7 +97,7 @@ _SLOW_DISK = (
 )
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("name", thinned(["SIGINT", "SIGTERM"], 1))
 def test_a_file_that_is_being_written_is_finished_and_named(name: str) -> None:
     old = Path("scene.yaml").read_text(encoding="utf-8")
     process = started("new", "scene", "--json", before=_SLOW_DISK.format(name=name))

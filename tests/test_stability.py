@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from flint import arb
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
@@ -182,6 +182,7 @@ def test_interval_ends_are_where_60_digit_roots_cross(
     assert len(ends) <= len(crossings)
 
 
+@settings(max_examples=40)
 @given(
     mass=st.floats(0.05, 50),
     damping=st.floats(0.01, 50),

@@ -85,7 +85,8 @@ def _panel(axes: Any, section: Section, cells: list[Cell], methods: list[str]) -
             zorder=0,
         )
     axes.grid(visible=True, which="major", color="#e5e7eb", linewidth=0.6)
-    axes.tick_params(labelsize=7)
+    axes.tick_params(which="both", labelsize=7)
+    axes.tick_params(axis="x", which="minor", labelbottom=False)
     low, high = axes.get_ylim()
     if high < 10 * low:
         axes.set_ylim(low / 2, high * 2)

@@ -13,6 +13,7 @@ PARTS = (
     "stability",
     "robustness",
     "tuning",
+    "steps",
     "scene",
     "memory",
     "commands",
@@ -21,6 +22,10 @@ PARTS = (
 _SCENE = """\
 What each part of a scene or of a device costs: the same scene with it and without, in turn. What
 a scene does not ask for is not computed.
+"""
+_STEPS = """\
+What tuning spends its time on: sizes proposed, described, certified; cut-offs chosen; first
+calls in a new process, imports included.
 """
 _MEMORY = """\
 Logs of a million rows read, and the most memory beyond what Python and the libraries take;
@@ -33,12 +38,11 @@ The largest product of perceived steps: by how much the logarithm of the product
 best that 30 independent searches know, against time. All solvers are given the same rows,
 slopes, start and binding corners, except "closed form" and "largest product", which is what
 `tune` does: starts and corners looked for, answers compared, moved inside. Gaps below 1e-12 are
-drawn there. The rows further down are the steps of tuning, apart.
+drawn there.
 """
 _TUNING_REASONS = {
     "largest product": "it looks for its own starts and for the corners of the box that bind, "
-    "which "
-    "the solvers are given here, and makes two of them agree.",
+    "which the solvers are given here, and makes two of them agree.",
     "IPOPT": "a general interior-point method; asked beside SLSQP because it fails elsewhere.",
     "nlopt SLSQP": "same method, same slopes; the last digits differ.",
 }
@@ -48,14 +52,13 @@ def measured(part: str) -> Section:
     """Measure one part."""
     if part == "tuning":
         return _tuning()
-    if part in {"scene", "memory"}:
+    if part in {"steps", "scene", "memory"}:
         return _rows(part)
     return import_module(f"benchmarks.{part}_section").measure()
 
 
 def _tuning() -> Section:
     from benchmarks.solver_cells import cells
-    from benchmarks.tuning_rows import rows
 
     found = tuple(cells())
     seconds = {(cell.case, cell.method): cell.seconds or 0.0 for cell in found}
@@ -73,12 +76,15 @@ def _tuning() -> Section:
         error="gap of the logarithm of the product",
         floor=1e-12,
         reasons=_TUNING_REASONS,
-        rows=tuple(rows()),
         ratios=ratios,
     )
 
 
 def _rows(part: str) -> Section:
+    if part == "steps":
+        from benchmarks.tuning_rows import rows
+
+        return Section(name=part, title="Tuning: its steps apart", text=_STEPS, rows=tuple(rows()))
     if part == "scene":
         from benchmarks.scene_rows import rows
 

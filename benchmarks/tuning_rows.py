@@ -74,6 +74,8 @@ def _parts(name: str, chosen: Case) -> Iterator[Row]:
         timed(lambda: description(chosen, task, solutions), 5),
         "margins, steps, ripple, what limits",
     )
+    if not effects:
+        return  # nothing is rendered well enough to be felt, so nothing is certified
     certified = certificate(chosen, task, solutions, design)
     found = certified()
     yield Row.of(f"certify {name}", timed(certified, 3), f"{found.points} points and the proof")

@@ -180,7 +180,7 @@ def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:
         Finding(
             code="constant-column",
             severity="refusal",
-            seen=f"{name} in {trajectory.source} is {column[0]:g} in every row",
+            seen=f"{name} in {trajectory.source} is {column[0] + 0.0:g} in every row",
             needed="a column that varies",
             remedy=f"Name the right column with --{name}, or drive the device while logging.",
         )

@@ -1,11 +1,8 @@
-"""What commands say and write: help, JSON, quiet, dry run, backup, and what they load to do so."""
+"""What commands say and write: help, JSON, quiet, dry run and backup."""
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -222,95 +219,3 @@ def test_a_narrow_terminal_cuts_no_name_and_no_number() -> None:
     assert set(name.split()) <= set(table.split())
     assert "…" not in table
     assert "1400.38 N/m" in table
-
-
-def _shell(code: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, **environment},
-    )
-
-
-_LOADED = (
-    "import atexit, sys; from tune.cli import main\n"
-    "atexit.register(lambda: print('loaded:', *sys.modules))\n"
-    "sys.argv[0] = 'haptune'; main()"
-)
-
-#: Each command exits with 0, or all of it ends with the code of the first that does not.
-_LOADED_BY_SEVERAL = (
-    "import sys; from tune.cli import main\n"
-    "for command in sys.argv[1:]:\n"
-    "    sys.argv = ['haptune', *command.split()]\n"
-    "    try: main()\n"
-    "    except SystemExit as ended:\n"
-    "        if ended.code: raise\n"
-    "print('loaded:', *sys.modules)"
-)
-
-
-def _modules(*arguments: str) -> set[str]:
-    done = _shell(_LOADED, *arguments)
-    assert done.returncode == 0, done.stderr
-    return set(done.stdout.rpartition("loaded:")[2].split())
-
-
-def _modules_of_several(*commands: str) -> set[str]:
-    """Modules loaded when all commands have run one after the other in one process."""
-    done = _shell(_LOADED_BY_SEVERAL, *commands)
-    assert done.returncode == 0, done.stderr
-    return set(done.stdout.rpartition("loaded:")[2].split())
-
-
-@pytest.mark.parametrize("arguments", [("--help",), ("tune", "--help"), ("--version",)], ids=str)
-def test_help_is_instant(arguments: tuple[str, ...]) -> None:
-    heavy = {"numpy", "scipy", "casadi", "nlopt", "polars", "matplotlib", "ruamel.yaml", "rich"}
-    assert not heavy & _modules(*arguments)
-
-
-def test_a_spring_alone_loads_no_solver() -> None:
-    heavy = {"casadi", "nlopt", "pysindy", "scipy", "polars", "matplotlib"}
-    Path("scene.yaml").write_text("elements: {wall: {stiffness: max}}", encoding="utf-8")
-    loaded = _modules("tune", "homerehab", "scene.yaml")
-    assert "tune.optimisation._optimise" in loaded
-    assert not heavy & loaded
-    both = "check profile.yaml", "export profile.yaml --to c,ros2,chai3d,json"
-    loaded = _modules_of_several(*both)
-    assert "tune.certificate.roots" in loaded
-    assert not heavy & loaded
-
-
-def test_an_audit_loads_no_solver() -> None:
-    gains = "--stiffness 1000 --damping 10 --mass 1 --velocity-filter 30 --acceleration-filter 30"
-    loaded = _modules("audit", "homerehab", *gains.split())
-    assert "tune.certificate.roots" in loaded
-    assert not {"casadi", "nlopt", "pysindy", "scipy.optimize", "scipy.signal"} & loaded
-
-
-@pytest.mark.long
-def test_letters_a_terminal_cannot_show_do_not_stop_a_command() -> None:
-    main = "import sys; sys.argv[0] = 'haptune'; from tune.cli import main; main()"
-    done = _shell(main, "simulate", "knob", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
-    assert done.returncode == 0, done.stderr
-    assert "N?m" in done.stdout
-
-
-@pytest.mark.long
-def test_a_reader_that_goes_away_does_not_stop_the_writing() -> None:
-    """As in ``haptune tune … | head -1``."""
-    main = "import sys; sys.argv[0] = 'haptune'; from tune.cli import main; main()"
-    reader, writer = os.pipe()
-    os.close(reader)
-    done = subprocess.run(
-        [sys.executable, "-c", main, "tune", "homerehab", "scene.yaml"],
-        stdout=writer,
-        stderr=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
-    os.close(writer)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert Path("profile.yaml").exists()

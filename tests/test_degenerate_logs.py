@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from identification import LogRefusedError, Trajectory
 from tests.commands import haptune
 from tests.thinned import thinned
 
@@ -61,3 +62,9 @@ def test_columns_out_of_all_proportion_end_in_a_sentence(
     columns = {"time": time, "force": force, "position": position}
     columns[column] = columns[column] * scale
     assert _doctor(tmp_path, **columns) in {0, 3, 4}
+
+
+def test_a_position_that_rounds_to_minus_nothing_is_called_zero() -> None:
+    time, force, _ = _pushed(200)
+    with pytest.raises(LogRefusedError, match=r"position in trajectory is 0 in every row"):
+        Trajectory(time=time, force=force, position=np.full(200, -0.0))

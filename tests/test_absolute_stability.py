@@ -294,6 +294,7 @@ def test_a_claimed_absolute_gain_is_that_of_the_certificate(walled: SafeProfile)
         check_content(content, "profile.yaml")
 
 
+@pytest.mark.long
 def test_a_one_sided_spring_loads_no_solver() -> None:
     code = (
         "import sys\n"

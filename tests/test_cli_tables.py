@@ -48,6 +48,7 @@ def test_a_narrow_terminal_loses_nothing_and_a_pipe_gets_no_blanks(arguments: st
     assert sorted(letter for letter in narrow.out if letter.isalnum()) == letters
 
 
+@pytest.mark.long
 def test_three_margins_fit_80_columns_with_every_effect_named() -> None:
     ended = haptune("tune", "homerehab", "scene.yaml", "--candidates", COLUMNS="80")
     table = ended.out.partition("conservative:")[0]

@@ -131,6 +131,7 @@ def test_what_leaves_the_limits_is_named() -> None:
     assert kept.beyond == ()
 
 
+@pytest.mark.long
 def test_a_constant_force_that_is_guessed_is_made_up_for() -> None:
     plan = plan_excitation(spec(duration=1.5, force_offset=0.3))
     place = positions(Axis(offset=0.3), plan.best.force[:, None])[:, 0]

@@ -250,10 +250,14 @@ def test_a_spring_is_no_gravity_over_a_wide_range() -> None:
 @pytest.mark.parametrize(
     ("rig", "terms"),
     [
-        (replace(_ARM, force_offset=1.0), {"force_offset"}),
-        (replace(_ARM, stiffness=3.0, force_offset=-120.0), {"position_stiffness"}),
+        pytest.param(replace(_ARM, force_offset=1.0), {"force_offset"}, id="offset"),
+        pytest.param(
+            replace(_ARM, stiffness=3.0, force_offset=-120.0),
+            {"position_stiffness"},
+            id="spring",
+            marks=pytest.mark.long,
+        ),
     ],
-    ids=["offset", "spring"],
 )
 def test_the_zero_of_a_distant_encoder_is_an_accident(rig: Rig, terms: set[str]) -> None:
     """Moving 0.2 m about 40 m, position is all but a constant; a spring relaxed there shows."""
@@ -262,6 +266,7 @@ def test_the_zero_of_a_distant_encoder_is_an_accident(rig: Rig, terms: set[str])
     assert _asked(found) == terms
 
 
+@pytest.mark.long
 def test_the_seed_decides_the_halves_and_nothing_else() -> None:
     axis = _axis()
     table = _table(axis.trajectory, axis.delay)

@@ -54,7 +54,7 @@ def test_a_missing_filter_is_named(name: str) -> None:
             ({"stiffness": 560.0}, "stiffness at 0.56 of the profile's, damping at 0.8"),
             ({"damping": 0.008}, "damping at 0.0008 of the profile's"),
         ],
-        5,
+        3,
     ),
     ids=str,
 )
@@ -152,7 +152,7 @@ def test_printed_digits_are_no_misfit() -> None:
                 {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
             ),
         ],
-        2,
+        1,
     ),
     ids=str,
 )

@@ -204,7 +204,8 @@ class Simulation:
         """What was recorded until now."""
         rig, played, batch = self._rig, self._played, self._sample_time.size
         lead, states = self._timetable.lead, self._states
-        truth = None if states is None else Truth.of(*self._dynamics.seen(states[:played]))
+        with np.errstate(over="ignore", invalid="ignore"):  # what grows without end
+            truth = None if states is None else Truth.of(*self._dynamics.seen(states[:played]))
         return Recording(
             sample_time=read_only_copy(self._sample_time),
             force=read_only_copy(self._commands[lead : lead + played].T),

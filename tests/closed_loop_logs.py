@@ -86,6 +86,7 @@ class Bench:
     ) -> Trajectory:
         """An element played at a gain; ``other`` truth of the device than the profile's."""
         K, B, M = (gain * size for size in self.elements[element])
+        conditions: dict[str, Any] = dict(run or {})
         rules = {"stiffness": K, "damping": B, "mass": M, **self.filters, **controller}
         return simulate(
             Rig(**{**self.truth, **(other or {})}),
@@ -93,7 +94,7 @@ class Bench:
             controller=Controller(**rules),
             position=self.start if position is None else position,
             velocity=velocity,
-            **(run or {}),
+            **conditions,
         ).trajectory()
 
 

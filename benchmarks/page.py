@@ -36,7 +36,7 @@ def index(sections: Mapping[str, Mapping[str, Any]], order: Iterable[str]) -> st
 Run time set against error, beside what others use, in the same run.
 
 ```sh
-pip install ".[benchmarks]"
+python -m pip install ".[benchmarks]"
 python -m benchmarks --write docs/benchmarks   # these pages; names of parts measure only those
 python -m benchmarks stability --compare       # ratios of times beside the last that were kept
 ```

@@ -30,8 +30,8 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 LINKING = (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md")
 #: Blocks in other languages: shown, not run.
 SHOWN = {"c"}
-#: Commands that install what runs here, and the command that runs this test.
-LEFT_OUT = ("python -m pip", "python -m pytest")
+#: Commands that install what runs here, the one that runs this test, and measurements of minutes.
+LEFT_OUT = ("python -m pip", "python -m pytest", "python -m benchmarks")
 #: The element that is played for ``haptune verify``, and its gain.
 PLAYED, GAIN = "rubber", 0.3
 #: Files that the demo writes.

@@ -10,7 +10,7 @@ from tune.documents.scene import Cutoff
 from tune.rendering.rendered import FASTEST
 
 #: Hz; a filter must pass the motions people make.
-LOWEST = FASTEST
+_LOWEST = FASTEST
 #: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
 #: a mass it rises with each octave of filtering, until force, stability or honey makes it fall.
 COARSE = 3.0
@@ -34,9 +34,9 @@ class CutoffAxis:
     @classmethod
     def of(cls, cutoff: Cutoff, nyquist: float) -> CutoffAxis:
         """The choices that a scene leaves; Nyquist's frequency in Hz."""
-        if cutoff != "free" or nyquist <= LOWEST:
+        if cutoff != "free" or nyquist <= _LOWEST:
             return cls(first=(0.0,), fixed=cutoff if isinstance(cutoff, float) else None)
-        low, high = math.log(LOWEST), math.log(nyquist)
+        low, high = math.log(_LOWEST), math.log(nyquist)
         count = math.ceil((high - low) / math.log(COARSE))
         return cls(first=tuple(low + (high - low) * k / count for k in range(count + 2)))
 

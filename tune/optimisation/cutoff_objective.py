@@ -89,8 +89,8 @@ def tune_with_filters(
 ) -> Tuned:
     """A group tuned by one solver, from where it was with other filters.
 
-    Nothing is worth less than a range that cannot be met. Unless asked for, none is chosen of
-    effects that cannot be kept together: then all of them count as left out.
+    Nothing is worth less than a range that cannot be met. Of effects that cannot be kept together
+    the best set is chosen, at a cost; without ``choosing`` all of them count as left out.
     """
     known: list[FloatArray] = []
     if before is not None and before.optimum is not None and before.optimum.sizes is not None:

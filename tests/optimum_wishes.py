@@ -82,12 +82,13 @@ def felt_of(
 ) -> NDArray[np.complex128]:
     """Force over velocity of one unit of K, B and M, complex, at each frequency: (3, ...).
 
-    Differences, filters, delay and hold as they are.
+    Differences, filters, delay, hold and the lag of the current as they are.
     """
     step = device.sample_time.value
+    lag = 0.0 if device.current_lag is None else device.current_lag.value
     turn = 2j * np.pi * frequency
     z = np.exp(turn * step)
-    held = (1 - 1 / z) / (turn * step) * np.exp(-turn * device.delay.value)
+    held = (1 - 1 / z) / (turn * step) * np.exp(-turn * device.delay.value) / (1 + turn * lag)
     rates = []
     for hz in filters_hz:
         decay = 0.0 if hz is None else np.exp(-2 * np.pi * hz * step)

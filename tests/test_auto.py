@@ -94,6 +94,17 @@ def test_a_start_at_rest_does_not_lead_astray(seed: int) -> None:
     assert np.all(np.abs(error) <= 2.2 * half)
 
 
+@pytest.mark.parametrize("seed", thinned([49, 23, 58, 81, 195, 199], 1))
+def test_a_tremor_that_hides_in_its_octave_is_whitened(seed: int) -> None:
+    """Logs whose tremor stays below chance in its octave, and empties those beside it."""
+    name = "closed-loop-force-noise"
+    fit = fitted(name, family_named(name).logs(range(seed, seed + 1))[0])
+    assert fit.method == "innovations"
+    error, half = errors(name, [fit])
+    assert np.all(np.abs(error) <= 2.2 * half)
+    assert half[0, 1] <= 0.04 * family_named(name).truth["damping"]
+
+
 @pytest.mark.parametrize("noise", thinned([0.0, 1e-4, 1e-6], 1))
 def test_gravity_is_found_however_clean_the_log(noise: float) -> None:
     family = family_named("offset-gravity")

@@ -97,8 +97,20 @@ def test_a_parameter_that_changes_nothing_does_not_move() -> None:
 
 
 @pytest.mark.long
-def test_white_noise_is_seldom_taken_for_coloured() -> None:
-    """Eight octaves, each once in 10 000 times: 8 of 10 000 logs at most."""
+@pytest.mark.parametrize("sides", [1, 2])
+def test_white_noise_is_seldom_taken_for_coloured(sides: int) -> None:
+    """Eight octaves, each side once in 10 000 times: 8 or 16 of 10 000 logs at most."""
     noise = np.random.default_rng(7)
-    taken = sum(is_coloured(noise.standard_normal(2000)) for _ in range(10_000))
-    assert taken <= 8 + 3 * np.sqrt(8)
+    rows = (noise.standard_normal(2000) for _ in range(10_000))
+    taken = sum(is_coloured(each, either_side=sides == 2) for each in rows)
+    assert taken <= 8 * sides + 3 * np.sqrt(8 * sides)
+
+
+def test_a_quiet_octave_counts_where_either_side_does() -> None:
+    """A tenth of the power between 0.03 and 0.06 of the rows; nothing at all is no colour."""
+    lines = np.fft.rfft(np.random.default_rng(1).standard_normal(4000))
+    lines[120:240] *= np.sqrt(0.1)
+    rows = np.fft.irfft(lines)
+    assert not is_coloured(rows)
+    assert is_coloured(rows, either_side=True)
+    assert not is_coloured(np.zeros(4000), either_side=True)

@@ -232,7 +232,7 @@ def _found(table: Regression, delay: float | None, first: float) -> tuple[_Probl
     rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
     best = solve(problem, _start(problem, rate, first))
     for _ in range(_ROUNDS):
-        if not is_coloured(best.residual):
+        if not is_coloured(best.residual, either_side=True):
             break
         rows, target = replace(problem, shape=np.ones(1)).at(best.theta)
         problem = replace(problem, shape=whitener(target - best.weights @ rows))

@@ -30,6 +30,9 @@ _INDEPENDENT = 1 / (1 + 2 * (4 / 9 + 1 / 36))
 _CHANCE = 1e-4
 #: An octave may be off by this part without a loss that matters: it costs its square in variance.
 _HARMLESS = 0.1
+#: Squares that a fit may take out of one octave: one for each of mass, damping, friction of two
+#: directions, offset, delay and the two terms of a moving average.
+_FITTED = 8
 
 
 def spectrum(residual: FloatArray) -> FloatArray:
@@ -64,25 +67,35 @@ def whiteness(residual: FloatArray) -> float:
     return float(np.max(np.abs(np.cumsum(power) / total - line)))
 
 
-def is_coloured(residual: FloatArray) -> bool:
-    """Whether the level of any octave exceeds the mean by more than chance and than matters.
+def is_coloured(residual: FloatArray, *, either_side: bool = False) -> bool:
+    """Whether the level of any octave differs from the mean by more than chance and than matters.
 
-    Octaves, because what tells damping stands in the lowest few of a thousand lines. Only an excess
-    counts: a fit of five parameters empties the lowest lines by itself.
+    Octaves, because what tells damping stands in the lowest few of a thousand lines.
 
-    The residual has shape (rows,), any unit.
+    Args:
+        residual: shape (rows,), any unit.
+        either_side: an octave that is too quiet counts as well, beyond what a fit of a few
+            parameters takes out of it by itself. It makes no interval wrong, but mass and damping
+            could be read more sharply there. Else only an excess counts.
     """
     from scipy.special import chdtri
 
     power = spectrum(residual)
     mean = float(np.mean(power))
+    if mean == 0:
+        return False
     end = power.size
     while end > 0:
         start = end // 2 if end > 2 * _FEWEST_LINES else 0
         freedom = 2 * (end - start) * _INDEPENDENT
         chance = float(chdtri(freedom, _CHANCE)) / freedom
-        if float(np.mean(power[start:end])) > mean * max(chance, 1 + _HARMLESS):
+        level = float(np.mean(power[start:end])) / mean
+        if level > max(chance, 1 + _HARMLESS):
             return True
+        if either_side and freedom > 2 * _FITTED:
+            quiet = float(chdtri(freedom - _FITTED, 1 - _CHANCE)) / freedom
+            if level < min(quiet, 1 - _HARMLESS):
+                return True
         end = start
     return False
 

@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.certificate.branch_and_bound import Claim
 from tune.certificate.point import Setting
 from tune.certificate.region import HandRegion, ModeRegion, Region
 from tune.certificate.roots import judge
 from tune.certificate.sampled_loops import sampled_loops
-from tune.certificate.zero_exclusion import Claim
 
 #: Samples of delay on top of the device's that every box is to stand.
 EXTRA = 1.0
@@ -98,7 +98,7 @@ def safe_gain(region: Region, setting: Setting, extra: float = EXTRA) -> float:
         for index, end in zip(free, corner, strict=True):
             values[index, column] = sides[index][end]
     points = [region.point(column[:-1], float(column[-1])) for column in values.T]
-    loops = sampled_loops(region, setting, values[:-1], values[-1])
+    loops = sampled_loops(region, [setting], values[:-1], values[-1])
 
     def stable(gain: float) -> bool:
         return all(judge(point, setting, gain).answer == "stable" for point in points)
@@ -130,7 +130,7 @@ def unstable_samples(
     bad = 0
     for chunk in np.array_split(np.arange(count), max(1, count // 1000)):
         values: NDArray[np.float64] = low * (1 - parts[:, chunk]) + high * parts[:, chunk]
-        loops = sampled_loops(region, setting, values[:-1], values[-1])
+        loops = sampled_loops(region, [setting], values[:-1], values[-1])
         for gain in (claim.gain, claim.gain * float(rng.uniform(0.05, 1))):
             for index in np.flatnonzero(loops.radius(gain) > 1 - 1e-9)[:5]:
                 point = region.point(values[:-1, index], float(values[-1, index]))

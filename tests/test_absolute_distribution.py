@@ -7,9 +7,9 @@ import pytest
 
 from tests.absolute_reference import Axis, least_eigenvalue
 from tune.certificate.absolute import prove_absolute
+from tune.certificate.branch_and_bound import Claim
 from tune.certificate.point import Setting
 from tune.certificate.region import ModeRegion, Region
-from tune.certificate.zero_exclusion import Claim
 from tune.documents.effects import Effects
 from tune.loop.loop import Loop
 from tune.loop.mechanism import ModeNumbers

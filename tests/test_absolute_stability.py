@@ -15,11 +15,11 @@ from identification import load_device, to_mapping
 from tests.absolute_reference import Axis, least_eigenvalue, radius
 from tune import Scene, optimise
 from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
+from tune.certificate.branch_and_bound import Claim
 from tune.certificate.check import check_content
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import ModeRegion, Region, regions_of
 from tune.certificate.switched import judge_switched
-from tune.certificate.zero_exclusion import Claim
 from tune.documents.certified import Multiplier, Tap
 from tune.documents.effects import Effects
 from tune.documents.errors import CheckFailedError

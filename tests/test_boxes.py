@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tests.thinned import thinned
+from tune.certificate.branch_and_bound import Claim
 from tune.certificate.point import Point, Setting
 from tune.certificate.region import Region
 from tune.certificate.roots import judge
-from tune.certificate.zero_exclusion import Claim, prove
+from tune.certificate.zero_exclusion import prove
 
 CELLS = 3000
 

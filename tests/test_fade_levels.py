@@ -10,10 +10,10 @@ import pytest
 from tests.wall_axis import Axis
 from tests.wall_gates import transitions
 from tests.wall_play import Bench, Law
+from tune.certificate.branch_and_bound import Claim
 from tune.certificate.fade_levels import Corners, prove_levels
 from tune.certificate.point import Setting
 from tune.certificate.region import Region
-from tune.certificate.zero_exclusion import Claim
 
 T = 1e-3
 #: K, B and M of what stays and of what fades, each with a level of its own; Hz of both filters.

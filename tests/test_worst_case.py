@@ -7,13 +7,14 @@ import pytest
 from flint import arb
 
 from tests.random_boxes import EXTRA, around, draw, safe_gain
+from tune.certificate.branch_and_bound import Claim
 from tune.certificate.point import Setting
 from tune.certificate.polynomial import closed_loop
 from tune.certificate.region import HandRegion, Region
 from tune.certificate.roots import judge
 from tune.certificate.sampled_loops import sampled_loops
 from tune.certificate.worst_point import worst_point
-from tune.certificate.zero_exclusion import Claim, prove
+from tune.certificate.zero_exclusion import prove
 
 SPRING = Setting(
     stiffness=1.0, damping=0.0, mass=0.0, velocity_filter_hz=None, acceleration_filter_hz=None
@@ -94,7 +95,7 @@ def test_loops_in_doubles_are_those_in_many_digits() -> None:
         low, high = np.array(region.sides()).T
         values = low[:, None] + rng.random((len(low), 3)) * (high - low)[:, None]
         extra = rng.uniform(0, 2, 3)
-        loops = sampled_loops(region, setting, values, extra)
+        loops = sampled_loops(region, [setting], values, extra)
         z = 1.1 * np.exp(0.7j)
         for index in range(3):
             loop = closed_loop(region.point(values[:, index], extra[index]), setting)

@@ -24,19 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.certificate.affine import AffineForm, ComplexArray, FloatArray, Term, real_lower_bound
+from tune.certificate.branch_and_bound import Cells, Claim, Proof, branch_and_bound
 from tune.certificate.mechanism import Mechanism
 from tune.certificate.point import Setting
 from tune.certificate.region import Region
 from tune.certificate.value_set import rate_of, sampled_plant, sinc
-from tune.certificate.zero_exclusion import (
-    Cells,
-    Claim,
-    Proof,
-    as_affine,
-    branch_and_bound,
-    mechanism_of,
-    terms_of,
-)
+from tune.certificate.zero_exclusion import as_affine, mechanism_of, terms_of
 from tune.documents.certified import Multiplier
 
 

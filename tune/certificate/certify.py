@@ -5,8 +5,7 @@ One file: the steps of one certificate, in their order.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Literal
@@ -16,18 +15,17 @@ import numpy as np
 from tune.certificate.assumptions import assumptions, method, not_assessed
 from tune.certificate.bounds import force_failures, passivity_failures, ripple_failures
 from tune.certificate.fade_levels import judge_levels
-from tune.certificate.point import Point, Setting, setting_of
+from tune.certificate.moments import MomentInRegion, judge_moments, place_of
+from tune.certificate.point import setting_of
 from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import Region, regions_of
 from tune.certificate.rendered import rendering_failures
-from tune.certificate.worst_point import WorstCase, worst_points
-from tune.certificate.zero_exclusion import Claim, prove
+from tune.certificate.worst_point import WorstCase
 from tune.documents.certified import (
     AbsoluteStability,
     Certificate,
     HandBox,
     ModeBox,
-    ModePlace,
     WorstPoint,
 )
 from tune.documents.errors import CheckFailedError
@@ -38,16 +36,6 @@ from tune.documents.profile import Design
 MOST_CELLS = 200_000
 #: Samples of delay, margins included, that are looked at.
 _LONGEST_DELAY = 64
-#: How much more the search does where a proof was not found.
-_THOROUGH = 8
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Named:
-    """A claim and what it is called."""
-
-    claim: Claim
-    words: str
 
 
 @dataclass(slots=True)
@@ -60,6 +48,17 @@ class _Findings:
     absolute: dict[str, AbsoluteStability] = field(default_factory=dict[str, AbsoluteStability])
     points: int = 0
     cells: int = 0
+
+    def add(self, outcome: MomentInRegion) -> None:
+        """What became of a moment in a region."""
+        self.failures += outcome.failures
+        self.unstable += outcome.unstable
+        self.points += outcome.points
+        self.cells += outcome.cells
+        if outcome.worst is not None:
+            gain, worst = outcome.worst
+            if self.worst is None or worst.verdict.radius > self.worst[2].verdict.radius:
+                self.worst = outcome.moment, gain, worst
 
 
 def certify(
@@ -87,16 +86,18 @@ def certify(
         )
     found = _Findings([])
     interior: dict[str, Literal["proved"]] = {}
-    for moment in design.moments():
-        setting = setting_of(design, moment)
-        if setting is None:
-            continue
+    played = [
+        (moment, setting)
+        for moment in design.moments()
+        if (setting := setting_of(design, moment)) is not None
+    ]
+    judged = [judge_moments(design, played, region, most_cells or MOST_CELLS) for region in regions]
+    for number, (moment, setting) in enumerate(played):
         found.failures += force_failures(design, moment)
-        proved = [
-            _judge(design, moment, setting, region, found, most_cells or MOST_CELLS)
-            for region in regions
-        ]
-        if not all(proved):
+        outcomes = [each[number] for each in judged]
+        for each in outcomes:
+            found.add(each)
+        if not all(each.proved for each in outcomes):
             # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
             continue
         cells, failure = judge_levels(design, moment, regions, most_cells or MOST_CELLS)
@@ -133,82 +134,6 @@ def _longest(design: Design, region: Region) -> float:
     return region.delay[1] / region.sample_time[0] + extra
 
 
-def _claims(design: Design, moment: tuple[str, ...]) -> Iterator[_Named]:
-    """The margin kept, and what the elements claim beyond it."""
-    margin = design.margin
-    yield _Named(
-        claim=Claim(gain=margin.gain, extra=float(margin.extra_delay_samples)), words="margin"
-    )
-    claims = [design.elements[name].margins for name in moment]
-    # A single element claims for every moment it is in; its strongest claim covers the others.
-    gain = max(claim.gain for claim in claims)
-    if gain > margin.gain:
-        yield _Named(claim=Claim(gain=gain, extra=0.0), words="claimed gain margin")
-    extra = max(claim.extra_delay_samples for claim in claims)
-    if extra > margin.extra_delay_samples:
-        yield _Named(claim=Claim(gain=1.0, extra=float(extra)), words="claimed delay margin")
-
-
-def _judge(
-    design: Design,
-    moment: tuple[str, ...],
-    setting: Setting,
-    region: Region,
-    found: _Findings,
-    most_cells: int,
-) -> bool:
-    """Search for an unstable point; where none is found, prove that there is none: True."""
-    where = " + ".join(moment) + (" in a hand" if region.hand is not None else "")
-    named = list(_claims(design, moment))
-    unstable = False
-    searched = worst_points(region, setting, [each.claim for each in named])
-    for each, worst in zip(named, searched, strict=True):
-        found.points += worst.judged
-        if worst.verdict.answer != "stable":
-            unstable = True
-            _refuse(found, moment, where, each, worst)
-        elif each.words == "margin" and (
-            found.worst is None or worst.verdict.radius > found.worst[2].verdict.radius
-        ):
-            found.worst = (moment, each.claim.gain, worst)
-    if unstable:
-        return False
-    proof = prove(region, setting, [each.claim for each in named], most_cells)
-    found.cells += proof.cells
-    if proof.proved:
-        return True
-    assert proof.doubt is not None
-    doubted = worst_points(
-        region, setting, [each.claim for each in named], proof.doubt, thorough=_THOROUGH
-    )
-    for each, worst in zip(named, doubted, strict=True):
-        if worst.verdict.answer != "stable":
-            _refuse(found, moment, where, each, worst)
-            return False
-    worst = searched[0]
-    found.failures.append(
-        f"{where}: not proved for every device of the box within {proof.cells} cells; nothing "
-        f"unstable was found, worst is a pole radius of {worst.verdict.radius:.9g} at "
-        f"{worst.point.words()}, gain {named[0].claim.gain:.6g}. Ask for less, or narrow the "
-        "intervals of the device"
-    )
-    return False
-
-
-def _refuse(
-    found: _Findings, moment: tuple[str, ...], where: str, each: _Named, worst: WorstCase
-) -> None:
-    """Keep a point that is not stable, and the sentence about it."""
-    gain, verdict = each.claim.gain, worst.verdict
-    # Where the poles could not be isolated there is no radius to tell.
-    if math.isfinite(verdict.radius):
-        found.unstable.append(_place(moment, gain, worst.point, verdict.radius))
-    found.failures.append(
-        f"{where}: {each.words}: {verdict.answer} at {worst.point.words()}, gain {gain:.6g}: "
-        f"{verdict.reason}"
-    )
-
-
 def _certificate(
     design: Design, found: _Findings, interior: dict[str, Literal["proved"]]
 ) -> Certificate:
@@ -242,7 +167,7 @@ def _certificate(
         cells=found.cells,
         interior=interior,
         absolute_stability=found.absolute or None,
-        worst=_place(moment, gain, worst.point, worst.verdict.radius),
+        worst=place_of(moment, gain, worst.point, worst.verdict.radius),
         assumes=assumptions(design),
         not_assessed=not_assessed(design),
         versions={name: version(name) for name in ("haptune", "numpy", "python-flint")},
@@ -252,22 +177,3 @@ def _certificate(
 def _samples(delay: float, step: float) -> float:
     """A delay in samples, to the digits that a quotient of printed numbers has."""
     return float(np.round(delay / step, 9))
-
-
-def _place(moment: tuple[str, ...], gain: float, point: Point, radius: float) -> WorstPoint:
-    return WorstPoint(
-        elements=moment,
-        mass=point.mass,
-        damping=point.damping,
-        sample_time=point.sample_time,
-        delay_samples=point.delay_samples,
-        modes=tuple(
-            ModePlace(frequency_hz=mode.frequency_hz, damping_ratio=mode.damping_ratio)
-            for mode in point.modes
-        ),
-        current_lag=point.current_lag or None,
-        position_stiffness=point.position_stiffness or None,
-        hand=point.hand,
-        gain=gain,
-        pole_radius=radius,
-    )

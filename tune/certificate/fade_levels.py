@@ -16,18 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.certificate.affine import AffineForm, FloatArray
+from tune.certificate.branch_and_bound import Cells, Claim, Proof, branch_and_bound
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import Region
 from tune.certificate.value_set import ValueSet, excludes_zero, gain_vertices, value_set
-from tune.certificate.zero_exclusion import (
-    Cells,
-    Claim,
-    Proof,
-    as_affine,
-    branch_and_bound,
-    mechanism_of,
-    terms_of,
-)
+from tune.certificate.zero_exclusion import as_affine, mechanism_of, terms_of
 from tune.documents.profile import Design
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tune.certificate.affine import FloatArray
 from tune.documents.certified import HandPlace
 from tune.documents.profile import Design
 
@@ -118,6 +119,15 @@ class Setting:
     acceleration_filter_order: int = 2
     filter_damping_ratio: float = 1.0
     velocity_window_samples: int | None = None
+
+    @property
+    def sizes(self) -> tuple[float, float, float]:
+        """Stiffness, N/m, damping, N·s/m, and mass, kg."""
+        return self.stiffness, self.damping, self.mass
+
+
+#: Stiffness, damping and mass, each a number or one of each cell, shape (cells,).
+Sizes = tuple[float | FloatArray, float | FloatArray, float | FloatArray]
 
 
 def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:

@@ -5,6 +5,7 @@ One file: from parameters to polynomials, in doubles all the way.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -31,14 +32,17 @@ class Loops:
     open: FloatArray
     feedback: FloatArray
 
-    def rows(self, start: int, stop: int) -> Loops:
-        """The loops of some of the points."""
-        return Loops(self.open[start:stop], self.feedback[start:stop])
+    def chosen(self, which: NDArray[np.bool_]) -> Loops:
+        """The loops of some of the points, told by a mask of shape (points,)."""
+        return Loops(self.open[which], self.feedback[which])
 
-    def radius(self, gain: float) -> FloatArray:
-        """Largest pole modulus at a gain, by companion matrices; inf where doubles overflow."""
+    def radius(self, gain: float | FloatArray) -> FloatArray:
+        """Largest pole modulus at a gain, by companion matrices; inf where doubles overflow.
+
+        One gain, no unit, or one a point, shape (points,); the answer has shape (points,).
+        """
         with np.errstate(over="ignore", invalid="ignore"):
-            full = self.open + gain * self.feedback
+            full = self.open + np.reshape(gain, (-1, 1)) * self.feedback
             # Poles at zero that all loops have in common are left out.
             full = full[:, : np.flatnonzero(full.any(axis=0))[-1] + 1]
             monic = full[:, 1:] / full[:, :1]
@@ -51,8 +55,12 @@ class Loops:
         radius[finite] = np.abs(np.linalg.eigvals(companion[finite])).max(axis=1)
         return radius
 
-    def distance(self, gain: float, z: ComplexArray) -> FloatArray:
-        """Least |1 + s·L| over the given points of the circle and every gain in [0, gain]."""
+    def distance(self, gain: float | FloatArray, z: ComplexArray) -> FloatArray:
+        """Least |1 + s·L| over the given points of the circle and every gain in [0, gain].
+
+        One gain, no unit, or one a point, shape (points,); the circle's points have shape (n,); the
+        answer has shape (points,).
+        """
         # Powers of z that all loops have in common are left out.
         used = (
             int(np.flatnonzero((self.open != 0).any(axis=0) | (self.feedback != 0).any(axis=0))[-1])
@@ -65,7 +73,7 @@ class Loops:
         )
         with np.errstate(all="ignore"):
             # L = (n + jm)/(d + je).
-            nearest = np.clip(-(n * d + m * e) / (n * n + m * m), 0, gain)
+            nearest = np.clip(-(n * d + m * e) / (n * n + m * m), 0, np.reshape(gain, (-1, 1)))
             size = ((d + nearest * n) ** 2 + (e + nearest * m) ** 2) / (d * d + e * e)
         # A loop too weak or too strong for doubles comes near -1 nowhere that they can tell.
         return np.sqrt(np.min(np.where(np.isnan(size), np.inf, size), axis=1))
@@ -73,16 +81,23 @@ class Loops:
 
 # What doubles cannot hold is looked at in many digits.
 @np.errstate(over="ignore", invalid="ignore")
-def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: FloatArray) -> Loops:
+def sampled_loops(
+    region: Region,
+    settings: Sequence[Setting],
+    values: FloatArray,
+    extra: FloatArray,
+    which: NDArray[np.intp] | None = None,
+) -> Loops:
     """Loops at points of a region.
 
     Values have shape (sides, points), SI units; the extra delay has shape (points,).
 
     Args:
         region: which sides there are.
-        setting: what is played.
+        settings: what may be played; all play the same effects with the same filters.
         values: one column a point, rows as in `Region.sides`.
         extra: samples of delay on top, one a point.
+        which: the setting of each point, shape (points,); None for the first at all of them.
     """
     motion, drive, read = state_space(region, values)
     step, delay = values[2], values[3]
@@ -100,8 +115,9 @@ def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: F
     old = (after[:, :size, :size] @ before[:, :size, size:])[..., 0]
     denominator, by_new, by_old = _resolvent(transition, read, new, old)
     numerator = np.pad(by_new, ((0, 0), (0, 1))) + np.pad(by_old, ((0, 0), (1, 0)))
-    top, bottom = _laws(setting, step)
-    if not setting.stiffness:
+    which = np.zeros(len(step), dtype=np.intp) if which is None else which
+    top, bottom = _laws(settings, which, step)
+    if not settings[0].stiffness:
         if region.grounded:
             top = _convolved(top, np.array([[1.0, -1.0]]))
         else:
@@ -212,11 +228,16 @@ def _resolvent(
     )
 
 
-def _laws(setting: Setting, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _laws(
+    settings: Sequence[Setting], which: NDArray[np.intp], step: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Numerator and denominator of the law of each point; a zero at z = 1 left out."""
-    steps, which = np.unique(step, return_inverse=True)
-    laws = [_law_at(setting, float(each)) for each in steps]
-    return np.array([top for top, _ in laws])[which], np.array([low for _, low in laws])[which]
+    steps, at = np.unique(step, return_inverse=True)
+    kinds, kind = np.unique(which * len(steps) + at, return_inverse=True)
+    numbers: list[int] = kinds.tolist()
+    pairs = [divmod(number, len(steps)) for number in numbers]
+    laws = [_law_at(settings[setting], float(steps[place])) for setting, place in pairs]
+    return np.array([top for top, _ in laws])[kind], np.array([low for _, low in laws])[kind]
 
 
 @lru_cache(maxsize=1024)

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
+from tune.certificate.branch_and_bound import Claim, Proof
 from tune.certificate.point import Setting
 from tune.certificate.region import Region
 from tune.certificate.roots import judge
-from tune.certificate.zero_exclusion import Claim, Proof, prove
+from tune.certificate.zero_exclusion import prove
 from tune.documents.certified import AbsoluteStability, Multiplier
 from tune.documents.profile import Design
 

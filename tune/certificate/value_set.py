@@ -30,7 +30,7 @@ from tune.certificate.affine import (
     real_lower_bound,
 )
 from tune.certificate.mechanism import Mechanism, Scaled
-from tune.certificate.point import Setting
+from tune.certificate.point import Setting, Sizes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,14 +89,25 @@ def sampled_plant(theta: AffineForm, mechanism: Mechanism) -> SampledPlant:
     )
 
 
-def value_set(theta: AffineForm, mechanism: Mechanism, setting: Setting) -> ValueSet:
-    """Value set of D + s·N over cells of θ in [0, π] and of the mechanism."""
+def value_set(
+    theta: AffineForm, mechanism: Mechanism, setting: Setting, sizes: Sizes | None = None
+) -> ValueSet:
+    """Value set of D + s·N over cells of θ in [0, π] and of the mechanism.
+
+    Args:
+        theta: angle of z.
+        mechanism: everything that is not known exactly.
+        setting: which effects are played, and their filters.
+        sizes: of these effects, where they differ from cell to cell, each of shape (cells,).
+    """
+    sizes = sizes or setting.sizes
+    stiffness = sizes[0]
     plant = sampled_plant(theta, mechanism)
     s = theta * 1j
     seen, denominator, whole = plant.numerator, plant.denominator, plant.whole
-    rate = rate_of(theta, plant.half_sinc, mechanism.sample_time, setting)
+    rate = rate_of(theta, plant.half_sinc, mechanism.sample_time, setting, sizes)
     if setting.stiffness:
-        law = s * rate + setting.stiffness
+        law = s * rate + stiffness
     elif mechanism.grounded:
         law = s * rate
     else:
@@ -113,7 +124,7 @@ def value_set(theta: AffineForm, mechanism: Mechanism, setting: Setting) -> Valu
         late = modulus_bound(mechanism.delay + 0.5) + modulus_bound(whole) * modulus_bound(
             plant.aliases
         )
-        rising = real_lower_bound(seen * rate) - setting.stiffness * late
+        rising = real_lower_bound(seen * rate) - stiffness * late
     return ValueSet(fixed=whole, varied=varied, start=denominator * 1j, rising=rising)
 
 
@@ -186,8 +197,15 @@ def sinc(angle: AffineForm) -> AffineForm:
     return angle.of_real(value, slope, 1 / 3)
 
 
-def rate_of(theta: AffineForm, half_sinc: AffineForm, step: Term, setting: Setting) -> Term:
-    """(B·velocity + M·acceleration)/(jθ) per position."""
+def rate_of(
+    theta: AffineForm,
+    half_sinc: AffineForm,
+    step: Term,
+    setting: Setting,
+    sizes: Sizes | None = None,
+) -> Term:
+    """(B·velocity + M·acceleration)/(jθ) per position; arguments as of ``value_set``."""
+    _, damping, mass = sizes or setting.sizes
     per_step = inverse(step)
     difference = (theta * 0.5).turn() * half_sinc
     rate: Term = 0.0
@@ -203,7 +221,7 @@ def rate_of(theta: AffineForm, half_sinc: AffineForm, step: Term, setting: Setti
                 setting.velocity_filter_order,
                 setting.filter_damping_ratio,
             )
-        rate = estimate * (per_step * setting.damping)
+        rate = estimate * (per_step * damping)
     if setting.mass:
         estimate = (difference * difference) * _low_pass(
             theta,
@@ -212,7 +230,7 @@ def rate_of(theta: AffineForm, half_sinc: AffineForm, step: Term, setting: Setti
             setting.acceleration_filter_order,
             setting.filter_damping_ratio,
         )
-        rate = rate + estimate * (theta * 1j) * (per_step * per_step * setting.mass)
+        rate = rate + estimate * (theta * 1j) * (per_step * per_step * mass)
     return rate
 
 

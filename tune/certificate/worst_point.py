@@ -8,7 +8,7 @@ was wrong, and never that a region is stable. One file: box, climb and judgement
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.certificate.affine import FloatArray
+from tune.certificate.branch_and_bound import Claim
 from tune.certificate.point import Point, Setting
 from tune.certificate.region import Region
 from tune.certificate.roots import Verdict, judge
 from tune.certificate.sampled_loops import Loops, sampled_loops, upper_half_circle
-from tune.certificate.zero_exclusion import Claim
 
 #: What a climb raises, of every loop.
-Aim = Callable[[Loops], FloatArray]
+#: What a climb raises, of loops at gains of shape (points,); the answer has this shape too.
+Aim = Callable[[Loops, FloatArray], FloatArray]
 
 #: Sides up to which every corner is looked at; beyond, as many corners by chance.
 _ALL_CORNERS = 6
@@ -34,6 +35,11 @@ _CLIMBERS = 4
 _STEPS = 0.25 * 0.6 ** np.arange(10)
 #: Points of the circle at which the Nyquist curve is looked at, and the slowest of them over π.
 _CIRCLE = upper_half_circle(160, 1e-5)
+#: Pole radius at the full gain, and nearness to -1/s of any gain s up to it.
+_AIMS: tuple[Aim, Aim] = (
+    lambda loops, gain: loops.radius(gain),
+    lambda loops, gain: -loops.distance(gain, _CIRCLE),
+)
 #: The generator of chance points starts here, so that a certificate can be repeated.
 _SEED = 20_240_607
 
@@ -70,8 +76,6 @@ def worst_points(
 ) -> list[WorstCase]:
     """Search a region for each of some claims.
 
-    All climb at once, for what takes time is how often loops are computed, not how many.
-
     The starts have shape (sides + 1, starts), SI units and samples.
 
     Args:
@@ -84,35 +88,82 @@ def worst_points(
     Returns:
         One a claim, in their order.
     """
-    boxes = [_Box.of(region, claim) for claim in claims]
+    return worst_points_of_all(region, [(setting, claims)], starts, thorough)[0]
+
+
+def worst_points_of_all(
+    region: Region,
+    asked: Sequence[tuple[Setting, Sequence[Claim]]],
+    starts: FloatArray | None = None,
+    thorough: int = 1,
+) -> list[list[WorstCase]]:
+    """Search a region for the claims of each of some settings of the same filters.
+
+    Settings that play the same effects climb at once, for what takes time is how often loops are
+    computed, not how many. Arguments as of ``worst_points``; the starts have shape (sides + 1,
+    starts).
+
+    Returns:
+        One list a setting, in their order, of one a claim.
+    """
+    groups: dict[tuple[bool, ...], list[int]] = {}
+    for number, (setting, _) in enumerate(asked):
+        groups.setdefault(tuple(map(bool, setting.sizes)), []).append(number)
+    found: dict[int, list[WorstCase]] = {number: [] for number in range(len(asked))}
+    for numbers in groups.values():
+        settings = [asked[number][0] for number in numbers]
+        boxes = [
+            _Box.of(region, which, claim)
+            for which, number in enumerate(numbers)
+            for claim in asked[number][1]
+        ]
+        for box, candidates in _climbed(region, settings, boxes, starts, thorough):
+            worst = _worst(region, settings[box.which], box, candidates)
+            found[numbers[box.which]].append(worst)
+    return list(found.values())
+
+
+def _climbed(
+    region: Region,
+    settings: Sequence[Setting],
+    boxes: Sequence[_Box],
+    starts: FloatArray | None,
+    thorough: int,
+) -> Iterator[tuple[_Box, FloatArray]]:
+    """Each box and the places where climbing in it ended, one a column, values on all sides."""
     parts = [box.starts(starts, thorough) for box in boxes]
 
-    def loops_at(places: Sequence[FloatArray]) -> list[Loops]:
-        values = np.hstack(places)
-        loops = sampled_loops(region, setting, values[:-1], values[-1])
-        ends = np.cumsum([each.shape[1] for each in places])
-        return [
-            loops.rows(end - each.shape[1], end) for end, each in zip(ends, places, strict=True)
-        ]
+    def loops_at(
+        where: Sequence[_Box], places: Sequence[FloatArray]
+    ) -> tuple[Loops, FloatArray, list[int]]:
+        """Loops at places of each box, the gain of each, and how many a box has."""
+        counts = [each.shape[1] for each in places]
+        values = np.hstack([box.unfolded(each) for box, each in zip(where, places, strict=True)])
+        which = np.repeat([box.which for box in where], counts)
+        gain = np.repeat([box.claim.gain for box in where], counts)
+        return sampled_loops(region, settings, values[:-1], values[-1], which), gain, counts
 
-    begun = loops_at([box.unfolded(each) for box, each in zip(boxes, parts, strict=True)])
+    loops, gain, counts = loops_at(boxes, parts)
+    ends = np.cumsum(counts)[:-1]
     climbs = [
-        _Climb.of(box, each, aim, aim(loops), _CLIMBERS * thorough)
-        for box, each, loops in zip(boxes, parts, begun, strict=True)
-        for aim in box.aims()
+        _Climb.of(box, each, aim, scores, _CLIMBERS * thorough)
+        for aim in _AIMS
+        for box, each, scores in zip(boxes, parts, np.split(aim(loops, gain), ends), strict=True)
     ]
     rising = [each for each in climbs if len(each.box.free)]
     for step in _STEPS if rising else ():
         tried = [each.tried(step) for each in rising]
-        found = loops_at([each.box.unfolded(x) for each, x in zip(rising, tried, strict=True)])
-        for each, x, loops in zip(rising, tried, found, strict=True):
-            each.take(x, each.aim(loops))
-    return [
-        _worst(
-            region, setting, box, np.hstack([each.highest() for each in climbs if each.box is box])
-        )
-        for box in boxes
-    ]
+        loops, gain, counts = loops_at([each.box for each in rising], tried)
+        scores = np.empty(len(gain))
+        for aim in _AIMS:
+            rows = np.repeat([each.aim is aim for each in rising], counts)
+            scores[rows] = aim(loops.chosen(rows), gain[rows])
+        for each, x, own in zip(
+            rising, tried, np.split(scores, np.cumsum(counts)[:-1]), strict=True
+        ):
+            each.take(x, own)
+    for box in boxes:
+        yield box, np.hstack([each.highest() for each in climbs if each.box is box])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,22 +171,24 @@ class _Box:
     """The sides of a region and the extra delay of a claim.
 
     Attributes:
+        which: number of the setting.
         claim: gain and extra delay.
         low: ends of the sides, the extra delay last.
         high: likewise.
         free: sides that have a width.
     """
 
+    which: int
     claim: Claim
     low: FloatArray
     high: FloatArray
     free: NDArray[np.intp]
 
     @classmethod
-    def of(cls, region: Region, claim: Claim) -> _Box:
+    def of(cls, region: Region, which: int, claim: Claim) -> _Box:
         """The box of a region and a claim."""
         low, high = np.array((*region.sides(), (0.0, claim.extra))).T
-        return cls(claim=claim, low=low, high=high, free=np.flatnonzero(high > low))
+        return cls(which=which, claim=claim, low=low, high=high, free=np.flatnonzero(high > low))
 
     def starts(self, more: FloatArray | None, thorough: int) -> FloatArray:
         """Where climbs may begin, parts of each free side, one a column."""
@@ -152,11 +205,6 @@ class _Box:
         low, high = self.low[self.free, None], self.high[self.free, None]
         values[self.free] = low * (1 - parts) + high * parts
         return values
-
-    def aims(self) -> tuple[Aim, Aim]:
-        """Pole radius at the full gain, and nearness to -1/s of any gain s."""
-        gain = self.claim.gain
-        return (lambda loops: loops.radius(gain), lambda loops: -loops.distance(gain, _CIRCLE))
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -4,83 +4,29 @@ In a cell of θ, of everything not known exactly and of gains between two ends, 
 crossing D + s·N = 0 cannot be met if one straight line through zero has D + s·N strictly on one
 side for both end gains: then also for every gain between them. Where no line is found the cell is
 split across what moves D + s·N most, until every cell is excluded or the budget is spent. With one
-point known to be stable, a region without crossings is stable throughout. One file: cells, test and
-branching of one proof.
+point known to be stable, a region without crossings is stable throughout.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.certificate.affine import ROUNDING, AffineForm, FloatArray, Term
+from tune.certificate.branch_and_bound import (
+    Cells,
+    Claim,
+    Proof,
+    branch_and_bound,
+    decide,
+    initial_cells,
+)
 from tune.certificate.mechanism import Mechanism
-from tune.certificate.point import Setting
+from tune.certificate.point import Setting, Sizes
 from tune.certificate.region import Region
 from tune.certificate.value_set import excludes_zero, gain_vertices, value_set
-
-#: Cells looked at together: enough to keep numpy busy, few enough to stay in the cache.
-_BATCH = 4096
-#: Cells narrower than this, relative to the region, in whatever would be split next: a crossing is
-#: all but certain there, and doubles would not tell otherwise.
-_NARROWEST = 1e-9
-#: Ratio of neighbouring frequencies to begin with.
-_RATIO = 1.5
-#: A side that moves nothing is split when it is so many times wider than what would be.
-_STARVED = 16.0
-#: A second side is split at once if it moves the loop by more than this part of the first.
-_ALSO = 0.5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Claim:
-    """What is to hold in the whole region: every gain in (0, gain], delay up to extra samples."""
-
-    gain: float
-    extra: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Proof:
-    """Outcome of branch and bound.
-
-    Attributes:
-        proved: every cell was excluded.
-        cells: looked at.
-        doubt: a place that could not be excluded, one column: values of the merged region's sides,
-            then the extra samples of delay; None if proved.
-    """
-
-    proved: bool
-    cells: int
-    doubt: FloatArray | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Cells:
-    """Lower and upper ends, shape (sides, cells): θ, gain, extra delay, sides of the region."""
-
-    low: FloatArray
-    high: FloatArray
-
-    def __len__(self) -> int:
-        return self.low.shape[1]
-
-    def chosen(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Cells:
-        """Some of them."""
-        return Cells(self.low[:, which], self.high[:, which])
-
-    def with_(self, other: Cells) -> Cells:
-        """These and others."""
-        return Cells(np.hstack([self.low, other.low]), np.hstack([self.high, other.high]))
-
-
-#: (what is to hold holds in each cell, how much each side moves it).
-Examine = Callable[[Region, Cells], tuple[NDArray[np.bool_], FloatArray]]
 
 
 def prove(region: Region, setting: Setting, claims: Sequence[Claim], most_cells: int) -> Proof:
@@ -93,12 +39,76 @@ def prove(region: Region, setting: Setting, claims: Sequence[Claim], most_cells:
         most_cells: budget.
     """
     return branch_and_bound(
-        region, claims, lambda merged, cells: _exclusion_test(merged, setting, cells), most_cells
+        region,
+        claims,
+        lambda merged, cells: _exclusion_test(merged, setting, setting.sizes, cells),
+        most_cells,
     )
 
 
+def prove_all(
+    region: Region, asked: Sequence[tuple[Setting, Sequence[Claim]]], most_cells: int
+) -> list[Proof]:
+    """Exclude crossings everywhere in a region for each of some settings of the same filters.
+
+    Settings that play the same effects are examined in one run, as what takes time is how often
+    cells are examined, not how many; where that run leaves a doubt, each of them has its own.
+
+    Args:
+        region: the box.
+        asked: settings, none of them nothing, and the claims of each.
+        most_cells: budget of one run.
+
+    Returns:
+        One proof a setting, in their order.
+    """
+    groups: dict[tuple[bool, ...], list[int]] = {}
+    for number, (setting, _) in enumerate(asked):
+        groups.setdefault(tuple(map(bool, setting.sizes)), []).append(number)
+    found: dict[int, Proof] = {}
+    for numbers in groups.values():
+        together = [asked[number] for number in numbers]
+        proofs = _proved_at_once(region, together, most_cells) if len(together) > 1 else None
+        if proofs is None:
+            proofs = [prove(region, *each, most_cells) for each in together]
+        found |= zip(numbers, proofs, strict=True)
+    return [found[number] for number in range(len(asked))]
+
+
+def _proved_at_once(
+    region: Region, asked: Sequence[tuple[Setting, Sequence[Claim]]], most_cells: int
+) -> list[Proof] | None:
+    """Proofs of settings that play the same effects, from one run; None if it leaves a doubt.
+
+    A further side of each cell, without a width, is the number of its setting.
+    """
+    region = region.merged()
+    parts = [initial_cells(region, claims) for _, claims in asked]
+    number = np.repeat(np.arange(len(asked), dtype=np.float64), [len(part) for part in parts])
+    sizes = np.array([setting.sizes for setting, _ in asked]).T
+    seen = np.zeros(len(asked), dtype=np.intp)
+
+    def examine(cells: Cells) -> tuple[NDArray[np.bool_], FloatArray]:
+        which = cells.low[-1].astype(np.intp)
+        np.add.at(seen, which, 1)
+        plain = Cells(cells.low[:-1], cells.high[:-1])
+        stiffness, damping, mass = sizes[:, which]
+        holds, pull = _exclusion_test(region, asked[0][0], (stiffness, damping, mass), plain)
+        return holds, np.vstack([pull, np.zeros(len(cells))])
+
+    begun = Cells(
+        *(
+            np.vstack([np.hstack([getattr(part, end) for part in parts]), number])
+            for end in ("low", "high")
+        )
+    )
+    if not decide(begun, examine, most_cells).proved:
+        return None
+    return [Proof(proved=True, cells=int(count)) for count in seen]
+
+
 def _exclusion_test(
-    region: Region, setting: Setting, cells: Cells
+    region: Region, setting: Setting, sizes: Sizes, cells: Cells
 ) -> tuple[NDArray[np.bool_], FloatArray]:
     """(no crossing in the cell, how much each side moves the loop)."""
     moving = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
@@ -106,7 +116,7 @@ def _exclusion_test(
     terms = terms_of(cells, symbols)
     with np.errstate(all="ignore"):
         response = value_set(
-            as_affine(terms[0], cells, len(symbols)), mechanism_of(region, terms), setting
+            as_affine(terms[0], cells, len(symbols)), mechanism_of(region, terms), setting, sizes
         )
         bottom, top = gain_vertices(response, cells.low[1], cells.high[1])
         excluded = excludes_zero(bottom, top)
@@ -117,63 +127,6 @@ def _exclusion_test(
             pull[row] = np.maximum(np.abs(bottom.slopes[index]), np.abs(top.slopes[index]))
         pull[1] = np.abs(response.varied.centre) * (cells.high[1] - cells.low[1]) / 2
         return excluded, pull
-
-
-def branch_and_bound(
-    region: Region, claims: Sequence[Claim], examine: Examine, most_cells: int
-) -> Proof:
-    """Branch and bound: split a region until everything asked for holds in every cell.
-
-    Args:
-        region: the box.
-        claims: gains and extra delays.
-        examine: is called with the merged region and some of its cells.
-        most_cells: budget.
-    """
-    region = region.merged()
-    waiting = _initial_cells(region, claims)
-    widest = (waiting.high - waiting.low).max(axis=1, keepdims=True)
-    seen = 0
-    while len(waiting):
-        cells = waiting.chosen(slice(-_BATCH, None))
-        waiting = waiting.chosen(slice(None, -_BATCH))
-        seen += len(cells)
-        holds, pull = examine(region, cells)
-        open_ = cells.chosen(~holds)
-        if not len(open_):
-            continue
-        parts, narrow = _branch(open_, pull[:, ~holds], widest)
-        if narrow is not None or seen + len(waiting) + len(parts) > most_cells:
-            index = 0 if narrow is None else narrow
-            middle = (open_.low[:, index] + open_.high[:, index]) / 2
-            return Proof(proved=False, cells=seen, doubt=np.append(middle[3:], middle[2])[:, None])
-        waiting = waiting.with_(parts)
-    return Proof(proved=True, cells=seen)
-
-
-def _initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
-    """Frequencies in steps of one ratio down to where the device's damping takes over."""
-    least = min(1.0, max(1e-9, region.damping[0] * region.sample_time[0] / region.mass[1]))
-    count = max(2, int(np.ceil(np.log(np.pi / (0.3 * least)) / np.log(_RATIO))))
-    edges = np.concatenate([[0.0], np.pi * _RATIO ** -np.arange(count, -1.0, -1.0)])
-    # Beyond π by a rounding: the response is symmetric there.
-    edges[-1] = np.nextafter(np.pi, 4)
-    lows, highs = np.array(region.sides()).T
-    columns: list[tuple[FloatArray, FloatArray]] = []
-    for claim in claims:
-        pieces = max(1, int(np.ceil(2 * claim.extra)))
-        for piece in range(pieces):
-            start, end = claim.extra * piece / pieces, claim.extra * (piece + 1) / pieces
-            for bottom, top in pairwise(edges):
-                columns.append(
-                    (
-                        np.array([bottom, 0.0, start, *lows]),
-                        np.array([top, claim.gain, end, *highs]),
-                    )
-                )
-    return Cells(
-        np.column_stack([low for low, _ in columns]), np.column_stack([high for _, high in columns])
-    )
 
 
 def terms_of(cells: Cells, symbols: Sequence[int]) -> list[Term]:
@@ -229,42 +182,3 @@ def _samples(delay: Term, step: Term, extra: Term, like: Term) -> AffineForm:
     assert isinstance(like, AffineForm)  # θ always has a width
     per_step = step.inverse() if isinstance(step, AffineForm) else 1 / step
     return like * 0.0 + (delay * per_step + extra)
-
-
-def _branch(cells: Cells, pull: FloatArray, widest: FloatArray) -> tuple[Cells, int | None]:
-    """(halves across what moves the loop most, index of a cell too narrow to be split)."""
-    pull = np.where(np.isfinite(pull), pull, 0.0)
-    width = cells.high - cells.low
-    relative = width / np.where(widest > 0, widest, 1.0)
-    # Where nothing is bounded yet every side counts by its width.
-    pull = np.where(pull.max(axis=0) > 0, pull, relative)
-    pull = np.where(width > 0, pull, -1.0)
-    order = np.argsort(-pull, axis=0, kind="stable")
-    index = np.arange(len(cells))
-    # A side too wide to be followed, as the delay is where a phase turns far, has no pull at all:
-    # it has its turn when what would be split has become much narrower.
-    starved = np.where(pull == 0, relative, 0.0)
-    neglected = starved.max(axis=0) > _STARVED * relative[order[0], index]
-    first = order[0]
-    first[neglected] = starved.argmax(axis=0)[neglected]
-    narrow = np.flatnonzero(relative[first, index] < _NARROWEST)
-    if narrow.size:
-        return cells, int(narrow[0])
-    halves = _halved(cells, first)
-    second = order[1]
-    both = ~neglected & (pull[second, index] > _ALSO * pull[first, index])
-    twice = np.concatenate([both, both])
-    sides = np.concatenate([second, second])
-    return (
-        halves.chosen(~twice).with_(_halved(halves.chosen(twice), sides[twice])),
-        None,
-    )
-
-
-def _halved(cells: Cells, side: NDArray[np.intp]) -> Cells:
-    index = np.arange(len(cells))
-    middle = (cells.low[side, index] + cells.high[side, index]) / 2
-    below, above = cells.high.copy(), cells.low.copy()
-    below[side, index] = middle
-    above[side, index] = middle
-    return Cells(np.hstack([cells.low, above]), np.hstack([below, cells.high]))

@@ -18,7 +18,11 @@ from tune.documents.errors import NoFeasibleEffectError
 from tune.loop.filters import Filters
 from tune.optimisation.backends import Rank
 from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.limits import feasible_points, least_margin_loops
+from tune.optimisation.limits import (
+    least_margin_loops,
+    passes_cheap_limits,
+    stable_in_doubles,
+)
 from tune.optimisation.nash import SAME, Optimum
 from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.saturable import may_saturate
@@ -92,9 +96,12 @@ def tune_with_filters(
     Nothing is worth less than a range that cannot be met. Of effects that cannot be kept together
     the best set is chosen, at a cost; without ``choosing`` all of them count as left out.
     """
-    known: list[FloatArray] = []
-    if before is not None and before.optimum is not None and before.optimum.sizes is not None:
-        known = _taken_over(task, elements, filters, before.problem, before.optimum.sizes)
+
+    def known(problem: Problem) -> list[FloatArray]:
+        if before is None or before.optimum is None or before.optimum.sizes is None:
+            return []
+        return _taken_over(problem, before.problem, before.optimum.sizes)
+
     try:
         problem, optimum, _ = optimum_of(
             task,
@@ -197,15 +204,13 @@ def _value(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
     return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))
 
 
-def _taken_over(
-    task: DesignTask, elements: Sequence[str], filters: Filters, before: Problem, sizes: FloatArray
-) -> list[FloatArray]:
-    """Sizes that were good with other filters, as far as they are allowed with these."""
-    problem = _posed(task, elements, filters)
-    if [u.label for u in problem.unknowns] != [u.label for u in before.unknowns]:
-        return []
-    if sizes.size < 2:
+def _taken_over(problem: Problem, before: Problem, sizes: FloatArray) -> list[FloatArray]:
+    """Sizes that were good with other filters, as far as they are allowed with these.
+
+    Allowed as far as doubles tell: what is written in the end is not found from here.
+    """
+    if sizes.size < 2 or [u.label for u in problem.unknowns] != [u.label for u in before.unknowns]:
         return []
     points = np.maximum(np.minimum(np.outer(_RETREATS, sizes), problem.high), problem.low)
-    good = np.flatnonzero(feasible_points(problem, points))
-    return [points[good[0]]] if good.size else []
+    points = points[passes_cheap_limits(problem, points)]
+    return [*points[stable_in_doubles(problem, points)][:1]]

@@ -84,6 +84,7 @@ class _Search:
         known: each group as tuned by the filters that it uses.
         last: each group as it was tuned last.
         whole: whether all effects of each group are kept, by the filters that it uses.
+        asked: effects of each group that uses a filter.
     """
 
     task: DesignTask
@@ -98,6 +99,18 @@ class _Search:
     whole: dict[tuple[tuple[str, ...], Filters], bool] = field(
         default_factory=dict[tuple[tuple[str, ...], Filters], bool]
     )
+    asked: dict[tuple[str, ...], frozenset[EffectName]] = field(
+        init=False, default_factory=dict[tuple[str, ...], frozenset[EffectName]]
+    )
+
+    def __post_init__(self) -> None:
+        scene = self.task.scene
+        for elements in groups(scene):
+            wishes = frozenset[EffectName](
+                effect for name in elements for effect in scene.elements[name].wishes()
+            )
+            if wishes & {"damping", "mass"}:
+                self.asked[elements] = wishes
 
     def best(self) -> Filters:
         """The least filtering of all tried that is worth nearly as much as the best."""
@@ -150,7 +163,7 @@ class _Search:
     def _whole(self, point: Sequence[float]) -> CutoffObjective | None:
         """What all elements are worth; None where not all effects are kept, which is soon told."""
         filters = self._filters(point)
-        for elements in self._filtered():
+        for elements in self.asked:
             used = self._of(elements, filters)
             if (elements, used) not in self.whole:
                 self._say(filters)
@@ -162,11 +175,6 @@ class _Search:
                 return None
         return self._worth(point)
 
-    def _filtered(self) -> list[tuple[str, ...]]:
-        """Groups of elements that filters are for."""
-        every = groups(self.task.scene)
-        return [elements for elements in every if self._used(elements) & {"damping", "mass"}]
-
     def _say(self, filters: Filters) -> None:
         self.say(
             f"trying filters: velocity {_hertz(filters.velocity_filter_hz)}, "
@@ -176,11 +184,8 @@ class _Search:
     def _coupled(self) -> bool:
         """True where elements that are tuned together use both filters, and both are free."""
         return all(axis.free for axis in self.axes) and any(
-            {"damping", "mass"} <= self._used(elements) for elements in groups(self.task.scene)
+            {"damping", "mass"} <= asked for asked in self.asked.values()
         )
-
-    def _used(self, elements: Sequence[str]) -> set[EffectName]:
-        return {effect for name in elements for effect in self.task.scene.elements[name].wishes()}
 
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
         """From a point to one that is worth more than all around it."""
@@ -214,7 +219,7 @@ class _Search:
         step = -_STEP if math.log(hertz) + _STEP > self.axes[index].first[-2] else _STEP
         there = replace(here, **{name: hertz * math.exp(step)})
         total = 0.0
-        for elements in groups(self.task.scene):
+        for elements in self.asked:
             filters, moved = (self._of(elements, each) for each in (here, there))
             if filters != moved:
                 total += slope_of(self.task, self._tuned(elements, filters), moved)
@@ -225,17 +230,16 @@ class _Search:
         if filters not in self.tried:
             self._say(filters)
             total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
-            for elements in self._filtered():
+            for elements in self.asked:
                 total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
             self.tried[filters] = total
         return self.tried[filters]
 
-    def _of(self, elements: Sequence[str], filters: Filters) -> Filters:
+    def _of(self, elements: tuple[str, ...], filters: Filters) -> Filters:
         """Those of the filters that a group uses."""
-        used = self._used(elements)
-        if "damping" not in used:
+        if "damping" not in self.asked[elements]:
             filters = replace(filters, velocity_filter_hz=None)
-        if "mass" not in used:
+        if "mass" not in self.asked[elements]:
             filters = replace(filters, acceleration_filter_hz=None)
         return filters
 

@@ -83,10 +83,12 @@ def largest_product(
         return Optimum(sizes=None, methods=(), disagreements=0.0)
     search = Search(problem=problem, backends=backends, start=starts[0], more=more)
     fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
-    for level in sorted({unknown.level for unknown in problem.unknowns}):
+    levels = sorted({unknown.level for unknown in problem.unknowns})
+    for level in levels:
         active = np.array([unknown.level == level for unknown in problem.unknowns])
         search.raise_rank(active, fixed, starts)
-        search.ease(active)
+        if level != levels[-1]:
+            search.ease(active)
         fixed |= active
         starts = [search.sizes]
     return Optimum(
@@ -185,13 +187,9 @@ class Search:
 
     def ease(self, active: NDArray[np.bool_]) -> None:
         """Give up a little of what is settled, where that is allowed."""
-        met = self.sizes >= self.problem.high * (1 - SAME)
-        eased = np.where(active & ~met, self.sizes * (1 - _EASE), self.sizes)
-        if (
-            np.any(~active)
-            and np.all(eased >= self.problem.low)
-            and is_feasible(self.problem, eased)
-        ):
+        more = active & (self.sizes < self.problem.high * (1 - SAME))
+        eased = np.where(more, self.sizes * (1 - _EASE), self.sizes)
+        if np.any(more) and np.all(eased >= self.problem.low) and is_feasible(self.problem, eased):
             self.sizes = eased
 
     def _proposed(self, backend: Backend, rank: Rank, start: FloatArray) -> FloatArray | None:

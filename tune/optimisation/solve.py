@@ -5,7 +5,7 @@ One file: rank after rank, what is kept and what is dropped is one loop.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -166,7 +166,7 @@ def optimum_of(
     *,
     cut: frozenset[str] = frozenset(),
     second_opinion: bool = True,
-    known: Sequence[FloatArray] = (),
+    known: Callable[[Problem], Sequence[FloatArray]] | None = None,
     gone: Mapping[str, str] | None = None,
     choosing: bool = True,
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
@@ -180,7 +180,7 @@ def optimum_of(
         filters: of the controller.
         cut: elements whose force may be cut at its limit.
         second_opinion: ask all solvers.
-        known: allowed sizes of all effects to begin with, where there are some.
+        known: allowed sizes of all effects of the problem to begin with, where there are some.
         gone: effects that are left out, with the reason.
         choosing: where effects that are possible alone are not so together, choose which are kept;
             else the optimum has no sizes there.
@@ -205,7 +205,7 @@ def optimum_of(
         problem = posed(frozenset(dropped))
     if not problem.unknowns:
         return problem, None, dropped
-    found = best(problem, [] if dropped else known)
+    found = best(problem, [] if dropped or known is None else known(problem))
     if found.sizes is not None or not choosing:
         return problem, found, dropped
     every = frozenset(unknown.label for unknown in problem.unknowns)

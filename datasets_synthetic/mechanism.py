@@ -33,10 +33,10 @@ class Mechanism:
 
     Attributes:
         mass: M, shape (batch, n, n).
-        damping: C, likewise.
-        stiffness: K, likewise.
+        damping: C, shape (batch, n, n).
+        stiffness: K, shape (batch, n, n).
         at_encoder: g, shape (batch, n).
-        at_handle: p, likewise.
+        at_handle: p, shape (batch, n).
         lag: tc, s, shape (batch,).
     """
 
@@ -85,7 +85,7 @@ class Mechanism:
         return self._generator(first=0)
 
     def held(self) -> FloatArray:
-        """Matrices while the rigid coordinate does not move."""
+        """The matrices of `free` while the rigid coordinate does not move, in the same shape."""
         return self._generator(first=1)
 
     def holding(self) -> FloatArray:

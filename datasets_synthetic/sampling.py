@@ -64,6 +64,6 @@ class Encoder:
         self._count = np.where(exact, 1.0, resolution)
 
     def read(self, position: FloatArray) -> FloatArray:
-        """The readings of these positions, m (rad)."""
+        """The readings of these positions, m (rad), shape (batch,)."""
         rounded = np.rint(position / self._count) * self._count
         return rounded if self._exact is None else np.where(self._exact, position, rounded)

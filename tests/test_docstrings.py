@@ -15,7 +15,7 @@ PACKAGES = ("identification", "tune", "datasets_synthetic")
 LEANING = re.compile(r"(The same|Of|Likewise)\b")
 ARRAY = re.compile(r"\w*Array\b|NDArray|ArrayLike")
 #: The word, or a shape as it is written: (n,), (points, unknowns), (n - 1,).
-SHAPE = re.compile(r"\bshapes?\b|\(\w+(?: ?[-+] ?\d)?,(?: ?[\w .+*-]+)*\)")
+SHAPE = re.compile(r"\b[Ss]hapes?\b|\(\w+(?: ?[-+] ?\d)?,(?: ?[\w .+*-]+)*\)")
 Documented = ast.FunctionDef | ast.ClassDef | ast.Module
 
 
@@ -28,18 +28,63 @@ def leaning(tree: ast.Module) -> Iterator[str]:
                 yield f"{getattr(node, 'name', 'module')}: {text.splitlines()[0]}"
 
 
-def without_shape(tree: ast.Module) -> Iterator[str]:
-    """Public functions that take or give arrays and do not say of which shape."""
+def public_classes(tree: ast.Module) -> Iterator[ast.ClassDef]:
     for node in tree.body:
-        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
-            continue
-        if any(ast.unparse(each) == "overload" for each in node.decorator_list):
-            continue
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield node
+
+
+def public_functions(tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Functions of the module, and methods and properties of its public classes, by name."""
+    owners = [("", tree.body), *((f"{each.name}.", each.body) for each in public_classes(tree))]
+    for owner, body in owners:
+        for node in body:
+            if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
+                continue
+            if any(ast.unparse(each) == "overload" for each in node.decorator_list):
+                continue
+            yield owner + node.name, node
+
+
+def without_shape(tree: ast.Module) -> Iterator[str]:
+    """Public functions and methods that take or give arrays and do not say of which shape."""
+    for name, node in public_functions(tree):
         arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
         notes = [each.annotation for each in arguments] + [node.returns]
         arrays = any(ARRAY.search(ast.unparse(note)) for note in notes if note is not None)
         if arrays and not SHAPE.search(ast.get_docstring(node) or ""):
-            yield node.name
+            yield name
+
+
+def entries(text: str, section: str) -> dict[str, str]:
+    """What a section of a docstring says of each name that it lists."""
+    found: dict[str, str] = {}
+    inside, name = False, ""
+    for line in text.splitlines():
+        if line and not line.startswith(" "):
+            inside = line == f"{section}:"
+        elif inside and (entry := re.match(r" {4}(\w+): (.*)", line)):
+            name, found[entry[1]] = entry[1], entry[2]
+        elif inside and name:
+            found[name] += " " + line.strip()
+    return found
+
+
+def attributes_without_shape(tree: ast.Module) -> Iterator[str]:
+    """Public attributes that hold arrays of which neither their entry nor what stands above the
+    class's list of attributes gives a shape."""
+    for owner in public_classes(tree):
+        text = ast.get_docstring(owner) or ""
+        said = entries(text, "Attributes") | entries(text, "Args")
+        above = re.split(r"^(?:Attributes|Args):$", text, flags=re.MULTILINE)[0]
+        for node in owner.body:
+            if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name):
+                continue
+            name = node.target.id
+            if name.startswith("_") or not ARRAY.search(ast.unparse(node.annotation)):
+                continue
+            if not SHAPE.search(said.get(name, "")) and not SHAPE.search(above):
+                yield f"{owner.name}.{name}"
 
 
 def trees() -> Iterator[tuple[str, ast.Module]]:
@@ -61,6 +106,11 @@ def test_public_functions_name_the_shapes_of_their_arrays() -> None:
     assert counted == []
 
 
+def test_public_classes_name_the_shapes_of_their_arrays() -> None:
+    counted = [(path, name) for path, tree in TREES for name in attributes_without_shape(tree)]
+    assert counted == []
+
+
 @pytest.mark.parametrize("opening", ["The same with other terms.", "Of both.", "Likewise."])
 def test_a_planted_opening_is_found(opening: str) -> None:
     planted = f'class Planted:\n    def method(self) -> None:\n        """{opening}"""\n'
@@ -76,3 +126,31 @@ def test_a_planted_function_without_a_shape_is_found() -> None:
         'def plain(number: float) -> float:\n    """A number, doubled."""\n'
     )
     assert list(without_shape(ast.parse(planted))) == ["bare"]
+
+
+def test_a_planted_method_without_a_shape_is_found() -> None:
+    planted = (
+        "class Planted:\n"
+        '    """Columns, shape (n,)."""\n'
+        "    @property\n"
+        '    def bare(self) -> FloatArray:\n        """Force, N."""\n'
+        '    def told(self) -> FloatArray:\n        """Force, N, shape (n,)."""\n'
+        '    def _own(self) -> FloatArray:\n        """Force, N."""\n'
+        "class _Own:\n"
+        '    def bare(self) -> FloatArray:\n        """Force, N."""\n'
+    )
+    assert list(without_shape(ast.parse(planted))) == ["Planted.bare"]
+
+
+def test_a_planted_attribute_without_a_shape_is_found() -> None:
+    planted = (
+        "class Planted:\n"
+        '    """A log.\n\n    Attributes:\n        bare: N,\n            as commanded.\n'
+        '        drawn: m,\n            shape (n,).\n        name: of the axis.\n    """\n'
+        "    bare: FloatArray\n    drawn: FloatArray\n    absent: FloatArray | None\n"
+        "    name: str\n"
+        "class Even:\n"
+        '    """Arrays of one shape.\n\n    Attributes:\n        force: N.\n    """\n'
+        "    force: FloatArray\n"
+    )
+    assert list(attributes_without_shape(ast.parse(planted))) == ["Planted.bare", "Planted.absent"]

@@ -62,7 +62,7 @@ class Solution:
 
     @classmethod
     def first(cls, values: FloatArray, delay: float) -> Solution:
-        """A start."""
+        """A start from values of shape (p,)."""
         nothing = np.empty(0)
         return cls(
             values=values,
@@ -129,7 +129,7 @@ class TestedRows:
         return self.weights @ of_rows(held.triangle())[self.table.known :]
 
     def slope(self, delay: float) -> FloatArray:
-        """Derivative of ``force`` by the delay, N/s."""
+        """Derivative of ``force`` by the delay, N/s, shape (functions,)."""
         width = _NUDGE * self.table.signals.step
         low, high = max(delay - width, 0.0), delay + width
         return (self.force(high) - self.force(low)) / (high - low)

@@ -36,7 +36,10 @@ class Loops:
         return Loops(self.open[start:stop], self.feedback[start:stop])
 
     def radius(self, gain: float) -> FloatArray:
-        """Largest pole modulus at a gain, by companion matrices; inf where doubles overflow."""
+        """Largest pole modulus at a gain, by companion matrices, shape (points,).
+
+        It is inf where doubles overflow.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             full = self.open + gain * self.feedback
             # Poles at zero that all loops have in common are left out.
@@ -52,7 +55,10 @@ class Loops:
         return radius
 
     def distance(self, gain: float, z: ComplexArray) -> FloatArray:
-        """Least |1 + s·L| over the given points of the circle and every gain in [0, gain]."""
+        """Least |1 + s·L| over the given points of the circle and every gain in [0, gain].
+
+        Points z have shape (angles,), the answer has shape (points,), one a loop.
+        """
         # Powers of z that all loops have in common are left out.
         used = (
             int(np.flatnonzero((self.open != 0).any(axis=0) | (self.feedback != 0).any(axis=0))[-1])

@@ -46,7 +46,7 @@ class Factors:
         return total * (1 - 1j * v) ** self.early / (1 + 1j * v) ** self.late
 
     def laws(self, v: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Force over position at w = jv of α, β and γ of one, without the sign."""
+        """Force over position at w = jv of unit α, β and γ, of the shape of v, without the sign."""
         return (
             np.ones(v.shape, dtype=np.complex128),
             _estimate(self.velocity, v),

@@ -124,7 +124,10 @@ class Problem:
         return shares
 
     def effects(self, moment: Moment, sizes: FloatArray) -> Effects:
-        """The sum of effects of one moment; an effect no element has is absent."""
+        """The sum of effects of one moment; an effect no element has is absent.
+
+        Sizes have shape (unknowns,).
+        """
         total = [
             float(sum(self.unknowns[i].sign * sizes[i] for i in indices)) if indices else None
             for indices in moment.members

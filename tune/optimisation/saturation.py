@@ -72,7 +72,7 @@ class Saturation:
 
     @classmethod
     def of(cls, problem: Problem, sizes: FloatArray, found: AllFound) -> Saturation:
-        """With the multipliers that were found at some sizes."""
+        """With the multipliers that were found at some sizes, shape (unknowns,)."""
         parts: list[tuple[Moment, Responses, Multiplier]] = []
         for moment in saturation_constraints(problem):
             _, steady = split_moment(problem, moment, sizes)

@@ -40,8 +40,8 @@ class Solution:
 
     Attributes:
         problem: with only the unknowns that are perceptible and feasible.
-        sizes: rounded, allowed exactly.
-        unrounded: as they were found; empty where nothing was looked for.
+        sizes: rounded, allowed exactly, shape (unknowns,).
+        unrounded: as they were found, shape (unknowns,); empty where nothing was looked for.
         dropped: reason by label of every effect that was left out.
         method: what found the answer.
         disagreement: of the solvers, in the logarithm of the product of steps.

@@ -51,7 +51,7 @@ class MeasuredLaw:
         effects: as played; None where no law explains the force.
         gain: part of the profile's effects, by its own law; nan where the law is another.
         predicted: force of the profile's own law at its best gain, N, nan where not used; (n,).
-        used: rows the law was judged on.
+        used: rows the law was judged on, shape (n,).
         outcomes: "law" and "gain".
     """
 

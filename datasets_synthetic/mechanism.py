@@ -32,11 +32,11 @@ class Mechanism:
     """Matrices of a batch; the state is (q, q', Fa), then come the three inputs.
 
     Attributes:
-        mass: M, shape (batch, n, n).
-        damping: C, shape (batch, n, n).
-        stiffness: K, shape (batch, n, n).
-        at_encoder: g, shape (batch, n).
-        at_handle: p, shape (batch, n).
+        mass: M, kg (kg·m²), shape (batch, n, n).
+        damping: C, N·s/m (N·m·s/rad), shape (batch, n, n).
+        stiffness: K, N/m (N·m/rad), shape (batch, n, n).
+        at_encoder: g, without unit, shape (batch, n).
+        at_handle: p, without unit, shape (batch, n).
         lag: tc, s, shape (batch,).
     """
 

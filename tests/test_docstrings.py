@@ -5,12 +5,19 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-PACKAGES = ("identification", "tune", "datasets_synthetic")
+from tests.docstrings import (
+    TREES,
+    above_entries,
+    annotated,
+    arguments_of,
+    entries,
+    public_classes,
+    public_functions,
+)
+
 #: Openings that need the docstring before them.
 LEANING = re.compile(r"(The same|Of|Likewise)\b")
 ARRAY = re.compile(r"\w*Array\b|NDArray|ArrayLike")
@@ -28,46 +35,13 @@ def leaning(tree: ast.Module) -> Iterator[str]:
                 yield f"{getattr(node, 'name', 'module')}: {text.splitlines()[0]}"
 
 
-def public_classes(tree: ast.Module) -> Iterator[ast.ClassDef]:
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            yield node
-
-
-def public_functions(tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef]]:
-    """Functions of the module, and methods and properties of its public classes, by name."""
-    owners = [("", tree.body), *((f"{each.name}.", each.body) for each in public_classes(tree))]
-    for owner, body in owners:
-        for node in body:
-            if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
-                continue
-            if any(ast.unparse(each) == "overload" for each in node.decorator_list):
-                continue
-            yield owner + node.name, node
-
-
 def without_shape(tree: ast.Module) -> Iterator[str]:
     """Public functions and methods that take or give arrays and do not say of which shape."""
     for name, node in public_functions(tree):
-        arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-        notes = [each.annotation for each in arguments] + [node.returns]
+        notes = [each.annotation for each in arguments_of(node)] + [node.returns]
         arrays = any(ARRAY.search(ast.unparse(note)) for note in notes if note is not None)
         if arrays and not SHAPE.search(ast.get_docstring(node) or ""):
             yield name
-
-
-def entries(text: str, section: str) -> dict[str, str]:
-    """What a section of a docstring says of each name that it lists."""
-    found: dict[str, str] = {}
-    inside, name = False, ""
-    for line in text.splitlines():
-        if line and not line.startswith(" "):
-            inside = line == f"{section}:"
-        elif inside and (entry := re.match(r" {4}(\w+): (.*)", line)):
-            name, found[entry[1]] = entry[1], entry[2]
-        elif inside and name:
-            found[name] += " " + line.strip()
-    return found
 
 
 def attributes_without_shape(tree: ast.Module) -> Iterator[str]:
@@ -75,26 +49,10 @@ def attributes_without_shape(tree: ast.Module) -> Iterator[str]:
     class's list of attributes gives a shape."""
     for owner in public_classes(tree):
         text = ast.get_docstring(owner) or ""
-        said = entries(text, "Attributes") | entries(text, "Args")
-        above = re.split(r"^(?:Attributes|Args):$", text, flags=re.MULTILINE)[0]
-        for node in owner.body:
-            if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name):
-                continue
-            name = node.target.id
-            if name.startswith("_") or not ARRAY.search(ast.unparse(node.annotation)):
-                continue
-            if not SHAPE.search(said.get(name, "")) and not SHAPE.search(above):
+        said, above = entries(text), above_entries(text)
+        for name, annotation in annotated(owner):
+            if ARRAY.search(annotation) and not SHAPE.search(said.get(name, "") + above):
                 yield f"{owner.name}.{name}"
-
-
-def trees() -> Iterator[tuple[str, ast.Module]]:
-    """Each file of the packages, parsed."""
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
-
-
-TREES = tuple(trees())
 
 
 def test_no_docstring_leans_on_another() -> None:

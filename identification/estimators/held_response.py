@@ -53,7 +53,7 @@ class StepResponse:
     """Step response to a unit force per mass, from rest; each of the shape of the times.
 
     Attributes:
-        speed: velocity gained, also the distance coasted per unit of velocity, s.
+        speed: velocity gained, m/s for each m/s²; also the distance coasted for each m/s; s.
         place: distance gained, s².
         decay: part left of a velocity.
         speed_slope: derivative of ``speed`` by p, s².

@@ -52,7 +52,7 @@ class Regression:
             parameters, shape (p, rows).
         mean_speed: s of the model, m/s.
         logged: force as it was sent, filtered, shape (n - 2·half,); empty if steps are uneven.
-        filtered_forces: by delay, s: the last made for this standstill, shape (rows,) each.
+        filtered_forces: N by delay, s: the last made for this standstill, shape (rows,) each.
     """
 
     signals: Signals

@@ -44,8 +44,8 @@ class Solution:
         corner: frequency below which unlogged forces rule, Hz.
         columns: shape (q, functions); q is p, or p + 1 if the delay is fitted.
         instruments: what the residual is orthogonal to, shape (q, functions).
-        force: shape (functions,).
-        residual: shape (functions,).
+        force: without unit, shape (functions,).
+        residual: without unit, shape (functions,).
         unlikeliness: -2 log of the likelihood, but for a constant.
         settled: whether the last step was short.
     """

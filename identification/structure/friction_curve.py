@@ -65,7 +65,7 @@ class FrictionCurve:
         presliding: stiffness of friction with a memory while it holds, N/m, above zero; None
             where there is none.
         mass: kg, with the kinds in the regression.
-        mass_deviation: standard deviation of it.
+        mass_deviation: standard deviation of it, kg.
     """
 
     found: tuple[UnmodelledForce, ...]

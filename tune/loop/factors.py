@@ -24,8 +24,8 @@ class Factors:
         early: power of 1-w above the plant.
         late: power of 1+w below it.
         blocks: (numerator, denominator) of the terms the plant is a sum of.
-        velocity: (numerator, factors of the denominator) of the damping's estimate.
-        acceleration: the same of the mass's.
+        velocity: (numerator, factors of the denominator) of the damping's estimate, in 1/T.
+        acceleration: (numerator, factors of the denominator) of the mass's estimate, in 1/T².
     """
 
     early: int

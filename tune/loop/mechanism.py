@@ -92,8 +92,8 @@ class Vibration:
     """A mode in units of the sample time, arrays of one shape.
 
     Attributes:
-        damping: 2ζΩ.
-        stiffness: Ω², Ω = ωT.
+        damping: 2ζΩ, without unit.
+        stiffness: Ω², without unit; Ω = ωT.
         encoder: e.
         handle: p.
     """

@@ -54,7 +54,7 @@ class Program:
         families: of constraints that give their own slopes; the reach of stability first.
         signs: of the unknowns, shape (unknowns,).
         references: of the steps, shape (unknowns,).
-        per_step: 1/ln(1 + w), shape (unknowns,).
+        per_step: 1/ln(1 + w), no unit, shape (unknowns,).
     """
 
     functions: Functions

@@ -152,7 +152,7 @@ def _sentence(effects: Effects | None) -> str:
 def _rows(found: Audit) -> list[tuple[str, str, str]]:
     """(what, seen, needed) of everything that was computed."""
     from tune._audit import ELEMENT
-    from tune.cli.contacts import contact_words, varied
+    from tune.cli.contacts import contact_words, jitter_words
     from tune.cli.friction_rows import friction_rows
     from tune.cli.tables import further_delay
     from tune.documents.units import UNITS
@@ -167,7 +167,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
             "-" if math.isnan(found.delay_samples) else further_delay(found.delay_samples),
             f"{design.margin.extra_delay_samples}",
         ),
-        ("steps longer or shorter, assessed", f"by {varied(found.jitter)}", "-"),
+        ("steps longer or shorter, assessed", f"by {jitter_words(found.jitter)}", "-"),
         (
             "sustained force",
             f"{found.sustained:.4g} {units['force']}",

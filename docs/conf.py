@@ -17,23 +17,27 @@ myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 napoleon_use_ivar = True
 autodoc_member_order = "bysource"
+autodoc_default_options = {"exclude-members": "model_config"}
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
 html_theme = "furo"
 html_title = f"haptune {release}"
 html_show_copyright = False
+html_static_path = ["_static"]
+html_css_files = ["narrow.css"]
 exclude_patterns = ["_build"]
 
 _LITERAL = re.compile(r"(``.*?``)")
+_UNIT = re.compile(r"^(\s+\w+: )(?=[A-Za-z]\.$)")
 
 
 def _escape_formulas(app, what, name, obj, options, lines):
-    """Bars and stars in docstrings are mathematics, not markup."""
+    """Bars and stars in docstrings are mathematics, not markup; "s." is no list's first item."""
     for index, line in enumerate(lines):
         parts = _LITERAL.split(line)
         parts[::2] = [re.sub(r"([|*])", r"\\\1", each) for each in parts[::2]]
-        lines[index] = "".join(parts)
+        lines[index] = _UNIT.sub(r"\1\\", "".join(parts))
 
 
 def setup(app):

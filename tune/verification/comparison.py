@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
 from tune.certificate.refusal import refuse_unbalanced
@@ -28,8 +27,6 @@ from tune.verification.measured_motion import MeasuredMotion, judge_motion
 from tune.verification.measured_ripple import judge_ripple
 from tune.verification.outcome import Outcome, unassessed_outcome
 from tune.verification.variants import Log
-
-FloatArray = NDArray[np.float64]
 
 #: Count of the log against the encoder of the device.
 _COUNT_TOLERANCE = 0.02

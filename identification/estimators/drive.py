@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.held_response import Gain, HeldResponse
-from identification.estimators.least_squares import Regression
+from identification.estimators.regression import Regression
 from identification.estimators.rows import Signals
 from identification.estimators.zero_order_hold import Commands, HeldColumn, mean_step
 

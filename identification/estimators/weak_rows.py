@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from identification.estimators.banded import Covariance, bands
 from identification.estimators.drive import MOST_SAMPLES
-from identification.estimators.least_squares import Regression
 from identification.estimators.modulating_functions import Operators, bump_weights
+from identification.estimators.regression import Regression
 from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
 from identification.estimators.terms import terms
 

@@ -29,6 +29,10 @@ html_css_files = ["narrow.css"]
 exclude_patterns = ["_build"]
 
 _LITERAL = re.compile(r"(``.*?``)")
+_ARRAY = re.compile(
+    r"~?numpy\.ndarray\[tuple\[(?:~?typing\.)?Any, \.\.\.\], "
+    r"~?numpy\.dtype\[~?numpy\.([a-z]+)\d*\]\]"
+)
 _UNIT = re.compile(r"^(\s+\w+: )(?=[A-Za-z]\.$)")
 
 
@@ -40,6 +44,22 @@ def _escape_formulas(app, what, name, obj, options, lines):
         lines[index] = _UNIT.sub(r"\1\\", "".join(parts))
 
 
+def _array_names(text):
+    """Types of arrays by the names that the code has for them."""
+    return _ARRAY.sub(lambda found: f"{found[1].capitalize()}Array", text)
+
+
+def _name_arrays(app, what, name, obj, options, signature, returned):
+    return tuple(each and _array_names(each) for each in (signature, returned))
+
+
+def _name_arrays_of_attributes(app, what, name, obj, options, lines):
+    lines[:] = map(_array_names, lines)
+
+
 def setup(app):
     """Sphinx calls it once."""
+    app.connect("autodoc-process-signature", _name_arrays)
+    # After napoleon, which writes the types of attributes.
+    app.connect("autodoc-process-docstring", _name_arrays_of_attributes, priority=600)
     app.connect("autodoc-process-docstring", _escape_formulas, priority=400)

@@ -8,12 +8,9 @@ whole length, hundreds of times faster.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from datasets_synthetic import Clock, Rig, multisine, simulate
 from identification import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 MASS, DAMPING, DELAY = 3.0, 10.0, 1e-3
 _STEP, _FRICTION, _OFFSET, _PEAK = 1e-3, 0.8, 0.1, 14.0

@@ -20,7 +20,6 @@ from tune.certificate.point import Setting
 from tune.certificate.region import Region
 from tune.certificate.zero_exclusion import prove
 
-FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _STEP = 1e-3

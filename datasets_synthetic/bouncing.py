@@ -30,11 +30,12 @@ class Bounces:
     """What each device brought to its contacts with the wall, one entry a device.
 
     Attributes:
-        time: of the sample that found each contact, s.
-        energy: of motion and springs on reaching the wall, J, the work of the push taken off.
-        floor: energy within the resolution of the encoder, J.
+        time: of the sample that found each contact, s, shape (contacts,) of each device.
+        energy: of motion and springs on reaching the wall, J, the work of the push taken off;
+            shape (contacts,) of each device.
+        floor: energy within the resolution of the encoder, J, shape (batch,).
         grows: whether a contact had more energy than any before it, by more than ``GROWTH`` and
-            the floor; also where the motion became infinite.
+            the floor; also where the motion became infinite; shape (batch,).
         recording: of all of it.
     """
 
@@ -45,7 +46,7 @@ class Bounces:
     recording: Recording
 
     def speed(self, mass: float, member: int = 0) -> FloatArray:
-        """Speed at each contact of a rigid mass of this energy, m/s (rad/s)."""
+        """Speed at each contact of a rigid mass of this energy, m/s (rad/s), shape (contacts,)."""
         return np.sqrt(2 * self.energy[member] / mass)
 
     def largest_ratio(self, member: int = 0) -> float:

@@ -74,7 +74,7 @@ class Controller:
         return max(sizes + [size for each in self.beside for size in each.sizes()])
 
     def total_stiffness(self) -> FloatArray:
-        """K of all that acts at once, N/m (N·m/rad)."""
+        """K of all that acts at once, N/m (N·m/rad); one number, or shape (batch,)."""
         return sum((np.asarray(each.stiffness) for each in self.beside), np.asarray(self.stiffness))
 
     @property
@@ -83,7 +83,7 @@ class Controller:
         return any(np.any(each.mass) for each in (self, *self.beside))
 
     def members(self, which: NDArray[np.intp]) -> Controller:
-        """The effects of these members; a value that all share stays one value."""
+        """The effects of these members, shape (members,); what all share stays one value."""
         fields: dict[str, FloatArray | IntArray] = {
             name: choose_members(getattr(self, name), which) for name in _FIELDS
         }
@@ -116,7 +116,7 @@ class Servo:
         stiffness: kp, N/m (N·m/rad), a number or shape (batch,).
         damping: kd, N·s/m (N·m·s/rad), a number or shape (batch,), on the velocity that
             ``Controller`` describes.
-        velocity_filter_hz: of its filter, Hz; infinite means no filter.
+        velocity_filter_hz: of its filter, Hz, a number or shape (batch,); infinite means none.
     """
 
     reference: FloatArray

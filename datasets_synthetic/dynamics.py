@@ -36,7 +36,7 @@ class Dynamics(Protocol):
     """A batch of devices in motion; every array shape (batch,)."""
 
     def rate(self) -> FloatArray:
-        """The fastest rate that the steps of a timetable have to resolve, 1/s."""
+        """The fastest rate that the steps of a timetable resolve, 1/s, shape (batch,)."""
         ...
 
     def begin(self, sample: int) -> None:
@@ -44,11 +44,11 @@ class Dynamics(Protocol):
         ...
 
     def move(self, acting: FloatArray, part: Part) -> None:
-        """Moves on over one part of a sample interval, under the command that acts in it, N."""
+        """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
         ...
 
     def measured(self) -> FloatArray:
-        """Where the encoder is, m (rad)."""
+        """Where the encoder is, m (rad), shape (batch,)."""
         ...
 
     def state(self) -> FloatArray:
@@ -87,7 +87,7 @@ class RigidDynamics:
         self._strides: dict[int, Stride | None] = {}
 
     def rate(self) -> FloatArray:
-        """The fastest rate that the steps of a timetable have to resolve, 1/s."""
+        """The fastest rate that the steps of a timetable resolve, 1/s, shape (batch,)."""
         return self._drag.fastest()
 
     def begin(self, sample: int) -> None:
@@ -96,7 +96,7 @@ class RigidDynamics:
             self._resisted = self._offset - self._forces[sample]
 
     def move(self, acting: FloatArray, part: Part) -> None:
-        """Moves on over one part of a sample interval, under the command that acts in it, N."""
+        """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
         pull = (acting - self._resisted) / self._mass
         stride = self._stride(part)
         alone = stride is None or self._drag.turning is not None
@@ -104,7 +104,7 @@ class RigidDynamics:
             self._state = advance(self._state, pull, self._drag, part.step, stride)
 
     def measured(self) -> FloatArray:
-        """Where the encoder is, m (rad)."""
+        """Where the encoder is, m (rad), shape (batch,)."""
         return self._state[0]
 
     def _stride(self, part: Part) -> Stride | None:
@@ -121,7 +121,10 @@ class RigidDynamics:
         return self._state
 
     def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Place and speed of the handle and the energy of all, in many states."""
+        """Place and speed of the handle and the energy of all, shape (n, batch) each.
+
+        The states have shape (n, 2, batch).
+        """
         place, speed = states[:, 0], states[:, 1]
         energy = 0.5 * self._mass * speed**2
         field = self._drag.field

@@ -14,7 +14,7 @@ class Estimates(Protocol):
     """Filters at work: one call a sample; every array shape (batch,)."""
 
     def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocity (m/s) and acceleration (m/s²) after this reading (m)."""
+        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (batch,) each."""
         ...
 
 
@@ -47,7 +47,7 @@ class FirstOrderEstimates:
         self._velocity = self._slope = self._acceleration = np.zeros_like(sample_time)
 
     def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocity (m/s) and acceleration (m/s²) after this reading (m)."""
+        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (batch,) each."""
         last = reading if self._last is None else self._last
         change = (reading - last) / self._sample_time
         self._last = reading
@@ -99,7 +99,7 @@ class SectionEstimates:
         self._velocity, self._acceleration = (still, still), (still, still)
 
     def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocity (m/s) and acceleration (m/s²) after this reading (m)."""
+        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (batch,) each."""
         if self._last is None:
             self._past[:] = reading
         last = reading if self._last is None else self._last

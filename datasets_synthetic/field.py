@@ -47,21 +47,21 @@ class Field:
         )
 
     def at(self, position: FloatArray) -> FloatArray:
-        """Resisting force per unit mass at these positions (m), m/s²."""
+        """Resisting force per unit mass, m/s², at these positions (m), shape (..., batch)."""
         spring = self.stiffness * position
         if not self.curved:
             return spring
         return spring + self.sine * np.sin(position) + self.cosine * np.cos(position)
 
     def stored(self, position: FloatArray) -> FloatArray:
-        """Energy per unit mass at these positions (m), m²/s²; zero at zero."""
+        """Energy per unit mass, m²/s², at these positions (m), shape (..., batch); zero at zero."""
         spring = 0.5 * self.stiffness * position**2
         if not self.curved:
             return spring
         return spring + self.sine * (1 - np.cos(position)) + self.cosine * np.sin(position)
 
     def members(self, which: NDArray[np.intp]) -> Field:
-        """The field of these members."""
+        """The field of these members, shape (members,)."""
         return Field(
             stiffness=self.stiffness[which],
             sine=self.sine[which],
@@ -70,5 +70,8 @@ class Field:
         )
 
     def fastest(self) -> FloatArray:
-        """Largest natural frequency anywhere, 1/s: no slope of the field exceeds its square."""
+        """Largest natural frequency anywhere, 1/s, shape (batch,).
+
+        No slope of the field exceeds its square.
+        """
         return np.sqrt(np.abs(self.stiffness) + np.hypot(self.sine, self.cosine))

@@ -91,7 +91,7 @@ class FlexibleDynamics:
         self._direction = np.where(self._turning, np.sign(velocity), 1.0)
 
     def rate(self) -> FloatArray:
-        """The fastest rate that the steps of a timetable have to resolve, 1/s."""
+        """The fastest rate that the steps of a timetable resolve, 1/s, shape (batch,)."""
         return self._cut
 
     def begin(self, sample: int) -> None:
@@ -102,7 +102,7 @@ class FlexibleDynamics:
             self._z[:, -1] = self._push + self._forces.handle[sample]
 
     def move(self, acting: FloatArray, part: Part) -> None:
-        """Moves on over one part of a sample interval, under the command that acts in it, N."""
+        """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
         self._z[:, -3] = acting
         found = self._maps(part)
         if not self._turning.any():
@@ -115,7 +115,7 @@ class FlexibleDynamics:
             self._slide(everyone, 0, found)
 
     def measured(self) -> FloatArray:
-        """Where the encoder is, m (rad)."""
+        """Where the encoder is, m (rad), shape (batch,)."""
         weights = self._mechanism.at_encoder
         return np.einsum("bi,bi->b", weights, self._z[:, : weights.shape[1]])
 
@@ -124,7 +124,10 @@ class FlexibleDynamics:
         return self._z.T
 
     def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Place and speed of the handle and the energy of all, in many states."""
+        """Place and speed of the handle and the energy of all, shape (n, batch) each.
+
+        The states have shape (n, size, batch).
+        """
         n, at_handle = self._mechanism.coordinates, self._mechanism.at_handle
         place = np.einsum("bi,tib->tb", at_handle, states[:, :n])
         speed = np.einsum("bi,tib->tb", at_handle, states[:, n : 2 * n])

@@ -45,7 +45,7 @@ class Hand:
         return [np.size(getattr(self, name)) for name in _FIELDS]
 
     def members(self, which: NDArray[np.intp]) -> Hand:
-        """The hands on these members; a value that all share stays a number."""
+        """The hands on these members, shape (members,); a value that all share stays a number."""
         return Hand(**{name: choose_members(getattr(self, name), which) for name in _FIELDS})
 
     def push(self, sources: Sources, stamps: FloatArray) -> FloatArray | None:

@@ -32,11 +32,11 @@ class Mechanism:
     """Matrices of a batch; the state is (q, q', Fa), then come the three inputs.
 
     Attributes:
-        mass: M, shape (batch, n, n).
-        damping: C, likewise.
-        stiffness: K, likewise.
-        at_encoder: g, shape (batch, n).
-        at_handle: p, likewise.
+        mass: M, kg (kg·m²), shape (batch, n, n).
+        damping: C, N·s/m (N·m·s/rad), shape (batch, n, n).
+        stiffness: K, N/m (N·m/rad), shape (batch, n, n).
+        at_encoder: g, without unit, shape (batch, n).
+        at_handle: p, without unit, shape (batch, n).
         lag: tc, s, shape (batch,).
     """
 
@@ -85,7 +85,7 @@ class Mechanism:
         return self._generator(first=0)
 
     def held(self) -> FloatArray:
-        """Matrices while the rigid coordinate does not move."""
+        """The matrices of `free` while the rigid coordinate does not move, in the same shape."""
         return self._generator(first=1)
 
     def holding(self) -> FloatArray:

@@ -87,12 +87,12 @@ class Drag:
         )
 
     def fastest(self) -> FloatArray:
-        """The largest rate in the law, what a step of integration has to resolve, 1/s."""
+        """The largest rate in the law, what a step of integration has to resolve, 1/s, (batch,)."""
         rate = np.maximum(np.abs(self.rate), np.abs(self.rate_back))
         return rate if self.field is None else np.maximum(rate, self.field.fastest())
 
     def members(self, which: NDArray[np.intp]) -> Drag:
-        """The drag of these members."""
+        """The drag of these members, shape (members,)."""
         rate, grip = self.rate[which], self.grip[which]
         return Drag(
             rate=rate,
@@ -120,8 +120,8 @@ class Stride:
 
     Attributes:
         moving: change of (position, velocity) for each unit of velocity, shape (2, batch).
-        driven: likewise of drive, which is held.
-        pulled: likewise of position; None where no force depends on it.
+        driven: for each unit of drive, which is held, of the same shape.
+        pulled: for each unit of position, of the same shape; None where no force depends on it.
     """
 
     moving: FloatArray

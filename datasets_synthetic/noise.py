@@ -74,7 +74,7 @@ def coloured_noise(
 
     Args:
         sources: of every member.
-        rms: shape (batch,).
+        rms: in the unit of the answer, shape (batch,).
         correlation_time: s, shape (batch,).
         stamps: s, shape (n, batch), at which it is taken; need not be even.
     """
@@ -102,7 +102,7 @@ def band_noise(
     Args:
         sources: of every member.
         purpose: which of its generators to use.
-        rms: over a long time, shape (batch,).
+        rms: over a long time, in the unit of the answer, shape (batch,).
         band: lowest and highest frequency, Hz.
         stamps: s, shape (n, batch), at which it is taken; need not be even.
     """

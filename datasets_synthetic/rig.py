@@ -153,7 +153,7 @@ class Rig:
         return replace(rigs[0], **columns, modes=modes)
 
     def members(self, which: Sequence[int] | NDArray[np.intp]) -> Rig:
-        """The devices at these indices, as a batch of their own."""
+        """The devices at these indices, shape (members,), as a batch of their own."""
         chosen = np.asarray(which)
         columns = {name: getattr(self, name)[chosen] for name in _COLUMNS}
         modes = tuple(mode.members(chosen) for mode in self.modes)

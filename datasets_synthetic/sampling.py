@@ -41,7 +41,7 @@ def pieces(
         delay: s, shape (batch,); the part beyond whole samples sets the instant of arrival.
         sample_time: T, s, shape (batch,).
         rate: b/m, 1/s, shape (batch,).
-        largest_step: largest |step·rate| of one integration step.
+        largest_step: largest |step·rate| of one integration step, without unit.
     """
     whole = np.floor(delay / sample_time + _WHOLE).astype(np.int64)
     arrival = delay - whole * sample_time
@@ -64,6 +64,6 @@ class Encoder:
         self._count = np.where(exact, 1.0, resolution)
 
     def read(self, position: FloatArray) -> FloatArray:
-        """The readings of these positions, m (rad)."""
+        """The readings of these positions, m (rad), shape (batch,)."""
         rounded = np.rint(position / self._count) * self._count
         return rounded if self._exact is None else np.where(self._exact, position, rounded)

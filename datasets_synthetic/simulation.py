@@ -53,8 +53,8 @@ class Conditions(TypedDict, total=False):
         push: of a hand on the handle, besides its impedance, held over each sample and not delayed,
             N (N·m), shape (n,) or (batch, n), or None.
         watch: whether the true motion is recorded too, by default not.
-        largest_step: largest |h·p| of one integration step h of a rigid device, by default
-            LARGEST_STEP; see motion.py for the error.
+        largest_step: largest |h·p| of one integration step h of a rigid device, without unit, by
+            default LARGEST_STEP; see motion.py for the error.
     """
 
     controller: Controller | Servo | None

@@ -94,7 +94,10 @@ class Sizes:
         push: float | FloatArray | None,
         duration: float,
     ) -> Sizes:
-        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``."""
+        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``.
+
+        Reach, m (rad), and push, N (N·m), are numbers or arrays of shape (batch,).
+        """
         if rig.batch != 1:
             raise ValueError(f"one device is rehearsed at a time, not {rig.batch}")
         count = float(rig.encoder_resolution[0])
@@ -118,11 +121,11 @@ class Sizes:
 
     @property
     def near(self) -> FloatArray:
-        """The short displacement, m (rad)."""
+        """The short displacement, m (rad), shape (batch,)."""
         return _NEAR * self.count
 
     def members(self, which: NDArray[np.intp]) -> Sizes:
-        """The trials of these controllers."""
+        """The trials of these controllers, shape (members,)."""
         return replace(
             self, count=self.count[which], reach=self.reach[which], limit=self.limit[which]
         )

@@ -44,7 +44,7 @@ class Vibration:
         return [np.size(getattr(self, name)) for name in _FIELDS]
 
     def members(self, which: NDArray[np.intp]) -> Vibration:
-        """The mode of these members; a value that all share stays a number."""
+        """The mode of these members, shape (members,); a value that all share stays a number."""
         return Vibration(**{name: choose_members(getattr(self, name), which) for name in _FIELDS})
 
 

@@ -38,7 +38,7 @@ class Wall:
         return [np.size(self.place)]
 
     def members(self, which: NDArray[np.intp]) -> Wall:
-        """The walls of these members."""
+        """The walls of these members, shape (members,)."""
         return replace(self, place=choose_members(self.place, which))
 
 
@@ -67,7 +67,7 @@ class Element:
         return [np.size(getattr(self, name)) for name in _FIELDS]
 
     def members(self, which: NDArray[np.intp]) -> Element:
-        """The elements of these members; a value that all share stays one value."""
+        """The elements of these members, shape (members,); what all share stays one value."""
         fields = {name: choose_members(getattr(self, name), which) for name in _FIELDS}
         gate = fields.pop("gate").astype(np.int64)
         return replace(self, gate=gate, **fields)  # pyright: ignore[reportArgumentType]

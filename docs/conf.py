@@ -17,25 +17,49 @@ myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 napoleon_use_ivar = True
 autodoc_member_order = "bysource"
+autodoc_default_options = {"exclude-members": "model_config"}
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
 html_theme = "furo"
 html_title = f"haptune {release}"
 html_show_copyright = False
+html_static_path = ["_static"]
+html_css_files = ["narrow.css"]
 exclude_patterns = ["_build"]
 
 _LITERAL = re.compile(r"(``.*?``)")
+_ARRAY = re.compile(
+    r"~?numpy\.ndarray\[tuple\[(?:~?typing\.)?Any, \.\.\.\], "
+    r"~?numpy\.dtype\[~?numpy\.([a-z]+)\d*\]\]"
+)
+_UNIT = re.compile(r"^(\s+\w+: )(?=[A-Za-z]\.$)")
 
 
 def _escape_formulas(app, what, name, obj, options, lines):
-    """Bars and stars in docstrings are mathematics, not markup."""
+    """Bars and stars in docstrings are mathematics, not markup; "s." is no list's first item."""
     for index, line in enumerate(lines):
         parts = _LITERAL.split(line)
         parts[::2] = [re.sub(r"([|*])", r"\\\1", each) for each in parts[::2]]
-        lines[index] = "".join(parts)
+        lines[index] = _UNIT.sub(r"\1\\", "".join(parts))
+
+
+def _array_names(text):
+    """Types of arrays by the names that the code has for them."""
+    return _ARRAY.sub(lambda found: f"{found[1].capitalize()}Array", text)
+
+
+def _name_arrays(app, what, name, obj, options, signature, returned):
+    return tuple(each and _array_names(each) for each in (signature, returned))
+
+
+def _name_arrays_of_attributes(app, what, name, obj, options, lines):
+    lines[:] = map(_array_names, lines)
 
 
 def setup(app):
     """Sphinx calls it once."""
+    app.connect("autodoc-process-signature", _name_arrays)
+    # After napoleon, which writes the types of attributes.
+    app.connect("autodoc-process-docstring", _name_arrays_of_attributes, priority=600)
     app.connect("autodoc-process-docstring", _escape_formulas, priority=400)

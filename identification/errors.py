@@ -12,9 +12,9 @@ from typing import Literal
 class Finding:
     """One thing that is wrong, or doubtful, with a log.
 
-    ``code`` is from the fixed list in the README; ``seen`` and ``needed`` state the value found
-    and the value required, with units; ``remedy`` says what to do; ``source`` is the log, several
-    with commas.
+    ``code`` is one of `identification.findings.CODES`; ``seen`` and ``needed`` state the value
+    found and the value required, with units; ``remedy`` says what to do; ``source`` is the log,
+    several with commas.
     """
 
     code: str

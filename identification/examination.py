@@ -40,8 +40,8 @@ class Examination:
         noise: standard deviation of one position reading, m.
         band: Hz, lowest and highest frequency of the motion; 1 % of the squared velocity lies below
             and 1 % above.
-        mass: with its 95 % interval; None if none can be had at all.
-        damping: likewise.
+        mass: kg, with its 95 % interval; None if none can be had at all.
+        damping: N·s/m, with its 95 % interval; None if none can be had at all.
         findings: every one, refusals first; allowed ones are warnings.
         refused: whether identify refuses the log.
         found: what identify makes of it, were every finding accepted; None if nothing.

@@ -83,7 +83,7 @@ class Trajectory:
         )
 
     def columns(self) -> tuple[tuple[str, FloatArray], ...]:
-        """The columns present, by name."""
+        """The columns present, by name; each of shape (n,)."""
         named = (("time", self.time), ("force", self.force), ("position", self.position))
         return named if self.reference is None else (*named, ("reference", self.reference))
 

@@ -6,7 +6,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Device, ForceLimit, load_device, quantity
 from tune.documents.perception import default_table
@@ -15,8 +14,6 @@ from tune.loop.filters import Filters
 from tune.optimisation.cutoff_objective import CutoffObjective, ranks_of, tune_with_filters
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import groups
-
-FloatArray = NDArray[np.float64]
 
 DEVICES = {
     "homerehab": load_device("homerehab"),

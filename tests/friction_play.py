@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from tests.simulated.friction_rigs import COUNT, SUBSTEPS, Friction, Recorded, State, T, advance
 from tune import SafeProfile
 
-FloatArray = NDArray[np.float64]
-
 #: Seconds played. In the last part the handle moves by at most so many counts, or less than in the
 #: part half-way: near the end of a margin a swing dies out slowly.
 _SECONDS, _PART, _COUNTS, _LESS = 6.0, 0.15, 20.0, 0.9

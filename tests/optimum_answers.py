@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tests.optimum_loops import Corner
 from tests.optimum_pairs import Pair
@@ -12,8 +11,6 @@ from tests.sampled_loops import Case
 from tune.documents.perception import default_table
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import Solution, solve
-
-FloatArray = NDArray[np.float64]
 
 #: A size that is allowed may lie beyond the boundary by what no verdict decides.
 UNDECIDED = 2e-9

@@ -142,7 +142,7 @@ def test_a_long_file_without_a_reason_is_found(tmp_path: Path) -> None:
     ("most", "code"),
     [
         (
-            74,
+            75,
             "from identification import identify, load_trajectory\n"
             "identify(load_trajectory('datasets_synthetic/logs/homerehab.csv'))\n",
         ),

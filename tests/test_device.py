@@ -1,18 +1,12 @@
-"""Quantities, hardware and devices: what they refuse, what they keep, and the simultaneous box.
-
-One file: the keys of one file, each with what it refuses.
-"""
+"""Quantities, hardware and devices: what they refuse and what they keep."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-import mpmath
-import numpy as np
 import pytest
 from pydantic import ValidationError
-from scipy.special import chdtri, fdtri
 
 from identification import (
     Covariance,
@@ -20,7 +14,6 @@ from identification import (
     ForceLimit,
     Hardware,
     InvalidInputError,
-    Quantity,
     load_device,
     load_document,
     named_devices,
@@ -29,14 +22,7 @@ from identification import (
     to_mapping,
     to_yaml,
 )
-from identification.device.box import widening
-from identification.estimators.intervals import NORMAL_95
-
-BARE: dict[str, Any] = {"sample_time": 1e-3, "mass": 3.0, "damping": 10.0, "delay": 1e-3}
-
-
-def device(**changes: Any) -> Device:
-    return Device.model_validate(BARE | changes)
+from tests.bare_device import BARE, BEYOND, device
 
 
 def test_a_quantity_is_a_number_or_a_mapping() -> None:
@@ -146,18 +132,6 @@ def test_a_resolution_may_have_an_interval() -> None:
     )
 
 
-#: Everything a log can tell beyond mass, damping, friction and offset.
-BEYOND: dict[str, Any] = {
-    "damping_by_direction": {
-        "forward": {"value": 9.0, "low": 8.5, "high": 9.5},
-        "backward": {"value": 12.0, "low": 11.0, "high": 13.0},
-    },
-    "friction_by_direction": {"forward": 0.5, "backward": {"value": 0.7, "low": 0.6, "high": 0.8}},
-    "position_stiffness": {"value": -3.0, "low": -4.0, "high": -2.0},
-    "gravity": {"sine": 1.5, "cosine": {"value": 0.1, "low": -0.1, "high": 0.3}},
-}
-
-
 def test_what_differs_by_direction_and_place_comes_back_from_a_file(tmp_path: Path) -> None:
     found = device(**BEYOND)
     assert found.damping_by_direction is not None
@@ -177,15 +151,6 @@ def test_what_no_log_told_is_not_written() -> None:
     assert not BEYOND.keys() & to_mapping(load_device("emps")).keys()
 
 
-def joint(freedom: float) -> Covariance:
-    matrix = np.array([[0.01**2, -0.5 * 0.01 * 0.2], [-0.5 * 0.01 * 0.2, 0.2**2]])
-    return Covariance(
-        parameters=("mass", "damping"),
-        matrix=tuple(tuple(row) for row in matrix.tolist()),
-        degrees_of_freedom=freedom,
-    )
-
-
 @pytest.mark.parametrize(
     ("parameters", "matrix", "freedom"),
     [
@@ -198,114 +163,3 @@ def joint(freedom: float) -> Covariance:
 def test_what_is_no_covariance(parameters: Any, matrix: Any, freedom: float) -> None:
     with pytest.raises(ValidationError):
         Covariance(parameters=parameters, matrix=matrix, degrees_of_freedom=freedom)
-
-
-@pytest.mark.parametrize("freedom", [12.0, 59.0, 1e9])
-def test_the_box_holds_both_at_once_999_times_in_1000(freedom: float) -> None:
-    """Draws from the joint distribution itself: the box is at least as sure as it says."""
-    from scipy.stats import t
-
-    generator = np.random.default_rng(0)
-    covariance = joint(freedom)
-    normal = generator.multivariate_normal(np.zeros(2), np.array(covariance.matrix), 400_000)
-    draws = normal / np.sqrt(generator.chisquare(freedom, (400_000, 1)) / freedom)
-    half = t.ppf(0.975, freedom) * np.array([0.01, 0.2])
-    found = device(
-        mass={"value": 3.0, "low": 3.0 - half[0], "high": 3.0 + half[0]},
-        damping={"value": 10.0, "low": 10.0 - half[1], "high": 10.0 + half[1]},
-        covariance=covariance.model_dump(),
-    )
-    box = found.simultaneous_box()
-    # The truth lies at the estimate less the error.
-    mass, damping = 3.0 - draws[:, 0], 10.0 - draws[:, 1]
-    inside = (box.mass[0] <= mass) & (mass <= box.mass[1])
-    inside &= (box.damping[0] <= damping) & (damping <= box.damping[1])
-    assert inside.mean() >= 0.999 - 3 * np.sqrt(0.001 / draws.shape[0])
-
-
-def test_the_box_of_exact_numbers_is_a_point() -> None:
-    box = device().simultaneous_box()
-    assert box.mass == (3.0, 3.0)
-    assert box.damping == (10.0, 10.0)
-
-
-def test_the_box_spans_both_directions() -> None:
-    """Half-widths times sqrt(χ²(0.999, k))/1.96; χ² of 6 quantities from printed tables: 22.458."""
-    ranged = {
-        "mass": {"value": 3.0, "low": 2.9, "high": 3.1},
-        "damping": {"value": 10.0, "low": 9.8, "high": 10.2},
-        "coulomb_friction": {"value": 0.8, "low": 0.7, "high": 0.9},
-        "force_offset": {"value": 0.0, "low": -0.1, "high": 0.1},
-        "damping_by_direction": BEYOND["damping_by_direction"],
-    }
-    factor = np.sqrt(22.458) / 1.96
-    box = device(**ranged).simultaneous_box()
-    assert box.damping == pytest.approx((9.0 - 0.5 * factor, 12.0 + 1.0 * factor), rel=1e-4)
-    wide = {"value": 10.0, "low": 0.0, "high": 20.0}
-    hull = device(**ranged | {"damping": wide}).simultaneous_box()
-    assert hull.damping == pytest.approx((10.0 - 10 * factor, 10.0 + 10 * factor), rel=1e-4)
-
-
-@pytest.mark.parametrize("key", BEYOND)
-def test_every_uncertain_quantity_widens_the_box(key: str) -> None:
-    """All of them are to lie inside at once, so one more makes each interval wider."""
-    known = {
-        "mass": {"value": 3.0, "low": 2.9, "high": 3.1},
-        "damping": {"value": 10.0, "low": 0.0, "high": 20.0},
-    }
-    before = device(**known).simultaneous_box()
-    after = device(**known, **{key: BEYOND[key]}).simultaneous_box()
-    # One uncertain number more is three instead of two: printed χ² 16.266 against 13.816.
-    expected = {"damping_by_direction": 18.467}.get(key, 16.266)
-    ratio = (after.damping[1] - 10.0) / (before.damping[1] - 10.0)
-    assert ratio == pytest.approx(np.sqrt(expected / 13.816), rel=1e-4)
-    assert after.mass[1] > before.mass[1]
-
-
-def test_the_box_keeps_mass_positive_and_takes_times_as_stated() -> None:
-    wide: Quantity = quantity(1.0, 0.3, 3.0)
-    box = device(mass=wide, delay=quantity(1e-3, 0.5e-3, 2e-3)).simultaneous_box()
-    assert 0 < box.mass[0] < 0.3
-    assert box.mass[1] > 3.0
-    assert box.delay == (0.5e-3, 2e-3)
-    assert box.sample_time == (1e-3, 1e-3)
-
-
-def test_too_few_degrees_of_freedom_say_so() -> None:
-    with pytest.raises(InvalidInputError, match="degrees_of_freedom"):
-        device(covariance=joint(2.0).model_dump()).simultaneous_box()
-
-
-@pytest.mark.parametrize("freedom", [4.0, 7.5, 60.0, 7990.0, np.inf])
-def test_the_box_widens_by_hotellings_quantile(freedom: float) -> None:
-    """The tail beyond the radius found, by many digits of the incomplete functions."""
-    radius = (widening(3, freedom, 0.999) * NORMAL_95) ** 2
-    with mpmath.workdps(30):
-        if np.isinf(freedom):
-            tail = mpmath.gammainc(1.5, radius / 2, regularized=True)
-        else:
-            ratio = radius / freedom  # count·F/(freedom - count + 1)
-            rest = (freedom - 2) / 2
-            tail = mpmath.betainc(rest, 1.5, 0, 1 / (1 + mpmath.mpf(ratio)), regularized=True)
-        assert float(tail) == pytest.approx(1e-3, rel=1e-11)
-
-
-@pytest.mark.parametrize("count", [2, 3, 5, 8])
-@pytest.mark.parametrize("freedom", [8.01, 9.3, 59.0, 1e4, 9e5, 2e6, np.inf])
-def test_the_box_widens_by_quantiles_of_hotelling(count: int, freedom: float) -> None:
-    """As scipy.special has those of F and χ²."""
-    squares = {
-        confidence: chdtri(count, 1 - confidence)
-        if freedom > 1e6
-        else count * freedom / (freedom - count + 1) * fdtri(count, freedom - count + 1, confidence)
-        for confidence in (0.9, 0.999)
-    }
-    for confidence, square in squares.items():
-        found = widening(count, freedom, confidence) * NORMAL_95
-        assert found == pytest.approx(np.sqrt(square), rel=1e-12)
-
-
-@pytest.mark.parametrize("freedom", [2.0, 1.0, np.nan])
-def test_too_few_degrees_of_freedom_have_no_box(freedom: float) -> None:
-    with pytest.raises(InvalidInputError, match="for 2 parameters"):
-        widening(2, freedom, 0.999)

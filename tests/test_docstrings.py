@@ -5,17 +5,24 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-PACKAGES = ("identification", "tune", "datasets_synthetic")
+from tests.docstrings import (
+    TREES,
+    above_entries,
+    annotated,
+    arguments_of,
+    entries,
+    public_classes,
+    public_functions,
+)
+
 #: Openings that need the docstring before them.
 LEANING = re.compile(r"(The same|Of|Likewise)\b")
 ARRAY = re.compile(r"\w*Array\b|NDArray|ArrayLike")
 #: The word, or a shape as it is written: (n,), (points, unknowns), (n - 1,).
-SHAPE = re.compile(r"\bshapes?\b|\(\w+(?: ?[-+] ?\d)?,(?: ?[\w .+*-]+)*\)")
+SHAPE = re.compile(r"\b[Ss]hapes?\b|\(\w+(?: ?[-+] ?\d)?,(?: ?[\w .+*-]+)*\)")
 Documented = ast.FunctionDef | ast.ClassDef | ast.Module
 
 
@@ -29,27 +36,23 @@ def leaning(tree: ast.Module) -> Iterator[str]:
 
 
 def without_shape(tree: ast.Module) -> Iterator[str]:
-    """Public functions that take or give arrays and do not say of which shape."""
-    for node in tree.body:
-        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
-            continue
-        if any(ast.unparse(each) == "overload" for each in node.decorator_list):
-            continue
-        arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-        notes = [each.annotation for each in arguments] + [node.returns]
+    """Public functions and methods that take or give arrays and do not say of which shape."""
+    for name, node in public_functions(tree):
+        notes = [each.annotation for each in arguments_of(node)] + [node.returns]
         arrays = any(ARRAY.search(ast.unparse(note)) for note in notes if note is not None)
         if arrays and not SHAPE.search(ast.get_docstring(node) or ""):
-            yield node.name
+            yield name
 
 
-def trees() -> Iterator[tuple[str, ast.Module]]:
-    """Each file of the packages, parsed."""
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
-
-
-TREES = tuple(trees())
+def attributes_without_shape(tree: ast.Module) -> Iterator[str]:
+    """Public attributes that hold arrays of which neither their entry nor what stands above the
+    class's list of attributes gives a shape."""
+    for owner in public_classes(tree):
+        text = ast.get_docstring(owner) or ""
+        said, above = entries(text), above_entries(text)
+        for name, annotation in annotated(owner):
+            if ARRAY.search(annotation) and not SHAPE.search(said.get(name, "") + above):
+                yield f"{owner.name}.{name}"
 
 
 def test_no_docstring_leans_on_another() -> None:
@@ -58,6 +61,11 @@ def test_no_docstring_leans_on_another() -> None:
 
 def test_public_functions_name_the_shapes_of_their_arrays() -> None:
     counted = [(path, name) for path, tree in TREES for name in without_shape(tree)]
+    assert counted == []
+
+
+def test_public_classes_name_the_shapes_of_their_arrays() -> None:
+    counted = [(path, name) for path, tree in TREES for name in attributes_without_shape(tree)]
     assert counted == []
 
 
@@ -76,3 +84,31 @@ def test_a_planted_function_without_a_shape_is_found() -> None:
         'def plain(number: float) -> float:\n    """A number, doubled."""\n'
     )
     assert list(without_shape(ast.parse(planted))) == ["bare"]
+
+
+def test_a_planted_method_without_a_shape_is_found() -> None:
+    planted = (
+        "class Planted:\n"
+        '    """Columns, shape (n,)."""\n'
+        "    @property\n"
+        '    def bare(self) -> FloatArray:\n        """Force, N."""\n'
+        '    def told(self) -> FloatArray:\n        """Force, N, shape (n,)."""\n'
+        '    def _own(self) -> FloatArray:\n        """Force, N."""\n'
+        "class _Own:\n"
+        '    def bare(self) -> FloatArray:\n        """Force, N."""\n'
+    )
+    assert list(without_shape(ast.parse(planted))) == ["Planted.bare"]
+
+
+def test_a_planted_attribute_without_a_shape_is_found() -> None:
+    planted = (
+        "class Planted:\n"
+        '    """A log.\n\n    Attributes:\n        bare: N,\n            as commanded.\n'
+        '        drawn: m,\n            shape (n,).\n        name: of the axis.\n    """\n'
+        "    bare: FloatArray\n    drawn: FloatArray\n    absent: FloatArray | None\n"
+        "    name: str\n"
+        "class Even:\n"
+        '    """Arrays of one shape.\n\n    Attributes:\n        force: N.\n    """\n'
+        "    force: FloatArray\n"
+    )
+    assert list(attributes_without_shape(ast.parse(planted))) == ["Planted.bare", "Planted.absent"]

@@ -20,6 +20,7 @@ from identification import (
 from identification.estimators import least_squares
 from identification.estimators.intervals import half_width
 from identification.estimators.model import Model
+from identification.estimators.regression import prepare
 
 LOG = Path(__file__).parents[2] / "shared/data/emps/DATA_EMPS.mat"
 pytestmark = pytest.mark.skipif(
@@ -89,7 +90,7 @@ def test_its_friction_falls_with_speed_a_little() -> None:
 
 def test_the_model_explains_the_force() -> None:
     """Inverse-force error of at most 3.2 % after a 40 Hz filter on both sides; published 3.11 %."""
-    table = least_squares.prepare(log(), Model(directional=True), 0.0).at_cut_off(40.0)
+    table = prepare(log(), Model(directional=True), 0.0).at_cut_off(40.0)
     estimate = least_squares.fit(table.refined(0.0), 0.0)
     assert np.sqrt(1 - estimate.explained) <= 0.032
 

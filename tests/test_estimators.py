@@ -18,6 +18,7 @@ from identification.estimators.intervals import correlation_length, half_width, 
 from identification.estimators.low_pass import LowPass
 from identification.estimators.model import Model
 from identification.estimators.noise import encoder_count, finest_reading, position_noise
+from identification.estimators.regression import prepare
 from identification.estimators.rows import Signals
 from identification.estimators.whitening import whiteness
 from tests.estimates import estimate_by
@@ -132,7 +133,7 @@ def test_refined_direction_is_the_true_one() -> None:
     steps = np.diff(path)
     sense = np.sign(np.where(np.abs(steps) < 1e-14, 0.0, steps))
     truth = np.concatenate((sense, sense[-1:])).reshape(4000, 10).mean(axis=1)[:-1]
-    table = least_squares.prepare(log(force[:, 0], path[::10]), Model(), 0.0)
+    table = prepare(log(force[:, 0], path[::10]), Model(), 0.0)
     stood = truth == 0
     assert 0.05 < stood.mean() < 0.5
     assert np.mean(table.motion.moving[stood]) < 0.03
@@ -160,7 +161,7 @@ def test_estimators_are_fast(method: str) -> None:
 
 def looked_for(trajectory: Trajectory, model: Model) -> Delay:
     most = MOST_SAMPLES * trajectory.sample_time
-    table = least_squares.prepare(trajectory, model, most, refine=False)
+    table = prepare(trajectory, model, most, refine=False)
     return find_delay(trajectory, table)
 
 
@@ -234,7 +235,7 @@ def test_collinear_columns_are_shown_and_do_not_break() -> None:
 def test_notes_say_how_much_the_cut_off_matters() -> None:
     axis = Axis(coulomb=0.8)
     force = excited(axis)
-    table = least_squares.prepare(log(force[:, 0], positions(axis, force)[:, 0]), Model(), 0.0)
+    table = prepare(log(force[:, 0], positions(axis, force)[:, 0]), Model(), 0.0)
     found = least_squares.fit(table, 0.0)
     assert "low-pass at" in found.notes[0]
     assert "half the cut-off" in found.notes[1]

@@ -35,7 +35,6 @@ uint32 nanosec
 JOINTS = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] effort\n" + _HEADER
 FORCES = "std_msgs/Header header\ngeometry_msgs/Vector3 wrench\n" + _HEADER
 FORCES += "=" * 80 + "\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
-BARE = "float64 data\nuint64 ticks_ns\n"
 #: A recorder's clock: ns since 1970.
 START = 1_700_000_000_123_456_789
 FIELDS: dict[str, Any] = {"position": "/arm/joints/position[1]", "force": "/arm/joints/effort[1]"}

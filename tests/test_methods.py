@@ -1,4 +1,4 @@
-"""All five methods on independent simulations, under changes of unit, clock, sign and origin."""
+"""Every method on independent simulations, under changes of unit, clock, sign and origin."""
 
 from __future__ import annotations
 

@@ -34,7 +34,6 @@ RICH: dict[str, Any] = {
     "together": [["wall", "cup"]],
     "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
 }
-BLOCKS = 4
 
 
 @functools.cache

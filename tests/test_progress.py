@@ -11,7 +11,7 @@ import pytest
 
 from tune.cli.progress import Stage
 from tune.cli.session import Session
-from tune.cli.streams import wrapped
+from tune.cli.streams import wrap_text
 
 
 class Terminal(io.StringIO):
@@ -60,8 +60,8 @@ def test_failures_are_broken_between_words_on_a_terminal_alone() -> None:
     line = "haptune tune: scene.yaml: does not state what is needed. State it in the scene.yaml"
     text = f"{line}\n  motion: linear (kg, N·s/m, N, m) or motion: rotary (kg·m², N·m·s/rad)"
     with mock.patch.dict(os.environ, {"COLUMNS": "60"}):
-        found = wrapped(text, Terminal())
-        assert wrapped(text, io.StringIO()) == text
+        found = wrap_text(text, Terminal())
+        assert wrap_text(text, io.StringIO()) == text
     assert max(map(len, found.splitlines())) <= 60
     assert found.split() == text.split()
     assert [len(each) - len(each.lstrip()) for each in found.splitlines()] == [0, 2, 2, 4]

@@ -17,7 +17,7 @@ from tune.documents.perception import default_table, references
 from tune.documents.profile import SafeProfile, digest_of
 from tune.loop.filters import Filters
 from tune.optimisation.problem import DesignTask, Problem, pose
-from tune.rendering.rendered import FASTEST, SLOWEST, Shares, impedances, rendered
+from tune.rendering.rendered import FASTEST, SLOWEST, Shares, impedances, rendered_mass_and_damping
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -240,7 +240,9 @@ def test_wanted_values_are_met_as_commanded_and_reported_as_felt() -> None:
 
 
 def test_a_spring_adds_no_mass_and_takes_damping() -> None:
-    felt = rendered(load_device("homerehab"), Filters(), stiffness=1000.0, damping=0.0, mass=0.0)
+    felt = rendered_mass_and_damping(
+        load_device("homerehab"), Filters(), stiffness=1000.0, damping=0.0, mass=0.0
+    )
     assert felt.mass == 0
     assert felt.damping == pytest.approx(-1.5, rel=1e-3)
 

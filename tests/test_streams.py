@@ -101,8 +101,8 @@ def test_a_slow_reader_is_waited_for() -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     code = (
-        "import sys; from tune.cli.streams import prepare_streams, undelivered; "
-        "prepare_streams(); print('x' * 1_000_000); sys.exit(bool(undelivered()))"
+        "import sys; from tune.cli.streams import prepare_streams, delivery_failure; "
+        "prepare_streams(); print('x' * 1_000_000); sys.exit(bool(delivery_failure()))"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=writer) as process:
         os.close(writer)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from datasets_synthetic import Rig, Servo, simulate
 from identification import Trajectory
-from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.model import Model
+from identification.estimators.regression import Regression, prepare
 from identification.structure.candidates import candidate_columns, structure_of
 from identification.structure.stability_selection import Structure, suggest
 from tests.axes_with_terms import KnownAxis, known_axes

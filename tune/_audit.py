@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Device, Fact, as_stored, parse_document, to_mapping
 from tune.certificate.refusal import refusal_of
@@ -35,8 +34,6 @@ from tune.optimisation.solve import Solution, backends
 from tune.rendering.contact import contact
 from tune.rendering.ripple import count_jump, handle_vibration
 from tune.rendering.vibration import vibration_in_thresholds
-
-FloatArray = NDArray[np.float64]
 
 #: What stability rests on; force limit and encoder are judged against where they are stated.
 NEEDED: tuple[Fact, ...] = ("motion", "sample_time", "delay")

@@ -1,6 +1,6 @@
 """Estimators, one file each, named as on the command line and entered at its ``fit``.
 
-``fit(table, delay, start=...) -> Estimate`` takes a log as least_squares.prepare gives it; where
+``fit(table, delay, start=...) -> Estimate`` takes a log as regression.prepare gives it; where
 the delay is None it is fitted too, from ``start`` on. Least squares alone needs to be given one.
 """
 

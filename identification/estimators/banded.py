@@ -25,7 +25,7 @@ class Covariance:
 
     @classmethod
     def of(cls, covariance: FloatArray) -> Covariance:
-        """From the covariance in the same form."""
+        """From the covariance in the same form, shape (band + 1, functions)."""
         from scipy.linalg import cholesky_banded
 
         loaded = np.concatenate((covariance[:1] * (1 + _LOADING), covariance[1:]))

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from identification.estimators.drive import MOST_SAMPLES
 from identification.estimators.intervals import spread
-from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.linear import unit_columns
+from identification.estimators.regression import Regression, prepare
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

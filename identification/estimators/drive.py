@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.held_response import Gain, HeldResponse
-from identification.estimators.least_squares import Regression
+from identification.estimators.regression import Regression
 from identification.estimators.rows import Signals
 from identification.estimators.zero_order_hold import Commands, HeldColumn, mean_step
 
@@ -30,7 +30,7 @@ class Drive:
         commands: forces as logged.
         terms: columns of the terms beside mass and damping.
         moving: 1, or 0 where the device stands, shape (n - 1,).
-        steps: of the log, s.
+        steps: of the log, s: one number, or shape (n - 1,).
         delay: s, or None if it is fitted.
     """
 

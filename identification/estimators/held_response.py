@@ -50,10 +50,10 @@ def _series(delta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepResponse:
-    """Step response to a unit force per mass, from rest; numbers, or arrays like the times.
+    """Step response to a unit force per mass, from rest; each of the shape of the times.
 
     Attributes:
-        speed: velocity gained, also the distance coasted per unit of velocity, s.
+        speed: velocity gained, m/s for each m/s²; also the distance coasted for each m/s; s.
         place: distance gained, s².
         decay: part left of a velocity.
         speed_slope: derivative of ``speed`` by p, s².
@@ -70,7 +70,7 @@ class StepResponse:
 
     @classmethod
     def during(cls, span: float | FloatArray, rate: float) -> StepResponse:
-        """For times in s and p in 1/s."""
+        """For times in s, of any shape, and p in 1/s."""
         span = np.asarray(span, dtype=np.float64)
         first, second, third = phi(rate * span)
         square = span * span
@@ -100,7 +100,7 @@ class HeldResponse:
     Attributes:
         rate: p, 1/s.
         whole: of one full interval; numbers, or arrays of shape (n - 1,).
-        steps: length of the intervals, s.
+        steps: length of the intervals, s: one number, or shape (n - 1,).
     """
 
     rate: float
@@ -109,7 +109,7 @@ class HeldResponse:
 
     @classmethod
     def at(cls, rate: float, steps: float | FloatArray) -> HeldResponse:
-        """For p in 1/s and the steps of a log in s."""
+        """For p in 1/s and the steps of a log in s: one number, or shape (n - 1,)."""
         return cls(rate=rate, whole=StepResponse.during(steps, rate), steps=steps)
 
     def gain(self, column: HeldColumn) -> Gain:
@@ -154,19 +154,22 @@ class HeldResponse:
         return Gain(velocity=velocity, distance=distance)
 
     def speed(self, added: FloatArray, start: float = 0.0) -> FloatArray:
-        """Velocity at n samples from what n - 1 intervals add to it."""
+        """Velocity at each sample, shape (n,), from what intervals add to it, shape (n - 1,)."""
         if self.whole.decay.ndim == 0:
             return recursive(np.concatenate(([start], added)), -float(self.whole.decay))
         return accumulate_decay(self.whole.decay, [added], [start])[0]
 
     def position(self, gain: Gain, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity at n samples from rest at zero, or from a start velocity."""
+        """Position and velocity, shape (n,) each, from rest at zero or from a start velocity."""
         speed = self.speed(gain.velocity, start)
         moved = self.whole.speed * speed[:-1] + gain.distance
         return np.concatenate(([0.0], np.cumsum(moved))), speed
 
     def position_slope(self, speed: FloatArray, slope: Gain) -> FloatArray:
-        """Derivative of a position by p, from its velocity and the slope of what is added."""
+        """Derivative of a position by p, from its velocity and the slope of what is added.
+
+        The velocity and the derivative have shape (n,).
+        """
         added = self.whole.decay_slope * speed[:-1] + slope.velocity
         moved = self.whole.speed_slope * speed[:-1] + slope.distance
         return self.position(Gain(velocity=added, distance=moved))[0]

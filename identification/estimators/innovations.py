@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Gain, HeldResponse
 from identification.estimators.intervals import spread
-from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS, Regression
+from identification.estimators.least_squares import CUT_OFF_RANGE
 from identification.estimators.linear import solve as solved
 from identification.estimators.linear_filters import causal, recursive
 from identification.estimators.model import Estimate
 from identification.estimators.point_estimate import PointEstimate, complete_estimate
+from identification.estimators.regression import REFINEMENTS, Regression
 from identification.estimators.separable import Solution, physical, solve
 from identification.estimators.whitening import is_coloured, whitener
 

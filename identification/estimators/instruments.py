@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from identification.estimators.drive import MOST_SAMPLES, Drive
 from identification.estimators.held_response import Gain, HeldResponse
 from identification.estimators.intervals import spread
-from identification.estimators.least_squares import Regression
 from identification.estimators.linear import unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.motion import Motion
 from identification.estimators.point_estimate import PointEstimate, complete_estimate
+from identification.estimators.regression import Regression
 from identification.estimators.rows import Kinematics, of_rows
 from identification.estimators.terms import terms
 from identification.estimators.zero_order_hold import Commands, HeldColumn

@@ -19,11 +19,11 @@ REACH = 5.0
 def gaussian(width: float, step: float) -> FloatArray:
     """Symmetric Gaussian weights that sum to 1, odd in number.
 
-    Width and step are in s; the weights have shape (2k + 1,) and no unit.
+    The weights have shape (2k + 1,) and no unit.
 
     Args:
-        width: standard deviation, in the unit of ``step``; 0 gives the single weight 1.
-        step: distance of two weights.
+        width: standard deviation, s; 0 gives the single weight 1.
+        step: distance of two weights, s.
     """
     half = int(np.ceil(REACH * width / step))
     if half == 0:

@@ -49,7 +49,10 @@ class Motion:
 
     @classmethod
     def always(cls, intervals: int, steps: float | FloatArray) -> Motion:
-        """A device without friction never stands still; its direction does not matter."""
+        """A device without friction never stands still; its direction does not matter.
+
+        Steps, in s, are one number, or have shape (intervals,).
+        """
         ones = np.ones(intervals)
         return cls(direction=HeldColumn.constant(ones, steps), moving=ones)
 

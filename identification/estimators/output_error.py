@@ -19,11 +19,11 @@ from identification.estimators import process_noise
 from identification.estimators.drive import Drive
 from identification.estimators.held_response import Gain, HeldResponse
 from identification.estimators.intervals import spread
-from identification.estimators.least_squares import Regression
 from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.model import Estimate
 from identification.estimators.output_error_friction import FrictionProblem, PositionFit
 from identification.estimators.point_estimate import PointEstimate, complete_estimate
+from identification.estimators.regression import Regression
 from identification.estimators.separable import physical, solve
 from identification.estimators.whitening import is_coloured, whiteness
 from identification.estimators.zero_order_hold import HeldColumn

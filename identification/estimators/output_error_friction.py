@@ -42,7 +42,8 @@ class PositionFit:
     """A fit of the simulated to the measured position.
 
     Attributes:
-        values: m, b, terms, then the delay if it is fitted, then nuisance.
+        values: m, b, terms, then the delay if it is fitted, then nuisance; shape
+            (parameters + nuisance,).
         jacobian: derivative of the position by parameters, delay, start velocity and position,
             shape (parameters + nuisance, rows).
         residual: m, shape (rows,).
@@ -117,7 +118,8 @@ class FrictionProblem:
         """The best fit; None if friction or mass vanish at the start.
 
         Args:
-            start: m, b, terms, the delay if it is fitted, start velocity, start position.
+            start: m, b, terms, the delay if it is fitted, start velocity, start position; shape
+                (parameters + nuisance,).
         """
         best = self._simulated(start)
         if best is None:

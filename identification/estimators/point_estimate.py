@@ -58,7 +58,7 @@ def complete_estimate(
         around: their covariance, followed by that of the delay if it was fitted.
         fitted: whether the delay was fitted.
         unit: of the residual.
-        mean_speed: s of the model.
+        mean_speed: s of the model, m/s.
         notes: on choices made on the way.
         leaning: one more standard deviation of every parameter, shape (p,), or None.
     """

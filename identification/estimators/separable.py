@@ -50,7 +50,7 @@ class Separable(Protocol):
         ...
 
     def allowed(self, theta: FloatArray) -> bool:
-        """Whether a θ within the bounds may be tried."""
+        """Whether a θ within the bounds, shape (k,), may be tried."""
         ...
 
 

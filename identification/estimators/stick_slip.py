@@ -64,7 +64,10 @@ class Direction:
 
     @classmethod
     def of(cls, device: HeldResponse, free: FloatArray) -> Direction:
-        """With tables for even steps, which spare an exponential for each turn."""
+        """With tables for even steps, which spare an exponential for each turn.
+
+        The free velocity has shape (n,).
+        """
         if isinstance(device.steps, np.ndarray):
             return cls(device=device, free=free, left=np.empty(0), lost=np.empty(0))
         left, lost = _decay(device.rate, device.steps * np.arange(1.0, _TABLE + 1))
@@ -73,7 +76,10 @@ class Direction:
     def after(
         self, age: FloatArray, at: int, begin: int, end: int
     ) -> tuple[FloatArray, FloatArray]:
-        """``left`` and ``lost`` from sample ``at`` to each of ``begin`` to ``end``."""
+        """``left`` and ``lost`` from sample ``at`` to each of ``begin`` to ``end``.
+
+        The age of each sample, in s, has shape (n,), both answers have shape (end - begin,).
+        """
         if end - at <= self.left.size:
             since = slice(begin - at - 1, end - at - 1)
             return self.left[since], self.lost[since]

@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 
 from identification.estimators.intervals import spread
-from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
 from identification.estimators.model import Estimate
 from identification.estimators.point_estimate import PointEstimate, complete_estimate
+from identification.estimators.regression import Regression
 from identification.estimators.weak_rows import Solution, TestedRows
 
 #: Test functions pass half of the power at this multiple of the frequency that holds most of the

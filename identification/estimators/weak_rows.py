@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from identification.estimators.banded import Covariance, bands
 from identification.estimators.drive import MOST_SAMPLES
-from identification.estimators.least_squares import Regression
 from identification.estimators.modulating_functions import Operators, bump_weights
+from identification.estimators.regression import Regression
 from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
 from identification.estimators.terms import terms
 
@@ -44,8 +44,8 @@ class Solution:
         corner: frequency below which unlogged forces rule, Hz.
         columns: shape (q, functions); q is p, or p + 1 if the delay is fitted.
         instruments: what the residual is orthogonal to, shape (q, functions).
-        force: shape (functions,).
-        residual: shape (functions,).
+        force: without unit, shape (functions,).
+        residual: without unit, shape (functions,).
         unlikeliness: -2 log of the likelihood, but for a constant.
         settled: whether the last step was short.
     """
@@ -62,7 +62,7 @@ class Solution:
 
     @classmethod
     def first(cls, values: FloatArray, delay: float) -> Solution:
-        """A start."""
+        """A start from values of shape (p,)."""
         nothing = np.empty(0)
         return cls(
             values=values,
@@ -129,7 +129,7 @@ class TestedRows:
         return self.weights @ of_rows(held.triangle())[self.table.known :]
 
     def slope(self, delay: float) -> FloatArray:
-        """Derivative of ``force`` by the delay, N/s."""
+        """Derivative of ``force`` by the delay, N/s, shape (functions,)."""
         width = _NUDGE * self.table.signals.step
         low, high = max(delay - width, 0.0), delay + width
         return (self.force(high) - self.force(low)) / (high - low)

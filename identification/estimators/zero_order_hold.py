@@ -42,7 +42,7 @@ class HeldColumn:
 
     @classmethod
     def constant(cls, level: FloatArray, steps: float | FloatArray) -> HeldColumn:
-        """One value for each interval, without jumps."""
+        """One value for each interval, shape (n - 1,), without jumps."""
         nothing = np.zeros(0)
         return cls(
             steps=steps,
@@ -120,8 +120,9 @@ class Commands:
     def of(cls, force: FloatArray, steps: float | FloatArray) -> Commands:
         """Commands of a log: row k was sent at t[k] and is held until the next is sent.
 
-        A step LOST times the median or more has lost rows. The controller sent forces there that
-        nobody wrote down; they are taken to lie on the straight line between their neighbours.
+        Forces, in N, have shape (n,); steps, in s, are one number, or have shape (n - 1,). A step
+        LOST times the median or more has lost rows. The controller sent forces there that nobody
+        wrote down; they are taken to lie on the straight line between their neighbours.
         """
         if not isinstance(steps, np.ndarray):
             return cls(steps=steps, value=force, sent=None)

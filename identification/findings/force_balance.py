@@ -93,7 +93,7 @@ class ForceBalance:
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """Rows in motion: at rest friction is whatever the force is, and says nothing."""
+        """Rows in motion, shape (rows,): at rest friction is whatever the force is."""
         return np.abs(self.direction) > _MOVING
 
     @property
@@ -113,7 +113,7 @@ class ForceBalance:
         return np.stack(columns, axis=1) if columns else np.empty((len(self), 0))
 
     def unexplained(self, *more: FloatArray) -> FloatArray:
-        """Force that the columns of ``plant`` and more columns leave over, N."""
+        """Force that ``plant`` and more columns, each (rows,), leave over, N, shape (rows,)."""
         return least_squares_residual(np.column_stack((self.plant, *more)), self.force)
 
     def __len__(self) -> int:

@@ -9,11 +9,8 @@ one that is as sharp as the efficient one contradicts at once.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.model import Estimate
-
-FloatArray = NDArray[np.float64]
 
 #: What both methods are asked for.
 JUDGED = ("mass", "damping")

@@ -12,9 +12,9 @@ from identification.device.quantities import Quantity
 from identification.estimators.delay import Delay, find_delay
 from identification.estimators.drive import MOST_SAMPLES
 from identification.estimators.intervals import NORMAL_95
-from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.model import Estimate, Model
 from identification.estimators.point_estimate import PointEstimate
+from identification.estimators.regression import Regression, prepare
 from identification.trajectory import Trajectory
 
 #: Change of delay, in samples, for the slope of the estimates over delay.

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.device import Device
-from identification.estimators import least_squares
 from identification.estimators.model import Gravity, Model
+from identification.estimators.regression import prepare
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +52,7 @@ def explained_force(
     """
     late = device.delay.value if delay is None else delay
     model = _model(device)
-    table = least_squares.prepare(trajectory, model, late)
+    table = prepare(trajectory, model, late)
     values = [_value(device, name) for name in model.parameters]
     applied = table.force(late)
     return Explained(

@@ -116,7 +116,11 @@ class DesignGrid:
         return value, gradient / mass
 
     def loads(self, force: FloatArray) -> FloatArray:
-        """Force, then position and speed of each device, as parts of their limits."""
+        """Force, then position and speed of each device, as parts of their limits.
+
+        A net force, in N, has shape (count,); the answer is one such row for each limit, all in one
+        column of shape (limits·count,).
+        """
         spec = self.spec
         rows = [force / force_room(spec)]
         for mass, response in self.devices:

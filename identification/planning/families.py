@@ -48,7 +48,7 @@ class Shape:
         family: of signals.
         band: its lowest and its highest frequency, Hz.
         lines: how many frequencies it has; 0 where it sweeps through all of the band.
-        force: N at any times (s), the first limit just reached on the bench.
+        force: N (N·m) at any times (s), in their shape, the first limit just reached on the bench.
     """
 
     family: Family

@@ -27,7 +27,8 @@ class Prediction:
     Attributes:
         motion: of the guessed device, without noise.
         covariance: of mass and damping, shape (2, 2).
-        doubt: what identify adds to it for forces no log knows better (intervals.UNKNOWN_FORCE).
+        doubt: what identify adds to it for forces no log knows better, shape (2, 2)
+            (intervals.UNKNOWN_FORCE).
     """
 
     motion: Answer

@@ -29,7 +29,7 @@ class Reading:
     """What a file holds of a log.
 
     Attributes:
-        values: columns by role, in the units of the file.
+        values: columns by role, in the units of the file, each of shape (rows,).
         names: of these columns in the file, units and all.
         notes: what had to be understood before the file was a table, in words.
         in_seconds: time comes from dates or durations, which carry their own unit.

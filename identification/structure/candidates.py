@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.least_squares import Regression
+from identification.estimators.regression import Regression
 from identification.estimators.zero_order_hold import HeldColumn
 from identification.structure.forces import smooth_speed
 from identification.structure.stability_selection import Structure, suggest

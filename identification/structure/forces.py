@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.friction import Kind
-from identification.estimators.least_squares import Regression
 from identification.estimators.low_pass import width_of
+from identification.estimators.regression import Regression
 from identification.estimators.zero_order_hold import HeldColumn
 from identification.structure.hysteresis import stop_operators
 

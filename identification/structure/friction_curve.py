@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from identification.device.friction import Kind, SlopeRange, UnmodelledForce
 from identification.estimators.intervals import NORMAL_95
-from identification.estimators.least_squares import Regression
+from identification.estimators.regression import Regression
 from identification.structure.collinearity import scale_to_unit_rms
 from identification.structure.forces import Forces
 from identification.structure.resampling import BLOCKS, BlockSums, least_norm, sums_of
@@ -65,7 +65,7 @@ class FrictionCurve:
         presliding: stiffness of friction with a memory while it holds, N/m, above zero; None
             where there is none.
         mass: kg, with the kinds in the regression.
-        mass_deviation: standard deviation of it.
+        mass_deviation: standard deviation of it, kg.
     """
 
     found: tuple[UnmodelledForce, ...]

@@ -121,7 +121,7 @@ def suggest(
             are candidates, the simplest first: of two that the motion cannot tell apart, the first
             is judged. "gravity_sine" and "gravity_cosine" are one candidate, and take the place
             of "position_stiffness" where they explain the log better.
-        force: shape (rows,), filtered as the columns are.
+        force: N (N·m), shape (rows,), filtered as the columns are.
         seed: of the random halves.
         halves: how many random halves.
 

@@ -36,7 +36,7 @@ class AffineForm:
         centre: c, shape (..., cells).
         slopes: sᵢ, shape (symbols, ..., cells).
         real: bound of |Re r|, shape (..., cells).
-        imag: bound of |Im r|.
+        imag: bound of |Im r|, shape (..., cells).
     """
 
     centre: ComplexArray
@@ -103,7 +103,7 @@ class AffineForm:
         )
 
     def spread(self) -> FloatArray:
-        """Bound of the modulus of what is added to the centre."""
+        """Bound of the modulus of what is added to the centre, shape (..., cells)."""
         return _reach(self.slopes) + np.hypot(self.real, self.imag) * (1 + ROUNDING)
 
     def stacked(self) -> AffineForm:
@@ -119,7 +119,7 @@ class AffineForm:
         )
 
     def widened(self, error: FloatArray | float) -> AffineForm:
-        """With anything of that modulus added."""
+        """With anything of that modulus added: a number, or shape (..., cells)."""
         return AffineForm(self.centre, self.slopes, self.real + error, self.imag + error)
 
     def inverse(self) -> AffineForm:
@@ -168,8 +168,8 @@ class AffineForm:
         """A real function, of size about one, of a real form from its value and slope.
 
         Args:
-            value: at the centre.
-            slope: at the centre.
+            value: at the centre, shape (..., cells).
+            slope: at the centre, of the same shape.
             bend: bound of the second derivative everywhere.
         """
         spread = np.sum(np.abs(self.slopes.real), axis=0) + self.real

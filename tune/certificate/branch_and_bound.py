@@ -40,8 +40,8 @@ class Proof:
     Attributes:
         proved: every cell was excluded.
         cells: looked at.
-        doubt: a place that could not be excluded, one column: values of the merged region's sides,
-            then the extra samples of delay; None if proved.
+        doubt: a place that could not be excluded: values of the merged region's sides, then the
+            extra samples of delay, shape (sides + 1, 1); None if proved.
     """
 
     proved: bool
@@ -60,7 +60,7 @@ class Cells:
         return self.low.shape[1]
 
     def chosen(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Cells:
-        """Some of them."""
+        """Some of the cells, by their places or by a mask of shape (cells,)."""
         return Cells(self.low[:, which], self.high[:, which])
 
     def with_(self, other: Cells) -> Cells:

@@ -15,7 +15,7 @@ import numpy as np
 from identification import Device, to_mapping
 from tune.certificate.certify import certify
 from tune.certificate.differences import differences
-from tune.certificate.elements import recomputed_otherwise
+from tune.certificate.elements import element_failures
 from tune.certificate.point import ModePoint, Point, setting_of
 from tune.certificate.roots import judge
 from tune.certificate.stated import form_failures, stated_failures
@@ -82,7 +82,7 @@ def check_content(
     except CheckFailedError as error:
         raise CheckFailedError((*error.failures, *failures), error.points) from None
     for name in profile.elements:
-        failures += recomputed_otherwise(profile, name)
+        failures += element_failures(profile, name)
     failures += _claims_differ(profile, fresh)
     if failures:
         raise CheckFailedError(tuple(failures))

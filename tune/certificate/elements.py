@@ -44,7 +44,7 @@ def inconsistent(design: Design, name: str) -> Iterator[str]:
         yield f"{name}: rendered says that something is felt, but no effect acts"
 
 
-def recomputed_otherwise(design: Design, name: str) -> Iterator[str]:
+def element_failures(design: Design, name: str) -> Iterator[str]:
     """What one element of a certified design states and a calculation does not confirm."""
     setting = setting_of(design, (name,))
     yield from _wrong_ripple(design, name, setting)

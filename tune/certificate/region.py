@@ -79,7 +79,10 @@ class Region:
         )
 
     def point(self, values: FloatArray, extra: float) -> Point:
-        """The point with the given value of every side and samples of delay on top."""
+        """The point with the given value of every side and samples of delay on top.
+
+        Values have shape (sides,), in the order of `sides`.
+        """
         mass, damping, step, delay, lag, slope, *rest = (float(value) for value in values)
         hand = None
         if self.hand is not None:
@@ -108,7 +111,7 @@ class Region:
         )
 
     def middle(self) -> FloatArray:
-        """The middle of every side."""
+        """The middle of every side, shape (sides,)."""
         return np.array([(low + high) / 2 for low, high in self.sides()])
 
     def merged(self) -> Region:

@@ -43,7 +43,7 @@ class ValueSet:
         start: D with its zero at θ = 0 taken out, where a spring acts on a device that is free.
         rising: where D is that of a free rigid mass on a damper, a lower bound of Im(N)/θ, or of
             Re(N) where that zero is out; above zero, with a damper that is not negative, D + s·N
-            has no zero for any s > 0 however small. None elsewhere.
+            has no zero for any s > 0 however small. Shape (cells,), None elsewhere.
     """
 
     fixed: AffineForm

@@ -92,7 +92,7 @@ def run() -> None:
         sys.exit(finish_interrupted())
     ended = code if isinstance(code, int) else 0
     # Help and version are printed outside of a session.
-    sys.exit(ended or Session(command="haptune", as_json=False, quiet=False).delivered())
+    sys.exit(ended or Session(command="haptune", as_json=False, quiet=False).delivery_exit_code())
 
 
 def _report_usage(error: Exception) -> None:

@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tune.cli.drawing import beside, device_in, draw_identified, draw_profile, target_picture
-from tune.cli.identify import identified
+from tune.cli.drawing import (
+    device_in,
+    draw_identified,
+    draw_profile,
+    further_picture,
+    target_picture,
+)
+from tune.cli.identify import identify_logs
 from tune.cli.log_options import LogOptions, with_log_options
 from tune.cli.options import (
     Allow,
@@ -24,7 +30,7 @@ from tune.cli.options import (
     Quiet,
 )
 from tune.cli.session import Session, run_command
-from tune.cli.tune import tuned, wanted
+from tune.cli.tune import read_request, tune_device
 
 if TYPE_CHECKING:
     from identification import Device, Identification
@@ -59,16 +65,16 @@ def calibrate(
         session.target(output, *logs, scene, hardware)
         inputs = (*logs, scene, hardware, output)
         target_picture(session, picture, *inputs)
-        target_picture(session, picture and beside(picture, "profile"), *inputs)
-        sheet = picture and beside(picture, "candidates") if candidates else None
+        target_picture(session, picture and further_picture(picture, "profile"), *inputs)
+        sheet = picture and further_picture(picture, "candidates") if candidates else None
         target_picture(session, sheet, *inputs)
         columns = options.columns()
-        wish = wanted(scene, margin)
-        found = identified(session, logs, columns, hardware, method, allow or [])
+        wish = read_request(scene, margin)
+        found = identify_logs(session, logs, columns, hardware, method, allow or [])
         found.device.require_stated(
             subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
         )
-        profile = tuned(session, found.device, wish, compare=candidates, sheet=sheet)
+        profile = tune_device(session, found.device, wish, compare=candidates, sheet=sheet)
         before = None if picture is None else device_in(output)
         session.write(output, profile.to_yaml(), dry_run=dry_run)
         if picture is not None:
@@ -86,4 +92,4 @@ def _draw(
 ) -> None:
     """Draw what was identified, and beside it (-profile) what was tuned."""
     draw_identified(session, picture, found, before)
-    draw_profile(session, beside(picture, "profile"), profile)
+    draw_profile(session, further_picture(picture, "profile"), profile)

@@ -101,15 +101,15 @@ def _table(found: Comparison, old: str, new: str, motion: Motion) -> Table:
         table.add_row(
             change.name,
             "s" if kind is None else units[kind],
-            _shown(change.old),
-            _shown(change.new),
+            _interval_words(change.old),
+            _interval_words(change.new),
             "-" if change.part is None else f"{change.part:+.2%}",
             "-" if change in found.effects else "yes" if change.beyond else "no",
         )
     return table
 
 
-def _shown(side: Interval | None) -> str:
+def _interval_words(side: Interval | None) -> str:
     if side is None:
         return "-"
     between = f"{side.low:.5g} .. {side.high:.5g}"

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from tune.documents.profile import Contact, SafeProfile
 
 
-def varied(jitter: float) -> str:
+def jitter_words(jitter: float) -> str:
     """A jitter, which is not looked for beyond `tune.margins.jitter.MOST`."""
     from tune.margins.jitter import MOST
 

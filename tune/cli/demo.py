@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from tune.cli.drawing import draw
-from tune.cli.identify import DEVICE_COMMENT, identified
+from tune.cli.identify import DEVICE_COMMENT, identify_logs
 from tune.cli.new import template
 from tune.cli.options import Json, Quiet
 from tune.cli.session import Session, run_command
-from tune.cli.tune import tuned, wanted
+from tune.cli.tune import read_request, tune_device
 
 _FILES = ("device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png")
 
@@ -26,11 +26,11 @@ def demo(json: Json = False, quiet: Quiet = False) -> None:
         log = bundled_path("homerehab.csv")
         hardware = bundled_path("homerehab.hardware.yaml")
         session.say(f"log: {log}")
-        found = identified(session, [log], LogColumns(), hardware, "auto", [])
+        found = identify_logs(session, [log], LogColumns(), hardware, "auto", [])
         session.write(Path("device.yaml"), to_yaml(to_mapping(found.device), DEVICE_COMMENT))
         scene = Path("scene.yaml")
         session.write(scene, template("scene"))
-        profile = tuned(session, found.device, wanted(scene, None))
+        profile = tune_device(session, found.device, read_request(scene, None))
         session.write(Path("profile.yaml"), profile.to_yaml())
         with session.progress() as say:
             say("drawing")

@@ -34,7 +34,7 @@ def relative_half_width(quantity: Quantity) -> float | None:
     return half_width(quantity) / abs(quantity.value)
 
 
-def told(quantity: Quantity | None) -> ToldQuantity | None:
+def quantity_result(quantity: Quantity | None) -> ToldQuantity | None:
     """A quantity with its interval."""
     if quantity is None:
         return None
@@ -47,7 +47,7 @@ def told(quantity: Quantity | None) -> ToldQuantity | None:
     }
 
 
-def log_examined(seen: Examination) -> LogExamined:
+def examination_result(seen: Examination) -> LogExamined:
     """What doctor's table shows of one log."""
     return {
         "source": seen.source,
@@ -64,6 +64,6 @@ def log_examined(seen: Examination) -> LogExamined:
         "encoder_count": seen.count,
         "noise": seen.noise,
         "band_hz": seen.band,
-        "mass": told(seen.mass),
-        "damping": told(seen.damping),
+        "mass": quantity_result(seen.mass),
+        "damping": quantity_result(seen.damping),
     }

@@ -45,12 +45,12 @@ def doctor(
             examine,
             load_document,
         )
-        from tune.cli.details import log_examined
+        from tune.cli.details import examination_result
 
         columns = options.columns()
         if picture is not None:
             for place in range(len(logs)):
-                target_picture(session, numbered(picture, place), *logs, hardware)
+                target_picture(session, numbered_picture(picture, place), *logs, hardware)
         known = None if hardware is None else load_document(Hardware, hardware)
         findings: list[Finding] = []
         examined: list[LogExamined] = []
@@ -69,21 +69,21 @@ def doctor(
                 findings += error.findings
                 refused = True
                 continue
-            examined.append(log_examined(seen))
+            examined.append(examination_result(seen))
             session.say(_table(seen))
             session.say(_verdict(seen))
             if picture is not None:
-                _draw(session, numbered(picture, place), trajectory, seen)
+                _draw(session, numbered_picture(picture, place), trajectory, seen)
             findings += seen.findings
             refused = refused or seen.refused
         if refused:
             raise LogRefusedError(tuple(findings))
-        session.found(tuple(findings))
+        session.add_findings(tuple(findings))
 
     run_command("doctor", action, as_json=json, quiet=quiet)
 
 
-def numbered(picture: Path, place: int) -> Path:
+def numbered_picture(picture: Path, place: int) -> Path:
     """The file of the picture of one log: as named for the first, with -2 and so on for others."""
     return picture if place == 0 else picture.with_stem(f"{picture.stem}-{place + 1}")
 
@@ -124,14 +124,14 @@ def _table(seen: Examination) -> Table:
         ("peak force", f"{seen.peak_force:.4g} {units['force']}"),
         ("encoder count", f"{count}; noise of a reading {seen.noise:.2g} {units['length']} rms"),
         ("excited band", f"{seen.band[0]:.3g} to {seen.band[1]:.3g} Hz"),
-        ("mass", _told(seen.mass, units["mass"])),
-        ("damping", _told(seen.damping, units["damping"])),
+        ("mass", _quantity_words(seen.mass, units["mass"])),
+        ("damping", _quantity_words(seen.damping, units["damping"])),
     ):
         table.add_row(name, value)
     return table
 
 
-def _told(quantity: Quantity | None, unit: str) -> str:
+def _quantity_words(quantity: Quantity | None, unit: str) -> str:
     """A quantity with the half-width of its 95 % interval."""
     if quantity is None:
         return "not told"

@@ -34,7 +34,7 @@ def target_picture(session: Session, picture: Path | None, *others: Path | None)
         session.target(picture, *others)
 
 
-def beside(picture: Path, what: str) -> Path:
+def further_picture(picture: Path, what: str) -> Path:
     """The file of a further picture: what it shows, after the name of the first."""
     return picture.with_name(f"{picture.stem}-{what}{picture.suffix}")
 

@@ -58,7 +58,7 @@ def identify(
         session.target(output, *logs, hardware)
         target_picture(session, picture, *logs, hardware, output)
         columns = options.columns()
-        result = identified(session, logs, columns, hardware, method, allow or [])
+        result = identify_logs(session, logs, columns, hardware, method, allow or [])
         if result.device.position_stiffness is not None or result.device.gravity is not None:
             _warn_of_refusal(session, result.device)
         before = None if picture is None else device_in(output)
@@ -98,7 +98,7 @@ def tell_reading(session: Session, *trajectories: Trajectory) -> None:
             session.details["read_as"] = session.understood
 
 
-def identified(
+def identify_logs(
     session: Session,
     logs: list[Path],
     columns: LogColumns,
@@ -119,8 +119,8 @@ def identified(
     with session.progress() as say:
         say("identifying")
         result = estimate(trajectories, hardware=known, method=method, allow=allow)
-    session.found(result.findings)
-    session.details |= identified_details(result)
+    session.add_findings(result.findings)
+    session.details |= identification_details(result)
     session.say(device_table(result.device))
     session.say(f"method: {result.method}; {result.reason}")
     for fit in result.logs:
@@ -134,7 +134,7 @@ def identified(
     return result
 
 
-def identified_details(found: Identification) -> IdentifyDetails:
+def identification_details(found: Identification) -> IdentifyDetails:
     """The device as its file will hold it, and how each log was identified; shared with report."""
     from identification import to_mapping
     from tune.cli.device_table import half_widths
@@ -143,11 +143,11 @@ def identified_details(found: Identification) -> IdentifyDetails:
         "device": to_mapping(found.device),
         "half_widths": half_widths(found.device),
         "method": found.method,
-        "logs": [_log_identified(fit) for fit in found.logs],
+        "logs": [_log_details(fit) for fit in found.logs],
     }
 
 
-def _log_identified(fit: LogFit) -> LogIdentified:
+def _log_details(fit: LogFit) -> LogIdentified:
     return {
         "source": fit.trajectory.source,
         "method": fit.method,

@@ -26,7 +26,7 @@ class Interruption(BaseException):
     """A signal asked the command to end. No `Exception`, so that nothing handles it on the way."""
 
 
-class _Asked:
+class _Requests:
     """What signals have asked of this process so far; there is one, as there is of signals."""
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class _Asked:
         start_new_thread(later, ())
 
 
-_asked = _Asked()
+_requests = _Requests()
 
 
 def unwind_on_signals() -> None:
@@ -69,7 +69,7 @@ def unwind_on_signals() -> None:
     def unraisable(ignored: sys.UnraisableHookArgs) -> None:
         """What Python drops on the floor, as in a weak reference's callback."""
         if issubclass(ignored.exc_type, Interruption):
-            _asked.raise_again()
+            _requests.raise_again()
         else:
             others(ignored)
 
@@ -77,19 +77,19 @@ def unwind_on_signals() -> None:
     for name in _SIGNALS:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
-            _asked.handled.append(number)
-            signal.signal(number, _asked.receive)
+            _requests.handled.append(number)
+            signal.signal(number, _requests.receive)
 
 
 def ignore_signals() -> None:
     """Let nothing interrupt the last words of a command that ends anyway."""
-    for number in _asked.handled:
+    for number in _requests.handled:
         signal.signal(number, signal.SIG_IGN)
 
 
 def was_interrupted() -> bool:
     """Whether a signal came, though a library may have turned it into another error."""
-    return _asked.came
+    return _requests.came
 
 
 class FilesWhole:
@@ -100,9 +100,9 @@ class FilesWhole:
     """
 
     def __enter__(self) -> None:
-        _asked.raise_unless_writing()
-        self._outer, _asked.writing = _asked.writing, True
+        _requests.raise_unless_writing()
+        self._outer, _requests.writing = _requests.writing, True
 
     def __exit__(self, *_: object) -> None:
-        _asked.writing = self._outer
-        _asked.raise_unless_writing()
+        _requests.writing = self._outer
+        _requests.raise_unless_writing()

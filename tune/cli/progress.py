@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from time import monotonic
 
 #: Counted parts of the work end a sentence so, which is what an estimate is made of.
-_COUNTED = re.compile(r"\((\d+) of (\d+)\)$")
+_COUNT = re.compile(r"\((\d+) of (\d+)\)$")
 #: Less than this needs no clock, s.
 _SHORT = 1.0
 
@@ -29,7 +29,7 @@ class Stage:
     def __call__(self, sentence: str) -> None:
         """Go on to another stage; "... (3 of 7)" begins the third of seven parts alike."""
         now = self._clock()
-        counted = _COUNTED.search(sentence)
+        counted = _COUNT.search(sentence)
         part, parts = (int(each) for each in counted.groups()) if counted else (0, 0)
         if parts != self._parts or part <= self._part:
             self._first, self._counting = part, now
@@ -55,7 +55,7 @@ class Stage:
 
 
 @contextmanager
-def shown() -> Generator[Callable[[str], None]]:
+def show_stages() -> Generator[Callable[[str], None]]:
     """A function that is told each stage, which is shown on standard error until the work ends."""
     from rich.console import Console
 

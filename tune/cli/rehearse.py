@@ -76,7 +76,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     from tune.documents.errors import CheckFailedError
 
     rig = rig_of(design.device)
-    others = _others(design, rig)
+    others = _other_rigs(design, rig)
     moments = [_moment(design, names) for names in design.moments()]
     felt = [each for each in moments if {each.plain, each.walls, each.fading} != {_Sum()}]
     vetoes: list[str] = []
@@ -98,7 +98,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
         raise CheckFailedError(tuple(vetoes))
 
 
-def _others(design: Design, rig: Rig) -> list[Rig]:
+def _other_rigs(design: Design, rig: Rig) -> list[Rig]:
     """Devices that this one may be as well, and what friction with a memory makes of it.
 
     Three corners of the box of mass and damping, friction slopes in it, at the longest delay and

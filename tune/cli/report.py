@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from tune.cli.identify import identified_details, read_log
+from tune.cli.identify import identification_details, read_log
 from tune.cli.log_options import LogOptions, with_log_options
 from tune.cli.options import (
     Json,
@@ -63,14 +63,14 @@ def report(
             say("reading logs")
             trajectories = [_own_log(path, columns, safe, profile) for path in given]
             say("identifying")
-            found = _identified_again(safe.device, trajectories)
+            found = _identify_again(safe.device, trajectories)
         if found is not None:
-            session.found(found.findings)
+            session.add_findings(found.findings)
         alternatives = None if what_if is None else _alternatives(session, safe, what_if)
         with session.progress() as say:
             say("drawing")
             text = html_of(page_of(safe, found, alternatives))
-        session.details |= {} if found is None else identified_details(found)
+        session.details |= {} if found is None else identification_details(found)
         session.details |= {
             "profile": to_mapping(safe),
             "half_widths": half_widths(safe.device),
@@ -114,7 +114,7 @@ def _hardware_of(device: Device) -> Hardware:
     return parse_document(Hardware, {name: stated[name] for name in kept}, device.name)
 
 
-def _identified_again(device: Device, logs: list[Trajectory]) -> Identification | None:
+def _identify_again(device: Device, logs: list[Trajectory]) -> Identification | None:
     """What the logs tell, with what was stated and allowed then; None without logs."""
     from identification import identify
 
@@ -132,10 +132,10 @@ def _alternatives(session: Session, safe: SafeProfile, scene_file: Path) -> tupl
     """
     from identification import UsageError
     from tune.cli.options import MarginChoice
-    from tune.cli.tune import wanted
+    from tune.cli.tune import read_request
     from tune.cli.what_if import say_what_would_help
 
-    wish = wanted(scene_file, MarginChoice(safe.margin.name))
+    wish = read_request(scene_file, MarginChoice(safe.margin.name))
     strange = sorted(set(safe.elements) - set(wish.scene.elements))
     if strange:
         raise UsageError(

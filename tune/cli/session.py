@@ -28,7 +28,7 @@ from tune.cli.exit_codes import (
 )
 from tune.cli.interruption import FilesWhole, ignore_signals, was_interrupted
 from tune.cli.ownership import owner_of
-from tune.cli.streams import undelivered, wrapped
+from tune.cli.streams import delivery_failure, wrap_text
 
 if TYPE_CHECKING:
     from identification import Finding
@@ -81,7 +81,7 @@ class Session:
         sys.stdout.write(printed)
         sys.stdout.flush()
 
-    def found(self, findings: tuple[Finding, ...]) -> None:
+    def add_findings(self, findings: tuple[Finding, ...]) -> None:
         """Keep findings for the JSON result and warn on standard error."""
         for finding in findings:
             self.findings.append(asdict(finding))
@@ -157,11 +157,11 @@ class Session:
     def progress(self) -> Generator[Callable[[str], None]]:
         """A function that is told each stage of the work, which a terminal shows with its clock."""
         if self.as_json or self.quiet or not sys.stderr.isatty():
-            yield _unseen
+            yield _ignore_stage
             return
-        from tune.cli.progress import shown
+        from tune.cli.progress import show_stages
 
-        with shown() as say:
+        with show_stages() as say:
             yield say
 
     def finish(self, code: int, message: str = "") -> int:
@@ -182,11 +182,11 @@ class Session:
             print(json.dumps(finite(result), allow_nan=False), flush=True)  # noqa: T201
         if message:
             self._complain(message)
-        return self.delivered() if code == 0 else code
+        return self.delivery_exit_code() if code == 0 else code
 
-    def delivered(self) -> int:
+    def delivery_exit_code(self) -> int:
         """The exit code of a command that did all it should, if what it printed was taken too."""
-        reason = undelivered()
+        reason = delivery_failure()
         if not reason:
             return 0
         self._complain(
@@ -209,7 +209,7 @@ class Session:
 
 
 def _print_error(text: str) -> None:
-    print(wrapped(text, sys.stderr), file=sys.stderr)  # noqa: T201
+    print(wrap_text(text, sys.stderr), file=sys.stderr)  # noqa: T201
 
 
 def run_command(
@@ -230,7 +230,7 @@ def run_command(
         raise
     except BaseException as error:  # noqa: BLE001 - no traceback ever reaches a user
         interrupted = was_interrupted() or isinstance(error, KeyboardInterrupt)
-        code = _interrupted(session) if interrupted else _ended(session, error)
+        code = _end_interrupted(session) if interrupted else _end_failed(session, error)
     else:
         code = session.finish(0)
     raise typer.Exit(code)
@@ -238,15 +238,15 @@ def run_command(
 
 def finish_interrupted() -> int:
     """Print that a signal came before a command began or after it ended; return the exit code."""
-    return _interrupted(Session(command="haptune", as_json="--json" in sys.argv, quiet=False))
+    return _end_interrupted(Session(command="haptune", as_json="--json" in sys.argv, quiet=False))
 
 
-def _interrupted(session: Session) -> int:
+def _end_interrupted(session: Session) -> int:
     ignore_signals()
     return session.finish(EXIT_INTERRUPTED, f"interrupted; {session.whereabouts()}")
 
 
-def _ended(session: Session, error: BaseException) -> int:
+def _end_failed(session: Session, error: BaseException) -> int:
     """Print why a command failed and return its exit code."""
     ignore_signals()
     from identification import (
@@ -285,4 +285,4 @@ def _ended(session: Session, error: BaseException) -> int:
     )
 
 
-def _unseen(_: str) -> None: ...
+def _ignore_stage(_: str) -> None: ...

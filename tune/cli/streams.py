@@ -74,18 +74,18 @@ def prepare_streams() -> None:
             os.fstat(descriptor)
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # the lowest that is free, which is this one
-    sys.stdout = _delivering(sys.stdout)
-    sys.stderr = _delivering(sys.stderr)
+    sys.stdout = _outlet_stream(sys.stdout)
+    sys.stderr = _outlet_stream(sys.stderr)
 
 
-def undelivered() -> str:
+def delivery_failure() -> str:
     """Why standard output did not take what was printed, "" if it did or nobody reads it."""
     sys.stdout.flush()
     outlet = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
     return outlet.failure if isinstance(outlet, Outlet) else ""
 
 
-def wrapped(text: str, stream: TextIO) -> str:
+def wrap_text(text: str, stream: TextIO) -> str:
     """A text broken between words where a terminal is too narrow for it; untouched elsewhere."""
     if not stream.isatty():
         return text
@@ -104,7 +104,7 @@ def wrapped(text: str, stream: TextIO) -> str:
     return "\n".join(lines)
 
 
-def _delivering(stream: TextIO | None) -> TextIO:
+def _outlet_stream(stream: TextIO | None) -> TextIO:
     if stream is None:  # what Python makes of a closed descriptor
         return open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123 - open to the end
     beneath: Any = getattr(stream, "buffer", None)  # absent where a program runs us inside itself

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tune.cli.contacts import contact_lines, varied
+from tune.cli.contacts import contact_lines, jitter_words
 from tune.documents.units import UNITS
 
 if TYPE_CHECKING:
@@ -39,7 +39,9 @@ def elements_table(profile: SafeProfile) -> Table:
         title=f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}; "
         f"filters: {_filters(profile.loop)}",
         title_justify="left",
-        caption="\n".join((*_felt(profile), *contact_lines(profile, units), *_uneven(profile))),
+        caption="\n".join(
+            (*_rendered_lines(profile), *contact_lines(profile, units), *_uneven(profile))
+        ),
         caption_justify="left",
         box=SIMPLE_HEAD,
     )
@@ -77,10 +79,10 @@ def _uneven(profile: SafeProfile) -> Iterator[str]:
     found = [each.margins.jitter for each in profile.elements.values()]
     if found and None not in found:
         least = min(each or 0.0 for each in found)
-        yield f"each step of the loop may vary by {varied(least)} (assessed, not proved)"
+        yield f"each step of the loop may vary by {jitter_words(least)} (assessed, not proved)"
 
 
-def _felt(profile: SafeProfile) -> tuple[str, ...]:
+def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
     """What a hand feels of each element, mean and both ends of the motions people make."""
     units = UNITS[profile.device.motion]
     lines: list[str] = []

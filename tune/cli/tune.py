@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tune.cli.drawing import beside, draw_candidates, draw_profile, target_picture
+from tune.cli.drawing import draw_candidates, draw_profile, further_picture, target_picture
 from tune.cli.options import (
     Candidates,
     DryRun,
@@ -56,12 +56,12 @@ def tune(
 
         session.target(output, scene, Path(device))
         target_picture(session, picture, scene, Path(device), output)
-        sheet = picture and beside(picture, "candidates") if candidates else None
+        sheet = picture and further_picture(picture, "candidates") if candidates else None
         target_picture(session, sheet, scene, Path(device), output)
         known = load_device(device)
         known.require_stated(subject=device, where=IN_DEVICE)
-        wish = wanted(scene, margin)
-        profile = tuned(session, known, wish, compare=candidates, sheet=sheet)
+        wish = read_request(scene, margin)
+        profile = tune_device(session, known, wish, compare=candidates, sheet=sheet)
         if what_if:
             from tune.cli.what_if import say_what_would_help
 
@@ -74,27 +74,27 @@ def tune(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class TuningRequest:
     """What is to be felt and how finely hands can tell; read before any log is."""
 
     scene: Scene
     table: PerceptionTable
 
 
-def wanted(scene_file: Path, margin: MarginChoice | None) -> Wanted:
+def read_request(scene_file: Path, margin: MarginChoice | None) -> TuningRequest:
     """Read a scene and its perception table, the margin replaced where one is given."""
     from tune.documents.scene import load_scene, perception_of
 
     scene = load_scene(scene_file)
     if margin is not None:
         scene = scene.model_copy(update={"margin": margin.value})
-    return Wanted(scene=scene, table=perception_of(scene, scene_file.parent))
+    return TuningRequest(scene=scene, table=perception_of(scene, scene_file.parent))
 
 
-def tuned(
+def tune_device(
     session: Session,
     device: Device,
-    wish: Wanted,
+    wish: TuningRequest,
     *,
     compare: bool = False,
     sheet: Path | None = None,
@@ -115,7 +115,7 @@ def tuned(
     from tune.optimisation._optimise import optimise
 
     if compare:
-        profile = _chosen(session, device, wish, sheet)
+        profile = _choose_candidate(session, device, wish, sheet)
     else:
         with session.progress() as say:
             profile = optimise(device, wish.scene, table=wish.table, progress=say)
@@ -135,7 +135,9 @@ def tuned(
     return profile
 
 
-def _chosen(session: Session, device: Device, wish: Wanted, sheet: Path | None) -> SafeProfile:
+def _choose_candidate(
+    session: Session, device: Device, wish: TuningRequest, sheet: Path | None
+) -> SafeProfile:
     """The candidate with the scene's margin, after all three were shown.
 
     Raises:

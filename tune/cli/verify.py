@@ -97,7 +97,7 @@ def verify(
         if seen.disagreements:
             raise CheckFailedError((_disagreements(seen),))
         if not seen.assessed:
-            seen.refuse_unassessed(_advised(session, safe, seen))
+            seen.refuse_unassessed(_advice(session, safe, seen))
         session.say(
             f"{log.name} behaves as {profile.name} predicts, where it was assessed: "
             f"{'+'.join(seen.elements)} keeps its margin at every delay that the log allows"
@@ -132,7 +132,7 @@ def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
     session.details["play"] = [_plain_advice(each) for each in advice]
 
 
-def _advised(session: Session, safe: SafeProfile, seen: Verification) -> str:
+def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
     """What to do where the log of a moment cannot tell."""
     from tune.verification import advise
 

@@ -46,7 +46,7 @@ def alternatives_table(found: tuple[Alternative, ...]) -> Table:
         side = "left" if heading in {"with", "most of it"} else "right"
         table.add_column(heading, justify=side, overflow="fold")
     for each in found:
-        won = _won_by_effect(each, now)
+        won = _steps_won(each, now)
         most = max(won, key=lambda name: abs(won[name]), default=None)
         table.add_row(
             each.change,
@@ -57,7 +57,7 @@ def alternatives_table(found: tuple[Alternative, ...]) -> Table:
     return table
 
 
-def _won_by_effect(each: Alternative, now: Alternative) -> dict[str, float]:
+def _steps_won(each: Alternative, now: Alternative) -> dict[str, float]:
     """Steps more than the device as it is has, by "element.effect"."""
     return {
         name: each.steps.get(name, 0.0) - now.steps.get(name, 0.0)
@@ -71,6 +71,6 @@ def _plain(each: Alternative, now: Alternative) -> AlternativeResult:
         "total": each.total,
         "won": each.total - now.total,
         "steps": each.steps,
-        "won_by_effect": _won_by_effect(each, now),
+        "won_by_effect": _steps_won(each, now),
         "reason": each.reason,
     }

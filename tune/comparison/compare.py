@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from identification import Device, Quantity, SlopeRange, UsageError
-from tune.comparison.transfer import certify_on, gain_kept
+from tune.comparison.transfer import certify_on, kept_gain
 from tune.documents.effects import EFFECT_NAMES
 from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design, SafeProfile
@@ -130,7 +130,7 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
         certify_on(old, after)
     except CheckFailedError as error:
         failures = error.failures
-        gain = gain_kept(old, after) if error.points else None
+        gain = kept_gain(old, after) if error.points else None
     both = isinstance(new, SafeProfile)
     return Comparison(
         kind="profiles" if both else "profile and device",

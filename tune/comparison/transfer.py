@@ -38,7 +38,7 @@ def certify_on(design: Design, device: Device) -> Certificate:
     return certify(_moved(design, device))
 
 
-def gain_kept(design: Design, device: Device) -> float:
+def kept_gain(design: Design, device: Device) -> float:
     """The gain margin that is proved on another device, with the extra delay of the design's.
 
     Force and ripple are not looked at.

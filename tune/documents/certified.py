@@ -85,7 +85,8 @@ class Multiplier(Document):
         constant: zero where nothing holds the position of the device, above zero where it is held.
         taps: in rising order of samples.
         damping: λ of a damper that is switched at any moment, in sample times; None for none.
-        mass: the same of a mass, in squares of a sample time.
+        mass: λ of a mass that is switched at any moment, in squares of a sample time; None for
+            none.
     """
 
     constant: float = Field(default=0.0, ge=0)
@@ -122,10 +123,10 @@ class Certificate(Document):
         delay: of the device, s.
         delay_samples: the same in samples, over the interval of the sample time.
         modes: in the order of the device's.
-        current_lag: None for none.
+        current_lag: time constant of the actuator, s; None for none.
         position_stiffness: slope of the device's own force by position, N/m; None for none.
-        presliding_stiffness: the same where friction holds the device, before it slides; proved
-            beside the device that slides. None for none.
+        presliding_stiffness: that slope where friction holds the device, before it slides, N/m;
+            proved beside the device that slides. None for none.
         hand: None for the device alone; with a hand the device alone is proved beside it.
         gain: every gain in (0, gain].
         extra_delay_samples: on top of the device's delay, any part of it.

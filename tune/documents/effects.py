@@ -17,7 +17,7 @@ SHORTEST_FADE, LONGEST_FADE = 0.1, 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effects:
-    """Virtual stiffness K, damping B and mass M; arrays broadcast against each other.
+    """Virtual stiffness K, damping B and mass M; numbers, or arrays of shapes that broadcast.
 
     ``None`` says that the effect is not there at all, which is not the same as zero: without any
     stiffness the position is free by design and the pole at z = 1 is not held against the loop,
@@ -39,7 +39,7 @@ class Effects:
         return self.stiffness is None
 
     def arrays(self) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None]:
-        """(K, B, M) as float64 arrays, ``None`` kept."""
+        """(K, B, M) as float64 arrays of the shapes given, ``None`` kept."""
         return (_array(self.stiffness), _array(self.damping), _array(self.mass))
 
 

@@ -96,7 +96,7 @@ class Contact(Document):
             limit. Of a one-sided element as it only pushes, of another as it swings once. None
             without a spring, of an element that fades, and where the device stays too long inside.
         depth_at_continuous_force: where its spring takes all of the continuous force, m (rad).
-        depth_at_peak_force: likewise of the peak force.
+        depth_at_peak_force: where its spring takes all of the peak force, m (rad).
         force_on_entry: commanded by the first reading inside, at most, N (N·m); an element that
             fades takes its fade time to it.
         energy_per_entry: that a mass entered in motion and left at rest, or the other way round,

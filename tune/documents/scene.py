@@ -212,8 +212,8 @@ class LoopFreedom(Document):
     """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
 
     Attributes:
-        velocity_filter_hz: cut-off of the low-pass behind the backward difference.
-        acceleration_filter_hz: likewise behind the double difference.
+        velocity_filter_hz: cut-off of the low-pass behind the backward difference, Hz.
+        acceleration_filter_hz: cut-off of the low-pass behind the double difference, Hz.
         velocity_filter_order: 1 or 2 poles.
         acceleration_filter_order: 1 or 2 poles.
         filter_damping_ratio: of second-order filters; 1 is two equal poles, 0.7071 Butterworth.

@@ -31,7 +31,7 @@ class ClosedLoop:
     Attributes:
         open: D, ascending in w; shape (degree+1,).
         added: N, of the same shape.
-        closed: D + N.
+        closed: D + N, of the same shape.
         sample_time: T, s; 1 for a dimensionless loop.
     """
 

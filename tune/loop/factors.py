@@ -24,8 +24,8 @@ class Factors:
         early: power of 1-w above the plant.
         late: power of 1+w below it.
         blocks: (numerator, denominator) of the terms the plant is a sum of.
-        velocity: (numerator, factors of the denominator) of the damping's estimate.
-        acceleration: the same of the mass's.
+        velocity: (numerator, factors of the denominator) of the damping's estimate, in 1/T.
+        acceleration: (numerator, factors of the denominator) of the mass's estimate, in 1/T².
     """
 
     early: int
@@ -46,7 +46,7 @@ class Factors:
         return total * (1 - 1j * v) ** self.early / (1 + 1j * v) ** self.late
 
     def laws(self, v: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Force over position at w = jv of α, β and γ of one, without the sign."""
+        """Force over position at w = jv of unit α, β and γ, of the shape of v, without the sign."""
         return (
             np.ones(v.shape, dtype=np.complex128),
             _estimate(self.velocity, v),

@@ -103,7 +103,7 @@ class Estimator:
     factors: tuple[Polynomial, ...]
 
     def values(self) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-        """The coefficients alone."""
+        """The coefficients alone, each of shape (degree+1, *shape), ascending in w."""
         return self.numerator.value, tuple(factor.value for factor in self.factors)
 
 

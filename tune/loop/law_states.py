@@ -17,7 +17,14 @@ _LONGEST_PULSE, _DIED_AWAY = 200_000, 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawStates:
-    """s[k+1] = update·s + drive·y, force = command·s + direct·y."""
+    """s[k+1] = update·s + drive·y, force = command·s + direct·y; y is the reading, m.
+
+    Attributes:
+        update: shape (states, states).
+        drive: shape (states,).
+        command: shape (states,).
+        direct: N/m.
+    """
 
     update: FloatArray
     drive: FloatArray

@@ -112,7 +112,7 @@ class Loop:
         current_lag: ArrayLike = 0.0,
         position_stiffness: ArrayLike = 0.0,
     ) -> Loop:
-        """Loops for numbers or arrays, broadcast.
+        """Loops for numbers or arrays, broadcast to one shape, that of the loop.
 
         Args:
             mass: m, kg, positive.
@@ -158,7 +158,10 @@ class Loop:
         velocity_pole: ArrayLike = 0.0,
         acceleration_pole: ArrayLike = 0.0,
     ) -> Loop:
-        """The loop in (δ, α, β, γ): stiffness, damping and mass of its effects are α, β, γ."""
+        """The loop in (δ, α, β, γ): stiffness, damping and mass of its effects are α, β, γ.
+
+        δ and the poles are numbers, or arrays that broadcast to the shape of the loop.
+        """
         delta, av, aa = np.broadcast_arrays(
             *(np.asarray(x, float) for x in (delta, velocity_pole, acceleration_pole))
         )

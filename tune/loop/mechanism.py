@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeNumbers:
-    """One vibration mode: numbers, or arrays that broadcast.
+    """One vibration mode: numbers, or arrays of shapes that broadcast.
 
     Attributes:
         frequency_hz: ω/2π, Hz.
@@ -59,13 +59,19 @@ class ModeNumbers:
         )
 
     def numbers(self) -> tuple[ArrayLike, ...]:
-        """All four, as listed."""
+        """All four, as listed: numbers, or arrays of shapes that broadcast."""
         return self.frequency_hz, self.damping_ratio, self.at_encoder, self.at_handle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HandNumbers:
-    """A hand at the handle: mass (kg), damping (N·s/m), stiffness (N/m); numbers or arrays."""
+    """A hand at the handle; numbers, or arrays of shapes that broadcast.
+
+    Attributes:
+        mass: kg.
+        damping: N·s/m.
+        stiffness: N/m.
+    """
 
     mass: ArrayLike
     damping: ArrayLike
@@ -77,7 +83,7 @@ class HandNumbers:
         return cls(mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value)
 
     def numbers(self) -> tuple[ArrayLike, ...]:
-        """All three, as listed."""
+        """All three, as listed: numbers, or arrays of shapes that broadcast."""
         return self.mass, self.damping, self.stiffness
 
 
@@ -86,8 +92,8 @@ class Vibration:
     """A mode in units of the sample time, arrays of one shape.
 
     Attributes:
-        damping: 2ζΩ.
-        stiffness: Ω², Ω = ωT.
+        damping: 2ζΩ, without unit.
+        stiffness: Ω², without unit; Ω = ωT.
         encoder: e.
         handle: p.
     """

@@ -31,7 +31,7 @@ class Polynomial:
         return cls(value=value, size=np.abs(value))
 
     def scaled(self, factor: FloatArray | float) -> Polynomial:
-        """Multiplied by a number known to its last digits."""
+        """Multiplied by a number, or an array of the loops' shape, known to its last digits."""
         single = np.asarray(factor, float)[None]
         return Polynomial(
             value=product(self.value, single), size=product(self.size, np.abs(single))

@@ -65,9 +65,9 @@ class SampledPlant:
 
     Attributes:
         plant: in w, over T²/m.
-        delta: δ = bT/m, of the shape of all that was given, as the two below.
-        mass: kg.
-        sample_time: s.
+        delta: δ = bT/m, of the shape that all that was given broadcasts to.
+        mass: kg, of the same shape.
+        sample_time: s, of the same shape.
         grounded: the position is bound, by a spring of the hand or by the device's own force.
     """
 
@@ -90,7 +90,7 @@ class SampledPlant:
         current_lag: ArrayLike = 0.0,
         position_stiffness: ArrayLike = 0.0,
     ) -> SampledPlant:
-        """For numbers or arrays, broadcast; as `Loop.from_numbers`, which says more.
+        """For numbers or arrays, broadcast to one shape; as `Loop.from_numbers`, which says more.
 
         Raises:
             LoopError: a mass, sample time, delay, mode, hand or lag that cannot be.

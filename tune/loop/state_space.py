@@ -157,7 +157,7 @@ class SampledLoop:
     Attributes:
         plant: in continuous time.
         pushed: the transition while the law acts; shape (..., states, states).
-        free: the transition while it commands nothing; likewise.
+        free: the transition while it commands nothing; of the same shape.
         command: the law's force is command·z; shape (states,).
         read: the reading is read·z; shape (states,).
         under_way: where the commands under way are.

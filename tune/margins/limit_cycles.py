@@ -106,7 +106,7 @@ def quantiser_gain(amplitude: FloatArray, centre: Centre) -> FloatArray:
     """Describing function of rounding to whole counts, for amplitudes in counts.
 
     Args:
-        amplitude: of a sine, shape (n,).
+        amplitude: of a sine, counts, shape (n,).
         centre: the middle of a count, or the edge between two.
     """
     most = int(np.ceil(amplitude.max())) + 1

@@ -27,7 +27,13 @@ _PARTS = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SizedMoment:
-    """One moment at certain sizes of the unknowns."""
+    """One moment at certain sizes of the unknowns.
+
+    Attributes:
+        problem: whose moment it is.
+        moment: elements felt at the same time.
+        sizes: of the unknowns, shape (unknowns,).
+    """
 
     problem: Problem
     moment: Moment

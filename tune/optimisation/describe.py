@@ -26,7 +26,7 @@ from tune.optimisation.delays import MOST
 from tune.optimisation.limits import ripple, worst_gain
 from tune.optimisation.problem import Moment, Problem
 from tune.rendering.contact import contact
-from tune.rendering.rendered import rendered
+from tune.rendering.rendered import rendered_mass_and_damping
 
 if TYPE_CHECKING:
     from tune.optimisation.one_sided import AllFound
@@ -205,7 +205,7 @@ def element_profile(
         ripple=None if noise is None else round_to_digits(noise, 4),
         limited_by=limited,
         motion=motion,
-        rendered=rendered(device, problem.filters, **values),
+        rendered=rendered_mass_and_damping(device, problem.filters, **values),
         contact=contact(
             device,
             problem.region.box,
@@ -226,13 +226,13 @@ def _absolute(
     """(gain claimed of all one-sided moments with an element, unknowns that have no more left)."""
     if not absolute:
         return None, frozenset()
-    from tune.optimisation.saturation import saturated, witness_of
+    from tune.optimisation.saturation import saturated_unknowns, witness_of
 
     margin = MARGINS[scene.margin]
     gains = [
         witness_of(each, margin, slack).gain for names, each in absolute.items() if name in names
     ]
-    return min(gains, default=None), saturated(problem, absolute)
+    return min(gains, default=None), saturated_unknowns(problem, absolute)
 
 
 def _jitter(

@@ -79,7 +79,7 @@ def _largest_first(unknowns: Sequence[Unknown]) -> Iterator[frozenset[str]]:
             yield frozenset(chosen)
 
 
-def any_allowed(problem: Problem) -> FloatArray | None:
+def feasible_sizes(problem: Problem) -> FloatArray | None:
     """Some setting that every limit allows, each effect at its least or above.
 
     None if none is found: on rays first, then where the most broken limit is the least broken.

@@ -57,7 +57,10 @@ class LinearLimits:
 
     @classmethod
     def of(cls, rows: Iterable[tuple[LinearWord, FloatArray]], unknowns: int) -> LinearLimits:
-        """The rows that can bind: without a positive coefficient one never does."""
+        """The rows that can bind, each of shape (unknowns,).
+
+        A row without a positive coefficient never does.
+        """
         kept: list[tuple[LinearWord, FloatArray]] = [
             (word, row) for word, row in rows if np.any(row > 0)
         ]
@@ -70,7 +73,10 @@ class LinearLimits:
         return np.tensordot(self.rows, sizes, axes=1)
 
     def bounds(self, sizes: FloatArray, index: int) -> dict[LinearWord, float]:
-        """How large one unknown may be beside the others as they are, by the limit; inf if any."""
+        """How large one unknown may be beside the others as they are, by the limit; inf if any.
+
+        Sizes have shape (unknowns,).
+        """
         found: dict[LinearWord, float] = {}
         rest = sizes.copy()
         rest[index] = 0.0

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.certified import Multiplier
@@ -23,8 +22,6 @@ from tune.optimisation.region import Region
 from tune.rendering.ripple import force_ripple
 from tune.stability.bracketing import last_within
 from tune.stability.verdict import stable_values
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

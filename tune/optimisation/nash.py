@@ -126,7 +126,10 @@ class Search:
     def raise_rank(
         self, active: NDArray[np.bool_], fixed: NDArray[np.bool_], starts: Sequence[FloatArray]
     ) -> None:
-        """The largest product of the steps of the active unknowns, those before them fixed."""
+        """The largest product of the steps of the active unknowns, those before them fixed.
+
+        Both masks and every start have shape (unknowns,).
+        """
         high = self.problem.high
         if np.all(self.sizes[active] >= high[active] * (1 - SAME)):
             return  # no solver is needed for what cannot be wanted any larger
@@ -173,7 +176,7 @@ class Search:
         return True
 
     def rank(self, active: NDArray[np.bool_], fixed: NDArray[np.bool_]) -> Rank:
-        """What is raised, between which ends."""
+        """What is raised, between which ends; both masks have shape (unknowns,)."""
         here = np.log(self.sizes)
         return Rank(
             weights=np.where(active, [u.weight for u in self.problem.unknowns], 0.0),
@@ -182,11 +185,11 @@ class Search:
         )
 
     def value(self, sizes: FloatArray, rank: Rank) -> float:
-        """The logarithm of the product that is raised."""
+        """The logarithm of the product that is raised, at sizes of shape (unknowns,)."""
         return self.program.product(sizes, rank.weights)[0]
 
     def ease(self, active: NDArray[np.bool_]) -> None:
-        """Give up a little of what is settled, where that is allowed."""
+        """Give up a little of what is settled, where a mask of shape (unknowns,) allows it."""
         more = active & (self.sizes < self.problem.high * (1 - SAME))
         eased = np.where(more, self.sizes * (1 - _EASE), self.sizes)
         if np.any(more) and np.all(eased >= self.problem.low) and is_feasible(self.problem, eased):

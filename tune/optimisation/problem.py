@@ -34,8 +34,8 @@ class Moment:
     Attributes:
         elements: names.
         members: indices of unknowns, for K, B and M.
-        reach: (penetration, speed, acceleration) for each unknown, in the order of ``members``;
-            None for a penetration that bounds nothing.
+        reach: (penetration, m; speed, m/s; acceleration, m/s²) for each unknown, in the order of
+            ``members``; None for a penetration that bounds nothing.
         absolute: the moment must be absolutely stable: one of its elements pushes only, or its
             force may reach the clamp.
     """
@@ -124,7 +124,10 @@ class Problem:
         return shares
 
     def effects(self, moment: Moment, sizes: FloatArray) -> Effects:
-        """The sum of effects of one moment; an effect no element has is absent."""
+        """The sum of effects of one moment; an effect no element has is absent.
+
+        Sizes have shape (unknowns,).
+        """
         total = [
             float(sum(self.unknowns[i].sign * sizes[i] for i in indices)) if indices else None
             for indices in moment.members

@@ -27,7 +27,7 @@ class PlantPoint:
     """A point of the uncertain region: one device with one hand, SI units.
 
     Attributes:
-        position_stiffness: slope of the device's own force by position.
+        position_stiffness: slope of the device's own force by position, N/m.
         modes: (frequency in Hz, damping ratio) of each mode of the mechanism.
         hand: (mass, damping, stiffness), or None for the device alone.
     """

@@ -72,7 +72,7 @@ class Saturation:
 
     @classmethod
     def of(cls, problem: Problem, sizes: FloatArray, found: AllFound) -> Saturation:
-        """With the multipliers that were found at some sizes."""
+        """With the multipliers that were found at some sizes, shape (unknowns,)."""
         parts: list[tuple[Moment, Responses, Multiplier]] = []
         for moment in saturation_constraints(problem):
             _, steady = split_moment(problem, moment, sizes)
@@ -127,7 +127,7 @@ def absolutely_stable(
     unbound = any(np.array_equal(best, sizes) for sizes in starts[:1])
     if len(problem.unknowns) > 1 and not unbound and np.all(best >= problem.low):
         for _ in range(_TURNS):
-            more = Saturation.of(problem, best, multipliers_found(problem, best))
+            more = Saturation.of(problem, best, search_gains(problem, best))
             answer = largest_product(problem, backends, [best * (1 - ROOM)], [more]).sizes
             if answer is None:
                 break
@@ -141,12 +141,12 @@ def absolutely_stable(
     if _product(problem, grown) > _product(problem, best):
         best = grown
     best = np.array([_floored(float(size)) for size in best])
-    return best, multipliers_found(problem, best)
+    return best, search_gains(problem, best)
 
 
 def _grown(problem: Problem, sizes: FloatArray) -> FloatArray:
     """Springs and dampers scaled alike to what absolute stability leaves, where that is allowed."""
-    found = multipliers_found(problem, sizes)
+    found = search_gains(problem, sizes)
     spare = min((each.gain for each in found.values()), default=0.0)
     trial = sizes.copy()
     members = sorted(
@@ -177,7 +177,7 @@ def _floored(size: float) -> float:
     return round_to_digits(float(np.floor(size / unit) * unit))
 
 
-def multipliers_found(problem: Problem, sizes: FloatArray) -> AllFound:
+def search_gains(problem: Problem, sizes: FloatArray) -> AllFound:
     """`search_gain` of every moment that is one-sided.
 
     Sizes have shape (unknowns,), SI units.
@@ -193,7 +193,7 @@ def saturation_constraints(problem: Problem) -> list[Moment]:
     return [moment for moment in problem.moments if moment.absolute]
 
 
-def saturated(problem: Problem, found: AllFound) -> frozenset[int]:
+def saturated_unknowns(problem: Problem, found: AllFound) -> frozenset[int]:
     """Unknowns of the moments that have no more than the margin of absolute stability."""
     return frozenset(
         index

@@ -18,7 +18,7 @@ from tune.loop.filters import Filters
 from tune.optimisation.backends import Backend
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.describe import bindings
-from tune.optimisation.feasible_subsets import any_allowed, feasible_subsets
+from tune.optimisation.feasible_subsets import feasible_sizes, feasible_subsets
 from tune.optimisation.nash import Optimum, largest_product, single_unknown_optimum
 from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.reasons import imperceptible, reasons_for_nothing
@@ -40,8 +40,8 @@ class Solution:
 
     Attributes:
         problem: with only the unknowns that are perceptible and feasible.
-        sizes: rounded, allowed exactly.
-        unrounded: as they were found; empty where nothing was looked for.
+        sizes: rounded, allowed exactly, shape (unknowns,).
+        unrounded: as they were found, shape (unknowns,); empty where nothing was looked for.
         dropped: reason by label of every effect that was left out.
         method: what found the answer.
         disagreement: of the solvers, in the logarithm of the product of steps.
@@ -214,7 +214,7 @@ def optimum_of(
     starts: dict[frozenset[str], FloatArray | None] = {}
 
     def feasible(labels: frozenset[str]) -> bool:
-        starts[labels] = any_allowed(posed(before | (every - labels)))
+        starts[labels] = feasible_sizes(posed(before | (every - labels)))
         return starts[labels] is not None
 
     sets = feasible_subsets(problem.unknowns, feasible)

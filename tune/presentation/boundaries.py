@@ -62,13 +62,17 @@ class Boundaries:
         return largest(self.nominal, "stiffness", Effects(damping=B, mass=_present(M)))
 
     def at_worst(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
-        """Largest stiffness that is stable at every corner of the box and delay of the device."""
+        """Largest stiffness that is stable at every corner of the box and delay of the device.
+
+        N/m, of the broadcast shape of damping and mass.
+        """
         return self._least(damping, mass, (1.0,), late=False)
 
     def with_margin(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
         """Largest stiffness stable at every corner with the extra delay, at gains up to the margin.
 
-        Judged at a few gains from zero up; the certificate judges them all.
+        N/m, of the broadcast shape of damping and mass. Judged at a few gains from zero up; the
+        certificate judges them all.
         """
         return self._least(damping, mass, self._gains(), late=True)
 

@@ -47,8 +47,8 @@ class Surface:
 
     Attributes:
         axes: damping, mass, stiffness.
-        damping: of the lines, in rising order.
-        mass: of the lines, in rising order.
+        damping: of the lines, in rising order, 0 to 1.
+        mass: of the lines, in rising order, 0 to 1.
         margin: height with the whole margin, one row a mass.
         worst: height at the worst corner of the box, cut at the top.
         elements: where each is.

@@ -130,7 +130,7 @@ def impedances(
     return Impedances(stiffness=force, damping=velocity * force, mass=acceleration * force)
 
 
-def rendered(
+def rendered_mass_and_damping(
     device: Device, filters: Filters, *, stiffness: float, damping: float, mass: float
 ) -> Rendered:
     """The apparent mass and damping that an element adds to the device.

@@ -71,7 +71,7 @@ class ThresholdCurve(Document):
         return self
 
     def rms(self, frequency_hz: FloatArray) -> FloatArray:
-        """Threshold at given frequencies (Hz), m rms."""
+        """Threshold at given frequencies (Hz), m rms, of the same shape."""
         frequencies = np.log([point.frequency_hz for point in self.points])
         displacements = np.log([point.displacement for point in self.points])
         scale = np.sqrt(0.5) if self.amplitude == "peak" else 1.0

@@ -30,7 +30,10 @@ class Judge(Protocol):
     block: int
 
     def judge(self, values: tuple[FloatArray, ...], verdict: VerdictArray) -> None:
-        """Write the verdict of each point; values are flat arrays of one length, one an effect."""
+        """Write the verdict of each point, shape (points,), from the values of each effect there.
+
+        There is one array of values an effect, each of shape (points,).
+        """
         ...
 
 
@@ -70,7 +73,10 @@ class Table:
         self._good, self._bad, self._flag = np.empty((3, self.block), dtype=np.bool_)
 
     def judge(self, values: tuple[FloatArray, ...], verdict: VerdictArray) -> None:
-        """Write the verdict of each point."""
+        """Write the verdict of each point, shape (points,), from the values of each effect there.
+
+        There is one array of values an effect, each of shape (points,).
+        """
         count = verdict.size
         points = self._points[:, :count]
         for row, value in zip(points[1:], values, strict=True):
@@ -144,7 +150,10 @@ class Quartic:
         self._flags = np.empty((2, self.block), dtype=np.bool_)
 
     def judge(self, values: tuple[FloatArray, ...], verdict: VerdictArray) -> None:
-        """Write the verdict of each point; values are flat arrays of one length, one an effect."""
+        """Write the verdict of each point, shape (points,), from the values of each effect there.
+
+        There is one array of values an effect, each of shape (points,).
+        """
         count = verdict.size
         points = self._points[:, :count]
         for row, value in zip(points[1:], values, strict=True):

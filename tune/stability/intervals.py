@@ -27,7 +27,7 @@ _BEYOND, _ROUGH_POLISHES = 1.01, 2
 
 
 class Intervals(NamedTuple):
-    """Open intervals of a gain or a size, stable strictly inside.
+    """Open intervals of a gain or a size, stable strictly inside; shape (intervals, *shape).
 
     Attributes:
         low: lower ends; 0 where the interval is connected to zero.
@@ -103,7 +103,7 @@ def stable_up_to(
 
 
 class StabilityLimits(NamedTuple):
-    """How a family of polynomials ceases to be stable below or beyond some s.
+    """How a family of polynomials, shape (loops,), ceases to be stable below or beyond some s.
 
     Attributes:
         end: upper end of the last stable interval that begins below; 0 if nothing small is stable.

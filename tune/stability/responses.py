@@ -31,10 +31,10 @@ class Responses:
 
     Attributes:
         loop: of shape (loops,).
-        angle: θ in (0, π], of shape (points,), or (loops, points) where each has its own.
+        angle: θ in (0, π], rad, shape (points,), or (loops, points) where each has its own.
         position: measured position over force in T²/m, (loops, points).
-        velocity: estimate over position, in 1/T.
-        acceleration: estimate over position, in 1/T².
+        velocity: estimate over position, in 1/T, (loops, points).
+        acceleration: estimate over position, in 1/T², (loops, points).
         steady: effects that act on every loop without being switched; None for none.
         levels: parts of them at which each loop is looked at.
     """

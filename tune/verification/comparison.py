@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
 from tune.certificate.refusal import refuse_unbalanced
@@ -26,10 +25,8 @@ from tune.verification.measured_delay import MeasuredDelay, judge_delay, unknown
 from tune.verification.measured_law import MeasuredLaw, judge_law
 from tune.verification.measured_motion import MeasuredMotion, judge_motion
 from tune.verification.measured_ripple import judge_ripple
-from tune.verification.outcome import Outcome, not_assessed
+from tune.verification.outcome import Outcome, unassessed_outcome
 from tune.verification.variants import Log
-
-FloatArray = NDArray[np.float64]
 
 #: Count of the log against the encoder of the device.
 _COUNT_TOLERANCE = 0.02
@@ -158,7 +155,7 @@ def verify(
     cutoffs: tuple[MeasuredCutoff, ...] = ()
     if law.effects is None or law.gain <= 0:
         why = "no law is known that was played"
-        rest = tuple(not_assessed(check, why) for check in _OF_THE_MOTION)
+        rest = tuple(unassessed_outcome(check, why) for check in _OF_THE_MOTION)
         delay = unknown_delay(why)
     else:
         try:
@@ -173,7 +170,7 @@ def verify(
             else:
                 delay = unknown_delay("the law is not the profile's")
         except LoopError as error:  # the law was compared all the same
-            rest = tuple(not_assessed(check, str(error)) for check in _OF_THE_MOTION)
+            rest = tuple(unassessed_outcome(check, str(error)) for check in _OF_THE_MOTION)
             delay = unknown_delay(str(error))
     filters = tuple(each.outcome for each in cutoffs)
     return Verification(
@@ -248,12 +245,12 @@ def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
     length = UNITS[profile.device.motion]["length"]
     known = profile.device.encoder_resolution
     if known is None:
-        return not_assessed("encoder", "the resolution is not in the device")
+        return unassessed_outcome("encoder", "the resolution is not in the device")
     apart = np.diff(np.unique(trajectory.position))
     counts = np.rint(apart / apart.min())
     count = float(np.sum(apart) / np.sum(counts))  # the mean, as readings may have few digits
     if np.any(np.abs(apart / count - counts) > _ON_GRID):
-        return not_assessed("encoder", "the positions lie on no grid")
+        return unassessed_outcome("encoder", "the positions lie on no grid")
     ratio = count / known.value
     agrees = abs(ratio - 1) <= _COUNT_TOLERANCE
     return Outcome(
@@ -280,7 +277,7 @@ def _ripple(
     unit: str,
 ) -> Outcome:
     if motion.release is None or motion.measured is None or motion.prediction is None:
-        return not_assessed("ripple", "no free motion is seen")
+        return unassessed_outcome("ripple", "no free motion is seen")
     known = profile.device.encoder_resolution
     nominal = motion.prediction.nominal
     free = slice(motion.release.first, motion.release.end)

@@ -40,8 +40,8 @@ class FreeMotion:
         decay_half: half-width of its 95 % interval, 1/s.
         friction: x_f, Coulomb friction over stiffness, m; None where the log does not tell it.
         misfit: rms of what one mode leaves, part of the rms about the mean.
-        fitted: the fit on its rows, m.
-        rows: those rows of the log.
+        fitted: the fit on its rows, m, shape (rows,).
+        rows: those rows of the log, shape (rows,).
     """
 
     frequency: float

@@ -35,7 +35,7 @@ class Kept:
     lost_at: float | None
 
 
-def margin_kept(
+def judge_margin(
     profile: Design, moment: tuple[str, ...], filters: tuple[Filters, ...], allowed: ConsistentLoops
 ) -> Kept:
     """Judge one moment, at the gain of the profile, on all allowed loops.

@@ -88,7 +88,7 @@ def measured_cutoffs(log: Log, loop: LoopProfile, effects: Effects) -> tuple[Mea
     return tuple(found)
 
 
-def filters_allowed(loop: LoopProfile, cutoffs: tuple[MeasuredCutoff, ...]) -> tuple[Filters, ...]:
+def allowed_filters(loop: LoopProfile, cutoffs: tuple[MeasuredCutoff, ...]) -> tuple[Filters, ...]:
     """The stated filters, and every corner of the intervals of their cut-offs."""
     every = [filters_of(loop)]
     for each in cutoffs:

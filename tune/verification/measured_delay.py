@@ -11,9 +11,9 @@ from tune.documents.profile import Design
 from tune.loop.filters import Filters
 from tune.verification.consistent_loops import ConsistentLoops, MeasuredMode, Modes
 from tune.verification.elements import moment_in_words, moments_of
-from tune.verification.margins_kept import Kept, margin_kept
-from tune.verification.measured_cutoffs import MeasuredCutoff, filters_allowed
-from tune.verification.outcome import Outcome, not_assessed
+from tune.verification.margins_kept import Kept, judge_margin
+from tune.verification.measured_cutoffs import MeasuredCutoff, allowed_filters
+from tune.verification.outcome import Outcome, unassessed_outcome
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,10 +56,10 @@ def judge_delay(
     """
     if mode.frequency is None and mode.decay is None:
         return unknown_delay("neither frequency nor decay of free motion is known")
-    filters = filters_allowed(loop, cutoffs)
+    filters = allowed_filters(loop, cutoffs)
     extra = profile.margin.extra_delay_samples
     allowed = Modes(profile.device, filters[0], effects, extra=extra).allow(mode)
-    played = margin_kept(profile, moment, filters, allowed)
+    played = judge_margin(profile, moment, filters, allowed)
     return MeasuredDelay(
         allowed=allowed, played=played, filters=filters, outcome=_outcome(profile, allowed, played)
     )
@@ -75,13 +75,15 @@ def margins_of_others(
     others = [moment for moment in moments_of(profile, None) if moment != seen.played.moment]
     for number, moment in enumerate(others, 1):
         say(f"what the log tells of {moment_in_words(moment)} ({number} of {len(others)})")
-        found.append(margin_kept(profile, moment, seen.filters, seen.allowed))
+        found.append(judge_margin(profile, moment, seen.filters, seen.allowed))
     return tuple(found)
 
 
 def unknown_delay(why: str) -> MeasuredDelay:
     """Nothing is known of the delay, and why."""
-    return MeasuredDelay(allowed=None, played=None, filters=(), outcome=not_assessed("delay", why))
+    return MeasuredDelay(
+        allowed=None, played=None, filters=(), outcome=unassessed_outcome("delay", why)
+    )
 
 
 def delays_in_words(low: float, high: float) -> str:

@@ -17,7 +17,7 @@ from tune.verification.decimal_digits import WHOLE, decimal_digit
 from tune.verification.elements import effects_of, moment_in_words, scale_effects
 from tune.verification.explanations import EXPLAINS, MATERIAL_SIZE, Explanation, explain
 from tune.verification.law import LawFit, fit_scaled, noise_gain
-from tune.verification.outcome import Outcome, not_assessed
+from tune.verification.outcome import Outcome, unassessed_outcome
 from tune.verification.variants import Log
 
 FloatArray = NDArray[np.float64]
@@ -51,7 +51,7 @@ class MeasuredLaw:
         effects: as played; None where no law explains the force.
         gain: part of the profile's effects, by its own law; nan where the law is another.
         predicted: force of the profile's own law at its best gain, N, nan where not used; (n,).
-        used: rows the law was judged on.
+        used: rows the law was judged on, shape (n,).
         outcomes: "law" and "gain".
     """
 
@@ -87,8 +87,10 @@ def judge_law(
     columns = log.columns(profile.loop)
     if columns is None or columns.scale == 0:
         why = f"{np.count_nonzero(log.used)} rows are neither saturated nor outside of the wall"
-        outcome = not_assessed("law", why, "Log a longer stretch, or play a lower gain.")
-        return _unseen(profile, moments[0], log, (outcome, not_assessed("gain", "no law is seen")))
+        outcome = unassessed_outcome("law", why, "Log a longer stretch, or play a lower gain.")
+        return _unseen(
+            profile, moments[0], log, (outcome, unassessed_outcome("gain", "no law is seen"))
+        )
     fits = {moment: fit_scaled(columns, each) for moment, each in effects.items()}
     alike = _alike(fits, gain, _SINGLE * columns.scale)
     moment = alike[0]
@@ -116,10 +118,10 @@ def judge_law(
             gain=float("nan"),
             predicted=predicted,
             used=log.used,
-            outcomes=(outcome, not_assessed("gain", "the law is not the profile's")),
+            outcomes=(outcome, unassessed_outcome("gain", "the law is not the profile's")),
         )
     if not agrees:
-        unsaid = (outcome, not_assessed("gain", "no law explains the force"))
+        unsaid = (outcome, unassessed_outcome("gain", "no law explains the force"))
         return _unseen(profile, moment, log, unsaid)
     return MeasuredLaw(
         moment=moment,

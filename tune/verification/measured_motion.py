@@ -23,7 +23,7 @@ from tune.verification.motion_outcomes import (
     frequency_tolerance,
     judge_decay,
 )
-from tune.verification.outcome import Outcome, not_assessed
+from tune.verification.outcome import Outcome, unassessed_outcome
 from tune.verification.prediction import Prediction, binding_stiffness, predict
 from tune.verification.release import Release, find_release
 
@@ -156,11 +156,13 @@ def _unsprung(
     top = int(np.argmax(speed[release.first : release.end])) + release.first
     slow = np.flatnonzero(speed[top:] < _SLOW * speed[top])
     end = top + int(slow[0]) if slow.size else position.size
-    no_frequency = not_assessed("frequency", "nothing holds the position, so nothing oscillates")
+    no_frequency = unassessed_outcome(
+        "frequency", "nothing holds the position, so nothing oscillates"
+    )
     if end - top < _FEWEST_ROWS:
         rows = end - top
         why = f"the handle moves freely for {rows} rows only"
-        decay = not_assessed("decay", why, LOUDER, rows=rows)
+        decay = unassessed_outcome("decay", why, LOUDER, rows=rows)
         return MeasuredMotion(
             release=None, measured=None, prediction=prediction, outcomes=(no_frequency, decay)
         )
@@ -182,7 +184,7 @@ def _growing(release: Release, prediction: Prediction) -> MeasuredMotion:
         measured=None,
         prediction=prediction,
         outcomes=(
-            not_assessed("frequency", "the motion grows"),
+            unassessed_outcome("frequency", "the motion grows"),
             Outcome(
                 check="decay",
                 verdict="disagrees",
@@ -207,7 +209,10 @@ def _not_one_mode(measured: FreeMotion, release: Release, prediction: Prediction
         release=release,
         measured=measured,
         prediction=prediction,
-        outcomes=(not_assessed("frequency", why, remedy), not_assessed("decay", why, remedy)),
+        outcomes=(
+            unassessed_outcome("frequency", why, remedy),
+            unassessed_outcome("decay", why, remedy),
+        ),
     )
 
 
@@ -216,5 +221,8 @@ def _unseen(why: str, remedy: str, prediction: Prediction) -> MeasuredMotion:
         release=None,
         measured=None,
         prediction=prediction,
-        outcomes=(not_assessed("frequency", why, remedy), not_assessed("decay", why, remedy)),
+        outcomes=(
+            unassessed_outcome("frequency", why, remedy),
+            unassessed_outcome("decay", why, remedy),
+        ),
     )

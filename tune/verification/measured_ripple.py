@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
 from tune.loop.loop import Loop
-from tune.verification.outcome import Outcome, not_assessed
+from tune.verification.outcome import Outcome, unassessed_outcome
 
 FloatArray = NDArray[np.float64]
 
@@ -63,16 +63,16 @@ def judge_ripple(
     from scipy.signal import butter, sosfiltfilt, sosfreqz
 
     if resolution is None:
-        return not_assessed("ripple", "the encoder resolution is not known")
+        return unassessed_outcome("ripple", "the encoder resolution is not known")
     nyquist = 0.5 / sample_time
     edge = max(_ABOVE_MOTION * motion_hertz, _LOWEST_EDGE * nyquist)
     if edge > (1 - _NARROWEST) * nyquist:
         why = f"the motion reaches {motion_hertz:.3g} Hz, no band is above"
-        return not_assessed("ripple", why, reached_hz=motion_hertz)
+        return unassessed_outcome("ripple", why, reached_hz=motion_hertz)
     spare = int(max(_MARGIN / edge, _RUNG / ringing) / sample_time) + 1
     if force.size < 2 * spare + _FEWEST_ROWS:
         why = f"the handle moves freely for {force.size} rows only"
-        return not_assessed("ripple", why, rows=force.size)
+        return unassessed_outcome("ripple", why, rows=force.size)
     sections = butter(_ORDER, edge / nyquist, "highpass", output="sos")
     turn = (np.arange(_PLACES) + 0.5) * np.pi / _PLACES
     _, answer = sosfreqz(sections, turn)
@@ -80,7 +80,7 @@ def judge_ripple(
     power = _force_per_position(loop, effects, turn) ** 2
     predicted = resolution * float(np.sqrt(np.mean(power * weight) / 12))
     if predicted < force_digit:
-        return not_assessed(
+        return unassessed_outcome(
             "ripple",
             f"{predicted:.2g} {unit} are predicted, the force is logged to {force_digit:g}",
             predicted=predicted,
@@ -95,7 +95,7 @@ def judge_ripple(
     count = int(np.count_nonzero(moving))
     if count < _FEWEST_ROWS:
         why = f"the handle moves by half a count a sample or more for {count} rows only"
-        return not_assessed("ripple", why, rows=count)
+        return unassessed_outcome("ripple", why, rows=count)
     rapid = np.asarray(sosfiltfilt(sections, force), dtype=np.float64)[moving]
     seen = float(np.sqrt(np.mean(rapid * rapid)))
     agrees = 1 / (1 + TOLERANCE) <= seen / predicted <= 1 + TOLERANCE

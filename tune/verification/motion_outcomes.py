@@ -10,7 +10,7 @@ from identification import Device, quantity
 from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
 from tune.verification.free_motion import FreeMotion
-from tune.verification.outcome import Outcome, not_assessed
+from tune.verification.outcome import Outcome, unassessed_outcome
 from tune.verification.prediction import Prediction, binding_stiffness, slowest
 from tune.verification.release import Release
 
@@ -45,14 +45,18 @@ def frequency_outcome(
     turns = len(release.turns)
     if turns == 0:
         if low == 0:
-            return not_assessed("frequency", "the motion does not oscillate, which is predicted")
+            return unassessed_outcome(
+                "frequency", "the motion does not oscillate, which is predicted"
+            )
         if _swing_back(release, prediction, effects, device) < _CLEARLY * release.clear:
             why = "the handle does not swing back, and is hardly predicted to"
-            return not_assessed("frequency", why)
+            return unassessed_outcome("frequency", why)
     elif measured.frequency_half > _WIDEST * max(nominal, measured.frequency):
         why = f"it is seen as {measured.frequency:.4g} ± {measured.frequency_half:.2g} Hz only"
         half = measured.frequency_half
-        return not_assessed("frequency", why, LOUDER, seen=measured.frequency, seen_half_width=half)
+        return unassessed_outcome(
+            "frequency", why, LOUDER, seen=measured.frequency, seen_half_width=half
+        )
     tolerance = frequency_tolerance(prediction)
     agrees = turns > 0 and (
         measured.frequency + measured.frequency_half >= low * (1 - tolerance)
@@ -160,10 +164,10 @@ def judge_decay(
     nominal = prediction.nominal.decay
     seen = f"{measured.decay:.4g} ± {measured.decay_half:.2g} 1/s{apart}"
     if not turns and prediction.nominal.frequency > 0:
-        return not_assessed("decay", "the handle comes to rest within half a swing", LOUDER)
+        return unassessed_outcome("decay", "the handle comes to rest within half a swing", LOUDER)
     numbers = {"seen": measured.decay, "seen_half_width": measured.decay_half}
     if measured.decay_half > _WIDEST * max(nominal, abs(measured.decay)):
-        return not_assessed("decay", f"it is seen as {seen} only", LOUDER, **numbers)
+        return unassessed_outcome("decay", f"it is seen as {seen} only", LOUDER, **numbers)
     slack = DECAY_TOLERANCE * nominal
     agrees = (
         measured.decay + measured.decay_half >= low - slack

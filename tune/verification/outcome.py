@@ -45,6 +45,6 @@ class Outcome:
         return f"{self.told}{allowed}. {self.remedy}".rstrip()
 
 
-def not_assessed(check: str, why: str, remedy: str = "", **numbers: float) -> Outcome:
+def unassessed_outcome(check: str, why: str, remedy: str = "", **numbers: float) -> Outcome:
     """Nothing is claimed, and why; with the numbers that the words name."""
     return Outcome(check=check, verdict="not assessed", seen=why, remedy=remedy, numbers=numbers)

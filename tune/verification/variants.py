@@ -33,7 +33,7 @@ class Log:
     Attributes:
         force: N, shape (n,).
         position: m, shape (n,).
-        used: rows neither saturated nor outside of a one-sided wall.
+        used: rows neither saturated nor outside of a one-sided wall, shape (n,).
     """
 
     force: FloatArray

@@ -40,7 +40,7 @@ class Case:
 
 
 def cases(seed: int, codes: Collection[str] | None = None) -> tuple[Case, ...]:
-    """Three logs for each finding code, 60 in all; for some codes only, if they are named."""
+    """Three logs for each finding code; for some codes only, if they are named."""
     first, second, third = machines.good(seed)
     three = (first, second, third)
     broken: dict[str, Callable[[], tuple[RawLog, ...]]] = {

@@ -20,7 +20,7 @@ class Rank:
     Attributes:
         weights: of the logarithms of steps in the sum that is maximised, shape (unknowns,).
         lower: of log-sizes, shape (unknowns,); equal to ``upper`` where a size is fixed.
-        upper: of log-sizes.
+        upper: of log-sizes, shape (unknowns,).
         routh: judge stability by Routh's ratios at the full gain instead of by the exact reach,
             for they are smooth where two branches of its boundary meet. Some solvers always do.
     """

@@ -20,7 +20,10 @@ class Ipopt:
     name = "ipopt"
 
     def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
-        """See `tune.optimisation.backends.Backend`. Bounded to 150 iterations and 2 s."""
+        """Log-sizes, shape (unknowns,), from a start of that shape; None where it gave up.
+
+        It stops after 150 iterations or 2 s.
+        """
         answer = program.functions.ipopt(
             x0=np.clip(start - _RETREAT, rank.lower, rank.upper),
             p=np.concatenate([program.parameters, rank.weights]),

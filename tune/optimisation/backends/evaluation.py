@@ -51,7 +51,7 @@ class Evaluation:
             self._buffer.set_res(place, memoryview(cast("Any", answer)))
 
     def at(self, y: FloatArray) -> Evaluation:
-        """Itself, evaluated at log-sizes y."""
+        """Itself, evaluated at log-sizes y, shape (unknowns,)."""
         if not np.array_equal(y, self._y):
             self._y[:] = y
             sizes = np.exp(y)

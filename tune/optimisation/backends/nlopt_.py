@@ -39,7 +39,7 @@ class Slsqp:
     name: str = "slsqp"
 
     def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
-        """See `tune.optimisation.backends.Backend`."""
+        """Log-sizes, shape (unknowns,), from a start of that shape; None where it gave up."""
         program_at = Evaluation(program, rank)
         best: list[tuple[float, FloatArray]] = []
 

@@ -48,12 +48,13 @@ class Program:
 
     Attributes:
         functions: shared by all problems of the structure.
-        parameters: of this problem, without the weights of a rank; those of the loops come last.
+        parameters: of this problem, without the weights of a rank, shape (parameters,); those of
+            the loops come last.
         plain: how many of them belong to no loop.
         families: of constraints that give their own slopes; the reach of stability first.
         signs: of the unknowns, shape (unknowns,).
-        references: of the steps.
-        per_step: 1/ln(1 + w).
+        references: of the steps, shape (unknowns,).
+        per_step: 1/ln(1 + w), no unit, shape (unknowns,).
     """
 
     functions: Functions
@@ -65,7 +66,10 @@ class Program:
     per_step: FloatArray
 
     def product(self, sizes: FloatArray, weights: FloatArray) -> tuple[float, FloatArray]:
-        """The weighted sum of the logarithms of steps, and its gradient in log-sizes."""
+        """The weighted sum of the logarithms of steps, and its gradient in log-sizes.
+
+        Sizes, weights and gradient have shape (unknowns,).
+        """
         relative = self.signs * sizes / self.references
         heights = np.log1p(relative)
         used = weights > 0

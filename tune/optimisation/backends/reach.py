@@ -34,7 +34,7 @@ class Reach:
             (degree+1, corners) and (3, degree+1, corners) in K, B and M.
         grounded: whether device or hand bind the position, by loop.
         shares: what each unknown adds to K, B and M of the moments with a spring and of those
-            without, (moments, 3, unknowns).
+            without, shape (moments, 3, unknowns) each.
         gain: that must be stable.
     """
 

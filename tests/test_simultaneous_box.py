@@ -1,0 +1,133 @@
+"""The simultaneous box: as sure as it says, and as wide as Hotelling's T² asks for."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.special import chdtri, fdtri
+
+from identification import Covariance, InvalidInputError, Quantity, quantity
+from identification.device.box import widening
+from identification.estimators.intervals import NORMAL_95
+from tests.bare_device import BEYOND, device
+
+
+def joint(freedom: float) -> Covariance:
+    matrix = np.array([[0.01**2, -0.5 * 0.01 * 0.2], [-0.5 * 0.01 * 0.2, 0.2**2]])
+    return Covariance(
+        parameters=("mass", "damping"),
+        matrix=tuple(tuple(row) for row in matrix.tolist()),
+        degrees_of_freedom=freedom,
+    )
+
+
+@pytest.mark.parametrize("freedom", [12.0, 59.0, 1e9])
+def test_the_box_holds_both_at_once_999_times_in_1000(freedom: float) -> None:
+    """Draws from the joint distribution itself: the box is at least as sure as it says."""
+    from scipy.stats import t
+
+    generator = np.random.default_rng(0)
+    covariance = joint(freedom)
+    normal = generator.multivariate_normal(np.zeros(2), np.array(covariance.matrix), 400_000)
+    draws = normal / np.sqrt(generator.chisquare(freedom, (400_000, 1)) / freedom)
+    half = t.ppf(0.975, freedom) * np.array([0.01, 0.2])
+    found = device(
+        mass={"value": 3.0, "low": 3.0 - half[0], "high": 3.0 + half[0]},
+        damping={"value": 10.0, "low": 10.0 - half[1], "high": 10.0 + half[1]},
+        covariance=covariance.model_dump(),
+    )
+    box = found.simultaneous_box()
+    # The truth lies at the estimate less the error.
+    mass, damping = 3.0 - draws[:, 0], 10.0 - draws[:, 1]
+    inside = (box.mass[0] <= mass) & (mass <= box.mass[1])
+    inside &= (box.damping[0] <= damping) & (damping <= box.damping[1])
+    assert inside.mean() >= 0.999 - 3 * np.sqrt(0.001 / draws.shape[0])
+
+
+def test_the_box_of_exact_numbers_is_a_point() -> None:
+    box = device().simultaneous_box()
+    assert box.mass == (3.0, 3.0)
+    assert box.damping == (10.0, 10.0)
+
+
+def test_the_box_spans_both_directions() -> None:
+    """Half-widths times sqrt(χ²(0.999, k))/1.96; χ² of 6 quantities from printed tables: 22.458."""
+    ranged = {
+        "mass": {"value": 3.0, "low": 2.9, "high": 3.1},
+        "damping": {"value": 10.0, "low": 9.8, "high": 10.2},
+        "coulomb_friction": {"value": 0.8, "low": 0.7, "high": 0.9},
+        "force_offset": {"value": 0.0, "low": -0.1, "high": 0.1},
+        "damping_by_direction": BEYOND["damping_by_direction"],
+    }
+    factor = np.sqrt(22.458) / 1.96
+    box = device(**ranged).simultaneous_box()
+    assert box.damping == pytest.approx((9.0 - 0.5 * factor, 12.0 + 1.0 * factor), rel=1e-4)
+    wide = {"value": 10.0, "low": 0.0, "high": 20.0}
+    hull = device(**ranged | {"damping": wide}).simultaneous_box()
+    assert hull.damping == pytest.approx((10.0 - 10 * factor, 10.0 + 10 * factor), rel=1e-4)
+
+
+@pytest.mark.parametrize("key", BEYOND)
+def test_every_uncertain_quantity_widens_the_box(key: str) -> None:
+    """All of them are to lie inside at once, so one more makes each interval wider."""
+    known = {
+        "mass": {"value": 3.0, "low": 2.9, "high": 3.1},
+        "damping": {"value": 10.0, "low": 0.0, "high": 20.0},
+    }
+    before = device(**known).simultaneous_box()
+    after = device(**known, **{key: BEYOND[key]}).simultaneous_box()
+    # One uncertain number more is three instead of two: printed χ² 16.266 against 13.816.
+    expected = {"damping_by_direction": 18.467}.get(key, 16.266)
+    ratio = (after.damping[1] - 10.0) / (before.damping[1] - 10.0)
+    assert ratio == pytest.approx(np.sqrt(expected / 13.816), rel=1e-4)
+    assert after.mass[1] > before.mass[1]
+
+
+def test_the_box_keeps_mass_positive_and_takes_times_as_stated() -> None:
+    wide: Quantity = quantity(1.0, 0.3, 3.0)
+    box = device(mass=wide, delay=quantity(1e-3, 0.5e-3, 2e-3)).simultaneous_box()
+    assert 0 < box.mass[0] < 0.3
+    assert box.mass[1] > 3.0
+    assert box.delay == (0.5e-3, 2e-3)
+    assert box.sample_time == (1e-3, 1e-3)
+
+
+def test_too_few_degrees_of_freedom_say_so() -> None:
+    with pytest.raises(InvalidInputError, match="degrees_of_freedom"):
+        device(covariance=joint(2.0).model_dump()).simultaneous_box()
+
+
+@pytest.mark.parametrize("freedom", [4.0, 7.5, 60.0, 7990.0, np.inf])
+def test_the_box_widens_by_hotellings_quantile(freedom: float) -> None:
+    """The tail beyond the radius found, by many digits of the incomplete functions."""
+    radius = (widening(3, freedom, 0.999) * NORMAL_95) ** 2
+    with mpmath.workdps(30):
+        if np.isinf(freedom):
+            tail = mpmath.gammainc(1.5, radius / 2, regularized=True)
+        else:
+            ratio = radius / freedom  # count·F/(freedom - count + 1)
+            rest = (freedom - 2) / 2
+            tail = mpmath.betainc(rest, 1.5, 0, 1 / (1 + mpmath.mpf(ratio)), regularized=True)
+        assert float(tail) == pytest.approx(1e-3, rel=1e-11)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
+@pytest.mark.parametrize("freedom", [8.01, 9.3, 59.0, 1e4, 9e5, 2e6, np.inf])
+def test_the_box_widens_by_quantiles_of_hotelling(count: int, freedom: float) -> None:
+    """As scipy.special has those of F and χ²."""
+    squares = {
+        confidence: chdtri(count, 1 - confidence)
+        if freedom > 1e6
+        else count * freedom / (freedom - count + 1) * fdtri(count, freedom - count + 1, confidence)
+        for confidence in (0.9, 0.999)
+    }
+    for confidence, square in squares.items():
+        found = widening(count, freedom, confidence) * NORMAL_95
+        assert found == pytest.approx(np.sqrt(square), rel=1e-12)
+
+
+@pytest.mark.parametrize("freedom", [2.0, 1.0, np.nan])
+def test_too_few_degrees_of_freedom_have_no_box(freedom: float) -> None:
+    with pytest.raises(InvalidInputError, match="for 2 parameters"):
+        widening(2, freedom, 0.999)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tune.certificate.affine import FloatArray
@@ -128,6 +129,22 @@ class Setting:
 
 #: Stiffness, damping and mass, each a number or one of each cell, shape (cells,).
 Sizes = tuple[float | FloatArray, float | FloatArray, float | FloatArray]
+
+
+#: Settings examined in one run: more would take memory and save no time.
+_AT_ONCE = 64
+
+
+def groups_of_equal_effects(settings: Sequence[Setting]) -> list[list[int]]:
+    """Numbers of the settings that play the same effects, so many at most that suit one run."""
+    groups: dict[tuple[bool, ...], list[int]] = {}
+    for number, setting in enumerate(settings):
+        groups.setdefault(tuple(map(bool, setting.sizes)), []).append(number)
+    return [
+        numbers[start : start + _AT_ONCE]
+        for numbers in groups.values()
+        for start in range(0, len(numbers), _AT_ONCE)
+    ]
 
 
 def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tune.certificate.affine import FloatArray
 from tune.certificate.branch_and_bound import Claim
-from tune.certificate.point import Point, Setting
+from tune.certificate.point import Point, Setting, groups_of_equal_effects
 from tune.certificate.region import Region
 from tune.certificate.roots import Verdict, judge
 from tune.certificate.sampled_loops import Loops, sampled_loops, upper_half_circle
@@ -106,11 +106,8 @@ def worst_points_of_all(
     Returns:
         One list a setting, in their order, of one a claim.
     """
-    groups: dict[tuple[bool, ...], list[int]] = {}
-    for number, (setting, _) in enumerate(asked):
-        groups.setdefault(tuple(map(bool, setting.sizes)), []).append(number)
-    found: dict[int, list[WorstCase]] = {number: [] for number in range(len(asked))}
-    for numbers in groups.values():
+    found: list[list[WorstCase]] = [[] for _ in asked]
+    for numbers in groups_of_equal_effects([setting for setting, _ in asked]):
         settings = [asked[number][0] for number in numbers]
         boxes = [
             _Box.of(region, which, claim)
@@ -120,7 +117,7 @@ def worst_points_of_all(
         for box, candidates in _climbed(region, settings, boxes, starts, thorough):
             worst = _worst(region, settings[box.which], box, candidates)
             found[numbers[box.which]].append(worst)
-    return list(found.values())
+    return found
 
 
 def _climbed(

@@ -24,7 +24,7 @@ from tune.certificate.branch_and_bound import (
     initial_cells,
 )
 from tune.certificate.mechanism import Mechanism
-from tune.certificate.point import Setting, Sizes
+from tune.certificate.point import Setting, Sizes, groups_of_equal_effects
 from tune.certificate.region import Region
 from tune.certificate.value_set import excludes_zero, gain_vertices, value_set
 
@@ -62,11 +62,8 @@ def prove_all(
     Returns:
         One proof a setting, in their order.
     """
-    groups: dict[tuple[bool, ...], list[int]] = {}
-    for number, (setting, _) in enumerate(asked):
-        groups.setdefault(tuple(map(bool, setting.sizes)), []).append(number)
     found: dict[int, Proof] = {}
-    for numbers in groups.values():
+    for numbers in groups_of_equal_effects([setting for setting, _ in asked]):
         together = [asked[number] for number in numbers]
         proofs = _proved_at_once(region, together, most_cells) if len(together) > 1 else None
         if proofs is None:

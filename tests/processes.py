@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+#: An interrupt is ignored by what a shell starts in the background: here it is what it always is.
 _MAIN = """
-import os, sys
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from tune.cli import interruption, main
 def take_over(really=interruption.unwind_on_signals):
     {before}

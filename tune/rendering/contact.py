@@ -104,6 +104,8 @@ def _restitution(
     return _outwards(least, -1), _outwards(most, 1)
 
 
+# What grows without end stays inside, or comes out with a speed that is no number.
+@np.errstate(over="ignore", invalid="ignore")
 def restitutions(
     loop: SampledLoop, *, one_sided: bool, sample_time: float, half_period: float
 ) -> FloatArray:

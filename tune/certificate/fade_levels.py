@@ -76,10 +76,9 @@ def judge_levels(
         proof = prove_levels(region, corners, claim, most_cells)
         cells += proof.cells
         if not proof.proved:
-            hand = " in a hand" if region.hand is not None else ""
             fading = ", ".join(name for name in moment if design.elements[name].fades)
             return cells, (
-                f"{' + '.join(moment)}{hand}: not proved stable while {fading} fades in or out "
+                f"{region.words(moment)}: not proved stable while {fading} fades in or out "
                 f"beside the others, within {proof.cells} cells. Ask for less, or leave it out of "
                 "what is felt together"
             )

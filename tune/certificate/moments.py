@@ -86,10 +86,7 @@ def judge_moments(
         (setting, [each.claim for each in claims])
         for (_, setting), claims in zip(played, named, strict=True)
     ]
-    held = " in a hand" if region.hand is not None else ""
-    judged = [
-        MomentInRegion(moment=moment, where=" + ".join(moment) + held) for moment, _ in played
-    ]
+    judged = [MomentInRegion(moment=moment, where=region.words(moment)) for moment, _ in played]
     searched = worst_points_of_all(region, asked)
     for outcome, claims, found in zip(judged, named, searched, strict=True):
         for each, worst in zip(claims, found, strict=True):

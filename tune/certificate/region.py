@@ -64,6 +64,10 @@ class Region:
             self.hand is not None and self.hand.stiffness[0] > 0
         )
 
+    def words(self, moment: tuple[str, ...]) -> str:
+        """Elements that are felt at once in this region, for people."""
+        return " + ".join(moment) + (" in a hand" if self.hand is not None else "")
+
     def sides(self) -> tuple[Interval, ...]:
         """Every interval, in the order that `point` reads."""
         hand = self.hand

@@ -80,11 +80,11 @@ def judge_switched(
         failure, proof = _prove(region, switched, steady, multiplier, claim, most_cells)
         cells += 0 if proof is None else proof.cells
         if failure is not None:
-            hand = " in a hand" if region.hand is not None else ""
             return Outcome(
                 cells=cells,
-                failure=f"{where}{hand}: not proved stable as a one-sided wall up to a gain of "
-                f"{claim.gain:.6g} with {extra:.6g} extra samples of delay: {failure}. {_REMEDY}",
+                failure=f"{region.words(moment)}: not proved stable as a one-sided wall up to a "
+                f"gain of {claim.gain:.6g} with {extra:.6g} extra samples of delay: {failure}. "
+                f"{_REMEDY}",
             )
     covers = (
         *((ONE_SIDED,) if switched.stiffness else ()),

@@ -22,7 +22,6 @@ from tune.certificate.region import Region
 from tune.certificate.roots import Verdict, judge
 from tune.certificate.sampled_loops import Loops, sampled_loops, upper_half_circle
 
-#: What a climb raises, of every loop.
 #: What a climb raises, of loops at gains of shape (points,); the answer has this shape too.
 Aim = Callable[[Loops, FloatArray], FloatArray]
 

@@ -94,10 +94,8 @@ def _proved_at_once(
         return holds, np.vstack([pull, np.zeros(len(cells))])
 
     begun = Cells(
-        *(
-            np.vstack([np.hstack([getattr(part, end) for part in parts]), number])
-            for end in ("low", "high")
-        )
+        np.vstack([np.hstack([part.low for part in parts]), number]),
+        np.vstack([np.hstack([part.high for part in parts]), number]),
     )
     if not decide(begun, examine, most_cells).proved:
         return None

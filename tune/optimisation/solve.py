@@ -180,7 +180,8 @@ def optimum_of(
         filters: of the controller.
         cut: elements whose force may be cut at its limit.
         second_opinion: ask all solvers.
-        known: allowed sizes of all effects of the problem to begin with, where there are some.
+        known: sizes of all effects of a problem to begin with, allowed as far as doubles tell,
+            where there are some.
         gone: effects that are left out, with the reason.
         choosing: where effects that are possible alone are not so together, choose which are kept;
             else the optimum has no sizes there.

@@ -93,14 +93,20 @@ def faded(moment: Moment, generator: np.random.Generator) -> tuple[Axis, Law, Va
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_no_hand_is_found_that_pumps_a_fade(seed: int) -> None:
-    """Random devices with a lag or a mode and springs that stay or fade along, 15 a seed."""
+    """Random devices with a lag or a mode and springs that stay or fade along, 15 a seed.
+
+    Where only what fades binds the device, no hand waits outside of it until the device has drifted
+    away, to come back to a spring that is stretched: an element has an edge.
+    """
     generator = np.random.default_rng((seed, 31))
     left = 15
     while left:
         moment = draw_moment(generator, "all three")
         axis, law, beside, fading = faded(moment, generator)
         matrices = at_levels(Bench(axis, law, LEVELS.size))
-        if np.abs(np.linalg.eigvals(matrices[1:])).max() >= 1 - 1e-7:
+        if fading[0] and not axis.stiffness:
+            matrices = matrices[1:]
+        if np.abs(np.linalg.eigvals(matrices)).max() >= 1 - 1e-7:
             continue
         left -= 1
         found = shortest_fade([place_of(axis)], moment.filters, beside, fading)

@@ -23,25 +23,27 @@ def at_levels(bench: Bench) -> Array:
     return transitions(bench, 1.0, 0.0)
 
 
-def chased_growth(matrices: Array, samples: int, *, swings: int = 60) -> float:
+def chased_growth(matrices: Array, samples: int, *, swings: int = 100) -> float:
     """Growth a sample of the most lifted motion, each level held for so many samples.
+
+    The highest of several swings is compared with the highest of as many later ones: within a swing
+    a motion that dies out may rise.
 
     Args:
         matrices: at evenly rising levels, (levels, n, n).
         samples: of a step of the level.
-        swings: for which this goes on; what is compared is the last third of it.
+        swings: for which this goes on.
     """
     powers = np.linalg.matrix_power(matrices, samples)
     count = len(matrices)
     best = 0.0
+    steps = max(120, int(swings * 2 * longest_half_swing(matrices) / samples))
     for watched in (0, count // 2, count - 1):
         left, value = slowest_swing(matrices[watched][None])
-        turn = abs(np.angle(value[0]))
-        if not turn > 0:
+        if not abs(np.angle(value[0])) > 0:
             continue
-        steps = max(60, int(swings * 2 * np.pi / (turn * samples)))
-        steps = min(steps, 20_000)
-        state, level, grown = np.real(left[0]), count // 2, 0.0
+        state, level = np.real(left[0]), count // 2
+        grown = np.empty(steps)
         for k in range(steps):
             near = np.arange(max(level - 1, 0), min(level + 2, count))
             following = powers[near] @ state
@@ -49,8 +51,11 @@ def chased_growth(matrices: Array, samples: int, *, swings: int = 60) -> float:
             level, state = int(near[chosen]), following[chosen]
             size = float(np.linalg.norm(state))
             state = state / size
-            grown += np.log(size) if 3 * k >= 2 * steps else 0.0
-        best = max(best, float(np.exp(grown / ((steps - 2 * steps // 3) * samples))))
+            grown[k] = np.log(size)
+        sizes = np.cumsum(grown)
+        middle, span = steps // 2, steps // 6
+        early, late = sizes[middle - span : middle], sizes[-span:]
+        best = max(best, float(np.exp((late.max() - early.max()) / ((steps - middle) * samples))))
     return best
 
 

@@ -24,12 +24,15 @@ from tune.loop.state_space import Corner, SampledLoop
 
 FloatArray = NDArray[np.float64]
 Values = tuple[float, float, float]
+Spans = NDArray[np.int64]
 
 #: Steps of a fade, and those at which it may turn: where a spring fades, low levels swing slowest.
 _STEPS = 16
 _STOPS = (0, 1, 2, 4, 8, 12, 16)
 #: Waits at a stop, evenly from none to half a swing.
 _WAITS = 8
+#: rad, how far from whole half turns a period is looked at.
+_NEAR = np.linspace(-0.12, 0.12, 13)
 #: s, the first fade looked at, the ratio of each to the next, and the longest. Where turning at low
 #: levels asks for more, the device hardly loses anything, and these waves are no guide to others.
 _FIRST, _RATIO, _LONGEST, _LONGEST_WHOLE = 0.05, 2**0.5, 1.0, 5.0
@@ -139,8 +142,11 @@ class FadedLoop:
     def _grows(self, fade: float, stops: Sequence[int]) -> bool:
         count = max(1, int(fade / self.sample_time / _STEPS))
         middles = (np.arange(_STEPS) + 0.5) / _STEPS
-        steps = np.linalg.matrix_power(self.at(middles), count)
-        waits = {stop: self._waits(stop / _STEPS) for stop in stops}
+        each = self.at(middles)
+        steps = np.linalg.matrix_power(each, count)
+        turned = count * np.array([_turn(matrix) for matrix in each])
+        held = {stop: self.at(np.array([stop / _STEPS]))[0] for stop in stops}
+        turns = {stop: _turn(matrix) for stop, matrix in held.items()}
         for place, low in enumerate(stops):
             up = down = np.eye(len(self.still))
             before = low
@@ -148,9 +154,11 @@ class FadedLoop:
                 for step in steps[before:high]:
                     up, down = step @ up, down @ step
                 before = high
-                periods = (down @ waits[high])[None] @ (up @ waits[low])[:, None]
-                if not np.isfinite(periods).all() or self._radius(periods) > 1 + _GROWS:
-                    return True
+                both, fades = (turns[low], turns[high]), 2 * float(turned[low:high].sum())
+                for first, last in _waits(both, fades):
+                    periods = down @ _held(held[high], last) @ up @ _held(held[low], first)
+                    if not np.isfinite(periods).all() or self._radius(periods) > 1 + _GROWS:
+                        return True
         return False
 
     def _radius(self, periods: FloatArray) -> float:
@@ -160,12 +168,38 @@ class FadedLoop:
             values[np.arange(len(values)), np.abs(values - 1).argmin(axis=1)] = 0
         return float(np.abs(values).max())
 
-    def _waits(self, level: float) -> FloatArray:
-        """Transitions over the waits at a level, the longest half a swing that dies out last."""
-        matrix = self.at(np.array([level]))[0]
-        poles = np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
-        swings = poles[poles.imag > 0]
-        slowest = swings[np.argmax(np.abs(swings))] if swings.size else None
-        half = 0.0 if slowest is None else float(np.pi / np.angle(slowest))
-        spans = np.unique(np.linspace(0, half, _WAITS).astype(int))
-        return np.stack([np.linalg.matrix_power(matrix, int(span)) for span in spans])
+
+def _turn(matrix: FloatArray) -> float:
+    """Angle a sample of the swing that dies out last, rad; 0 where nothing swings."""
+    poles = np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
+    swings = poles[poles.imag > 0]
+    return float(np.angle(swings[np.argmax(np.abs(swings))])) if swings.size else 0.0
+
+
+def _waits(turns: tuple[float, float], fades: float) -> list[tuple[Spans, Spans]]:
+    """Pairs of waits in samples at a low and a high level, the longest half a swing at each.
+
+    Evenly, and close to those with which a period turns the swing by whole half turns: where little
+    is lost only a narrow band of periods pumps.
+
+    Args:
+        turns: angle a sample at either level, rad.
+        fades: angle over both ways, rad.
+    """
+    evenly = [
+        np.unique(np.linspace(0, np.pi / turn if turn else 0, _WAITS).astype(np.int64))
+        for turn in turns
+    ]
+    first, last = (each.ravel() for each in np.meshgrid(*evenly, indexing="ij"))
+    if not turns[1]:
+        return [(first, last)]
+    left = (-evenly[0] * turns[0] - fades) % np.pi
+    near = (left[:, None] + _NEAR) / turns[1]
+    tuned = np.maximum(np.rint(near), 0).astype(np.int64).ravel()
+    return [(first, last), (np.repeat(evenly[0], len(_NEAR)), tuned)]
+
+
+def _held(matrix: FloatArray, spans: Spans) -> FloatArray:
+    """Transitions over some waits at one level, shape (waits, states, states)."""
+    which, place = np.unique(spans, return_inverse=True)
+    return np.stack([np.linalg.matrix_power(matrix, int(span)) for span in which])[place]

@@ -187,3 +187,16 @@ def test_a_certified_wall_holds_at_every_corner(name: str, damping: dict[str, st
     moments, gains = certified_corners(optimise(load_device(name), scene), ("wall",))
     search(moments, gains)
     attack(moments, gains, repeats=40, samples=1500)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["stylus", "knob", "homerehab", "emps"])
+@pytest.mark.parametrize("damping", [{}, {"damping": "max"}])
+def test_a_wall_is_proved_in_every_hand(name: str, damping: dict[str, str]) -> None:
+    """Also where a light device on a stiff hand swings far above what its weak wall could do."""
+    wall = {"stiffness": "max", "one_sided": True, "penetration": 0.005, **damping}
+    scene = Scene.model_validate({"hand": "free-to-rigid", "elements": {"wall": wall}})
+    found = optimise(load_device(name), scene).certificate.absolute_stability
+    assert found is not None
+    assert found["wall"].free is not None
+    assert found["wall"].held is not None

@@ -275,13 +275,17 @@ def test_a_wall_is_certified_with_its_multiplier(walled: SafeProfile) -> None:
     ],
 )
 def test_forged_multipliers_prove_nothing(
-    walled: SafeProfile, change: dict[str, object] | None, sentence: str
+    walled: SafeProfile,
+    change: dict[str, object] | None,
+    sentence: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr("tune.certificate.switched._MOST_CELLS", 5000)
     stated = walled.certificate.absolute_stability or {}
     forged = {} if change is None else {"wall": stated["wall"].model_copy(update=change)}
     setting = setting_of(walled, ("wall",))
     assert setting is not None
-    outcome = judge_switched(walled, ("wall",), setting, regions_of(walled), forged, 5000)
+    outcome = judge_switched(walled, ("wall",), setting, regions_of(walled), forged)
     assert outcome.proved is None
     assert sentence in str(outcome.failure)
 

@@ -10,7 +10,7 @@ import pytest
 from identification import InvalidInputError, load_device
 from tests.wall_axis import Axis
 from tests.wall_devices import Moment, draw_moment
-from tests.wall_fades import STEPS, Fading, at_levels, chased_growth, waved_growth
+from tests.wall_fades import STEPS, Fading, Wave, at_levels, chased_growth, growth_of, waved_growth
 from tests.wall_play import Array, Bench, Law
 from tests.wall_trials import play
 from tune import Scene, optimise
@@ -68,6 +68,18 @@ def test_a_quarter_of_a_swing_is_too_fast_where_little_is_lost() -> None:
     law = Law(stiffness=SOFT, steady_mass=HEAVY * LEVELS, acceleration_pole=0.3)
     matrices = at_levels(Bench(axis, law, LEVELS.size))
     assert chased_growth(matrices, int(quarter * 1e3 / STEPS)) > 1
+
+
+def test_a_narrow_band_of_periods_that_pumps_is_found() -> None:
+    """0.9 kg with 0.2 N·s/m beside 12 N/m loses little: one wait in a hundred pumps it."""
+    axis = Axis(mass=0.885, damping=0.212, sample_time=1e-3, delay_samples=2.13)
+    law = Law(stiffness=12.26, steady_mass=0.2013 * LEVELS)
+    matrices = at_levels(Bench(axis, law, LEVELS.size))
+    assert growth_of(matrices, 3, Wave(levels=(0, STEPS), waits=(324, 384))) > 1 + 1e-5
+    assert growth_of(matrices, 3, Wave(levels=(0, STEPS), waits=(420, 420))) < 1 - 5e-5
+    found = shortest_fade([place_of(axis)], Filters(), (12.26, 0, 0), (0, 0, 0.2013))
+    assert found > 0.1
+    assert chased_growth(matrices, int(found * 1e3 / STEPS), swings=30) < 1
 
 
 def faded(moment: Moment, generator: np.random.Generator) -> tuple[Axis, Law, Values, Values]:

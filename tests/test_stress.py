@@ -26,6 +26,12 @@ def test_limits_and_verdicts_are_those_of_exact_roots(count: int) -> None:
     assert not _wrong(judged, 0, count)
 
 
+@pytest.mark.parametrize("seed", [850, 1953])
+def test_a_motion_that_dies_within_a_sample_is_not_taken_for_a_slower_one(seed: int) -> None:
+    """Mass and an unstated delay are then nearly one: the log is refused, not read as 7 times m."""
+    assert identified(seed).kind == "refused"
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("block", _BLOCKS)
 def test_what_is_tuned_is_stable_at_every_corner(block: int) -> None:

@@ -16,8 +16,9 @@ FloatArray = NDArray[np.float64]
 
 #: Longest delay looked for, sample times; a longer one is to be stated.
 MOST_SAMPLES = 4
-#: Fastest |p| searched, per sample: there the motion dies within a sample.
-_FASTEST = 2.0
+#: Fastest |p| searched, per sample: there nothing of a motion is left after one, and no log tells a
+#: faster one. A bound that a device may reach would be taken for its rate.
+_FASTEST = 50.0
 #: Fastest growth searched, per log: e^50 exceeds any travel.
 _GROWTH = 50.0
 

@@ -108,9 +108,7 @@ def certify(
         if any(design.elements[name].one_sided or design.elements[name].cut for name in moment):
             from tune.certificate.switched import judge_switched
 
-            outcome = judge_switched(
-                design, moment, setting, regions, witnesses or {}, most_cells or MOST_CELLS
-            )
+            outcome = judge_switched(design, moment, setting, regions, witnesses or {})
             found.cells += outcome.cells
             if outcome.proved is None:
                 found.failures.append(outcome.failure or "")

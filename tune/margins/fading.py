@@ -8,6 +8,7 @@ as a pendulum does from a string drawn in and let out. In the same coordinates a
 
 and a hand that enters and leaves decides l. What pumps most goes to and fro between two levels and
 waits at each for part of a half swing: the eigenvalues of one such period tell whether it grows.
+One file: a loop whose level moves, and the wave that pumps it most.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def _long_log(seed: int) -> tuple[Trajectory, Hardware, float, float]:
     b = m * 10 ** rng.uniform(-0.5, 1.5)
     T = 10 ** rng.uniform(-4, -3)
     delay = int(rng.integers(0, 3))
-    time = T * np.arange(_SAMPLES)
+    time = np.float64(T) * np.arange(_SAMPLES)
     force = np.zeros(_SAMPLES)
     for frequency in 10 ** rng.uniform(-1, 1.5, 6):
         force += np.sin(2 * np.pi * frequency * time + rng.uniform(0, 6))
@@ -40,8 +40,9 @@ def _long_log(seed: int) -> tuple[Trajectory, Hardware, float, float]:
     decay = np.exp(-b * T / m)
     slow = m / b * (1 - decay)
     speed = lfilter([0, (1 - decay) / b], [1, -decay], late)
-    place = np.concatenate(([0], np.cumsum(late / b * (T - slow) + speed * slow)[:-1]))
-    place = _COUNT * np.round(place / _COUNT + _NOISE * rng.standard_normal(_SAMPLES))
+    moved = np.cumsum(late / b * (T - slow) + speed * slow)
+    counts = np.concatenate(([0], moved[:-1])) / _COUNT + _NOISE * rng.standard_normal(_SAMPLES)
+    place = np.asarray(_COUNT * np.round(counts), dtype=np.float64)
     hardware = Hardware(
         name="long",
         motion="linear",

@@ -147,7 +147,7 @@ def test_a_long_file_without_a_reason_is_found(tmp_path: Path) -> None:
             "identify(load_trajectory('datasets_synthetic/logs/homerehab.csv'))\n",
         ),
         (
-            116,
+            117,
             "from identification import load_device\n"
             "from tune import Scene, optimise\n"
             "elements = {'wall': {'stiffness': 'max', 'damping': 'max'},"

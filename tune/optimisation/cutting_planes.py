@@ -13,6 +13,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.optimisation.linear_program import solve_linear_program
+
 FloatArray = NDArray[np.float64]
 
 #: Points at most; ten are usual.
@@ -72,19 +74,17 @@ def _highest(
     A plane that passes below the best point is no bound there, for the function is not concave
     everywhere; it is lifted onto it.
     """
-    from scipy.optimize import linprog
-
     count = best.size
     rows = np.array([np.append(-slope, 1.0) for _, _, slope in planes])
     heights = np.array([height - slope @ place for place, height, slope in planes])
     at_best = heights + np.array([slope @ best for _, _, slope in planes])
     heights += np.maximum(most - at_best, 0.0)
-    answer = linprog(
+    answer = solve_linear_program(
         np.append(np.zeros(count), -1.0),
-        A_ub=rows,
-        b_ub=heights,
-        bounds=[*zip(low, high, strict=True), (None, None)],
+        rows,
+        (np.full(len(rows), -np.inf), heights),
+        (np.append(low, -np.inf), np.append(high, np.inf)),
     )
-    if answer.x is None:
+    if answer is None:
         return best, most
-    return np.asarray(answer.x[:-1]), float(answer.x[-1])
+    return answer[:-1], float(answer[-1])

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tune.optimisation.backends import Rank
 from tune.optimisation.backends.evaluation import Evaluation
 from tune.optimisation.backends.program import Program
+from tune.optimisation.linear_program import nonnegative_combination
 
 FloatArray = NDArray[np.float64]
 
@@ -34,8 +35,6 @@ def multipliers(program: Program, rank: Rank, y: FloatArray) -> FloatArray | Non
         Shape (constraints,), zero where one does not bind; None where the setting is no optimum to
         first order.
     """
-    from scipy.optimize import nnls
-
     found = Evaluation(program, rank).at(y)
     binding = np.flatnonzero(found.constraints > -_BINDS)
     upper = np.flatnonzero(y > rank.upper - _BINDS)
@@ -47,12 +46,11 @@ def multipliers(program: Program, rank: Rank, y: FloatArray) -> FloatArray | Non
     # Each constraint in its own unit: only the direction of its slope matters.
     sizes = np.linalg.norm(slopes, axis=1)
     sizes[sizes == 0] = 1.0
-    try:
-        weights, left = nnls((slopes / sizes[:, None]).T, -found.slope)
-    except RuntimeError:
-        return None
-    if left > _LEFT * float(np.linalg.norm(found.slope)):
+    length = float(np.linalg.norm(found.slope)) or 1.0
+    directions, target = (slopes / sizes[:, None]).T, -found.slope / length
+    weights = nonnegative_combination(directions, target)
+    if weights is None or np.linalg.norm(directions @ weights - target) > _LEFT:
         return None
     answer = np.zeros(found.constraints.size)
-    answer[binding] = (weights / sizes)[: binding.size]
+    answer[binding] = (weights * length / sizes)[: binding.size]
     return answer

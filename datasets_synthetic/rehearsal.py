@@ -107,7 +107,7 @@ def rehearse(
     and, because it may be less than thought, without any; other devices without any; and, where
     one-sided elements have damping, that damping shut and open at random and against the device.
     All of it is one run; the controllers with anything not at rest in the end, and only those, are
-    judged by where it goes from there.
+    judged by a longer one.
 
     Args:
         rig: the truth, one device.
@@ -139,18 +139,25 @@ def rehearse(
     pushed = bool(np.any(rig.force_offset) or np.any(rig.stiffness))
     allowed = [Allowed(counts=counts_allowed, force=float(f), pushed=pushed) for f in force]
     found: list[list[Ending]] = [[] for _ in allowed]
-    left = list(range(sizes.batch))
-    trials = Trials(controller, conditions, sizes, _LONGER * sizes.played, seed)
-    for times in (1, _LONGER):
-        free, fallen = trials.until(times * sizes.played)
-        for member in left:
-            count = float(sizes.count[member])
-            limit = float(sizes.limit[member])
+    playing = left = np.arange(sizes.batch)
+    longest = _LONGER * sizes.played
+    trials = Trials(controller, conditions, sizes, longest, seed)
+    for samples in (sizes.played, longest):
+        if 2 * left.size <= playing.size:
+            # Few are sooner played anew by themselves than on with all the others.
+            playing = left
+            few = controller.members(playing)
+            trials = Trials(few, conditions, sizes.members(playing), longest, seed)
+        free, fallen = trials.until(samples)
+        for place in np.flatnonzero(np.isin(playing, left)):
+            member = playing[place]
+            count, limit = float(sizes.count[member]), float(sizes.limit[member])
             own = [_allowed(each, allowed[member], limit) for each in conditions]
-            found[member] = _endings(free, member, sizes.batch, count, own)
-            found[member] += _after_falls(fallen, member, sizes.batch, count, own)
-        left = [member for member in left if not all(end.at_rest for end in found[member])]
-        if not left:
+            found[member] = _endings(free, place, playing.size, count, own)
+            found[member] += _after_falls(fallen, place, playing.size, count, own)
+        rest = [all(end.at_rest for end in found[member]) for member in left]
+        left = left[~np.array(rest)]
+        if not left.size:
             break
     names = trials_by_name(conditions)
     return tuple(

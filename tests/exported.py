@@ -13,10 +13,12 @@ from tune import SafeProfile, Scene, optimise
 
 Array = NDArray[np.float64]
 
+#: s, in which the cup fades.
+FADE = 0.15
 SCENE: dict[str, Any] = {
     "elements": {
         "wall": {"stiffness": 500.0, "damping": 10.0},
-        "cup": {"mass": 1.0},
+        "cup": {"mass": 1.0, "fade_time": FADE},
         "rubber": {"stiffness": 700.0},
     },
     "together": [["wall", "cup"]],

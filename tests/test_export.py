@@ -14,7 +14,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from identification import InvalidInputError, UnstatedError
-from tests.exported import LOOPS, changed, poles, renamed, tuned
+from tests.exported import FADE, LOOPS, changed, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
 from tune.exporters import TARGETS, Target, export
 from tune.exporters.names import identifiers
@@ -103,7 +103,7 @@ def test_ros2_parameters_are_what_they_seem(name: str) -> None:
             "damping": told.damping,
             "mass": told.mass,
             "one_sided": False,
-            "fade_time": 0.1 if element == "cup" else 0.0,
+            "fade_time": FADE if element == "cup" else 0.0,
         }
         assert all(type(stored[effect]) is float for effect in ("stiffness", "damping", "mass"))
     assert parameters["digest"] == profile.digest
@@ -120,7 +120,7 @@ def test_json_states_the_coefficients_of_the_poles(name: str) -> None:
     assert content["moments"] == [["wall"], ["cup"], ["rubber"], ["wall", "cup"]]
     sizes = {"stiffness": 500.0, "damping": 10.0, "mass": 0.0}
     assert content["elements"]["wall"] == {**sizes, "one_sided": False, "fade_time": 0.0}
-    assert content["elements"]["cup"]["fade_time"] == 0.1
+    assert content["elements"]["cup"]["fade_time"] == FADE
     assert content["force_limit"] == {"continuous": 14.0, "peak": 28.0}
     assert content["margin"] == {"name": "balanced", "gain": 2.0, "extra_delay_samples": 1}
     assert content["assumes"] == list(profile.certificate.assumes)

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from datasets_synthetic import Controller, Element, Wall
 from datasets_synthetic.law import ControlLaw
 from tests.entered_scenes import scene_on
-from tests.exported import LOOPS, STEP, Array, changed, poles, tuned
+from tests.exported import FADE, LOOPS, STEP, Array, changed, poles, tuned
 from tests.guard import FLAGS, Guard, built, compiler, compiles, enter, push, write
 from tests.played_law import PlayedLaw
 from tests.unlimited import BOUNDLESS
@@ -68,7 +68,7 @@ def test_the_guard_runs_the_certified_law(tmp_path: Path, name: str) -> None:
     assert {(reply.status, reply.missed, reply.clamped) for reply in replies} == {("OK", 0, False)}
     found = np.array([reply.force for reply in replies])
 
-    level = np.minimum(np.arange(1, place.size + 1) * STEP / 0.1, 1)
+    level = np.minimum(np.arange(1, place.size + 1) * STEP / FADE, 1)
     cup = forces(profile, "cup", place, 0.001)
     wanted = forces(profile, "wall", place, 0.001) + level * cup
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
@@ -164,14 +164,14 @@ def test_what_fades_out_goes_on_and_what_is_not_certified_with_it_waits(guard: G
     guard.start()
     guard.call(enter(WALL | CUP | RUBBER))
     found = [guard.call(push(e, k, float(place[k]))) for k, e in enumerate(touched)]
-    level = np.clip(np.minimum(np.arange(1, 401), 250 - np.arange(1, 401)) / 100, 0, 1)
+    level = np.clip(np.minimum(np.arange(1, 401), 300 - np.arange(1, 401)) * STEP / FADE, 0, 1)
     rubber = -700.0 * place
-    # The wall ends at once, the cup fades for a tenth of a second, and only then is there rubber.
+    # The wall ends at once, the cup fades for 150 samples, and only then is there rubber.
     wanted = level * cup
     wanted[150:200] += wall[150:200]
-    wanted[249:] += rubber[249:]
+    wanted[299:] += rubber[299:]
     np.testing.assert_allclose([reply.force for reply in found], wanted, rtol=0, atol=1e-11)
-    assert [reply.status for reply in found] == ["OK"] * 200 + ["WAITING"] * 49 + ["OK"] * 151
+    assert [reply.status for reply in found] == ["OK"] * 200 + ["WAITING"] * 99 + ["OK"] * 101
 
 
 def test_the_gain_scales_and_the_peak_clamps(guard: Guard) -> None:

@@ -141,10 +141,11 @@ def rehearse(
     found: list[list[Ending]] = [[] for _ in allowed]
     playing = left = np.arange(sizes.batch)
     longest = _LONGER * sizes.played
-    trials = Trials(controller, conditions, sizes, longest, seed)
+    # One plays on; of many only those that are left are played anew, by themselves.
+    room = longest if sizes.batch == 1 else sizes.played
+    trials = Trials(controller, conditions, sizes, room, seed)
     for samples in (sizes.played, longest):
-        if 2 * left.size <= playing.size:
-            # Few are sooner played anew by themselves than on with all the others.
+        if samples > room:
             playing = left
             few = controller.members(playing)
             trials = Trials(few, conditions, sizes.members(playing), longest, seed)

@@ -139,23 +139,21 @@ def rehearse(
     pushed = bool(np.any(rig.force_offset) or np.any(rig.stiffness))
     allowed = [Allowed(counts=counts_allowed, force=float(f), pushed=pushed) for f in force]
     found: list[list[Ending]] = [[] for _ in allowed]
-    playing = left = np.arange(sizes.batch)
+    left = np.arange(sizes.batch)
     longest = _LONGER * sizes.played
     # One plays on; of many only those that are left are played anew, by themselves.
     room = longest if sizes.batch == 1 else sizes.played
     trials = Trials(controller, conditions, sizes, room, seed)
     for samples in (sizes.played, longest):
         if samples > room:
-            playing = left
-            few = controller.members(playing)
-            trials = Trials(few, conditions, sizes.members(playing), longest, seed)
+            few = controller.members(left)
+            trials = Trials(few, conditions, sizes.members(left), longest, seed)
         free, fallen = trials.until(samples)
-        for place in np.flatnonzero(np.isin(playing, left)):
-            member = playing[place]
+        for place, member in enumerate(left):
             count, limit = float(sizes.count[member]), float(sizes.limit[member])
             own = [_allowed(each, allowed[member], limit) for each in conditions]
-            found[member] = _endings(free, place, playing.size, count, own)
-            found[member] += _after_falls(fallen, place, playing.size, count, own)
+            found[member] = _endings(free, place, left.size, count, own)
+            found[member] += _after_falls(fallen, place, left.size, count, own)
         rest = [all(end.at_rest for end in found[member]) for member in left]
         left = left[~np.array(rest)]
         if not left.size:

@@ -42,7 +42,7 @@ def damping_for_passivity(setting: Setting, sample_time: float, delay_samples: i
             response = response * (z - 1)
         return np.real((1 - np.conj(z)) * response) / (2 * np.sin(angle / 2) ** 2) * sample_time / 2
 
-    angle = np.unique(
+    angle = np.sort(
         np.pi
         * np.concatenate([np.linspace(0, 1, _POINTS + 1)[1:], np.geomspace(_SLOWEST, 1, _POINTS)])
     )

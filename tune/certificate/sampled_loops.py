@@ -128,7 +128,7 @@ def sampled_loops(
     open_ = _padded(_convolved(denominator, bottom), length)
     feedback = np.zeros_like(open_)
     product = _convolved(numerator, top)
-    for count in np.unique(whole):
+    for count in np.flatnonzero(np.bincount(whole.astype(np.intp))):
         rows = whole == count
         # D has its highest power first and most + 1 zeros behind; N ends at its own delay.
         end = length - (most - int(count))

@@ -60,10 +60,16 @@ def _end_early() -> None:
 
 
 def _silence_libraries() -> None:
-    """Keep what libraries say to programmers off standard error, unless Python's -W asks for it."""
+    """Keep what libraries say to programmers off standard error, unless Python's -W asks for it.
+
+    Plugins that other packages bring for pydantic change nothing here and take time to look for.
+    """
     import logging
+    import os
     import sys
     import warnings
+
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
     if not sys.warnoptions:
         warnings.simplefilter("ignore")

@@ -68,10 +68,10 @@ def elements_table(profile: SafeProfile) -> Table:
 
 
 def further_delay(samples: float) -> str:
-    """A delay margin in samples, which is not looked for beyond `tune.optimisation.delays.MOST`."""
-    from tune.optimisation.delays import MOST
+    """A delay margin in samples, which is not looked for beyond `MOST_EXTRA_DELAY`."""
+    from tune.documents.profile import MOST_EXTRA_DELAY
 
-    return f"≥{MOST}" if samples >= MOST else f"+{samples:g}"
+    return f"≥{MOST_EXTRA_DELAY}" if samples >= MOST_EXTRA_DELAY else f"+{samples:g}"
 
 
 def _uneven(profile: SafeProfile) -> Iterator[str]:

@@ -43,6 +43,9 @@ LimitedBy = Literal[
 ]
 
 _SCHEMA = "haptune/profile/1"
+#: Extra samples up to which a delay margin is looked for; ten spare samples are plenty, and a claim
+#: costs its proof.
+MOST_EXTRA_DELAY = 10
 
 
 class Margins(Document):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
+from tune.documents.profile import MOST_EXTRA_DELAY
 from tune.loop.sampled_plant import LONGEST_DELAY
 from tune.optimisation.loops import Loops
 from tune.optimisation.problem import Moment, Problem
@@ -18,9 +19,6 @@ from tune.stability.verdict import safe_up_to
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: Extra samples up to which a delay margin is looked for; ten spare samples are plenty, and a claim
-#: costs its proof.
-MOST = 10
 #: Parts of a sample in which a delay margin is looked for and claimed.
 _PARTS = 10
 
@@ -50,7 +48,7 @@ def extra_delays(felt: Sequence[SizedMoment]) -> list[float]:
         felt: moments, of one problem or of many.
 
     Returns:
-        Of each moment; `MOST` where more may be borne.
+        Of each moment; `MOST_EXTRA_DELAY` where more may be borne.
     """
     tops = np.array([_top(one.problem) for one in felt], dtype=np.int64)
     holds = np.zeros(len(felt), dtype=np.int64)
@@ -75,7 +73,7 @@ def extra_delays(felt: Sequence[SizedMoment]) -> list[float]:
 def _top(problem: Problem) -> int:
     """Samples that can be added before a loop is longer than any that can be judged."""
     box = problem.region.box
-    return max(0, min(MOST, int(LONGEST_DELAY - box.delay[1] / box.sample_time[0])))
+    return max(0, min(MOST_EXTRA_DELAY, int(LONGEST_DELAY - box.delay[1] / box.sample_time[0])))
 
 
 def _holding(felt: Sequence[SizedMoment], parts: NDArray[np.int64]) -> BoolArray:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identification import Device, round_to_digits
 from tune.documents.effects import EFFECT_NAMES, SHORTEST_FADE, EffectName, Effects
-from tune.documents.profile import ElementProfile, LimitedBy, Margins
+from tune.documents.profile import MOST_EXTRA_DELAY, ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import used_filters
 from tune.loop.sampled_plant import WHOLE
@@ -22,7 +22,6 @@ from tune.margins.jitter import MOST as MOST_JITTER
 from tune.margins.jitter import jitter_margin
 from tune.margins.passivity import damping_needed
 from tune.optimisation.bounds import largest_allowed, ripple_bound, stable_bounds
-from tune.optimisation.delays import MOST
 from tune.optimisation.limits import ripple, worst_gain
 from tune.optimisation.problem import Moment, Problem
 from tune.rendering.contact import contact
@@ -178,7 +177,7 @@ def element_profile(
     # What an unstable loop makes of the encoder's noise has no number.
     noise = ripple(problem, alone[0], sizes) if alone and min(gains) > 1 else None
     gain = min([*gains, _MARGIN_CAP])
-    late = min([float(MOST), *(delays[moment.elements] for moment in moments)])
+    late = min([float(MOST_EXTRA_DELAY), *(delays[moment.elements] for moment in moments)])
     if slack:
         kept = MARGINS[scene.margin]
         gain = max(gain * (1 - slack), min(gain, kept.gain))

@@ -117,9 +117,16 @@ def test_the_slope_of_worth_is_that_of_tuning_anew(name: str) -> None:
 
 
 @pytest.mark.parametrize("change", ["velocity_filter_hz", "acceleration_filter_hz"])
-def test_the_slope_beside_a_wanted_value_is_that_of_tuning_anew(change: str) -> None:
-    task = task_of("homerehab", {"it": {"damping": 30.0, "mass": "max"}})
-    here, step = Filters(velocity_filter_hz=12.56, acceleration_filter_hz=28.0), 1e-3
+@pytest.mark.parametrize(
+    ("device", "wanted", "ripple", "hertz"),
+    [("homerehab", 30.0, 1.0, (12.56, 28.0)), ("light", 20.0, 1.0, (480.0, 31.55))],
+)
+def test_the_slope_beside_a_wanted_value_is_that_of_tuning_anew(
+    device: str, wanted: float, ripple: float, hertz: tuple[float, float], change: str
+) -> None:
+    """The value is met on the first device and out of reach on the second."""
+    task = task_of(device, {"it": {"damping": wanted, "mass": "max"}}, ripple)
+    here, step = Filters(velocity_filter_hz=hertz[0], acceleration_filter_hz=hertz[1]), 1e-3
     moved = replace(here, **{change: getattr(here, change) * np.exp(step)})
     found = tune_with_filters(task, ["it"], here)
     there = tune_with_filters(task, ["it"], moved).worth.value

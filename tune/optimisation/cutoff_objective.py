@@ -168,7 +168,9 @@ def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
         prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
     change = _value(task, beside, sizes) - found.worth.value
     if prices is None:
-        return change
+        # Where one rank came before the next no sum of both is at its largest.
+        again = tune_with_filters(task, elements, moved, found).worth
+        return again.value - found.worth.value if again.kept == found.worth.kept else change
     rows = [
         Evaluation(program_of(each, scenarios), rank).at(np.log(sizes)).constraints
         for each in (problem, beside)

@@ -21,6 +21,9 @@ FloatArray = NDArray[np.float64]
 _MOST = 30
 #: The trust region ends the search where it is this small, and shrinks or grows by so much.
 _SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
+#: Part of the rise to the best point that a plane must explain to be a bound there; slopes are not
+#: exact.
+_EXPLAINS = 0.999
 
 
 def maximise(
@@ -72,9 +75,14 @@ def _highest(
     """Where the lowest plane is highest between two corners, and how high.
 
     A plane that passes below the best point is no bound there, for the function is not concave
-    everywhere; it is lifted onto it.
+    everywhere and may jump: it is left out, and the trust region keeps away from where it was seen.
     """
     count = best.size
+    planes = [
+        (place, height, slope)
+        for place, height, slope in planes
+        if slope @ (best - place) >= _EXPLAINS * (most - height)
+    ]
     rows = np.array([np.append(-slope, 1.0) for _, _, slope in planes])
     heights = np.array([height - slope @ place for place, height, slope in planes])
     at_best = heights + np.array([slope @ best for _, _, slope in planes])

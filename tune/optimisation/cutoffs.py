@@ -143,7 +143,8 @@ class _Search:
             return starts
         pairs = [list(pair) for pair in product(*(axis.first[::-1] for axis in self.axes))]
         whole = self._best_whole(pairs)
-        return [whole or self._along(self._along(middle, 1), 0)]
+        # That all effects can be kept is not always soon told.
+        return [whole or _most([(self._worth(each), each) for each in pairs])]
 
     def _line(self, point: Sequence[float], index: int) -> list[list[float]]:
         """Points with the first choices of one cut-off, least filtering first."""

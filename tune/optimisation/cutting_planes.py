@@ -21,8 +21,8 @@ FloatArray = NDArray[np.float64]
 _MOST = 30
 #: The trust region ends the search where it is this small, and shrinks or grows by so much.
 _SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
-#: Part of the rise to the best point that a plane must explain to be a bound there. Clear of 1: that
-#: rounding would decide where the function is nearly straight.
+#: Part of the rise to the best point that a plane must explain to be a bound there. Clear of 1,
+#: which rounding would decide where the function is nearly straight.
 _EXPLAINS = 0.9
 
 

@@ -112,14 +112,28 @@ def growing(
     return left
 
 
+def at_gain(law: Law, gain: float) -> Law:
+    """A law with what is switched, and its spring, at a gain."""
+    return replace(
+        law,
+        stiffness=gain * law.stiffness,
+        damping=gain * law.damping,
+        mass=gain * law.mass,
+    )
+
+
+def steady_growth(moment: Moment, gain: float) -> float:
+    """Largest growth a sample beside a two-sided spring with gates that stay, open or shut."""
+    return max(
+        linear_growth(moment, gain, damper=damper, inertia=inertia)
+        for damper in (0.0, 1.0)
+        for inertia in (0.0, 1.0)
+    )
+
+
 def linear_growth(moment: Moment, gain: float, *, damper: float, inertia: float) -> float:
     """Growth a sample beside a two-sided spring with the gates where they are."""
-    law = replace(
-        moment.law,
-        stiffness=gain * moment.law.stiffness,
-        damping=gain * moment.law.damping,
-        mass=gain * moment.law.mass,
-    )
+    law = at_gain(moment.law, gain)
     matrix = transitions(Bench(moment.axis, law), damper, inertia)[0]
     values = np.linalg.eigvals(matrix)
     if not (law.stiffness or moment.axis.stiffness or moment.axis.hand_stiffness):

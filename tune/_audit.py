@@ -238,15 +238,9 @@ def _vibration(
 
 def _wall(problem: Problem, design: Design) -> Contact:
     """The contact with the gains as a wall that only pushes."""
-    element = design.elements[ELEMENT]
-    return contact(
-        design.device,
-        problem.region.box,
-        problem.filters,
-        {name: getattr(element, name) for name in EFFECT_NAMES},
-        speed=element.motion.speed,
-        one_sided=True,
-    )
+    element = design.elements[ELEMENT].model_copy(update={"one_sided": True})
+    extra = problem.margin.extra_delay_samples
+    return contact(design.device, problem.region.box, problem.filters, element, extra)
 
 
 def _jumps(device: Device, felt: Effects, filters: Filters) -> dict[str, float]:

@@ -83,7 +83,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
     wall, speed = found.wall, design.elements[ELEMENT].motion.speed
     rows += [
         ("as a wall that only pushes, a free device", words, "-")
-        for words in contact_words(wall, design.device, units, f"{speed:g} {units['speed']}")
+        for words in contact_words(wall, units, f"{speed:g} {units['speed']}")
     ]
     rows += friction_rows(found, units)
     if margins is not None:

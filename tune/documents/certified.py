@@ -76,27 +76,34 @@ class Tap(Document):
     weight: float = Field(gt=0)
 
 
-class Multiplier(Document):
-    """A causal multiplier of Zames and Falb, with a constant for each sector that is gated.
-
-    M(z) = constant + Σ weight·(1 - z^-samples) multiplies the condition on a monotone spring.
+class Channel(Document):
+    """The multiplier of one nonlinearity: M(z) = constant + Σ weight·(1 - z^-samples).
 
     Attributes:
-        constant: zero where nothing holds the position of the device, above zero where it is held.
+        name: of the element whose clamp it is, or ``damping`` for what is damping only and is
+            switched at any moment, all of it together.
+        constant: of a clamp zero where nothing holds the position of the device, above zero where
+            it is held; of damping all there is.
         taps: in rising order of samples.
-        damping: λ of a damper that is switched at any moment, in sample times; None for none.
-        mass: λ of a mass that is switched at any moment, in squares of a sample time; None for
-            none.
     """
 
+    name: str
     constant: float = Field(default=0.0, ge=0)
     taps: tuple[Tap, ...] = ()
-    damping: float | None = Field(default=None, gt=0)
-    mass: float | None = Field(default=None, gt=0)
+
+
+class Multiplier(Document):
+    """Causal multipliers of Zames and Falb, one for each nonlinearity of a sum of elements.
+
+    Attributes:
+        channels: of the elements with springs, in their order, then of ``damping``, if any.
+    """
+
+    channels: tuple[Channel, ...]
 
 
 class AbsoluteStability(Document):
-    """What one moment is proved for beside its linear loop: one-sided, saturated, switched.
+    """What one moment is proved for beside its linear loop: clamped, switched, faded.
 
     Attributes:
         gain: every gain in (0, gain].
@@ -133,7 +140,7 @@ class Certificate(Document):
         points: judged one by one in many digits.
         cells: excluded one by one, of which the proof is made.
         interior: by moment; nothing but "proved" is ever written.
-        absolute_stability: by moment, for those that push on one side only; None where none does.
+        absolute_stability: by moment, for those with a clamp that may be reached; None for none.
         worst: found by search over all moments.
         assumes: what the proof takes for granted.
         not_assessed: what it leaves out.

@@ -34,6 +34,7 @@ LimitedBy = Literal[
     "gain-margin",
     "delay-margin",
     "saturation",
+    "lead",
     "force",
     "rendering",
     "ripple",
@@ -43,6 +44,8 @@ LimitedBy = Literal[
 ]
 
 _SCHEMA = "haptune/profile/1"
+#: One clamp round spring, damper and mass of an element together: F = -clamp(K·y + B·v + M·a).
+LAW = "clamped-impedance"
 #: Extra samples up to which a delay margin is looked for; ten spare samples are plenty, and a claim
 #: costs its proof.
 MOST_EXTRA_DELAY = 10
@@ -98,10 +101,16 @@ class Contact(Document):
             between two samples the element is reached; friction left out, forces below their
             limit. Of a one-sided element as it only pushes, of another as it swings once. None
             without a spring, of an element that fades, and where the device stays too long inside.
-        depth_at_continuous_force: where its spring takes all of the continuous force, m (rad).
-        depth_at_peak_force: where its spring takes all of the peak force, m (rad).
-        force_on_entry: commanded by the first reading inside, at most, N (N·m); an element that
-            fades takes its fade time to it.
+        depth_at_continuous_force: where its spring takes all of the continuous force, m (rad), or
+            all that its clamp lets pass, if that is less.
+        depth_at_peak_force: where its spring takes all that its clamp lets pass, m (rad).
+        force_on_entry: commanded within the first sample, at most, N (N·m); an element that fades
+            takes its fade time to it.
+        net_damping: what its damper adds in it beyond what the lag of its spring takes,
+            B - K·τ with the longest delay of the box and the margin's extra samples, N·s/m
+            (N·m·s/rad). None without a spring.
+        lead: speed·(B/K - τ) at the stated delay, m (rad): how far before its place an element is
+            met; below zero it is met so far behind. None without a spring.
         energy_per_entry: that a mass entered in motion and left at rest, or the other way round,
             gives a hand, J. None without a mass.
     """
@@ -111,6 +120,8 @@ class Contact(Document):
     depth_at_peak_force: float | None = None
     force_on_entry: float
     energy_per_entry: float | None = None
+    net_damping: float | None = None
+    lead: float | None = None
 
 
 class ElementProfile(Document):
@@ -135,6 +146,8 @@ class ElementProfile(Document):
     rendered: Rendered | None = None
     contact: Contact | None = None
     one_sided: bool = False
+    force_level: float = Field(default=0.0, ge=0)
+    lead: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     fade_time: float = Field(default=0.0, ge=0, le=LONGEST_FADE)
     as_commanded: bool = False
 
@@ -189,6 +202,7 @@ class Design(Document):
     """A profile before it is certified."""
 
     schema_: Literal["haptune/profile/1"] = Field(default=_SCHEMA, alias="schema")
+    law: Literal["clamped-impedance"] = LAW
     device: Device
     scene: str
     loop: LoopProfile
@@ -196,6 +210,7 @@ class Design(Document):
     margin: MarginProfile
     elements: dict[str, ElementProfile]
     together: tuple[tuple[str, ...], ...] = ()
+    apart: tuple[tuple[str, ...], ...] = ()
     ripple_limit: float = Field(ge=SMALLEST, le=LARGEST)
     perception: PerceptionProfile | None = None
     skipped: tuple[str, ...] = ()
@@ -204,12 +219,17 @@ class Design(Document):
 
     @model_validator(mode="after")
     def _known(self) -> Design:
-        refuse_strange_groups(self.elements, self.together)
+        refuse_strange_groups(self.elements, self.together, self.walls, self.apart)
         return self
+
+    @property
+    def walls(self) -> frozenset[str]:
+        """Names of the elements that push on one side only."""
+        return frozenset(name for name, element in self.elements.items() if element.one_sided)
 
     def moments(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at once, singles first."""
-        return moments_of(self.elements, self.together)
+        return moments_of(self.elements, self.together, self.walls, self.apart)
 
 
 class SafeProfile(Design):
@@ -275,5 +295,19 @@ def read_signed(path: str | PathLike[str]) -> dict[str, Any]:
 
 
 def profile_of(content: Mapping[str, Any], source: str | PathLike[str]) -> SafeProfile:
-    """The profile that a mapping states. Raises InvalidInputError."""
+    """The profile that a mapping states.
+
+    Raises:
+        InvalidInputError: no profile.
+        CheckFailedError: of another law than `LAW`, which was certified for something else.
+    """
+    law = content.get("law")
+    if law != LAW and str(content.get("schema", "")).startswith("haptune/profile/"):
+        raise CheckFailedError(
+            (
+                f"{fspath(source)}: made for "
+                + (f"the law {str(law)[:40]!r}" if law else "an earlier law of walls")
+                + f", this haptune proves and plays the law {LAW!r}. Tune again",
+            )
+        )
     return parse_document(SafeProfile, content, source)

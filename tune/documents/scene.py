@@ -123,8 +123,10 @@ class Element(Document):
     |B|·speed and |M|·acceleration. Where one is not given the scene's default for linear or rotary
     axes holds (0.01 m, 0.2 m/s, 2 m/s²; 0.1 rad, 2 rad/s, 20 rad/s²).
 
-    A ``one_sided`` element is a wall: it pushes out of itself and never pulls. An element with mass
-    or with a negative effect is never switched: its force fades in and out over ``fade_time``, s.
+    A ``one_sided`` element is a wall: it pushes out of itself and never pulls. Its damper may push
+    so far before the face, m (rad), as ``lead`` says, and its stiffness counts before its damping
+    unless it says ``favour: both``. An element with mass or with a negative effect is never
+    switched: its force fades in and out over ``fade_time``, s.
     """
 
     model_config = ConfigDict(
@@ -139,6 +141,8 @@ class Element(Document):
     acceleration: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     priority: int = Field(default=1, ge=1)
     one_sided: bool = False
+    lead: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    favour: Literal["stiffness", "both"] | None = None
     fade_time: float | None = Field(default=None, ge=SHORTEST_FADE, le=LONGEST_FADE)
 
     @model_validator(mode="after")
@@ -154,6 +158,9 @@ class Element(Document):
                 "a one_sided wall only pushes, and a mass or a negative effect pulls as well; give "
                 "those an element of their own, felt together with it"
             )
+        for name in ("lead", "favour"):
+            if getattr(self, name) is not None and not self.one_sided:
+                raise ValueError(f"{name} is for walls: say one_sided: true, or leave {name} out")
         if self.fade_time is not None and not self.fades:
             raise ValueError(
                 f"fade_time {self.fade_time:g} has nothing to fade: only a mass and negative "
@@ -191,6 +198,10 @@ DEFAULT_MOTION = {
     "linear": Motion(penetration=0.01, speed=0.2, acceleration=2.0),
     "rotary": Motion(penetration=0.1, speed=2.0, acceleration=20.0),
 }
+
+#: m and rad: what is met so far before a face is less than a hand can tell of position (2° at wrist
+#: and elbow: Tan, Srinivasan, Eberman and Cheng 1994).
+DEFAULT_LEAD = {"linear": 1e-3, "rotary": 1e-2}
 
 
 def _to_cutoff(raw: object) -> object:
@@ -255,15 +266,26 @@ class Scene(Document):
     perception: str = "default"
     elements: dict[str, Element] = Field(min_length=1)
     together: tuple[tuple[str, ...], ...] = ()
+    apart: tuple[tuple[str, ...], ...] = ()
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
-        refuse_strange_groups(self.elements, self.together)
+        refuse_strange_groups(self.elements, self.together, self.walls, self.apart)
         return self
+
+    @property
+    def walls(self) -> frozenset[str]:
+        """Names of the elements that push on one side only."""
+        return frozenset(name for name, element in self.elements.items() if element.one_sided)
 
     def subsets(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at one moment, singles first."""
-        return moments_of(self.elements, self.together)
+        return moments_of(self.elements, self.together, self.walls, self.apart)
+
+    def lead(self, element: str, kind: Literal["linear", "rotary"]) -> float | None:
+        """How far before its face the damper of a wall may push, m (rad); None of others."""
+        given = self.elements[element]
+        return (given.lead or DEFAULT_LEAD[kind]) if given.one_sided else None
 
     def motion(
         self, element: str, kind: Literal["linear", "rotary"], *, cut: bool = False

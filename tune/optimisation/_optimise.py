@@ -23,7 +23,7 @@ from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import Filters
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.delays import SizedMoment, extra_delays
-from tune.optimisation.describe import element_profile
+from tune.optimisation.describe import element_profile, moment_margins, with_levels_and_contacts
 from tune.optimisation.fades import with_fades
 from tune.optimisation.nash import SAME
 from tune.optimisation.problem import DesignTask
@@ -98,9 +98,9 @@ def _proposed(
     together = groups(task.scene)
     for number, elements in enumerate(together, start=1):
         say(f"tuning {', '.join(elements)} ({number} of {len(together)})")
-        solutions.append(solve(task, elements, filters))
+        solutions.append(solve(task, elements, filters, solutions))
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
-    if all(not solved.problem.unknowns for solved in solutions):
+    if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
     return as_stored(design), _witnesses(task, solutions)
@@ -160,32 +160,27 @@ def design_of(
     ]
     names = [one.moment.elements for one in felt]
     delays = dict(zip(names, extra_delays(felt), strict=True))
+    kept = MARGINS[scene.margin]
+    margins = [
+        moment_margins(device, one, delays[one.moment.elements], kept, task.slack) for one in felt
+    ]
+    absolute = {names: one for solved in solutions for names, one in solved.absolute.items()}
     elements = {
-        name: element_profile(
-            device,
-            scene,
-            solved.problem,
-            solved.sizes,
-            name,
-            solved.dropped,
-            delays,
-            task.slack,
-            solved.absolute,
-        )
-        for solved in solutions
-        for name in scene.elements
+        name: element_profile(device, scene, solved, name, margins, absolute, task.slack)
+        for solved, own in zip(solutions, groups(scene), strict=True)
+        for name in own
         if any(u.element == name for u in solved.problem.unknowns)
         or any(label.rpartition(".")[0] == name for label in solved.dropped)
     }
     methods = {
-        ", ".join(solved.problem.moments[-1].elements): solved.method
+        ", ".join(own): solved.method
         + (
             f"; solvers differ by {solved.disagreement:.1e}, settled by the exact check"
             if solved.disagreement > SAME
             else ""
         )
-        for solved in solutions
-        if solved.problem.moments
+        for solved, own in zip(solutions, groups(scene), strict=True)
+        if solved.by_label()
     }
     played = {name: elements[name] for name in scene.elements if name in elements}
     design = Design(
@@ -203,11 +198,13 @@ def design_of(
         margin=MarginProfile.of(scene.margin),
         elements=played,
         together=groups_of(scene.elements, scene.together),
+        apart=groups_of(scene.elements, scene.apart),
         ripple_limit=scene.ripple_limit or task.table.threshold(device.motion),
         perception=_perception(task),
         notes=tuple(note_of_dropped(label) + why for label, why in dropped.items()),
         method=methods,
     )
+    design = with_levels_and_contacts(design, device, task.region.box)
     return design.model_copy(update={"skipped": skipped_parts(design)})
 
 

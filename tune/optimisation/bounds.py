@@ -50,7 +50,13 @@ def ripple_bound(problem: Problem, sizes: FloatArray, index: int, top: float) ->
         return np.inf
     if len(problem.unknowns) == 1:
         return largest_quiet_size(problem, index, top)
-    moments = [m for m in problem.moments if any(index in members for members in m.members)]
+    moments = [
+        m
+        for m in problem.moments
+        if not m.meeting and any(index in members for members in m.members)
+    ]
+    if not moments:
+        return np.inf
     trial = sizes.copy()
 
     def noise(size: float) -> float:

@@ -26,6 +26,7 @@ from tune.optimisation.limits import (
 from tune.optimisation.nash import SAME, Optimum
 from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.saturable import may_saturate
+from tune.optimisation.scene_unknowns import level_of
 from tune.optimisation.solve import optimum_of
 
 FloatArray = NDArray[np.float64]
@@ -124,13 +125,13 @@ def tune_with_filters(
 
 
 def ranks_of(task: DesignTask) -> tuple[int, ...]:
-    """Ranks of a scene: wanted values are 0, then the priorities of the elements."""
+    """Ranks of a scene; see `Unknown`."""
     return tuple(
         sorted(
             {
-                0 if wish.kind == "value" else element.priority
+                level_of(element, effect)
                 for element in task.scene.elements.values()
-                for wish in element.wishes().values()
+                for effect in element.wishes()
             }
         )
     )

@@ -5,30 +5,33 @@ One file: all that is said of one chosen setting.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device, round_to_digits
+from identification import Box, Device, round_to_digits
 from tune.documents.effects import EFFECT_NAMES, SHORTEST_FADE, EffectName, Effects
-from tune.documents.profile import MOST_EXTRA_DELAY, ElementProfile, LimitedBy, Margins
-from tune.documents.scene import MARGINS, Scene
-from tune.loop.filters import used_filters
+from tune.documents.profile import MOST_EXTRA_DELAY, Design, ElementProfile, LimitedBy, Margins
+from tune.documents.scene import MARGINS, Margin, Scene
+from tune.loop.filters import Filters, used_filters
 from tune.loop.sampled_plant import WHOLE
 from tune.loop.state_space import corners_of
 from tune.margins.jitter import MOST as MOST_JITTER
 from tune.margins.jitter import jitter_margin
 from tune.margins.passivity import damping_needed
-from tune.optimisation.bounds import largest_allowed, ripple_bound, stable_bounds
+from tune.optimisation.bounds import ripple_bound, stable_bounds
+from tune.optimisation.delays import SizedMoment
 from tune.optimisation.limits import ripple, worst_gain
-from tune.optimisation.problem import Moment, Problem
+from tune.optimisation.problem import Problem
 from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered_mass_and_damping
 
 if TYPE_CHECKING:
-    from tune.optimisation.one_sided import AllFound
+    from tune.optimisation.saturation import AllFound
+    from tune.optimisation.solve import Solution
 
 FloatArray = NDArray[np.float64]
 
@@ -45,6 +48,7 @@ _ORDER: tuple[LimitedBy, ...] = (
     "wanted",
     "range",
     "force",
+    "lead",
     "rendering",
     "ripple",
     "stability",
@@ -123,128 +127,158 @@ def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
     return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
 
 
-def _spared(problem: Problem, sizes: FloatArray, index: int) -> bool:
-    """Whether a size stays below every limit but that of absolute stability."""
-    asked = any(m.absolute and any(index in part for part in m.members) for m in problem.moments)
-    return asked and largest_allowed(problem, sizes, index) > float(sizes[index]) * _NEAR
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MomentMargins:
+    """Margins of one moment at the sizes written.
+
+    Attributes:
+        elements: felt at the same time.
+        gain: stable for every gain below it, at the device's own delay.
+        late: extra samples of delay that it bears, 10 at most.
+        jitter: how uneven the steps may be, in parts of the sample time.
+    """
+
+    elements: tuple[str, ...]
+    gain: float
+    late: float
+    jitter: float
+
+
+def moment_margins(
+    device: Device, one: SizedMoment, late: float, kept: Margin, slack: float
+) -> MomentMargins:
+    """Margins of one moment.
+
+    Args:
+        device: as it is stored.
+        one: moment and sizes.
+        late: extra samples of delay that it bears.
+        kept: the margin of the scene.
+        slack: part of its margins that is not claimed, where a proof came too close to the edge.
+    """
+    gain = min(worst_gain(one.problem, one.moment, one.sizes, late=False), _MARGIN_CAP)
+    late = min(float(MOST_EXTRA_DELAY), late)
+    if slack:
+        gain = max(gain * (1 - slack), min(gain, kept.gain))
+        late = max(
+            float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
+        )
+    felt = one.problem.effects(one.moment, one.sizes)
+    K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
+    places = corners_of(device, one.problem.region.box)
+    return MomentMargins(
+        elements=one.moment.elements,
+        gain=gain,
+        late=late,
+        jitter=min(MOST_JITTER, jitter_margin(places, one.problem.filters, (K, B, M))),
+    )
 
 
 def element_profile(
     device: Device,
     scene: Scene,
-    problem: Problem,
-    sizes: FloatArray,
+    solved: Solution,
     name: str,
-    dropped: dict[str, str],
-    delays: Mapping[tuple[str, ...], float],
-    slack: float,
+    margins: Sequence[MomentMargins],
     absolute: AllFound,
+    slack: float,
 ) -> ElementProfile:
     """The profile entry of one element, every number computed from the written sizes.
-
-    Sizes have shape (unknowns,), SI units.
 
     Args:
         device: as it is stored.
         scene: what was wanted.
-        problem: of the group of the element.
-        sizes: of its unknowns.
+        solved: the group of the element.
         name: of the element.
-        dropped: reasons by label.
-        delays: extra samples each moment bears, by its elements.
-        slack: part of its margins that is not claimed, where a proof came too close to the edge.
-        absolute: gains of the moments that are one-sided.
+        margins: of all moments of the scene.
+        absolute: gains of the moments that are proved absolutely stable.
+        slack: part of their margins that is not claimed, where a proof came too close to the edge.
     """
+    problem, sizes = solved.problem, solved.sizes
     values = dict.fromkeys(EFFECT_NAMES, 0.0)
     steps: dict[EffectName, float] = {}
     limited: dict[EffectName, LimitedBy] = {
-        effect: "not-perceptible" for effect in EFFECT_NAMES if f"{name}.{effect}" in dropped
+        effect: "not-perceptible" for effect in EFFECT_NAMES if f"{name}.{effect}" in solved.dropped
     }
     own = [index for index, unknown in enumerate(problem.unknowns) if unknown.element == name]
-    absolute_gain, bound = _absolute(problem, absolute, scene, name, slack)
     for index, word in zip(own, bindings(problem, sizes, own), strict=True):
         unknown = problem.unknowns[index]
         values[unknown.effect] = unknown.sign * float(sizes[index])
         counted = unknown.steps(float(sizes[index]))
         if np.isfinite(counted):
             steps[unknown.effect] = round_to_digits(counted, 4)
-        open_ = float(sizes[index]) < unknown.high * (1 - _BINDS)
-        saturates = index in bound or _spared(problem, sizes, index)
-        limited[unknown.effect] = "saturation" if saturates and open_ else word
-    moments = [m for m in problem.moments if name in m.elements and any(m.members)]
-    gains = [worst_gain(problem, m, sizes, late=False) for m in moments]
-    alone = [m for m in problem.moments if m.elements == (name,)]
+        limited[unknown.effect] = "saturation" if index in solved.stepped_back else word
+    alone = [m for m in problem.moments if m.elements == (name,) and any(m.members)]
+    mine = [each for each in margins if name in each.elements]
+    gains = [each.gain for each in mine]
     # What an unstable loop makes of the encoder's noise has no number.
     noise = ripple(problem, alone[0], sizes) if alone and min(gains) > 1 else None
-    gain = min([*gains, _MARGIN_CAP])
-    late = min([float(MOST_EXTRA_DELAY), *(delays[moment.elements] for moment in moments)])
-    if slack:
-        kept = MARGINS[scene.margin]
-        gain = max(gain * (1 - slack), min(gain, kept.gain))
-        late = max(
-            float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
-        )
-    pumps = bool(values["mass"]) or min(values.values()) < 0
+    absolute_gain = _absolute_gain(absolute, scene, name, slack)
+    if absolute_gain is not None:
+        gains.append(absolute_gain)
     wanted, motion = (
         scene.elements[name],
         scene.motion(name, device.motion, cut=name in problem.cut),
     )
+    pumps = bool(values["mass"]) or min(values.values()) < 0
     return ElementProfile(
         stiffness=values["stiffness"],
         damping=values["damping"],
         mass=values["mass"],
         perceived_steps=steps,
         margins=Margins(
-            gain=float(np.floor(gain * 1000 * (1 - 1e-9)) / 1000),
-            extra_delay_samples=late,
+            gain=float(np.floor(min([*gains, _MARGIN_CAP]) * 1000 * (1 + 1e-12)) / 1000),
+            extra_delay_samples=min([float(MOST_EXTRA_DELAY), *(each.late for each in mine)]),
             passive=_passive(problem, values),
-            jitter=_jitter(device, problem, moments, sizes),
+            jitter=round_to_digits(min([MOST_JITTER, *(each.jitter for each in mine)]), 4),
             absolute_gain=absolute_gain,
         ),
         ripple=None if noise is None else round_to_digits(noise, 4),
         limited_by=limited,
         motion=motion,
         rendered=rendered_mass_and_damping(device, problem.filters, **values),
-        contact=contact(
-            device,
-            problem.region.box,
-            problem.filters,
-            values,
-            speed=motion.speed,
-            one_sided=wanted.one_sided,
-        ),
         one_sided=wanted.one_sided,
+        lead=scene.lead(name, device.motion),
         fade_time=SHORTEST_FADE if pumps else 0.0,
         as_commanded=bool(own) and all(problem.unknowns[i].wish.kind == "value" for i in own),
     )
 
 
-def _absolute(
-    problem: Problem, absolute: AllFound, scene: Scene, name: str, slack: float
-) -> tuple[float | None, frozenset[int]]:
-    """(gain claimed of all one-sided moments with an element, unknowns that have no more left)."""
+def _absolute_gain(absolute: AllFound, scene: Scene, name: str, slack: float) -> float | None:
+    """What is claimed of all clamped moments with an element; None where there are none."""
     if not absolute:
-        return None, frozenset()
-    from tune.optimisation.saturation import saturated_unknowns, witness_of
+        return None
+    from tune.optimisation.saturation import witness_of
 
     margin = MARGINS[scene.margin]
-    gains = [
-        witness_of(each, margin, slack).gain for names, each in absolute.items() if name in names
-    ]
-    return min(gains, default=None), saturated_unknowns(problem, absolute)
+    return min(
+        (witness_of(one, margin, slack).gain for names, one in absolute.items() if name in names),
+        default=None,
+    )
 
 
-def _jitter(
-    device: Device, problem: Problem, moments: Sequence[Moment], sizes: FloatArray
-) -> float:
-    """How uneven the steps may be in every one of some moments, in parts of the sample time."""
-    places = corners_of(device, problem.region.box)
-    found = MOST_JITTER
-    for moment in moments:
-        felt = problem.effects(moment, sizes)
-        K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
-        found = min(found, jitter_margin(places, problem.filters, (K, B, M)))
-    return round_to_digits(found, 4)
+def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design:
+    """The design with the force at which each spring is cut, and what entering each amounts to.
+
+    A cut round a sum of springs is not a clamp of one signal: each has a level of its own, and
+    those that may push at once share the peak force alike.
+
+    Args:
+        design: with the sizes that are played.
+        device: as it is stored.
+        box: of it.
+    """
+    springs = {name for name, element in design.elements.items() if element.stiffness}
+    peak = np.inf if device.force_limit is None else device.force_limit.peak
+    filters = Filters(**design.loop.filter_settings())
+    elements: dict[str, ElementProfile] = {}
+    for name, element in design.elements.items():
+        beside = max(len(springs.intersection(m)) for m in design.moments() if name in m)
+        level = round_to_digits(peak / beside, 6) if name in springs else 0.0
+        felt = element.model_copy(update={"force_level": level})
+        told = contact(device, box, filters, felt, design.margin.extra_delay_samples)
+        elements[name] = felt.model_copy(update={"contact": told})
+    return design.model_copy(update={"elements": elements})
 
 
 def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Literal["not-applicable"]:

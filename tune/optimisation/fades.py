@@ -40,7 +40,8 @@ def with_fades(design: Design, scene: Scene) -> Design:
         NoFeasibleEffectError: no fade is slow enough.
     """
     needed = {name: SHORTEST_FADE for name, element in design.elements.items() if element.fades}
-    for moment in design.moments():
+    # While a wall pushes no level moves.
+    for moment in (each for each in design.moments() if design.walls.isdisjoint(each)):
         fading = [name for name in moment if name in needed]
         for name in fading:
             time = len(fading) * _slowest(design, moment, fading, name)

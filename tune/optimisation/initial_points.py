@@ -52,6 +52,9 @@ def initial_points_of(problem: Problem, count: int = _STARTS) -> list[FloatArray
     levels = np.asarray(np.geomspace(_LOWEST, float(caps.max()), _LEVELS), dtype=np.float64)
     rays = _rays(len(unknowns))
     steps = np.clip(rays[:, None] * levels[:, None], least, caps).reshape(-1, len(unknowns))
+    between = problem.linear.lead_points(problem.low, problem.high)
+    more = [[u.steps(size) for u, size in zip(unknowns, row, strict=True)] for row in between]
+    steps = np.concatenate([steps, np.array(more).reshape(-1, len(unknowns))])
     steps, places = np.unique(steps, axis=0, return_index=True)
     kept = np.flatnonzero(passes_cheap_limits(problem, _sizes(problem, steps)))
     ranks = np.array([unknown.level for unknown in unknowns])
@@ -81,7 +84,7 @@ def initial_points_of(problem: Problem, count: int = _STARTS) -> list[FloatArray
 def _sizes(problem: Problem, steps: FloatArray) -> FloatArray:
     """Sizes of perceived steps, (points, unknowns), none below the least or above the most."""
     sizes = [u.size_at(column) for u, column in zip(problem.unknowns, steps.T, strict=True)]
-    return np.clip(np.stack(sizes, axis=1), problem.low, problem.high)
+    return np.clip(problem.linear.with_leads(np.stack(sizes, axis=1)), problem.low, problem.high)
 
 
 def _best_first(logs: FloatArray, ranks: NDArray[np.int64]) -> NDArray[np.intp]:

@@ -194,24 +194,24 @@ def stable_points(
 
 
 def _ripple_allowed(problem: Problem, points: FloatArray) -> BoolArray:
-    """True where the encoder ripple of every moment keeps to its limit; (points,)."""
+    """True where the encoder ripple of all but meetings keeps to its limit; (points,)."""
     resolution = problem.limits.encoder_resolution
     good = np.ones(len(points), dtype=np.bool_)
     if resolution is not None:
-        for effects in _felt(problem, points):
+        for effects in _felt(problem, points, meetings=False):
             noise = force_ripple(problem.loops.nominal, effects, resolution)[..., 0]
             good &= np.all(noise <= problem.limits.ripple * (1 + CLOSE), axis=1)
     return good
 
 
-def _felt(problem: Problem, points: FloatArray) -> Iterator[Effects]:
+def _felt(problem: Problem, points: FloatArray, *, meetings: bool = True) -> Iterator[Effects]:
     """Effects of shape (points, moments, 1): of the moments with a spring, of those without.
 
     Within each, an effect that one moment lacks is zero in it, which is the same for all but a
     spring.
     """
     for sprung in (True, False):
-        shares = problem.shares(sprung=sprung)
+        shares = problem.shares(sprung=sprung, meetings=meetings)
         if not len(shares) or not len(points):
             continue
         stiffness, damping, mass = (

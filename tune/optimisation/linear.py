@@ -8,7 +8,7 @@ motions people make, its parasitic parts included, lies within one step of what 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -21,12 +21,17 @@ from tune.optimisation.unknown import Unknown
 from tune.rendering.rendered import Band, Shares
 
 FloatArray = NDArray[np.float64]
-LinearWord = Literal["force", "rendering"]
+LinearWord = Literal["force", "rendering", "lead"]
 
 #: N: an actuator without any force is taken to have this much.
 _NO_FORCE = 1e-30
 #: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
 _OF_A_STEP = 0.997
+
+
+#: Walls to begin a search with: so many, up to so many times the least stiffness, with dampers at
+#: these parts of the way from the least to the most.
+_WALLS, _STIFFEST, _BETWEEN = 64, 1e6, (0.05, 0.5, 0.95)
 
 
 class ForceReach(Protocol):
@@ -45,19 +50,26 @@ class ForceReach(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearLimits:
-    """Rows a·sizes <= 1.
+    """Rows a·sizes <= 1, and ratios of two sizes.
 
     Attributes:
         rows: shape (rows, unknowns).
         words: which limit each row is.
+        leads: (spring, damper, least and most of damping over stiffness, s) of walls.
     """
 
     rows: FloatArray
     words: tuple[LinearWord, ...]
+    leads: tuple[tuple[int, int, float, float], ...] = ()
 
     @classmethod
-    def of(cls, rows: Iterable[tuple[LinearWord, FloatArray]], unknowns: int) -> LinearLimits:
-        """The rows that can bind, each of shape (unknowns,).
+    def of(
+        cls,
+        rows: Iterable[tuple[LinearWord, FloatArray]],
+        unknowns: int,
+        leads: Iterable[tuple[int, int, float, float]] = (),
+    ) -> LinearLimits:
+        """The rows that can bind, each of shape (unknowns,), and ratios.
 
         A row without a positive coefficient never does.
         """
@@ -66,11 +78,49 @@ class LinearLimits:
         ]
         words: list[LinearWord] = [word for word, _ in kept]
         table = np.array([row for _, row in kept]).reshape(len(kept), unknowns)
-        return cls(rows=table, words=tuple(words))
+        return cls(rows=table, words=tuple(words), leads=tuple(leads))
+
+    @property
+    def ratios(self) -> list[tuple[int, int, float]]:
+        """(i, j, factor): factor·size i <= size j, two of each lead."""
+        return [
+            pair for K, B, least, most in self.leads for pair in ((K, B, least), (B, K, 1 / most))
+        ]
+
+    def lead_points(self, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Walls of all stiffnesses with dampers between their least and most, the rest at least.
+
+        Both ends have shape (unknowns,), the answer (points, unknowns).
+        """
+        found: list[FloatArray] = []
+        for K, B, least, most in self.leads:
+            first, last = float(low[K]), float(min(high[K], _STIFFEST * low[K]))
+            springs = np.asarray(np.geomspace(first, last, _WALLS), dtype=np.float64)
+            for part in _BETWEEN:
+                points = np.tile(low, (_WALLS, 1))
+                points[:, K] = springs
+                points[:, B] = springs * least ** (1 - part) * most**part
+                found.append(np.clip(points, low, high))
+        return np.concatenate(found) if found else np.empty((0, low.size))
+
+    def with_leads(self, points: FloatArray) -> FloatArray:
+        """Sizes with the dampers of walls moved to between their least and most.
+
+        Points have shape (points, unknowns), before and after.
+        """
+        points = points.copy()
+        for K, B, least, most in self.leads:
+            points[:, B] = np.clip(points[:, B], least * points[:, K], most * points[:, K])
+        return points
 
     def used(self, sizes: FloatArray) -> FloatArray:
-        """What sizes of shape (unknowns, ...) use of each limit, 1 is all: shape (rows, ...)."""
-        return np.tensordot(self.rows, sizes, axes=1)
+        """What sizes of shape (unknowns, ...) use of each limit, 1 is all: shape (limits, ...)."""
+        used = np.tensordot(self.rows, sizes, axes=1)
+        if not self.leads:
+            return used
+        tiny = np.finfo(float).tiny
+        found = [factor * sizes[i] / np.maximum(sizes[j], tiny) for i, j, factor in self.ratios]
+        return np.concatenate([used, np.stack(found)])
 
     def bounds(self, sizes: FloatArray, index: int) -> dict[LinearWord, float]:
         """How large one unknown may be beside the others as they are, by the limit; inf if any.
@@ -78,9 +128,12 @@ class LinearLimits:
         Sizes have shape (unknowns,).
         """
         found: dict[LinearWord, float] = {}
+        for i, j, factor in self.ratios:
+            if i == index and sizes[j] > 0:
+                found["lead"] = min(found.get("lead", np.inf), float(sizes[j]) / factor)
         rest = sizes.copy()
         rest[index] = 0.0
-        spare = 1 - self.used(rest)
+        spare = 1 - self.rows @ rest
         for word, row, left in zip(self.words, self.rows, spare.tolist(), strict=True):
             if row[index] > 0:
                 found[word] = min(found.get(word, np.inf), max(0.0, left / float(row[index])))
@@ -110,16 +163,40 @@ def force_rows(
             yield "force", costs.sum(axis=0) / max(peak, _NO_FORCE)
 
 
+def lead_limits(
+    elements: Sequence[tuple[str, float, float]],
+    unknowns: Sequence[Unknown],
+    late: float,
+    present: float,
+) -> Iterator[tuple[int, int, float, float]]:
+    """Walls whose damper more than repays the lag of their spring, and acts before the face a bit.
+
+    0 <= speed·(B/K - τ) <= lead (docs/theory.md, 11), where the damping is not a wanted value.
+
+    Args:
+        elements: name, speed, m/s, and lead, m, of each wall.
+        unknowns: of all elements.
+        late: τ of a spring at the longest delay of the margin, s.
+        present: at the stated delay, s.
+    """
+    for name, speed, lead in elements:
+        own = {u.effect: i for i, u in enumerate(unknowns) if u.element == name and not u.settled}
+        K, B = own.get("stiffness"), own.get("damping")
+        if K is not None and B is not None and unknowns[B].wish.kind != "value":
+            yield K, B, late, present + lead / speed
+
+
 def rendering_rows(
     unknowns: Sequence[Unknown],
     shares: Shares,
     device: dict[EffectName, float],
     table: PerceptionTable,
+    walls: Collection[str],
 ) -> Iterator[tuple[LinearWord, FloatArray]]:
     """Mass and damping felt of every element against what it asks for, at both ends.
 
-    An element whose every effect is a wanted value is met as it is commanded; the profile says what
-    is felt of it.
+    An element whose every effect is a wanted value is met as it is commanded, and so is a wall,
+    which nobody moves in; the profile says what is felt of them.
 
     Each row has shape (unknowns,), one over the unit of its unknown.
 
@@ -128,6 +205,7 @@ def rendering_rows(
         shares: what one unit of each effect is felt as.
         device: mass and damping that a hand feels without any effect.
         table: whose Weber fractions make a step.
+        walls: names of elements that push on one side only.
     """
     adds: dict[EffectName, dict[EffectName, Band]] = {
         "mass": {"mass": shares.mass, "damping": shares.mass_of_damping},
@@ -137,7 +215,7 @@ def rendering_rows(
             "stiffness": shares.damping_of_stiffness,
         },
     }
-    free = (unknown.element for unknown in unknowns if unknown.wish.kind != "value")
+    free = (u.element for u in unknowns if u.wish.kind != "value" and u.element not in walls)
     for name in dict.fromkeys(free):
         for felt, parts in adds.items():
             own = device[felt]

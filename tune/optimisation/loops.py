@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from identification import Device
-from tune.documents.certified import Multiplier
 from tune.documents.effects import EffectName, Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
@@ -46,9 +45,6 @@ class Loops:
     )
     _ends: dict[tuple[EffectName, int, str, float], float] = field(
         default_factory=dict[tuple[EffectName, int, str, float], float], init=False, repr=False
-    )
-    _multipliers: dict[tuple[object, ...], Multiplier | None] = field(
-        default_factory=dict[tuple[object, ...], "Multiplier | None"], init=False, repr=False
     )
 
     @classmethod
@@ -110,19 +106,6 @@ class Loops:
 
         key = (effect, sign, f"ripple {resolution!r} {limit!r}", top)
         return self._kept(key, lambda: last_within(noise, limit, top))
-
-    def multiplier(
-        self, directions: tuple[object, ...], find: Callable[[], Multiplier | None]
-    ) -> Multiplier | None:
-        """The multiplier of one-sided moments of a direction; found once, None where there is none.
-
-        Args:
-            directions: of the sizes, with the loop.
-            find: called for a direction that was not asked for before.
-        """
-        if directions not in self._multipliers:
-            self._multipliers[directions] = find()
-        return self._multipliers[directions]
 
     def _kept(self, key: tuple[EffectName, int, str, float], compute: Callable[[], float]) -> float:
         if key not in self._ends:

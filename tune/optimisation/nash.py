@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from tune.optimisation.backends import Backend, Rank
 from tune.optimisation.backends.multipliers import multipliers
-from tune.optimisation.backends.program import Family, Scenario, program_of
+from tune.optimisation.backends.program import Scenario, program_of
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.initial_points import initial_points_of
 from tune.optimisation.limits import feasible_points, is_feasible, least_margin_loops
 from tune.optimisation.problem import Problem
+from tune.optimisation.unknown import Unknown
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +67,6 @@ def largest_product(
     problem: Problem,
     backends: Sequence[Backend],
     known: Sequence[FloatArray] = (),
-    more: Sequence[Family] = (),
 ) -> Optimum:
     """The largest product of the steps of several unknowns, rank after rank.
 
@@ -76,19 +76,22 @@ def largest_product(
         problem: at least two unknowns.
         backends: solvers; all propose and the best allowed proposal is taken.
         known: sizes that are allowed, to begin with; where there are none, the best of some rays.
-        more: families of constraints that the exact check does not know, kept by proposals only.
     """
     starts = list(known) or initial_points_of(problem)
     if not starts:
         return Optimum(sizes=None, methods=(), disagreements=0.0)
-    search = Search(problem=problem, backends=backends, start=starts[0], more=more)
+    search = Search(problem=problem, backends=backends, start=starts[0])
     fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
     levels = sorted({unknown.level for unknown in problem.unknowns})
     for level in levels:
         active = np.array([unknown.level == level for unknown in problem.unknowns])
-        search.raise_rank(active, fixed, starts)
+        # A wall gives up a little of its stiffness where that leaves room for its damping.
+        yielding = np.array([u.yields > 0 and u.level == level - 1 for u in problem.unknowns])
+        search.raise_rank(active | yielding, fixed & ~yielding, starts)
         if level != levels[-1]:
             search.ease(active)
+        for index in np.flatnonzero(active & [unknown.yields > 0 for unknown in problem.unknowns]):
+            search.low[index] = _yielded(problem.unknowns[index], search.sizes[index])
         fixed |= active
         starts = [search.sizes]
     return Optimum(
@@ -112,14 +115,13 @@ class Search:
         problem: Problem,
         backends: Sequence[Backend],
         start: FloatArray,
-        more: Sequence[Family] = (),
     ) -> None:
         self.problem = problem
         self.backends = backends
         self.sizes = start
+        self.low = problem.low
         self.scenarios: list[Scenario] = []
-        self.more = more
-        self.program = program_of(problem, self.scenarios, more)
+        self.program = program_of(problem, self.scenarios)
         self.methods: list[str] = []
         self.disagreement = 0.0
 
@@ -169,7 +171,7 @@ class Search:
         """Whether the only unknown that is left could be raised to the least of its bounds."""
         raised = self.sizes.copy()
         raised[index] = largest_allowed(self.problem, self.sizes, index)
-        if self.more or raised[index] < self.sizes[index] or not is_feasible(self.problem, raised):
+        if raised[index] < self.sizes[index] or not is_feasible(self.problem, raised):
             return False
         self.sizes = raised
         self.methods.append("closed form")
@@ -180,7 +182,7 @@ class Search:
         here = np.log(self.sizes)
         return Rank(
             weights=np.where(active, [u.weight for u in self.problem.unknowns], 0.0),
-            lower=np.where(fixed, here, np.log(self.problem.low)),
+            lower=np.where(fixed, here, np.log(self.low)),
             upper=np.where(fixed, here, np.log(self.problem.high)),
         )
 
@@ -212,10 +214,16 @@ class Search:
             if not broken:
                 break
             self.scenarios += sorted(broken)
-            self.program = program_of(self.problem, self.scenarios, self.more)
+            self.program = program_of(self.problem, self.scenarios)
         return (
             None if proposal is None else bisect_to_feasible(self.problem, np.exp(start), proposal)
         )
+
+
+def _yielded(unknown: Unknown, size: float) -> float:
+    """The least that one unknown may be taken back to for the next rank."""
+    least = unknown.size_at(max(unknown.steps(size) - unknown.yields, 0.0))
+    return max(unknown.low, float(least))
 
 
 def bisect_to_feasible(

@@ -5,8 +5,10 @@ One file: the parts of one problem, none of use alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +17,9 @@ from identification import Device
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.hand import hand_of
 from tune.documents.perception import PerceptionTable, references
-from tune.documents.scene import MARGINS, Margin, Scene
+from tune.documents.scene import MARGINS, Margin, Scene, Wish
 from tune.loop.filters import Filters, used_filters
-from tune.optimisation.linear import LinearLimits, force_rows, rendering_rows
+from tune.optimisation.linear import LinearLimits, force_rows, lead_limits, rendering_rows
 from tune.optimisation.loops import Loops
 from tune.optimisation.region import Region
 from tune.optimisation.scene_unknowns import NOTHING, Asking
@@ -25,6 +27,9 @@ from tune.optimisation.unknown import Unknown
 from tune.rendering.rendered import Shares
 
 FloatArray = NDArray[np.float64]
+#: Of the gain of a clamp, kept for what lies between the corners of the box.
+ROOM = 2e-3
+_NONE: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,15 +40,17 @@ class Moment:
         elements: names.
         members: indices of unknowns, for K, B and M.
         reach: (penetration, m; speed, m/s; acceleration, m/s²) for each unknown, in the order of
-            ``members``; None for a penetration that bounds nothing.
-        absolute: the moment must be absolutely stable: one of its elements pushes only, or its
-            force may reach the clamp.
+            ``members``; None where the force is cut by a clamp and bounds nothing.
+        absolute: the moment must be absolutely stable: the clamp of one of its springs may be
+            reached, as that of a wall always is.
+        meeting: a wall is met beside other elements; its ripple is told, not bound.
     """
 
     elements: tuple[str, ...]
     members: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
     reach: tuple[tuple[float | None, ...], tuple[float | None, ...], tuple[float | None, ...]]
     absolute: bool = False
+    meeting: bool = False
 
     @property
     def lone(self) -> int | None:
@@ -74,6 +81,8 @@ class Problem:
         limits: of force, ripple and encoder.
         linear: limits of force and rendering as rows.
         cut: elements whose force may be cut at its limit.
+        proved_gain: what the proof of a clamp has to reach; the margin's, and room for what lies
+            between the corners of the box.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -83,6 +92,7 @@ class Problem:
     limits: Limits
     linear: LinearLimits
     cut: frozenset[str] = frozenset()
+    proved_gain: float = 1.0
 
     @property
     def low(self) -> FloatArray:
@@ -109,13 +119,21 @@ class Problem:
         """Those that the unknowns use."""
         return self.loops.filters
 
-    def shares(self, *, sprung: bool) -> FloatArray:
+    def shares(self, *, sprung: bool, meetings: bool = True) -> FloatArray:
         """What each unknown adds to K, B and M of the moments with a spring, or of those without.
+
+        Args:
+            sprung: with a spring.
+            meetings: those of walls with others as well.
 
         Returns:
             The signs, shape (moments, 3, unknowns).
         """
-        moments = [moment for moment in self.moments if bool(moment.members[0]) == sprung]
+        moments = [
+            moment
+            for moment in self.moments
+            if bool(moment.members[0]) == sprung and (meetings or not moment.meeting)
+        ]
         shares = np.zeros((len(moments), len(EFFECT_NAMES), len(self.unknowns)))
         for row, moment in zip(shares, moments, strict=True):
             for effect, members in enumerate(moment.members):
@@ -176,6 +194,14 @@ class DesignTask:
         region = Region.of(device, hand_of(scene.hand, device.motion), extra=extra)
         return cls(device=device, scene=scene, table=table, region=region, favour=favour)
 
+    def spring_lags(self, margin: Margin) -> tuple[float, float]:
+        """Delay, half a sample and current lag, s: the margin's latest, and as they are stated."""
+        box, lag = self.region.box, self.region.current_lag
+        step = self.device.sample_time
+        late = box.delay[1] + (margin.extra_delay_samples + 0.5) * box.sample_time[1]
+        present = self.device.delay.value + 0.5 * step.value
+        return (late, present) if lag is None else (late + lag.high, present + lag.value)
+
     def loops(self, filters: Filters) -> Loops:
         """The loops with these filters at all corners, to the margin's extra delay."""
         if filters not in self._loops:
@@ -198,9 +224,11 @@ def pose(
     filters: Filters,
     gone: frozenset[str] = frozenset(),
     cut: frozenset[str] = frozenset(),
+    settled: Mapping[str, float] = _NONE,
+    room: float = 0.0,
     felt: bool = True,
 ) -> Problem:
-    """The problem of some elements of a scene on a device.
+    """The problem of some elements of a scene on a device, beside others that are settled.
 
     Args:
         task: device, scene, perception and region.
@@ -208,12 +236,16 @@ def pose(
         filters: cut-offs of the estimators.
         gone: labels "element.effect" that are left out.
         cut: elements whose force may be cut at its limit, so that no penetration is assumed.
+        settled: sizes by label, "element.effect", of elements that were tuned before.
+        room: part of the gain margin kept beyond it by linear limits, for the proof of clamps.
         felt: effects are perceptible and felt as what they are; else only safe.
     """
     device, scene = task.device, task.scene
     margin = MARGINS[scene.margin]
-    if task.slack:
-        margin = margin.model_copy(update={"gain": margin.gain * (1 + task.slack)})
+    # Walls are proved up to their linear limit, and beyond it nothing is: room is left for it.
+    room = max(room, 2 * ROOM) if scene.walls.intersection(elements) else room
+    kept = margin.gain * (1 + task.slack)
+    margin = margin.model_copy(update={"gain": kept * (1 + room)})
     asking = Asking(
         device=device,
         box=task.region.box,
@@ -228,12 +260,17 @@ def pose(
         for element in elements
         for effect in scene.elements[element].wishes()
         if f"{element}.{effect}" not in gone
-    )
-    within = set(elements)
-    subsets = [subset for name in elements for subset in task.subsets(name) if within >= {*subset}]
+    ) + tuple(_settled(asking, scene, *each) for each in settled.items())
+    within = {*elements, *(unknown.element for unknown in unknowns)}
+    subsets = [
+        subset
+        for name in within
+        for subset in task.subsets(name)
+        if within >= {*subset} and not {*elements}.isdisjoint(subset)
+    ]
     moments = tuple(
         _moment(device, scene, subset, unknowns, cut)
-        for subset in sorted(subsets, key=len)
+        for subset in sorted(subsets, key=lambda each: (len(each), each))
         if any(u.element in subset for u in unknowns)
     )
     wanted = {unknown.effect: 0.0 for unknown in unknowns}
@@ -243,7 +280,13 @@ def pose(
     rows = list(force_rows(moments, len(unknowns), continuous, peak))
     if felt:
         own = references(device, task.table)
-        rows += rendering_rows(unknowns, Shares.of(device, used), own, task.table)
+        rows += rendering_rows(unknowns, Shares.of(device, used), own, task.table, scene.walls)
+    walls = [
+        (name, scene.motion(name, device.motion).speed, lead)
+        for name in elements
+        if (lead := scene.lead(name, device.motion)) is not None
+    ]
+    lags = task.spring_lags(margin)
     return Problem(
         unknowns=unknowns,
         moments=moments,
@@ -257,9 +300,18 @@ def pose(
             ),
             ripple=scene.ripple_limit or task.table.threshold(device.motion),
         ),
-        linear=LinearLimits.of(rows, len(unknowns)),
+        linear=LinearLimits.of(rows, len(unknowns), lead_limits(walls, unknowns, *lags)),
         cut=cut,
+        proved_gain=kept * (1 + ROOM),
     )
+
+
+def _settled(asking: Asking, scene: Scene, label: str, size: float) -> Unknown:
+    """An effect whose size is not looked for any more."""
+    element, _, effect = label.rpartition(".")
+    known = asking.unknown(element, scene.elements[element], cast("EffectName", effect))
+    wish = Wish(kind="value", low=known.sign * size, high=known.sign * size)
+    return replace(known, low=size, high=size, wish=wish, level=-1, weight=0.0, yields=0.0)
 
 
 def _moment(
@@ -270,6 +322,7 @@ def _moment(
     cut: frozenset[str],
 ) -> Moment:
     motions = {name: scene.motion(name, device.motion, cut=name in cut) for name in subset}
+    clamped = {name for name in subset if name in cut and name in scene.walls}
     chosen = [
         [i for i, u in enumerate(unknowns) if u.element in subset and u.effect == effect]
         for effect in EFFECT_NAMES
@@ -280,9 +333,12 @@ def _moment(
         members=(k, b, m),
         reach=(
             tuple(motions[unknowns[i].element].penetration for i in k),
-            tuple(motions[unknowns[i].element].speed for i in b),
+            tuple(
+                None if unknowns[i].element in clamped else motions[unknowns[i].element].speed
+                for i in b
+            ),
             tuple(motions[unknowns[i].element].acceleration for i in m),
         ),
-        absolute=any(scene.elements[name].one_sided for name in subset)
-        or any(unknowns[i].element in cut for i in k),
+        absolute=any(unknowns[i].element in cut | scene.walls for i in k),
+        meeting=bool(scene.walls.intersection(subset)) and not scene.walls.issuperset(subset),
     )

@@ -23,6 +23,8 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
     limits = problem.limits
     nothing = np.zeros(len(problem.unknowns))
     for index, unknown in enumerate(problem.unknowns):
+        if unknown.settled:
+            continue
         most = problem.linear.bounds(nothing, index).get("force", np.inf)
         top = min(unknown.high, most)
         if unknown.high <= 0:

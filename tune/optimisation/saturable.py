@@ -12,7 +12,7 @@ def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
     """Elements whose springs the usual motion would bound, and which may be cut at the force limit.
 
     They state no penetration, and nothing felt with them has mass or takes something away: what
-    pumps must not be cut.
+    pumps must not be cut. A wall is met by all there is, and is cut all the same.
     """
     device, scene = task.device, task.scene
     limit, usual = device.force_limit, DEFAULT_MOTION[device.motion].penetration
@@ -30,6 +30,6 @@ def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
             continue
         enough = wish.high is not None and wish.high * usual <= limit.continuous
         pumps = any(scene.elements[other].fades for s in groups if name in s for other in s)
-        if not enough and not pumps:
+        if name in scene.walls or (not enough and not pumps):
             cut.add(name)
     return frozenset(cut)

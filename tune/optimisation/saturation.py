@@ -1,212 +1,210 @@
-"""Moments that push on one side only or are cut, as far as they are proved absolutely stable.
+"""Sums with clamps that may be reached, as far as they are proved absolutely stable.
 
-The linear loop is no yardstick for them: without its damper, or cut at a force, a spring is what it
-is alone (docs/theory.md, 10). One file: multipliers and sizes are found in turn.
+Sizes are found by linear limits; here each sum is given the multipliers that prove it, and only
+where none does are its springs and dampers taken back.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
 from tune.documents.certified import AbsoluteStability, Multiplier
+from tune.documents.effects import Effects
 from tune.documents.scene import Margin
-from tune.optimisation.backends import Backend
-from tune.optimisation.limits import is_feasible
-from tune.optimisation.nash import largest_product
-from tune.optimisation.one_sided import ROOM, AllFound, ProvedGain, search_gain, split_moment
-from tune.optimisation.problem import Moment, Problem
-from tune.stability.absolute import gain_slopes
+from tune.optimisation.problem import ROOM, Moment, Problem
+from tune.optimisation.zames_falb import find_multiplier
+from tune.stability.absolute import Nonlinearities, absolute_gain
 from tune.stability.responses import Responses
 
 FloatArray = NDArray[np.float64]
 
-#: What of a gain beyond the margin is not claimed, relative.
-_SHAVED = 2e-2
-#: A constraint counts as at most this far from its limit, in the logarithm of the gain.
-_FAR = 5.0
-#: Turns of multipliers and sizes; two or three are usual.
-_TURNS = 4
-#: By how much a rank counts before the next.
-_RANK = 100.0
-#: Times that sizes are taken back, each of which comes closer.
-_RETREATS = 12
-
-
-def scale_to_feasible(problem: Problem, sizes: FloatArray) -> FloatArray:
-    """Sizes at which every one-sided moment keeps the margin, its springs and dampers scaled alike.
-
-    That is exact for one moment: its gain grows as its sizes fall. Sizes are 0 where none is safe.
-
-    Sizes have shape (unknowns,), SI units, before and after.
-    """
-    sizes = sizes.copy()
-    least = problem.margin.gain * (1 + ROOM)
-    for _ in range(_RETREATS):
-        kept = True
-        for moment in saturation_constraints(problem):
-            gain = search_gain(problem, moment, sizes).gain
-            if gain < least:
-                kept = False
-                sizes[_members(problem, moment)] *= gain / least * (1 - ROOM / 10)
-        if kept or not sizes.all():
-            break
-    return sizes
+#: What of a gain beyond the margin is not claimed, relative; beyond the most a margin says nothing.
+_SHAVED, _MOST_GAIN = 2e-2, 1000.0
+#: Parts of the gain that is asked for, at which a multiplier is looked for in turn.
+_PARTS = (1.02, 1.0, 0.9, 0.75, 0.5, 0.25, 0.1)
+#: Taps of less than these parts of the largest of their channel are left out, if so much of the
+#: gain is kept.
+_FAINT, _KEPT = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 0.99
+#: Times that sizes are taken back, and by how much at most; digits of what is left.
+_RETREATS, _STEEPEST, _DIGITS = 24, 0.7, 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Saturation:
-    """Absolute stability of moments with fixed multipliers, as constraints that solvers see.
+class ProvedGain:
+    """The gain that was found for a moment, and the multipliers that give it.
 
     Attributes:
-        problem: whose moments are asked.
-        parts: moments, responses of a loop and its multiplier.
+        gain: for the worst loop, free or held; 0 where none was found.
+        free: for loops whose position nothing holds; None where there are none.
+        held: for the others.
     """
 
-    problem: Problem
-    parts: tuple[tuple[Moment, Responses, Multiplier], ...]
-
-    @classmethod
-    def of(cls, problem: Problem, sizes: FloatArray, found: AllFound) -> Saturation:
-        """With the multipliers that were found at some sizes, shape (unknowns,)."""
-        parts: list[tuple[Moment, Responses, Multiplier]] = []
-        for moment in saturation_constraints(problem):
-            _, steady = split_moment(problem, moment, sizes)
-            known = found[moment.elements]
-            for loop in problem.loops.late:
-                multiplier = known.held if loop.grounded else known.free
-                if multiplier is not None:
-                    parts.append((moment, Responses.of(loop, steady), multiplier))
-        return cls(problem=problem, parts=tuple(parts))
-
-    @property
-    def size(self) -> int:
-        """How many constraints these are."""
-        return sum(len(responses.position) for _, responses, _ in self.parts)
-
-    def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
-        least = np.log(self.problem.margin.gain * (1 + ROOM))
-        values: list[FloatArray] = []
-        slopes: list[FloatArray] = []
-        for moment, responses, multiplier in self.parts:
-            switched, _ = split_moment(self.problem, moment, sizes)
-            found = gain_slopes(responses, switched, multiplier)
-            slope = np.zeros((found.gain.size, sizes.size))
-            for row, members in zip(found.slopes, moment.members, strict=True):
-                mine = [i for i in members if self.problem.unknowns[i].sign > 0]
-                total = float(sum(sizes[i] for i in mine))
-                for i in mine:
-                    slope[:, i] = -row * sizes[i] / total
-            values.append(np.clip(least - np.log(found.gain), -_FAR, _FAR))
-            slopes.append(slope)
-        return np.concatenate(values), np.concatenate(slopes)
+    gain: float
+    free: Multiplier | None = None
+    held: Multiplier | None = None
 
 
-def absolutely_stable(
-    problem: Problem, starts: Sequence[FloatArray], backends: Sequence[Backend]
-) -> tuple[FloatArray, AllFound]:
-    """The largest product found at which every moment that asks for it is absolutely stable.
+#: By the elements of each moment that must be absolutely stable.
+AllFound = Mapping[tuple[str, ...], ProvedGain]
 
-    Multipliers and sizes in turn: those that were the best at some sizes bound the next. Sizes are
-    rounded to six digits.
 
-    All sizes have shape (unknowns,), SI units.
+def prove_moments(problem: Problem, sizes: FloatArray, known: AllFound | None = None) -> AllFound:
+    """`search_gain` of every moment that must be absolutely stable.
+
+    Sizes have shape (unknowns,), SI units; what is known is of others.
+    """
+    known = known or {}
+    return {
+        moment.elements: search_gain(problem, moment, sizes, known.get(moment.elements))
+        for moment in problem.moments
+        if moment.absolute
+    }
+
+
+def scale_to_proved(problem: Problem, sizes: FloatArray) -> tuple[FloatArray, AllFound]:
+    """Springs and dampers scaled alike until every moment is proved with the whole margin.
+
+    That is exact for one clamp: its gain grows as its sizes fall.
+
+    Sizes have shape (unknowns,), SI units, before and after; below the least of an unknown where
+    nothing larger is proved.
+    """
+    found = prove_moments(problem, sizes)
+    for _ in range(_RETREATS):
+        worst = min(
+            (m for m in problem.moments if m.absolute), key=lambda m: found[m.elements].gain
+        )
+        gain, own = found[worst.elements].gain, _scaled(problem, worst)
+        if gain >= problem.proved_gain or not own or np.any(sizes[own] < problem.low[own]):
+            break
+        part = max(gain / problem.proved_gain, _STEEPEST) * (1 - ROOM / 10)
+        sizes = sizes.copy()
+        sizes[own] = [_floored(size * part) for size in sizes[own].tolist()]
+        found = prove_moments(problem, sizes, found)
+    else:
+        sizes = np.zeros_like(sizes)
+    return sizes, found
+
+
+def _members(moment: Moment) -> set[int]:
+    return {index for members in moment.members for index in members}
+
+
+def _scaled(problem: Problem, moment: Moment) -> list[int]:
+    """Springs, and dampers of their elements, that are not settled."""
+    stiffness, damping, _ = moment.members
+    sprung = {problem.unknowns[i].element for i in stiffness}
+    return [
+        i
+        for i in (*stiffness, *damping)
+        if not problem.unknowns[i].settled
+        and problem.unknowns[i].element in sprung
+        and problem.unknowns[i].sign > 0
+    ]
+
+
+def search_gain(
+    problem: Problem, moment: Moment, sizes: FloatArray, known: ProvedGain | None = None
+) -> ProvedGain:
+    """The gain up to which a moment is absolutely stable at every corner and delay of the margin.
 
     Args:
-        problem: with moments that ask for it.
-        starts: sizes, the optimum without among them.
-        backends: solvers that know constraints with slopes of their own.
+        problem: loops and margin.
+        moment: with a clamp.
+        sizes: of the unknowns, shape (unknowns,).
+        known: multipliers of other sizes, which may do.
     """
-    back = [scale_to_feasible(problem, sizes) for sizes in starts]
-    best = max(back, key=lambda sizes: _product(problem, sizes))
-    unbound = any(np.array_equal(best, sizes) for sizes in starts[:1])
-    if len(problem.unknowns) > 1 and not unbound and np.all(best >= problem.low):
-        for _ in range(_TURNS):
-            more = Saturation.of(problem, best, search_gains(problem, best))
-            answer = largest_product(problem, backends, [best * (1 - ROOM)], [more]).sizes
-            if answer is None:
+    if not problem.region.box.damping[0] > 0:
+        return ProvedGain(gain=0.0)
+    parts, steady = nonlinearities(problem, moment, sizes)
+    least = problem.proved_gain
+    # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
+    gains = [problem.margin.gain * (1 + 2 * ROOM) if steady else _MOST_GAIN]
+    multipliers: dict[bool, Multiplier | None] = {}
+    box = problem.region.box
+    late = box.delay[1] / box.sample_time[0] + problem.margin.extra_delay_samples
+    for loop in problem.loops.late:
+        responses = Responses.of(loop, steady)
+        multiplier, gain = None, 0.0
+        if known is not None:
+            multiplier = known.held if loop.grounded else known.free
+        if multiplier is not None:
+            gain = _least_gain(responses, parts, multiplier)
+        for part in () if gain >= least else _PARTS:
+            multiplier = find_multiplier(responses, parts, part * least, late)
+            if multiplier is not None:
+                gain = _least_gain(responses, parts, multiplier)
+                multiplier, gain = _with_few_taps(responses, parts, multiplier, gain)
                 break
-            answer = scale_to_feasible(problem, answer)
-            gained = _product(problem, answer) - _product(problem, best)
-            if gained > 0:
-                best = answer
-            if not gained > ROOM:
-                break
-    grown = _grown(problem, best)
-    if _product(problem, grown) > _product(problem, best):
-        best = grown
-    best = np.array([_floored(float(size)) for size in best])
-    return best, search_gains(problem, best)
+        gains.append(gain)
+        multipliers[loop.grounded] = multiplier
+    return ProvedGain(gain=min(gains), free=multipliers.get(False), held=multipliers.get(True))
 
 
-def _grown(problem: Problem, sizes: FloatArray) -> FloatArray:
-    """Springs and dampers scaled alike to what absolute stability leaves, where that is allowed."""
-    found = search_gains(problem, sizes)
-    spare = min((each.gain for each in found.values()), default=0.0)
-    trial = sizes.copy()
-    members = sorted(
-        {i for moment in saturation_constraints(problem) for i in _members(problem, moment)}
-    )
-    trial[members] *= max(spare / (problem.margin.gain * (1 + ROOM)), 1.0) * (1 - ROOM / 10)
-    trial = scale_to_feasible(problem, np.minimum(trial, problem.high))
-    return trial if is_feasible(problem, trial) else sizes
+def _least_gain(responses: Responses, parts: Nonlinearities, multiplier: Multiplier) -> float:
+    return float(np.min(absolute_gain(responses, parts, multiplier)))
 
 
-def _product(problem: Problem, sizes: FloatArray) -> float:
-    """The weighed sum of the logarithms of steps, the first ranks far before the next."""
-    return float(
-        sum(
-            unknown.weight * _RANK**-unknown.level * np.log(unknown.steps(float(size)))
-            if size >= unknown.low
-            else -_FAR
-            for unknown, size in zip(problem.unknowns, sizes, strict=True)
+def _with_few_taps(
+    responses: Responses, parts: Nonlinearities, multiplier: Multiplier, gain: float
+) -> tuple[Multiplier, float]:
+    """The multiplier without the taps that hardly change its gain, and the gain it has then."""
+    for part in _FAINT:
+        channels = tuple(
+            channel.model_copy(
+                update={
+                    "taps": tuple(
+                        tap
+                        for tap in channel.taps
+                        if tap.weight >= part * max(each.weight for each in channel.taps)
+                    )
+                }
+            )
+            for channel in multiplier.channels
         )
-    )
+        fewer = Multiplier(channels=channels)
+        left = _least_gain(responses, parts, fewer)
+        if left >= _KEPT * gain:
+            return fewer, left
+    return multiplier, gain
+
+
+def nonlinearities(
+    problem: Problem, moment: Moment, sizes: FloatArray
+) -> tuple[Nonlinearities, tuple[Effects, ...]]:
+    """(clamps and what is damping only, elements that fade at the gain of the margin).
+
+    Sizes have shape (unknowns,), SI units.
+    """
+    clamps: list[tuple[str, Effects]] = []
+    steady: list[Effects] = []
+    damping = 0.0
+    order = sorted(_members(moment))
+    order.sort(key=lambda i: moment.elements.index(problem.unknowns[i].element))
+    for name, own in groupby(order, key=lambda i: problem.unknowns[i].element):
+        values = {
+            problem.unknowns[i].effect: problem.unknowns[i].sign * float(sizes[i]) for i in own
+        }
+        if "stiffness" in values:
+            clamps.append((name, Effects(**values)))
+        elif "mass" in values or values["damping"] < 0:
+            gain = problem.margin.gain
+            steady.append(Effects(**{effect: gain * value for effect, value in values.items()}))
+        else:
+            damping += values["damping"]
+    return Nonlinearities(clamps=tuple(clamps), damping=damping), tuple(steady)
 
 
 def _floored(size: float) -> float:
     """Rounded to six digits towards nothing."""
-    if size <= 0:
-        return 0.0
-    unit = 10.0 ** (np.floor(np.log10(size)) - 5)
+    unit = 10.0 ** (np.floor(np.log10(size)) - _DIGITS + 1) if size > 0 else 1.0
     return round_to_digits(float(np.floor(size / unit) * unit))
-
-
-def search_gains(problem: Problem, sizes: FloatArray) -> AllFound:
-    """`search_gain` of every moment that is one-sided.
-
-    Sizes have shape (unknowns,), SI units.
-    """
-    return {
-        moment.elements: search_gain(problem, moment, sizes)
-        for moment in saturation_constraints(problem)
-    }
-
-
-def saturation_constraints(problem: Problem) -> list[Moment]:
-    """The moments that must be absolutely stable."""
-    return [moment for moment in problem.moments if moment.absolute]
-
-
-def saturated_unknowns(problem: Problem, found: AllFound) -> frozenset[int]:
-    """Unknowns of the moments that have no more than the margin of absolute stability."""
-    return frozenset(
-        index
-        for moment in saturation_constraints(problem)
-        if found[moment.elements].gain < problem.margin.gain * (1 + 1.5 * ROOM)
-        for index in _members(problem, moment)
-    )
-
-
-def _members(problem: Problem, moment: Moment) -> list[int]:
-    """Springs and positive dampers of a moment."""
-    stiffness, damping, _ = moment.members
-    return [*stiffness, *(i for i in damping if problem.unknowns[i].sign > 0)]
 
 
 def witness_of(found: ProvedGain, margin: Margin, slack: float) -> AbsoluteStability:

@@ -22,6 +22,8 @@ BOUNDLESS = 1e6
 REMAINS = 1e-3
 #: Exponent of the steps of a favoured effect (the asymmetric bargaining solution).
 FAVOURED = 4.0
+#: Steps of its stiffness that a wall gives up for more damping.
+_YIELDS = 0.5
 #: An effect of which less than this part is felt, or its opposite, counts as felt this little: no
 #: size of it that is sensible then reaches a step worth having, and logarithms stay finite.
 BARELY_FELT = 1e-3
@@ -74,9 +76,22 @@ class Asking:
             wish=wish,
             reference=reference,
             weber=weber,
-            level=0 if wish.kind == "value" else given.priority,
+            level=level_of(given, effect),
+            yields=_YIELDS if effect == "stiffness" and _serves(given) else 0.0,
             weight=FAVOURED if effect == self.favour else 1.0,
         )
+
+
+def level_of(given: Element, effect: EffectName) -> int:
+    """Rank of one effect of an element; see `Unknown`."""
+    if given.wishes()[effect].kind == "value":
+        return 0
+    return 2 * given.priority + (effect == "damping" and _serves(given))
+
+
+def _serves(given: Element) -> bool:
+    """Whether it is a wall whose damping is there for its stiffness."""
+    return given.one_sided and given.favour != "both"
 
 
 def _share(device: Device, filters: Filters, effect: EffectName) -> float:

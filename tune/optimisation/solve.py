@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,10 +27,15 @@ from tune.optimisation.rounding import round_sizes
 from tune.optimisation.saturable import may_saturate
 
 if TYPE_CHECKING:
-    from tune.optimisation.one_sided import AllFound, ProvedGain
+    from tune.optimisation.saturation import AllFound, ProvedGain
 
 FloatArray = NDArray[np.float64]
 
+#: Tries with more room for the proof of clamps, so much of what the last one was short of; a gain
+#: below the least says nothing of how much that is.
+_MOST_ROOMS, _LESS_ROOM, _LEAST_GAIN = 6, 0.7, 0.5
+#: Why the damper of a wall goes with its spring.
+_NO_WALL = "without its stiffness it would be no wall"
 #: In the logarithm of the product, where cut-offs are still looked for.
 _ROUGHLY = 1e-6
 
@@ -46,6 +52,7 @@ class Solution:
         method: what found the answer.
         disagreement: of the solvers, in the logarithm of the product of steps.
         absolute: gains of the moments that must be absolutely stable.
+        stepped_back: unknowns that are smaller for it.
     """
 
     problem: Problem
@@ -55,24 +62,42 @@ class Solution:
     disagreement: float = 0.0
     unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
     absolute: AllFound = field(default_factory=dict[tuple[str, ...], "ProvedGain"])
+    stepped_back: frozenset[int] = frozenset()
+
+    def by_label(self) -> dict[str, float]:
+        """Sizes, SI, of what was looked for here."""
+        return {
+            u.label: float(size)
+            for u, size in zip(self.problem.unknowns, self.sizes, strict=bool(self.sizes.size))
+            if not u.settled
+        }
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
-    """Elements connected through ``together``; each group is one problem."""
-    found = [{name} for name in scene.elements]
-    for together in scene.together:
-        joined = [group for group in found if group & set(together)]
-        found = [group for group in found if not group & set(together)]
-        found.append({name for group in joined for name in group})
+    """Elements connected through ``together``, in the order in which they are tuned.
+
+    Each group is one problem beside those before it: walls are met everywhere and come after the
+    others of their priority.
+    """
+    found: list[frozenset[str]] = [frozenset({name}) for name in scene.elements]
+    for group in scene.together:
+        for together in (scene.walls.intersection(group), frozenset(group) - scene.walls):
+            joined = frozenset[str]().union(*(each for each in found if each & together))
+            found = [each for each in found if not each & together] + [joined] * bool(joined)
     order = list(scene.elements)
-    ordered = [tuple(sorted(group, key=order.index)) for group in found]
-    return tuple(sorted(ordered, key=lambda group: order.index(group[0])))
+
+    def place(group: tuple[str, ...]) -> tuple[int, bool, int]:
+        priority = min(scene.elements[name].priority for name in group)
+        return priority, group[0] in scene.walls, order.index(group[0])
+
+    return tuple(sorted((tuple(sorted(g, key=order.index)) for g in found), key=place))
 
 
 def solve(
     task: DesignTask,
     elements: Sequence[str],
     filters: Filters,
+    before: Sequence[Solution] = (),
     *,
     second_opinion: bool = True,
 ) -> Solution:
@@ -81,14 +106,24 @@ def solve(
     Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
     can be proved safe so at the scene's margin; else the usual motion bounds them.
 
+    Args:
+        task: device, scene, perception and region.
+        elements: of the group.
+        filters: of the controller.
+        before: what was tuned already and may be felt beside it.
+        second_opinion: ask all solvers, and for proofs of what may be cut.
+
     Raises:
         NoFeasibleEffectError: a range cannot be met.
     """
-    usual = _solved(task, elements, filters, second_opinion=second_opinion)
+    beside = {label: size for solved in before for label, size in solved.by_label().items()}
+    known = frozenset[str]().union(*(solved.problem.cut for solved in before))
     cut = may_saturate(task, elements)
-    if not cut:
-        return usual
-    free = _solved(task, elements, filters, cut, beside=usual, second_opinion=second_opinion)
+    walls = cut & task.scene.walls
+    free = _solved(task, elements, filters, known | cut, beside, second_opinion=second_opinion)
+    if cut == walls or not (free.stepped_back or free.dropped):
+        return free
+    usual = _solved(task, elements, filters, known | walls, beside, second_opinion=second_opinion)
     return max(usual, free, key=lambda each: (each.sizes.size, _products(each.problem, each.sizes)))
 
 
@@ -96,9 +131,9 @@ def _solved(
     task: DesignTask,
     elements: Sequence[str],
     filters: Filters,
-    cut: frozenset[str] = frozenset(),
+    cut: frozenset[str],
+    settled: Mapping[str, float],
     *,
-    beside: Solution | None = None,
     second_opinion: bool,
     gone: Mapping[str, str] | None = None,
 ) -> Solution:
@@ -111,38 +146,61 @@ def _solved(
         elements: of the group.
         filters: of the controller.
         cut: elements whose springs are cut.
-        beside: the same with none cut, where the search may begin as well.
+        settled: sizes by label of what was tuned before.
         second_opinion: ask all solvers, and for proofs of what is cut or one-sided.
         gone: effects that are left out, with the reason.
     """
-    problem, optimum, dropped = optimum_of(
-        task, elements, filters, cut=cut, second_opinion=second_opinion, gone=gone
-    )
+
+    def tuned(room: float) -> tuple[Problem, Optimum | None, dict[str, str]]:
+        return optimum_of(
+            task,
+            elements,
+            filters,
+            cut=cut,
+            settled=settled,
+            room=room,
+            second_opinion=second_opinion,
+            gone=gone,
+            choosing=not room,
+        )
+
+    problem, optimum, dropped = tuned(0.0)
     if optimum is None or optimum.sizes is None:
         return Solution(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
-    sizes = round_sizes(problem, optimum.sizes)
+    linear = sizes = round_sizes(problem, optimum.sizes)
     found: AllFound = {}
     if second_opinion and any(moment.absolute for moment in problem.moments):
-        from tune.optimisation.saturation import absolutely_stable
+        from tune.optimisation.saturation import prove_moments, scale_to_proved
 
-        starts = [sizes]
-        if beside is not None and _labels(beside.problem) == _labels(problem):
-            starts.append(beside.sizes)
-        sizes, found = absolutely_stable(problem, starts, backends(second_opinion=False))
+        found, room = prove_moments(problem, sizes), 0.0
+        for _ in range(_MOST_ROOMS):
+            short = problem.proved_gain / max(
+                min(each.gain for each in found.values()), _LEAST_GAIN
+            )
+            if short <= 1:
+                break
+            room += _LESS_ROOM * (short - 1)
+            less, other, also = tuned(room)
+            if other is None or other.sizes is None or also != dropped:
+                break
+            sizes = round_sizes(less, other.sizes)
+            found = prove_moments(problem, sizes, found)
+        else:
+            sizes, found = scale_to_proved(problem, sizes)
         parts = sizes / problem.low
         if np.any(parts < 1):
             index = int(np.argmin(parts))
             why = f"pushing on one side, or cut, it is proved stable to {sizes[index]:.4g} at most"
-            short = {problem.unknowns[index].label: why}
-            _refuse_broken_ranges(problem, short)
+            reason = {problem.unknowns[index].label: why}
+            _refuse_broken_ranges(problem, reason)
             return _solved(
                 task,
                 elements,
                 filters,
                 cut,
-                beside=beside,
+                settled,
                 second_opinion=second_opinion,
-                gone=dropped | short,
+                gone=dropped | reason,
             )
     return Solution(
         problem=problem,
@@ -152,11 +210,8 @@ def _solved(
         disagreement=optimum.disagreements,
         unrounded=optimum.sizes,
         absolute=found,
+        stepped_back=frozenset(np.flatnonzero(sizes < linear).tolist()),
     )
-
-
-def _labels(problem: Problem) -> list[str]:
-    return [unknown.label for unknown in problem.unknowns]
 
 
 def optimum_of(
@@ -165,6 +220,8 @@ def optimum_of(
     filters: Filters,
     *,
     cut: frozenset[str] = frozenset(),
+    settled: Mapping[str, float] = MappingProxyType({}),
+    room: float = 0.0,
     second_opinion: bool = True,
     known: Callable[[Problem], Sequence[FloatArray]] | None = None,
     gone: Mapping[str, str] | None = None,
@@ -179,6 +236,8 @@ def optimum_of(
         elements: of the group.
         filters: of the controller.
         cut: elements whose force may be cut at its limit.
+        settled: sizes by label of what was tuned before and may be felt beside them.
+        room: part of the gain margin kept beyond it.
         second_opinion: ask all solvers.
         known: sizes of all effects of a problem to begin with, allowed as far as doubles tell,
             where there are some.
@@ -191,7 +250,17 @@ def optimum_of(
     """
 
     def posed(gone: frozenset[str]) -> Problem:
-        return pose(task, elements=elements, filters=filters, gone=gone, cut=cut)
+        # Without its stiffness the damper of a wall would act everywhere.
+        gone |= {f"{e}.damping" for e in task.scene.walls if f"{e}.stiffness" in gone}
+        return pose(
+            task,
+            elements=elements,
+            filters=filters,
+            gone=gone,
+            cut=cut,
+            settled=settled,
+            room=room,
+        )
 
     def best(problem: Problem, known: Sequence[FloatArray] = ()) -> Optimum:
         if len(problem.unknowns) == 1:
@@ -204,21 +273,26 @@ def optimum_of(
         _refuse_broken_ranges(problem, impossible)
         dropped |= impossible
         problem = posed(frozenset(dropped))
-    if not problem.unknowns:
+    asked = [f"{e}.{effect}" for e in elements for effect in task.scene.elements[e].wishes()]
+    own = {unknown.label for unknown in problem.unknowns if not unknown.settled}
+    dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
+    if not own:
         return problem, None, dropped
     found = best(problem, [] if dropped or known is None else known(problem))
     if found.sizes is not None or not choosing:
         return problem, found, dropped
-    every = frozenset(unknown.label for unknown in problem.unknowns)
+    every = frozenset(own)
     before = frozenset(dropped)
 
     starts: dict[frozenset[str], FloatArray | None] = {}
 
     def feasible(labels: frozenset[str]) -> bool:
-        starts[labels] = feasible_sizes(posed(before | (every - labels)))
-        return starts[labels] is not None
+        trial = posed(before | (every - labels))
+        whole = labels <= {unknown.label for unknown in trial.unknowns}
+        starts[labels] = feasible_sizes(trial) if labels and whole else None
+        return not labels or starts[labels] is not None
 
-    sets = feasible_subsets(problem.unknowns, feasible)
+    sets = feasible_subsets([u for u in problem.unknowns if not u.settled], feasible)
     if not sets:
         _refuse_broken_ranges(
             problem, dict.fromkeys(every, "no setting keeps it together with the other effects")
@@ -229,13 +303,8 @@ def optimum_of(
         optima.append((each, None if start is None else best(each, [start])))
     chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
     found = {} if optimum is None or optimum.sizes is None else _by_label(chosen, optimum.sizes)
-    for label in [unknown.label for unknown in problem.unknowns if unknown.label not in found]:
-        alone = posed(before | (every - {label}))
-        missed = _missed(alone, label, {})
-        if found and largest_allowed(alone, np.zeros(1), 0) >= alone.unknowns[0].low:
-            with_others = posed(before | (every - found.keys() - {label}))
-            missed = "beside the others " + _missed(with_others, label, found)
-        dropped[label] = missed
+    for label in [u.label for u in problem.unknowns if u.label in own and u.label not in found]:
+        dropped[label] = _missed(posed(before | (every - found.keys() - {label})), label, found)
     return chosen, optimum, dropped
 
 
@@ -248,26 +317,32 @@ def _products(problem: Problem, sizes: FloatArray | None) -> list[float]:
     if sizes is None or not sizes.size:
         return []
     steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, sizes, strict=True)]
-    levels = sorted({unknown.level for unknown in problem.unknowns})
-    pairs = list(zip(problem.unknowns, steps, strict=True))
+    levels = sorted({unknown.level for unknown in problem.unknowns if not unknown.settled})
+    pairs = [each for each in zip(problem.unknowns, steps, strict=True) if not each[0].settled]
     return [
         float(sum(u.weight * np.log(s) for u, s in pairs if u.level == level)) for level in levels
     ]
 
 
 def _missed(problem: Problem, label: str, beside: Mapping[str, float]) -> str:
-    """By how much one step of an effect is missed beside others of certain sizes.
+    """By how much one step of an effect is missed, by itself or else beside what is kept.
 
     Args:
         problem: of all of them.
         label: of the effect.
-        beside: sizes of the others by label.
+        beside: sizes of the others by label, settled ones among them.
     """
-    (index,) = [i for i, u in enumerate(problem.unknowns) if u.label == label]
-    unknown = problem.unknowns[index]
-    sizes = np.array([beside.get(other.label, 0.0) for other in problem.unknowns])
-    sizes[index] = largest_allowed(problem, sizes, index)
-    return imperceptible(unknown, float(sizes[index]), bindings(problem, sizes, [index])[0])
+    places = [i for i, u in enumerate(problem.unknowns) if u.label == label]
+    if not places:
+        return _NO_WALL
+    index, unknown = places[0], problem.unknowns[places[0]]
+    for words, known in (("", dict[str, float]()), ("beside the others ", beside)):
+        sizes = np.array([known.get(other.label, 0.0) for other in problem.unknowns])
+        sizes[index] = largest_allowed(problem, sizes, index)
+        if sizes[index] < unknown.low or words:
+            word = bindings(problem, sizes, [index])[0]
+            return words + imperceptible(unknown, float(sizes[index]), word)
+    raise AssertionError("one of both is returned")
 
 
 def backends(*, second_opinion: bool = True) -> list[Backend]:

@@ -28,7 +28,9 @@ class Unknown:
         reference: the commanded size that is felt as much as what the device has of it: K_ref, b
             or m over the share of the command that is rendered at the motions people make, SI.
         weber: Weber fraction.
-        level: rank; wanted values are level 0, then the priorities of the elements.
+        level: rank; what is settled is level -1, wanted values are level 0, then twice the
+            priorities of the elements, the damping of a wall after its stiffness.
+        yields: steps that it gives up at most for what its own element has of the next rank.
         weight: exponent of its steps in the product, more than 1 where it is favoured.
     """
 
@@ -41,7 +43,13 @@ class Unknown:
     reference: float
     weber: float
     level: int
+    yields: float = 0.0
     weight: float = 1.0
+
+    @property
+    def settled(self) -> bool:
+        """Whether its size was found before, beside which others are looked for."""
+        return self.level < 0
 
     @property
     def label(self) -> str:

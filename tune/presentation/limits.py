@@ -70,7 +70,10 @@ def _margins(design: Design, element: ElementProfile) -> Iterator[tuple[str, str
     if own.absolute_gain:
         part = margin.gain / own.absolute_gain
         words = f"{margin.gain:g} of {own.absolute_gain:.3g}"
-        yield "switched or cut", "saturation", part, words
+        yield "proof of its clamp", "saturation", part, words
+    if element.lead and element.contact and element.contact.lead and element.damping:
+        part = element.contact.lead / element.lead
+        yield "met before its face", "lead", part, f"{part:.3g} of what it may be"
 
 
 def _sustained(element: ElementProfile) -> float:
@@ -81,11 +84,8 @@ def _sustained(element: ElementProfile) -> float:
 def _in_motion(element: ElementProfile) -> float:
     """Force of the whole element in its motion, N."""
     motion = element.motion
-    return (
-        _sustained(element)
-        + abs(element.damping) * motion.speed
-        + abs(element.mass) * motion.acceleration
-    )
+    damping = 0.0 if element.one_sided and element.cut else abs(element.damping)
+    return _sustained(element) + damping * motion.speed + abs(element.mass) * motion.acceleration
 
 
 def _forces(design: Design, name: str, unit: str) -> Iterator[tuple[str, str, float, str]]:

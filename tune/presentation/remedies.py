@@ -19,9 +19,15 @@ _WORDS: dict[LimitedBy, tuple[str, str]] = {
         "A shorter delay or a faster sample rate help.",
     ),
     "saturation": (
-        "More of it could be pumped by entering, leaving or cutting it at the wrong moments.",
-        "Less damping in a wall beside it, more damping of the device, a shorter delay, or a "
-        "penetration stated in the scene help.",
+        "More of it is stable as long as nothing is cut or switched, and no proof was found beyond "
+        "that.",
+        "More damping of the device or a shorter delay help, or name it apart from what it is not "
+        "met with.",
+    ),
+    "lead": (
+        "More damping would be met too far before the face of the wall; more stiffness would lag "
+        "more than its damping makes good.",
+        "A longer lead in the scene gives more damping; a shorter delay gives more of both.",
     ),
     "force": (
         "More of it would ask for more force than the actuator gives.",

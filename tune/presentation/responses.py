@@ -66,7 +66,9 @@ def _followed(
     filters = filters_of(design.loop)
     device = design.device
     values = (element.stiffness, element.damping, element.mass)
-    limit = math.inf if device.force_limit is None else device.force_limit.peak
+    limit = element.force_level or math.inf
+    before = element.damping / element.stiffness if element.stiffness else 0.0
+    acts = (limit, before, one_sided)
     count = _samples(design, element)
     best = Corner(
         mass=device.mass.value,
@@ -83,7 +85,7 @@ def _followed(
     box = corners_of(device, device.simultaneous_box())
     places = [best, *box[:: max(1, len(box) // _CORNERS)][:_CORNERS]]
     found = [
-        _run(place, SampledLoop.of(place, filters, values), count, pushed, speed, limit, one_sided)
+        _run(place, SampledLoop.of(place, filters, values), count, pushed, speed, *acts)
         for place in places
     ]
     position, rate, force = (np.stack(each) for each in zip(*found, strict=True))
@@ -108,6 +110,7 @@ def _run(
     pushed: float,
     speed: float,
     limit: float,
+    before: float,
     one_sided: bool,  # noqa: FBT001 - one of two laws
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Position, speed and force of one device from sample to sample."""
@@ -118,17 +121,17 @@ def _run(
     state = np.zeros(len(loop.read))
     state[plant.speed] = speed
     if speed:
+        # An element with a spring is entered where its law passes zero.
+        state[0] = -speed * before
         state[loop.remembered] = loop.moving(loop.read @ state[:, None], speed * place.sample_time)[
             :, 0
         ]
     rows = np.empty((count, 3))
-    inside = True
     for row in range(count):
         force = float(np.clip(command @ state, -limit, limit))
         place_now = float(loop.read @ state)
         if one_sided:
-            inside = place_now >= 0 if row else True
-            force = min(force, 0.0) if inside else 0.0
+            force = min(force, 0.0)
         rows[row] = place_now, state[plant.speed], force
         state = free @ state + column * force + outside
     return rows[:, 0], rows[:, 1], rows[:, 2]

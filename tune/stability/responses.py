@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +37,8 @@ class Responses:
         position: measured position over force in T²/m, (loops, points).
         velocity: estimate over position, in 1/T, (loops, points).
         acceleration: estimate over position, in 1/T², (loops, points).
-        steady: effects that act on every loop without being switched; None for none.
-        levels: parts of them at which each loop is looked at.
+        steady: effects that fade and act on every loop at some constant level.
+        levels: of all of them, at which each loop is looked at.
     """
 
     loop: Loop
@@ -44,37 +46,44 @@ class Responses:
     position: ComplexArray
     velocity: ComplexArray
     acceleration: ComplexArray
-    steady: Effects | None
-    levels: tuple[float, ...]
+    steady: tuple[Effects, ...]
+    levels: tuple[tuple[float, ...], ...]
 
     @classmethod
-    def of(
-        cls, loop: Loop, steady: Effects | None = None, levels: tuple[float, ...] = (0.0, 0.5, 1.0)
-    ) -> Responses:
+    def of(cls, loop: Loop, steady: Sequence[Effects] = ()) -> Responses:
         """On a grid that is fine where the loops are.
 
         Args:
             loop: of shape (loops,).
-            steady: effects that are part of the device here: masses, and what is negative.
-            levels: parts of them, between which nothing is asked; one loop becomes as many.
+            steady: effects that are part of the device here, without springs, each at a level of
+                its own: none, half or all of it. One loop becomes as many as there are levels.
         """
-        return cls._at(loop, _grid(loop), steady, levels if steady is not None else (0.0,))
+        return cls._at(
+            loop, _grid(loop), tuple(steady), tuple(product((0.0, 0.5, 1.0), repeat=len(steady)))
+        )
 
     @classmethod
     def _at(
-        cls, loop: Loop, angle: FloatArray, steady: Effects | None, levels: tuple[float, ...]
+        cls,
+        loop: Loop,
+        angle: FloatArray,
+        steady: tuple[Effects, ...],
+        levels: tuple[tuple[float, ...], ...],
     ) -> Responses:
         parts = loop.transfer
         position = _ratio(parts.plant_numerator, parts.plant_denominator, angle)
         velocity = _ratio(parts.beta, parts.law_denominator, angle)
         acceleration = _ratio(parts.gamma, parts.law_denominator, angle)
-        if steady is not None:
-            law = np.zeros_like(position)
+        if steady:
+            laws = np.zeros((len(steady), *position.shape), dtype=np.complex128)
             estimates = (np.ones_like(position), velocity, acceleration)
-            for value, part in zip(loop.dimensionless_effects(steady), estimates, strict=True):
-                if value is not None:
-                    law = law + np.broadcast_to(value, loop.scales[0].shape)[:, None] * part
-            position = np.concatenate([position / (1 + level * law * position) for level in levels])
+            for place, effects in enumerate(steady):
+                for value, part in zip(loop.dimensionless_effects(effects), estimates, strict=True):
+                    if value is not None:
+                        laws[place] += np.broadcast_to(value, loop.scales[0].shape)[:, None] * part
+            position = np.concatenate(
+                [position / (1 + np.tensordot(each, laws, axes=1) * position) for each in levels]
+            )
             velocity, acceleration = (
                 np.concatenate([part] * len(levels)) for part in (velocity, acceleration)
             )

@@ -30,10 +30,9 @@ class Evaluation:
         smooth = int(function.numel_out(0))
         self._program = program
         self._weights = rank.weights
-        # Without its first family, which Routh's ratios stand for.
-        self._families = program.families[1:] if rank.routh else program.families
-        sizes = [smooth, *(family.size for family in self._families)]
-        self._places = np.cumsum([0, *sizes])
+        # Routh's ratios stand for the reach of stability.
+        self._reach = None if rank.routh else program.reach
+        total = smooth + (0 if self._reach is None else self._reach.size)
         self._y = np.full(count, np.nan)
         plain = None if rank.routh else program.plain
         self._parameters = np.ascontiguousarray(program.parameters[:plain])
@@ -42,8 +41,8 @@ class Evaluation:
         self._columns = np.empty((count, smooth))
         self.value = np.nan
         self.slope: FloatArray = np.empty(count)
-        self.constraints: FloatArray = np.empty(self._places[-1])
-        self.jacobian: FloatArray = np.zeros((int(self._places[-1]), count))
+        self.constraints: FloatArray = np.empty(total)
+        self.jacobian: FloatArray = np.zeros((total, count))
         self._buffer, self._evaluate = function.buffer()
         for place, given in enumerate((self._y, self._parameters)):
             self._buffer.set_arg(place, memoryview(cast("Any", given)))
@@ -61,10 +60,8 @@ class Evaluation:
                 self._evaluate()
             self.constraints[: self._smooth.size] = self._smooth
             self.jacobian[: self._smooth.size] = self._columns.T
-            for family, first, last in zip(
-                self._families, self._places[1:], self._places[2:], strict=False
-            ):
-                values, slopes = family.at(sizes)
-                self.constraints[first:last] = values
-                self.jacobian[first:last] = slopes
+            if self._reach is not None:
+                values, slopes = self._reach.at(sizes)
+                self.constraints[self._smooth.size :] = values
+                self.jacobian[self._smooth.size :] = slopes
         return self

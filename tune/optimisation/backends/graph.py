@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ class Structure:
     Attributes:
         signs: of the unknowns.
         moments: members by effect of each moment.
+        quiet: whether the ripple of each is bound.
+        ratios: (i, j) of sizes whose ratio is bound.
         shapes: (degree, scenarios, position bound by device or hand) of the loops.
         laws: degree of the control law, for the ripple; 0 without an encoder.
         bound: the device's own force by position binds it, hand off.
@@ -32,6 +35,8 @@ class Structure:
 
     signs: tuple[int, ...]
     moments: tuple[tuple[tuple[int, ...], ...], ...]
+    quiet: tuple[bool, ...]
+    ratios: tuple[tuple[int, int], ...]
     shapes: tuple[tuple[int, int, bool], ...]
     laws: int
     bound: bool
@@ -129,6 +134,7 @@ def _graph(structure: Structure) -> _Graph:
 
     sizes = [ca.exp(y[i]) for i in range(count)]
     reference, rows = take(count), take(sum(structure.linear), count)
+    factors = take(len(structure.ratios))
     product_of_steps: Any = 0
     for i, (sign, size, ref) in enumerate(zip(structure.signs, sizes, reference, strict=True)):
         height: Any = sign * ca.log1p(sign * size / ref)
@@ -140,7 +146,7 @@ def _graph(structure: Structure) -> _Graph:
     constraints: list[Any] = []
     if structure.laws:
         table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
-        for total in totals:
+        for total in compress(totals, structure.quiet):
             numerator = product(list(law[0]), _polynomial(law, total, free=False, drop=False))
             free = total[0] is None and not structure.bound
             energy = ripple_energy(
@@ -160,6 +166,9 @@ def _graph(structure: Structure) -> _Graph:
         used: Any = sum(size * part for size, part in zip(sizes, row, strict=True))
         # In logarithms nearly linear, where a row has them.
         constraints.append(used.log() if place < structure.linear[0] else used - 1)
+    constraints += [
+        factor.log() + y[i] - y[j] for (i, j), factor in zip(structure.ratios, factors, strict=True)
+    ]
     return _Graph(
         y=y,
         parameters=ca.vertcat(*taken),

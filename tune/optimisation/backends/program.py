@@ -1,14 +1,13 @@
 """The design problem as a smooth program: numbers for a graph that equal structures share.
 
-Unknowns are the logarithms y of the sizes. Every constraint reads g <= 0: families of them that
-give values and slopes (the reach of stability), and those that are compiled (`graph`).
+Unknowns are the logarithms y of the sizes. Every constraint reads g <= 0: the reach of stability,
+which gives values and slopes, and those that are compiled (`graph`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,19 +28,6 @@ Scenario = tuple[int, int]
 INSIDE = 2e-8
 
 
-class Family(Protocol):
-    """Constraints that are at most 0 where kept, with slopes of their own."""
-
-    @property
-    def size(self) -> int:
-        """How many constraints these are."""
-        ...
-
-    def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
     """A problem with numbers in.
@@ -51,7 +37,7 @@ class Program:
         parameters: of this problem, without the weights of a rank, shape (parameters,); those of
             the loops come last.
         plain: how many of them belong to no loop.
-        families: of constraints that give their own slopes; the reach of stability first.
+        reach: of stability, with slopes of its own.
         signs: of the unknowns, shape (unknowns,).
         references: of the steps, shape (unknowns,).
         per_step: 1/ln(1 + w), no unit, shape (unknowns,).
@@ -60,7 +46,7 @@ class Program:
     functions: Functions
     parameters: FloatArray
     plain: int
-    families: tuple[Family, ...]
+    reach: Reach
     signs: FloatArray
     references: FloatArray
     per_step: FloatArray
@@ -78,16 +64,13 @@ class Program:
         return float(weights @ logs), weights * slopes
 
 
-def program_of(
-    problem: Problem, scenarios: Sequence[Scenario], more: Sequence[Family] = ()
-) -> Program:
+def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     """The program of a problem; compiles it if no problem of its structure came before.
 
     Args:
         problem: with all its corners.
         scenarios: those of them that the solver is shown, as (loop of ``problem.loops.late``,
             column). Their number is rounded up to a power of two, so that structures are met again.
-        more: families of constraints besides.
     """
     limits = problem.limits
     columns = [
@@ -103,6 +86,8 @@ def program_of(
     structure = Structure(
         signs=tuple(unknown.sign for unknown in problem.unknowns),
         moments=tuple(moment.members for moment in problem.moments),
+        quiet=tuple(not moment.meeting for moment in problem.moments),
+        ratios=tuple((i, j) for i, j, _ in problem.linear.ratios),
         shapes=tuple((loop.degree, len(chosen), loop.grounded) for loop, chosen in shown),
         laws=problem.loops.nominal.degree if ripple else 0,
         bound=problem.loops.nominal.grounded,
@@ -110,7 +95,8 @@ def program_of(
     )
     references = np.array([u.reference for u in problem.unknowns])
     gain = problem.margin.gain * (1 + INSIDE)
-    numbers: list[FloatArray] = [references, rows]
+    factors = np.array([factor for _, _, factor in problem.linear.ratios]) * (1 + INSIDE)
+    numbers: list[FloatArray] = [references, rows, factors]
     if ripple and limits.encoder_resolution is not None:
         nominal = problem.loops.nominal
         unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple
@@ -120,7 +106,7 @@ def program_of(
     return Program(
         functions=Functions(structure=structure),
         plain=plain,
-        families=(Reach.of(problem, shown, gain), *more),
+        reach=Reach.of(problem, shown, gain),
         parameters=np.concatenate([part.ravel() for part in numbers]),
         signs=np.array([float(sign) for sign in structure.signs]),
         references=references,

@@ -1,0 +1,187 @@
+"""Zames-Falb multipliers by conic programming over a grid of frequencies.
+
+For a given gain the condition of `absolute` is linear in the weights of the taps and the constants:
+a Hermitian matrix of each frequency and loop that has to be positive definite. The weights with
+which the least of their eigenvalues is largest are the answer of a conic program; frequencies at
+which it then falls short are added until none does.
+
+G. Zames and P. L. Falb, "Stability conditions for systems with monotone and slope-restricted
+nonlinearities", SIAM J. Control 6(1), 1968; discrete: J. C. Willems and R. W. Brockett, "Some new
+rearrangement inequalities having application in stability analysis", IEEE TAC 13(5), 1968.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import round_to_digits
+from tune.documents.certified import Channel, Multiplier, Tap
+from tune.stability.absolute import Nonlinearities, difference_at
+from tune.stability.responses import Responses
+
+if TYPE_CHECKING:
+    import clarabel
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Indices = NDArray[np.intp]
+
+#: Delays of the taps, samples: all of the short ones, then each so many times the one before, up to
+#: so many times the delay of the loop, or to this many.
+_SHORT, _RATIO, _DELAYS, _LONG = 8, 1.3, 6, 31
+#: Of the points of the grid the first program sees one in so many.
+_SEEN = 12
+#: Programs at most.
+_ROUNDS = 4
+#: Weights below this part of the largest are none; digits of the others.
+_NOTHING, _DIGITS = 1e-9, 8
+
+
+def find_multiplier(
+    responses: Responses, parts: Nonlinearities, gain: float, delay_samples: float
+) -> Multiplier | None:
+    """The multiplier with the most room at a gain, over all loops; None where there is none.
+
+    It is as good as a grid can tell: what it proves is for `absolute_gain` to say.
+
+    Args:
+        responses: of the loops, all free or all grounded.
+        parts: the nonlinearities of the sum.
+        gain: up to which it is to prove the sum.
+        delay_samples: the longest of the loops.
+    """
+    table, owners = _table(responses, parts, gain, _ladder(delay_samples))
+    seen = np.arange(0, table.shape[1], _SEEN, dtype=np.intp)
+    weights: FloatArray | None = None
+    for _ in range(_ROUNDS):
+        weights = _program(table[:, seen])
+        if weights is None:
+            return None
+        values = np.linalg.eigvalsh(np.tensordot(weights, table, axes=1))
+        short = _dips(np.asarray(values[:, 0]).reshape(responses.position.shape))
+        if not short.size:
+            break
+        seen = np.union1d(seen, short)
+    return None if weights is None else _multiplier(weights, owners, parts)
+
+
+def _ladder(delay_samples: float) -> list[int]:
+    """Delays of the taps, samples."""
+    longest = max(_LONG, _DELAYS * (delay_samples + 1))
+    count = int(np.log(longest / _SHORT) / np.log(_RATIO))
+    return [*range(1, _SHORT), *(round(_SHORT * _RATIO**step) for step in range(count + 1))]
+
+
+def _table(
+    responses: Responses, parts: Nonlinearities, gain: float, ladder: list[int]
+) -> tuple[ComplexArray, list[tuple[int, int]]]:
+    """Hermitian matrices of each unknown, (unknowns, points, n, n), and its (channel, tap).
+
+    A constant is tap 0. Rows of a channel are in units of its own size times the gain. At each
+    point the matrices are turned and scaled alike, so that none of their directions is small in all
+    of them: near θ = 0 that in which two clamps push against each other is.
+    """
+    loops = [gain * loop for loop in parts.loops(responses)]
+    size = len(loops)
+    angle = np.broadcast_to(responses.angle, loops[0].shape)
+    tables: list[ComplexArray] = []
+    owners: list[tuple[int, int]] = []
+    for channel in range(size):
+        clamp = channel < len(parts.clamps)
+        taps = ladder if clamp else []
+        constants = (0,) if responses.grounded or not clamp else ()
+        for tap in (*constants, *taps):
+            factor = difference_at(tap, angle) if tap else np.ones(angle.shape)
+            matrix = np.zeros((*angle.shape, size, size), dtype=np.complex128)
+            matrix[..., channel, :] = (factor * loops[channel])[..., None]
+            matrix[..., channel, channel] += factor
+            hermitian = (matrix + np.conj(np.swapaxes(matrix, -1, -2))) / 2
+            tables.append(hermitian.reshape(-1, size, size))
+            owners.append((channel, tap))
+    table = np.stack(tables)
+    values, vectors = np.linalg.eigh(np.einsum("vpij,vpjk->pik", table, table))
+    scale = vectors * np.maximum(values, np.finfo(float).tiny)[:, None, :] ** -0.25
+    return np.einsum("pji,vpjk,pkl->vpil", np.conj(scale), table, scale, optimize=True), owners
+
+
+def _dips(least: FloatArray) -> Indices:
+    """Where each loop has least and less than nothing to spare; places in all (loops, points)."""
+    edge = np.full((len(least), 1), np.inf)
+    padded = np.hstack([edge, least, edge])
+    dips = (least <= padded[:, :-2]) & (least <= padded[:, 2:]) & (least <= 0)
+    return np.flatnonzero(dips)
+
+
+def _program(table: ComplexArray) -> FloatArray | None:
+    """Weights that sum to one with which the least eigenvalue of all points is largest.
+
+    None where it is not above 0. The table has shape (unknowns, points, n, n).
+    """
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    count, points, *_ = table.shape
+    cone, rows, unit = _cone_rows(table)
+    program = np.zeros((1 + count + rows.shape[1], count + 1))
+    program[0, :count] = 1
+    program[1 : 1 + count, :count] = -np.eye(count)
+    program[1 + count :, :count] = -rows.T
+    program[1 + count :, -1] = np.tile(unit, points)
+    target, cost = np.zeros(len(program)), np.zeros(count + 1)
+    target[0], cost[-1] = 1, -1
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    cones: list[clarabel.Cone] = [clarabel.ZeroConeT(1), clarabel.NonnegativeConeT(count)]
+    cones += [clarabel.NonnegativeConeT(points)] if cone is None else [cone] * points
+    answer = clarabel.DefaultSolver(
+        csc_matrix((count + 1, count + 1)), cost, csc_matrix(program), target, cones, settings
+    ).solve()
+    found = np.array(answer.x, dtype=np.float64)
+    if not np.all(np.isfinite(found)) or not found[-1] > -_NOTHING:
+        return None
+    return np.maximum(found[:-1], 0.0)
+
+
+def _cone_rows(table: ComplexArray) -> tuple[clarabel.Cone | None, FloatArray, FloatArray]:
+    """(cone of one point, rows of all points by unknown, what an eigenvalue adds to each row)."""
+    import clarabel
+
+    count, _, size, _ = table.shape
+    if size == 1:
+        return None, table.real.reshape(count, -1), np.ones(1)
+    if size == 2:
+        first, second, across = table[..., 0, 0].real, table[..., 1, 1].real, table[..., 0, 1]
+        rows = np.stack([first + second, first - second, 2 * across.real, 2 * across.imag], axis=-1)
+        return clarabel.SecondOrderConeT(4), rows.reshape(count, -1), np.array([2.0, 0, 0, 0])
+    upper = np.concatenate([table.real, -table.imag], axis=-1)
+    lower = np.concatenate([table.imag, table.real], axis=-1)
+    whole = np.concatenate([upper, lower], axis=-2)
+    column, row = np.tril_indices(2 * size)
+    scaled = whole[..., row, column] * np.where(row == column, 1.0, np.sqrt(2))
+    return (
+        clarabel.PSDTriangleConeT(2 * size),
+        scaled.reshape(count, -1),
+        np.where(row == column, 1.0, 0.0),
+    )
+
+
+def _multiplier(
+    weights: FloatArray, owners: list[tuple[int, int]], parts: Nonlinearities
+) -> Multiplier:
+    """Weights as channels: rows were in units of each channel's own size."""
+    scaled = [w * parts.sizes[owner] for (owner, _), w in zip(owners, weights, strict=True)]
+    least = _NOTHING * max(scaled)
+    channels: list[Channel] = []
+    for index, name in enumerate(parts.names):
+        mine = {
+            tap: round_to_digits(float(weight / max(scaled)), _DIGITS)
+            for (owner, tap), weight in zip(owners, scaled, strict=True)
+            if owner == index and weight > least
+        }
+        constant = mine.pop(0, 0.0)
+        taps = tuple(Tap(samples=tap, weight=weight) for tap, weight in mine.items())
+        channels.append(Channel(name=name, constant=constant, taps=taps))
+    return Multiplier(channels=tuple(channels))

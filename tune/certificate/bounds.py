@@ -25,20 +25,34 @@ def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
     if limit is None:
         return []
     chosen = [design.elements[name] for name in moment]
-    # What is cut at the limit needs no penetration: that it is safe so is proved apart.
+    # What is cut at its level needs no penetration: that it is safe so is proved apart.
     sustained = sum(item.stiffness * (item.motion.penetration or 0.0) for item in chosen)
     peak = sustained + sum(
-        abs(item.damping) * item.motion.speed + abs(item.mass) * item.motion.acceleration
+        (0.0 if item.one_sided and item.cut else abs(item.damping) * item.motion.speed)
+        + abs(item.mass) * item.motion.acceleration
         for item in chosen
     )
-    return [
+    levels = sum(item.force_level for item in chosen if item.stiffness)
+    wrong = [
+        f"{name}: force_level says {item.force_level:.6g}, "
+        + ("its clamp lets something pass" if item.stiffness else "it has no spring")
+        for name, item in zip(moment, chosen, strict=True)
+        if (item.force_level > 0) != bool(item.stiffness)
+    ]
+    return wrong + [
         f"{' + '.join(moment)}: {words} force {seen:.6g} exceeds the limit {most:.6g}"
         for words, seen, most in (
             ("sustained", sustained, limit.continuous),
             ("peak", peak, limit.peak),
+            ("cut", levels, limit.peak),
         )
         if seen > most * (1 + 1e-9)
     ]
+
+
+def meets_wall(design: Design, moment: tuple[str, ...]) -> bool:
+    """Whether a wall is met beside other elements, where ripple is told and not bound."""
+    return bool(design.walls.intersection(moment)) and not design.walls.issuperset(moment)
 
 
 def ripple_failures(design: Design, moment: tuple[str, ...], setting: Setting) -> list[str]:

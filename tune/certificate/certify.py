@@ -13,13 +13,19 @@ from typing import Literal
 import numpy as np
 
 from tune.certificate.assumptions import assumptions, method, not_assessed
-from tune.certificate.bounds import force_failures, passivity_failures, ripple_failures
+from tune.certificate.bounds import (
+    force_failures,
+    meets_wall,
+    passivity_failures,
+    ripple_failures,
+)
 from tune.certificate.fade_levels import judge_levels
 from tune.certificate.moments import MomentInRegion, judge_moments, place_of
 from tune.certificate.point import setting_of
 from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import Region, regions_of
 from tune.certificate.rendered import rendering_failures
+from tune.certificate.switched import is_clamped, judge_switched
 from tune.certificate.worst_point import WorstCase
 from tune.documents.certified import (
     AbsoluteStability,
@@ -105,17 +111,16 @@ def certify(
         if failure is not None:
             found.failures.append(failure)
             continue
-        if any(design.elements[name].one_sided or design.elements[name].cut for name in moment):
-            from tune.certificate.switched import judge_switched
-
-            outcome = judge_switched(design, moment, setting, regions, witnesses or {})
+        if is_clamped(design, moment):
+            outcome = judge_switched(design, moment, regions, witnesses or {})
             found.cells += outcome.cells
             if outcome.proved is None:
                 found.failures.append(outcome.failure or "")
                 continue
             found.absolute[" + ".join(moment)] = outcome.proved
         interior[" + ".join(moment)] = "proved"
-        found.failures += ripple_failures(design, moment, setting)
+        if not meets_wall(design, moment):
+            found.failures += ripple_failures(design, moment, setting)
         found.failures += passivity_failures(design, moment, setting, bare)
         if len(moment) == 1:
             found.failures += rendering_failures(design, moment[0], setting)

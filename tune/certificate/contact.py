@@ -31,14 +31,20 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
     if said is None:
         yield f"{name}: contact is missing. Tune again"
         return
-    region, limit = regions_of(design)[0], design.device.force_limit
+    device, region, limit = design.device, regions_of(design)[0], design.device.force_limit
     K, B, M = element.stiffness, element.damping, element.mass
-    speed = element.motion.speed
+    speed, level = element.motion.speed, element.force_level
+    step, delay, lag = device.sample_time, device.delay, device.current_lag
+    latest = region.sample_time[1] * (design.margin.extra_delay_samples + 0.5) + region.delay[1]
+    usual = step.value / 2 + delay.value + (0.0 if lag is None else lag.value)
+    shallow = None if limit is None or not K else min(limit.continuous, level) / K
     seen = {
-        "depth_at_continuous_force": limit.continuous / K if limit is not None and K else None,
-        "depth_at_peak_force": limit.peak / K if limit is not None and K else None,
-        "force_on_entry": speed * abs(K * region.sample_time[1] + B),
+        "depth_at_continuous_force": shallow,
+        "depth_at_peak_force": None if limit is None or not K else level / K,
+        "force_on_entry": speed * (K * region.sample_time[1] if K else abs(B)),
         "energy_per_entry": abs(M) * speed * speed / 2 if M else None,
+        "net_damping": B - K * (latest + region.current_lag[1]) if K else None,
+        "lead": (B / K - usual) * speed if K else None,
     }
     pairs = [(key, getattr(said, key), value) for key, value in seen.items()]
     found = _restitution(design, name, element, region)
@@ -50,12 +56,31 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
                 None if found is None else found[place],
             )
         )
+    # Differences of larger numbers have the digits that these leave them.
+    size = {"net_damping": abs(B), "lead": speed * (usual + (B / K if K else 0.0))}
     for key, stated, value in pairs:
         if (stated is None) != (value is None) or (
-            stated is not None and value is not None and not abs(stated - value) <= _AGREE * value
+            stated is not None
+            and value is not None
+            and not abs(stated - value) <= _AGREE * (size.get(key) or abs(value))
         ):
             yield f"{name}: contact.{key} says {_number(stated)}, computed anew it is " + _number(
                 value
+            )
+    most = element.lead
+    if (most is not None) != element.one_sided:
+        yield f"{name}: lead is stated of walls, of each of them"
+    served = element.limited_by.get("damping") not in {None, "wanted", "not-perceptible"}
+    if most is not None and K and B and served:
+        least, lead = seen["net_damping"] or 0.0, seen["lead"] or 0.0
+        if least < -_AGREE * B:
+            yield (
+                f"{name}: its damping of {B:.6g} is less than the lag of its spring takes, net "
+                f"{least:.4g}. Tune again"
+            )
+        if lead > most * (1 + _AGREE):
+            yield (
+                f"{name}: at {speed:g} it is met {lead:.4g} before its face, {most:.4g} is allowed"
             )
 
 
@@ -105,11 +130,14 @@ def _bounces(
     whole = math.floor(late + _WHOLE)
     part = late - whole if late - whole > _WHOLE else 0.0
     places = np.arange(1, _PLACES + 1) / _PLACES
+    # At unit speed the law passes zero so far before the place.
+    ahead = setting.damping / setting.stiffness
     rigid = len(region.modes) + 1
     x = np.stack([held_motion(motion, drive, t * step)[0][:, :, rigid] for t in places], axis=1)
     first = held_motion(motion, drive, part * step)
     last = held_motion(motion, drive, (1 - part) * step)
     window = (setting.velocity_window_samples or 1) if setting.damping else 1
+    x[..., 0] -= ahead
     under_way = whole + (part > 0)
     now = x @ read
     readings = [now - (back + 1) * step for back in range(window)]
@@ -120,16 +148,15 @@ def _bounces(
     speed = np.zeros_like(now)
     for _ in range(_STAYS + len(sent)):
         now = x @ read
-        outside += (outside > 0) | (now <= 0)
         slope = (now - readings[window - 1]) / (window * step)
         estimate, before = t * estimate - p * before + (1 - t + p) * slope, estimate
         readings = [now, *readings[:-1]]
-        force = -(setting.stiffness * now + setting.damping * estimate)
-        if one_sided:
-            force = np.minimum(force, 0.0)
+        force = np.minimum(-(setting.stiffness * now + setting.damping * estimate), 0.0)
+        # A wall is left where the device is outside of it, another element as soon as it pulls.
+        outside += (outside > 0) | ((force == 0) & ((now <= 0) | (not one_sided)))
         sent = [np.where(outside > 0, 0.0, force), *sent[:-1]]
         # What free motion does not change: momentum over mass, at the place of entry.
-        leaving = x[..., rigid] + (damping / mass)[:, None] * x[..., 0]
+        leaving = x[..., rigid] + (damping / mass)[:, None] * (x[..., 0] + ahead)
         if region.current_lag[1] > 0:
             leaving = leaving + (lag / mass)[:, None] * x[..., -1]
         speed = np.where(outside == under_way + 1, np.maximum(0.0, -leaving), speed)

@@ -40,10 +40,11 @@ class Corners:
 def corners_of(design: Design, moment: tuple[str, ...]) -> Corners | None:
     """The corners of a moment's levels; None where no other is passed than what is proved alone.
 
-    An element that fades alone goes through smaller gains of itself.
+    An element that fades alone goes through smaller gains of itself; beside a wall that pushes
+    levels stand still, each anywhere, which is part of the proof of its clamp.
     """
     fading = [name for name in moment if design.elements[name].fades]
-    if not fading or len(moment) == 1:
+    if not fading or len(moment) == 1 or design.walls.intersection(moment):
         return None
     kept = [name for name in moment if name not in fading]
     found = [

@@ -48,9 +48,12 @@ def rendering_failures(design: Design, name: str, setting: Setting) -> list[str]
 def _excess_over_request(
     design: Design, name: str, impedance: dict[str, ComplexArray]
 ) -> list[str]:
-    """Mass and damping that are felt as more than a step from what the element asks for."""
+    """Mass and damping that are felt as more than a step from what an element asks for.
+
+    A wall asks for nothing to move in.
+    """
     element, table = design.elements[name], design.perception
-    if table is None or element.as_commanded:
+    if table is None or element.as_commanded or element.one_sided:
         return []
     moving = impedance["damping"] + impedance["mass"]
     felt = {"mass": moving.imag / _turns(), "damping": (moving + impedance["stiffness"]).real}

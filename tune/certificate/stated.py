@@ -31,6 +31,8 @@ def stated_failures(design: Design) -> Iterator[str]:
         yield each.words("margin", f"the margin {kept.name}")
     if design.together != groups_of(design.elements, design.together):
         yield "together names each set of elements once, in the order of the elements"
+    if design.apart != groups_of(design.elements, design.apart):
+        yield "apart names each pair of elements once, in the order of the elements"
     yield from _wrong_loop(design)
     if design.perception is None:
         yield "perception, in which steps are counted, is missing. Tune again"
@@ -79,24 +81,24 @@ def _wrong_notes(design: Design) -> Iterator[str]:
 
 def _wrong_methods(design: Design) -> Iterator[str]:
     """A method is named for the elements of each group in which something acts."""
-    named = set(design.method)
+    order = list(design.elements)
     for group in _connected(design):
         played = [design.elements[name] for name in group]
         acts = any(each.stiffness or each.damping or each.mass for each in played)
-        own = {", ".join(m) for m in design.moments() if set(m) <= group} & named
-        if len(own) != acts:
-            yield f"method: {len(own)} stated for {', '.join(sorted(group))[:80]}, not {acts:d}"
-        named -= own
-    if named:
-        yield f"method is stated for {', '.join(sorted(named))[:80]}, which are not felt together"
+        name = ", ".join(sorted(group, key=order.index))
+        if (name in design.method) != acts:
+            yield f"method: {1 - acts:d} stated for {name[:80]}, not {acts:d}"
+    if len(design.method) > len(_connected(design)):
+        yield "method is stated for elements that are not tuned together"
 
 
 def _connected(design: Design) -> list[set[str]]:
-    """Elements that are tuned together, because groups join them."""
+    """Elements that are tuned together, because groups join them; walls apart from others."""
     found = [{name} for name in design.elements]
     for group in design.together:
-        joined = set[str]().union(*(each for each in found if each & set(group)))
-        found = [each for each in found if not each & set(group)] + [joined]
+        for part in (set(group) & design.walls, set(group) - design.walls):
+            joined = set[str]().union(*(each for each in found if each & part))
+            found = [each for each in found if not each & part] + [joined] * bool(part)
     return found
 
 

@@ -1,17 +1,20 @@
-"""Switched and saturating moments: what of them is nonlinear, and the proof of stability."""
+"""Clamped, switched and fading moments: what of them is nonlinear, and the proof of stability."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import combinations
 
-from tune.certificate.absolute import multiplier_failure, open_device_failure, prove_absolute
+from tune.certificate.absolute import (
+    Nonlinear,
+    multiplier_failure,
+    open_device_failure,
+    prove_absolute,
+)
 from tune.certificate.branch_and_bound import Claim, Proof
-from tune.certificate.point import Setting
+from tune.certificate.fade_levels import Corners, prove_levels
+from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import Region
-from tune.certificate.roots import judge
-from tune.certificate.zero_exclusion import prove
 from tune.documents.certified import AbsoluteStability, Multiplier
 from tune.documents.profile import Design
 
@@ -19,13 +22,13 @@ from tune.documents.profile import Design
 Witnesses = Mapping[str, AbsoluteStability]
 
 #: What a proof covers, by what is there.
-ONE_SIDED = "springs that push on one side only, or are cut at a force"
+CLAMPED = "springs with their damping and mass that push on one side only, or are cut at a force"
 GATED = "damping switched at any moment"
-STEADY = "mass and negative effects at any constant part of what they are"
+STEADY = "what fades, at any constant level of each element"
 #: Cells of a proof. Near the resonance of a device on a stiff hand a weak wall needs 450 000, and
 #: more margin would not make them fewer.
 _MOST_CELLS = 1_000_000
-_REMEDY = "Ask for less stiffness or damping, or leave out one_sided"
+_REMEDY = "Ask for less stiffness or damping, or name it apart from what it is not met with"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,19 +40,20 @@ class Outcome:
     proved: AbsoluteStability | None = None
 
 
+def is_clamped(design: Design, moment: tuple[str, ...]) -> bool:
+    """Whether the clamp of some element of a moment may be reached: of a wall, or a free spring."""
+    chosen = [design.elements[name] for name in moment]
+    return any(each.stiffness and (each.one_sided or each.cut) for each in chosen)
+
+
 def judge_switched(
-    design: Design,
-    moment: tuple[str, ...],
-    setting: Setting,
-    regions: tuple[Region, ...],
-    witnesses: Witnesses,
+    design: Design, moment: tuple[str, ...], regions: tuple[Region, ...], witnesses: Witnesses
 ) -> Outcome:
     """Prove one moment absolutely stable in every region, with the multipliers that are stated.
 
     Args:
-        design: whose elements are one-sided.
+        design: whose clamps may be reached.
         moment: elements felt together.
-        setting: their sum.
         regions: of device and hand.
         witnesses: multipliers and gain of this moment among them.
     """
@@ -57,8 +61,8 @@ def judge_switched(
     witness = witnesses.get(where)
     if witness is None:
         return Outcome(
-            failure=f"{where}: pushes on one side only, and no multiplier is stated that proves it "
-            "stable so. Tune again"
+            failure=f"{where}: its force may be cut or push on one side only, and no multiplier is "
+            "stated that proves it stable so. Tune again"
         )
     least, extra = design.margin.gain, float(design.margin.extra_delay_samples)
     if not witness.gain >= least or witness.extra_delay_samples != extra:
@@ -67,77 +71,70 @@ def judge_switched(
             f"{witness.extra_delay_samples:.6g} extra samples, the margin asks for {least:.6g} "
             f"with {extra:.6g}"
         )
-    if _apart(design, moment):
-        return Outcome(
-            failure=f"{where}: pushes on one side only, or is cut, beside several elements that "
-            "fade and whose masses and negative effects are not alike, so that their levels are "
-            "not proved one by one. Let only one of them be felt together with it"
-        )
-    switched, steady = split_moment(design, moment, setting)
+    for name, stated, there in (
+        ("free", witness.free, not all(region.grounded for region in regions)),
+        ("held", witness.held, any(region.grounded for region in regions)),
+    ):
+        if stated is not None and not there:
+            return Outcome(
+                failure=f"{where}: absolute_stability states a {name} multiplier, and no device "
+                f"or hand of the box is {name}. Tune again"
+            )
+    sum_ = nonlinear_parts(design, moment)
     claim = Claim(gain=witness.gain, extra=extra)
     cells = 0
     for region in regions:
         multiplier = witness.held if region.grounded else witness.free
-        failure, proof = _prove(region, switched, steady, multiplier, claim)
+        failure, proof = _prove(region, sum_, multiplier, claim)
         cells += 0 if proof is None else proof.cells
         if failure is not None:
             return Outcome(
                 cells=cells,
-                failure=f"{region.words(moment)}: not proved stable as a one-sided wall up to a "
-                f"gain of {claim.gain:.6g} with {extra:.6g} extra samples of delay: {failure}. "
+                failure=f"{region.words(moment)}: not proved stable with its clamps up to a gain "
+                f"of {claim.gain:.6g} with {extra:.6g} extra samples of delay: {failure}. "
                 f"{_REMEDY}",
             )
     covers = (
-        *((ONE_SIDED,) if switched.stiffness else ()),
-        *((GATED,) if switched.damping else ()),
-        *((STEADY,) if steady is not None else ()),
+        CLAMPED,
+        *(() if sum_.damping is None else (GATED,)),
+        *((STEADY,) if sum_.steady else ()),
     )
     return Outcome(cells=cells, proved=witness.model_copy(update={"covers": covers}))
 
 
-def split_moment(
-    design: Design, moment: tuple[str, ...], setting: Setting
-) -> tuple[Setting, Setting | None]:
-    """(springs and positive dampers, what fades slowly and is part of the device meanwhile)."""
-    chosen = [design.elements[name] for name in moment]
-    against = sum(min(element.damping, 0.0) for element in chosen)
-    mass = sum(element.mass for element in chosen)
-    switched = replace(
-        setting, damping=sum(max(element.damping, 0.0) for element in chosen), mass=0.0
-    )
-    if not against and not any(element.mass for element in chosen):
-        return switched, None
-    return switched, replace(setting, stiffness=0.0, damping=against, mass=mass)
-
-
-def _apart(design: Design, moment: tuple[str, ...]) -> bool:
-    """Whether levels of its own for each element give sums that no common level gives."""
-    chosen = [design.elements[name] for name in moment]
-    steady = [(each.mass, min(each.damping, 0.0)) for each in chosen if each.fades]
-    return any(
-        mass * other_loss != other_mass * loss or mass * other_mass < 0
-        for (mass, loss), (other_mass, other_loss) in combinations(steady, 2)
-    )
+def nonlinear_parts(design: Design, moment: tuple[str, ...]) -> Nonlinear:
+    """Clamps, what is damping only, and what fades without a spring."""
+    clamps: dict[str, Setting] = {}
+    steady: list[Setting] = []
+    damping: Setting | None = None
+    for name in moment:
+        element, setting = design.elements[name], setting_of(design, (name,))
+        if setting is None:
+            continue
+        if element.stiffness:
+            clamps[name] = setting
+        elif element.fades:
+            steady.append(setting)
+        else:
+            before = 0.0 if damping is None else damping.damping
+            damping = replace(setting, damping=before + setting.damping)
+    return Nonlinear(clamps=clamps, damping=damping, steady=tuple(steady))
 
 
 def _prove(
-    region: Region,
-    switched: Setting,
-    steady: Setting | None,
-    multiplier: Multiplier | None,
-    claim: Claim,
+    region: Region, sum_: Nonlinear, multiplier: Multiplier | None, claim: Claim
 ) -> tuple[str | None, Proof | None]:
     """(why it is not proved or None, the proof as far as it went)."""
     failure = open_device_failure(region)
     if failure is None and multiplier is None:
         failure = "no multiplier is stated"
     if failure is None and multiplier is not None:
-        failure = multiplier_failure(region, switched, multiplier)
+        failure = multiplier_failure(region, sum_, multiplier)
     if failure is not None or multiplier is None:
         return failure, None
-    if steady is not None and not _stable_alone(region, steady, claim):
-        return "mass and negative effects are not proved stable by themselves", None
-    proof = prove_absolute(region, switched, steady, multiplier, claim, _MOST_CELLS)
+    if sum_.steady and not _stable_alone(region, sum_.steady, claim):
+        return "what fades is not proved stable by itself", None
+    proof = prove_absolute(region, sum_, multiplier, claim, _MOST_CELLS)
     if proof.proved:
         return None, proof
     assert proof.doubt is not None
@@ -146,12 +143,14 @@ def _prove(
     return f"the condition could not be shown at {place.words()}, {proof.cells} cells", proof
 
 
-def _stable_alone(region: Region, steady: Setting, claim: Claim) -> bool:
-    """Whether the device is stable with what acts steadily, at every gain up to the claim's."""
-    if not (steady.damping or steady.mass):
-        return True
-    point = region.point(region.middle(), 0.0)
-    return (
-        judge(point, steady, claim.gain).answer == "stable"
-        and prove(region, steady, [claim], _MOST_CELLS).proved
-    )
+def _stable_alone(region: Region, steady: tuple[Setting, ...], claim: Claim) -> bool:
+    """Whether the device is stable with what fades, at every level and gain up to the claim's."""
+    sums: list[Setting] = []
+    for setting in steady:
+        sums += [*(_sum(each, setting) for each in sums), setting]
+    corners = Corners(settings=tuple(sums), nothing=True)
+    return prove_levels(region, corners, claim, _MOST_CELLS).proved
+
+
+def _sum(first: Setting, second: Setting) -> Setting:
+    return replace(first, damping=first.damping + second.damping, mass=first.mass + second.mass)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping
+from importlib.resources import files
 from string import Template
 
 from identification import InvalidInputError
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import ElementProfile, SafeProfile
-from tune.exporters.c_header import HEADER
-from tune.exporters.c_source import SOURCE
 from tune.exporters.heading import digest, force_limit, heading, short, unit_of_force
 from tune.exporters.largest_change import change_words, largest_change
-from tune.exporters.law import Section, fade_step, law_of
+from tune.exporters.law import Section, fade_step, law_of, longest_tap
 from tune.exporters.names import block_comment, identifiers, inside_comment
 
 #: Bits of the set of elements that the guard is given.
@@ -34,9 +33,15 @@ def c_files(profile: SafeProfile) -> dict[str, str]:
         )
     values = _values(profile)
     return {
-        "haptune_guard.h": Template(HEADER).substitute(values),
-        "haptune_guard.c": Template(SOURCE).substitute(values),
+        "haptune_guard.h": filled("guard.h", values),
+        "haptune_guard.c": filled("guard.c", values),
     }
+
+
+def filled(name: str, values: Mapping[str, str]) -> str:
+    """A template with its $-names filled in."""
+    text = (files("tune") / "templates" / name).read_text(encoding="utf-8")
+    return Template(text).substitute(values)
 
 
 def macros(profile: SafeProfile) -> dict[str, str]:
@@ -68,13 +73,13 @@ def _values(profile: SafeProfile) -> dict[str, str]:
     sets = sorted({bits(moment, places) for moment in profile.moments()})
     change = largest_change(profile)
     limit, force, sealed = force_limit(profile), unit_of_force(profile), digest(profile)
-    groups = [" | ".join(words[name] for name in group) for group in profile.together]
     return {
         "heading": block_comment(heading(profile)),
         "tag": f"0x{sealed.removeprefix('sha256:')[:8]}u",
         "digest": sealed,
         "sample_time": number(law.sample_time),
         "extra_delay": str(int(seal.extra_delay_samples)),
+        "taps": str(longest_tap(profile)),
         "window": str(law.window),
         "change": number(change),
         "change_words": inside_comment(change_words(profile)),
@@ -82,7 +87,8 @@ def _values(profile: SafeProfile) -> dict[str, str]:
             f"#define {words[name]} (UINT64_C(1) << {places[name]}) /* {_plain(name)} */\n"
             for name in profile.elements
         ),
-        "together": "".join(_indented(group) for group in groups or ["none, one at a time"])[:-1],
+        "together": _listed(profile.together, words, "none, one at a time"),
+        "apart": _listed(profile.apart, words, "none"),
         "count": str(len(places)),
         "length": "rad" if device.motion == "rotary" else "m",
         "force": force,
@@ -97,6 +103,7 @@ def _values(profile: SafeProfile) -> dict[str, str]:
             for name, element in profile.elements.items()
         ),
         "known": f"0x{(1 << len(places)) - 1:x}",
+        "walls": f"0x{bits(profile.walls, places):x}",
         "moments": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
         "peak": number(limit.peak),
     }
@@ -106,8 +113,12 @@ def _plain(name: str) -> str:
     return inside_comment(short(name))
 
 
-def _indented(line: str) -> str:
-    return textwrap.fill(line, 96, initial_indent=" *   ", subsequent_indent=" *     ") + "\n"
+def _listed(sets: Iterable[Iterable[str]], words: Mapping[str, str], none: str) -> str:
+    lines = [" | ".join(words[name] for name in each) for each in sets] or [none]
+    return "\n".join(
+        textwrap.fill(line, 96, initial_indent=" *   ", subsequent_indent=" *     ")
+        for line in lines
+    )
 
 
 def _section(section: Section) -> str:
@@ -115,8 +126,10 @@ def _section(section: Section) -> str:
 
 
 def _effects(element: ElementProfile, sample_time: float) -> str:
-    sizes = ", ".join(number(each) for each in (element.stiffness, element.damping, element.mass))
-    return f"{sizes}, {element.one_sided:d}, {number(fade_step(element, sample_time))}"
+    sizes = (element.stiffness, element.damping, element.mass)
+    limits = (element.force_level, element.motion.speed)
+    told = ", ".join(number(each) for each in (*sizes, *limits))
+    return f"{told}, {element.one_sided:d}, {number(fade_step(element, sample_time))}"
 
 
 def _words(loop: LoopProfile, which: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from identification import InvalidInputError
 from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import ElementProfile
+from tune.documents.profile import ElementProfile, SafeProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +61,14 @@ def law_of(loop: LoopProfile) -> Law:
             loop.acceleration_filter_hz, loop.acceleration_filter_order, ratio, step
         ),
     )
+
+
+def longest_tap(profile: SafeProfile) -> int:
+    """Samples that the multipliers of the proof look back, at least one."""
+    proofs = (profile.certificate.absolute_stability or {}).values()
+    multipliers = (each for proof in proofs for each in (proof.free, proof.held) if each)
+    taps = (tap for each in multipliers for channel in each.channels for tap in channel.taps)
+    return max((tap.samples for tap in taps), default=1)
 
 
 def fade_step(element: ElementProfile, sample_time: float) -> float:

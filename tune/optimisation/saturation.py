@@ -140,7 +140,7 @@ def search_gain(
             multiplier = find_multiplier(responses, parts, part * least, late)
             if multiplier is not None:
                 gain = _least_gain(responses, parts, multiplier)
-                multiplier, gain = _with_few_taps(responses, parts, multiplier, gain)
+                multiplier, gain = _with_few_taps(responses, parts, multiplier, gain, least)
                 break
         gains.append(gain)
         multipliers[loop.grounded] = multiplier
@@ -152,7 +152,7 @@ def _least_gain(responses: Responses, parts: Nonlinearities, multiplier: Multipl
 
 
 def _with_few_taps(
-    responses: Responses, parts: Nonlinearities, multiplier: Multiplier, gain: float
+    responses: Responses, parts: Nonlinearities, multiplier: Multiplier, gain: float, least: float
 ) -> tuple[Multiplier, float]:
     """The multiplier without the taps that hardly change its gain, and the gain it has then."""
     for part in _FAINT:
@@ -170,7 +170,7 @@ def _with_few_taps(
         )
         fewer = Multiplier(channels=channels)
         left = _least_gain(responses, parts, fewer)
-        if left >= _KEPT * gain:
+        if left >= _KEPT * gain and (left >= least or gain < least):
             return fewer, left
     return multiplier, gain
 

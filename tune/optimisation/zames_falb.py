@@ -54,18 +54,25 @@ def find_multiplier(
         delay_samples: the longest of the loops.
     """
     table, owners = _table(responses, parts, gain, _ladder(delay_samples))
+    slopes = _slopes(responses, parts, owners)
     seen = np.arange(0, table.shape[1], _SEEN, dtype=np.intp)
     weights: FloatArray | None = None
     for _ in range(_ROUNDS):
-        weights = _program(table[:, seen])
+        weights = _program(table[:, seen], slopes)
         if weights is None:
             return None
-        values = np.linalg.eigvalsh(np.tensordot(weights, table, axes=1))
-        short = _dips(np.asarray(values[:, 0]).reshape(responses.position.shape))
+        matrices = np.tensordot(weights, table, axes=1)
+        values = np.asarray(np.linalg.eigvalsh(matrices), dtype=np.float64)
+        least: FloatArray = values[:, 0].reshape(responses.position.shape)
+        short = _dips(least)
         if not short.size:
             break
         seen = np.union1d(seen, short)
-    return None if weights is None else _multiplier(weights, owners, parts)
+    return (
+        None
+        if weights is None
+        else _multiplier(weights, owners, parts, grounded=responses.grounded)
+    )
 
 
 def _ladder(delay_samples: float) -> list[int]:
@@ -115,26 +122,47 @@ def _dips(least: FloatArray) -> Indices:
     return np.flatnonzero(dips)
 
 
-def _program(table: ComplexArray) -> FloatArray | None:
+def _slopes(
+    responses: Responses, parts: Nonlinearities, owners: list[tuple[int, int]]
+) -> FloatArray:
+    """Rows that are zero where every clamp's multiplier has the slope of the first at θ = 0.
+
+    Where nothing holds the position, no others prove two clamps there. Shape (rows, unknowns).
+    """
+    count = 0 if responses.grounded else len(parts.clamps)
+    each = np.array([parts.sizes[owner] / max(parts.sizes) * tap for owner, tap in owners])
+    channel = np.array([owner for owner, _ in owners])
+    return np.array(
+        [np.where(channel == 0, each, 0) - np.where(channel == i, each, 0) for i in range(1, count)]
+    ).reshape(-1, len(owners))
+
+
+def _program(table: ComplexArray, slopes: FloatArray) -> FloatArray | None:
     """Weights that sum to one with which the least eigenvalue of all points is largest.
 
-    None where it is not above 0. The table has shape (unknowns, points, n, n).
+    None where it is not above 0.
+
+    Args:
+        table: matrices, shape (unknowns, points, n, n).
+        slopes: rows that the weights make zero, shape (rows, unknowns).
     """
     import clarabel
     from scipy.sparse import csc_matrix
 
     count, points, *_ = table.shape
     cone, rows, unit = _cone_rows(table)
-    program = np.zeros((1 + count + rows.shape[1], count + 1))
+    equal, first = 1 + len(slopes), 1 + len(slopes) + count
+    program = np.zeros((first + rows.shape[1], count + 1))
     program[0, :count] = 1
-    program[1 : 1 + count, :count] = -np.eye(count)
-    program[1 + count :, :count] = -rows.T
-    program[1 + count :, -1] = np.tile(unit, points)
+    program[1:equal, :count] = slopes
+    program[equal:first, :count] = -np.eye(count)
+    program[first:, :count] = -rows.T
+    program[first:, -1] = np.tile(unit, points)
     target, cost = np.zeros(len(program)), np.zeros(count + 1)
     target[0], cost[-1] = 1, -1
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    cones: list[clarabel.Cone] = [clarabel.ZeroConeT(1), clarabel.NonnegativeConeT(count)]
+    cones: list[clarabel.Cone] = [clarabel.ZeroConeT(equal), clarabel.NonnegativeConeT(count)]
     cones += [clarabel.NonnegativeConeT(points)] if cone is None else [cone] * points
     answer = clarabel.DefaultSolver(
         csc_matrix((count + 1, count + 1)), cost, csc_matrix(program), target, cones, settings
@@ -169,15 +197,24 @@ def _cone_rows(table: ComplexArray) -> tuple[clarabel.Cone | None, FloatArray, F
 
 
 def _multiplier(
-    weights: FloatArray, owners: list[tuple[int, int]], parts: Nonlinearities
+    weights: FloatArray,
+    owners: list[tuple[int, int]],
+    parts: Nonlinearities,
+    *,
+    grounded: bool,
 ) -> Multiplier:
-    """Weights as channels: rows were in units of each channel's own size."""
-    scaled = [w * parts.sizes[owner] for (owner, _), w in zip(owners, weights, strict=True)]
-    least = _NOTHING * max(scaled)
+    """Weights as channels: rows were in units of each channel's own size.
+
+    Over the slope of the first clamp where nothing holds the position, else over the largest.
+    """
+    scaled = np.array([w * parts.sizes[i] for (i, _), w in zip(owners, weights, strict=True)])
+    slope = sum(w * tap for (i, tap), w in zip(owners, scaled, strict=True) if i == 0)
+    scaled /= float(scaled.max()) if grounded else float(slope)
+    least = _NOTHING * float(scaled.max())
     channels: list[Channel] = []
     for index, name in enumerate(parts.names):
         mine = {
-            tap: round_to_digits(float(weight / max(scaled)), _DIGITS)
+            tap: round_to_digits(float(weight), _DIGITS)
             for (owner, tap), weight in zip(owners, scaled, strict=True)
             if owner == index and weight > least
         }

@@ -123,7 +123,7 @@ def _inverse_gain(
     """1/g of each loop at each point: the largest eigenvalue of -D^(-½)·C·D^(-½)."""
     loops = parts.loops(responses)
     values = [
-        multiplier_at(channel, responses.angle) / size
+        multiplier_at(channel, responses.angle) / (size * _slope(channel, responses.grounded))
         for channel, size in zip(multiplier.channels, parts.sizes, strict=True)
     ]
     with np.errstate(all="ignore"):
@@ -149,6 +149,13 @@ def _inverse_gain(
             found = np.linalg.eigvalsh(np.where(good, matrix, 0))[..., -1]
             found = np.where(np.squeeze(good, (-2, -1)), found, np.inf)
     return np.where(np.isnan(found), np.inf, found)
+
+
+def _slope(channel: Channel, grounded: bool) -> float:  # noqa: FBT001 - of the loops
+    """What a multiplier counts over: its slope at θ = 0 where nothing holds the position."""
+    if grounded or not channel.taps:
+        return 1.0
+    return sum(tap.weight * tap.samples for tap in channel.taps)
 
 
 def multiplier_at(channel: Channel, angle: FloatArray) -> ComplexArray:

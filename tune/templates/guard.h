@@ -1,8 +1,3 @@
-"""The header of the C guard as text; $-names are filled in from a profile by c_guard.py."""
-
-from __future__ import annotations
-
-HEADER = """\
 ${heading}
 #ifndef HAPTUNE_GUARD_H
 #define HAPTUNE_GUARD_H
@@ -26,6 +21,8 @@ extern "C" {
 #define HAPTUNE_SAMPLE_TIME ${sample_time}
 /* Periods in a row without a good reading that the certificate covers. */
 #define HAPTUNE_EXTRA_DELAY ${extra_delay}u
+/* Samples in a row for which a spring gives no force before its gain may rise. */
+#define HAPTUNE_TAPS ${taps}u
 /* Readings that a velocity looks back. */
 #define HAPTUNE_WINDOW ${window}
 /* ${length} a period: farther from the straight line through the last two no reading can be.
@@ -35,19 +32,25 @@ extern "C" {
 /* Elements; sets of them are joined by |. */
 ${elements}
 /* Sets that may act at once, and every part of one; any other sum is not certified:
-${together} */
+${together}
+ * A wall, which pushes to one side only, may besides be met with each of them, and walls that push
+ * to opposite sides with each other, where there is room between their faces. Never met at once:
+${apart} */
 
 typedef enum {
     HAPTUNE_OK = 0,
-    HAPTUNE_WAITING,      /* not certified with what still fades out: what is new waits for that */
-    HAPTUNE_NOT_TOGETHER, /* this set is not certified as a sum, or holds an unknown element */
+    HAPTUNE_WAITING,      /* not certified with what still fades out: what is new waits for that,
+                             but for walls */
+    HAPTUNE_NOT_TOGETHER, /* this set, with what still fades out, is not certified as a sum */
     HAPTUNE_NOT_ENTERED,  /* no haptune_reset since the start, or since contacts were ended */
     HAPTUNE_NO_SIDE,      /* a wall that pushes only was given no side */
     HAPTUNE_NOT_FINITE,   /* a reading, or what comes out, is no finite number */
     HAPTUNE_BAD_GAIN,     /* gain is not in [0, 1] */
     HAPTUNE_STALE,        /* the reading of this period was used before */
     HAPTUNE_GLITCH,       /* the device cannot have moved so far: the reading is not used */
-    HAPTUNE_LATE          /* more periods missed than are certified: reset to go on */
+    HAPTUNE_LATE,         /* more periods missed than are certified: reset to go on */
+    HAPTUNE_PUSHING,      /* from haptune_reset, which did nothing: a spring gives force */
+    HAPTUNE_TOO_NARROW    /* walls that push towards each other overlap, or their dampers do */
 } haptune_status;
 
 /* Velocity and acceleration of the axis; they run on whether or not anything is touched. */
@@ -65,15 +68,19 @@ typedef struct {
 /* One element. */
 typedef struct {
     int entered;
+    int wanted; /* in the last call */
     int side;
-    double rest;
-    double level; /* 0 to 1: how far it is faded in */
+    double face;           /* where its spring is to rest */
+    double rest;           /* where it rests */
+    double level;          /* 0 to 1: how much of it acts */
+    double force;          /* of the last call */
+    uint32_t quiet, clear; /* samples in a row without force resting there, and at its face */
 } haptune_contact;
 
 /* One for each axis and loop; written by the functions below alone. */
 typedef struct {
     haptune_status status; /* of the last call */
-    int clamped;           /* 1 where the last force was cut at the limit */
+    int clamped;           /* 1 where a spring, or the last force, was cut at its limit */
     uint32_t missed;       /* periods that were bridged so far, for diagnosis */
     uint32_t glitches;     /* readings that were not used because the device cannot move so */
     uint32_t waiting;      /* calls since the last good reading */
@@ -86,9 +93,11 @@ typedef struct {
 HAPTUNE_API void haptune_init(haptune_guard *guard);
 
 /*
- * When elements are entered, before their first force: rest (${length}) is where their springs give
- * no force. Of elements that push only, rest is the face of the wall: side > 0 pushes towards
- * growing positions, the wall lying below rest, side < 0 the other way; others take any side.
+ * Before elements give their first force, and when walls are to stand elsewhere. Of walls, rest
+ * (${length}) is the face: side > 0 pushes towards growing positions, the wall lying below rest,
+ * side < 0 the other way. Other springs rest where they are entered, and take any side.
+ *
+ * HAPTUNE_PUSHING and HAPTUNE_TOO_NARROW leave all as it was; what else is wrong ends the contacts.
  */
 HAPTUNE_API haptune_status haptune_reset(
     haptune_guard *guard, uint64_t elements, double rest, int side);
@@ -101,11 +110,12 @@ HAPTUNE_API haptune_status haptune_reset(
  * A reading that is missed, is used twice, is no number or cannot be gives the force of the call
  * before; what else is wrong gives 0.0. guard->status says which.
  *
- * elements: any set certified above. What leaves the set fades out first if it has to.
+ * elements: any set certified above. What leaves the set fades out first if it has to. A wall stays
+ *           in it wherever the device is: it knows itself when to push.
  * period:   number of the period in which the position was read, one more each period; it may wrap.
  * position: ${length}, where the device was certified: at the encoder.
- * gain:     0 to 1, for ramps and fades, slow against the loop; every gain in (0, ${gain}] is
- *           certified.
+ * gain:     0 to 1. It falls at once; that of a spring rises when it is entered, and otherwise
+ *           after HAPTUNE_TAPS samples without force.
  */
 HAPTUNE_API double haptune_force(
     haptune_guard *guard, uint64_t elements, uint32_t period, double position, double gain);
@@ -115,4 +125,3 @@ HAPTUNE_API double haptune_force(
 #endif
 
 #endif
-"""

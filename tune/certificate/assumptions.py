@@ -29,12 +29,12 @@ LINEAR_ELSEWHERE = (
     "force of saturation is not relied on"
 )
 SLOW_ELSEWHERE = (
-    "elements and gains change slowly against the loop; of moments with absolute_stability springs "
-    "may push on one side only or be cut at a constant force, and damping may be switched, at any "
-    "moment; masses and negative effects fade slowly and are not cut"
+    "elements and gains change slowly against the loop; of moments with absolute_stability clamps "
+    "may push on one side only or cut at any level that falls, and damping may be switched, at any "
+    "moment; a level rises, and a face or rest moves, only while its clamp gives no force"
 )
 _ASSUMES_WITH_WALLS = (ASSUMES[0], LINEAR_ELSEWHERE, SLOW_ELSEWHERE, *ASSUMES[3:])
-#: Of designs in which something fades, or does beside what is one-sided or cut.
+#: Of designs in which something fades, or does beside a clamp that may be reached.
 FADES = (
     "elements with mass or a negative effect fade over fade_time: proved at every constant level "
     "of each; that no hand pumps by entering and leaving in time was looked for in waves of the "
@@ -45,12 +45,17 @@ FADING_SPRINGS = (
     "that loses little, a hand that hovers between could pump it"
 )
 NOT_CUT = (
-    "the force of masses and negative effects is not cut: where a wall is pushed so hard that the "
-    "sum reaches the force limit, the hand is taken to hold it without swinging"
+    "levels of what fades stand still while a wall pushes; its force is not cut: where a wall is "
+    "pushed so hard that the sum reaches the force limit, the hand is taken to hold it without "
+    "swinging"
 )
 MISSED = (
     "a period missed at a wall counts as one extra sample of delay for all of the contact; periods "
     "missed by chance were played, not proved"
+)
+OPPOSITE = (
+    "walls on opposite sides push one at a time; a swing to and fro between walls of unlike B/K is "
+    "played, not proved"
 )
 CURVE = (
     "friction that rises with speed is rehearsed as damping of its least and its largest slope, "
@@ -89,7 +94,7 @@ NOT_ASSESSED = (
 NOT_ASSESSED_OF_WALLS = (
     UNEVEN,
     "sustained oscillation from quantiser and friction: the simulator's part",
-    "springs whose stiffness or clamp level changes in time; a grip that changes during contact",
+    "clamps that rise under force; a grip that changes during contact",
 )
 
 
@@ -124,6 +129,7 @@ def assumptions(design: Design) -> tuple[str, ...]:
         *((FADING_SPRINGS,) if _fades(design, "stiffness") else ()),
         *((NOT_CUT,) if _fades(design) and _walls(design) else ()),
         *((MISSED,) if _walls(design) else ()),
+        *((OPPOSITE,) if len(design.walls) > 1 else ()),
         *trusted_facts(device),
         NO_HAND if design.hand is None else WITH_HAND,
         *(() if device.slope_at_zero == 0 else (SPRUNG,)),

@@ -31,20 +31,18 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
     if said is None:
         yield f"{name}: contact is missing. Tune again"
         return
-    device, region, limit = design.device, regions_of(design)[0], design.device.force_limit
+    region, limit = regions_of(design)[0], design.device.force_limit
     K, B, M = element.stiffness, element.damping, element.mass
     speed, level = element.motion.speed, element.force_level
-    step, delay, lag = device.sample_time, device.delay, device.current_lag
-    latest = region.sample_time[1] * (design.margin.extra_delay_samples + 0.5) + region.delay[1]
-    usual = step.value / 2 + delay.value + (0.0 if lag is None else lag.value)
+    net, lead = lead_of(design, name) if K else (None, None)
     shallow = None if limit is None or not K else min(limit.continuous, level) / K
     seen = {
         "depth_at_continuous_force": shallow,
         "depth_at_peak_force": None if limit is None or not K else level / K,
         "force_on_entry": speed * (K * region.sample_time[1] if K else abs(B)),
         "energy_per_entry": abs(M) * speed * speed / 2 if M else None,
-        "net_damping": B - K * (latest + region.current_lag[1]) if K else None,
-        "lead": (B / K - usual) * speed if K else None,
+        "net_damping": net,
+        "lead": lead,
     }
     pairs = [(key, getattr(said, key), value) for key, value in seen.items()]
     found = _restitution(design, name, element, region)
@@ -57,7 +55,8 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
             )
         )
     # Differences of larger numbers have the digits that these leave them.
-    size = {"net_damping": abs(B), "lead": speed * (usual + (B / K if K else 0.0))}
+    size = {"net_damping": 2 * abs(B) + abs(net or 0.0)}
+    size["lead"] = speed * size["net_damping"] / K if K else 0.0
     for key, stated, value in pairs:
         if (stated is None) != (value is None) or (
             stated is not None
@@ -72,7 +71,7 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
         yield f"{name}: lead is stated of walls, of each of them"
     served = element.limited_by.get("damping") not in {None, "wanted", "not-perceptible"}
     if most is not None and K and B and served:
-        least, lead = seen["net_damping"] or 0.0, seen["lead"] or 0.0
+        least, lead = lead_of(design, name)
         if least < -_AGREE * B:
             yield (
                 f"{name}: its damping of {B:.6g} is less than the lag of its spring takes, net "
@@ -82,6 +81,16 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
             yield (
                 f"{name}: at {speed:g} it is met {lead:.4g} before its face, {most:.4g} is allowed"
             )
+
+
+def lead_of(design: Design, name: str) -> tuple[float, float]:
+    """(net damping at its least, N·s/m, how far before its place it is met, m) of an element."""
+    element, region, device = design.elements[name], regions_of(design)[0], design.device
+    latest = region.sample_time[1] * (design.margin.extra_delay_samples + 0.5) + region.delay[1]
+    usual = device.sample_time.value / 2 + device.delay.value
+    usual += 0.0 if device.current_lag is None else device.current_lag.value
+    K, B = element.stiffness, element.damping
+    return B - K * (latest + region.current_lag[1]), (B / K - usual) * element.motion.speed
 
 
 def _restitution(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from tune.certificate.bounds import force_failures, ripple_of, whole_delay
-from tune.certificate.contact import contact_failures
+from tune.certificate.bounds import force_failures, meets_wall, ripple_of, whole_delay
+from tune.certificate.branch_and_bound import Claim
+from tune.certificate.contact import contact_failures, lead_of
 from tune.certificate.jitter import jitter_failures
 from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import regions_of
+from tune.certificate.rendered import excess_over_request
+from tune.certificate.worst_point import worst_points
 from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
 from tune.documents.profile import Design, ElementProfile
 
@@ -24,6 +27,10 @@ _AGREE = 1e-3
 _WELL_WHOLE = 5e-10
 #: Passivity this close to its edge may be told either way.
 _EDGE = 1e-6
+#: What else may stop a wanted value.
+_STOPPED = frozenset(
+    {"stability", "gain-margin", "delay-margin", "saturation", "lead", "force", "ripple"}
+)
 #: A limit that is named is met where the effect is larger by this part: how closely limits are met
 #: is the tuner's affair, that another one is named is found out.
 _GROWN = 0.1
@@ -53,7 +60,7 @@ def element_failures(design: Design, name: str) -> Iterator[str]:
     yield from jitter_failures(design, name)
     element = design.elements[name]
     for effect, word in element.limited_by.items():
-        if word in {"force", "ripple"} and getattr(element, effect):
+        if word not in {"wanted", "range", "saturation"} and getattr(element, effect):
             yield from _wrong_limit(design, name, effect)
 
 
@@ -83,6 +90,11 @@ def _wrong_keys(name: str, element: ElementProfile) -> Iterator[str]:
 def _wrong_margins(design: Design, name: str) -> Iterator[str]:
     """Margins below those that were kept, beyond what is looked for, or with too many digits."""
     said, kept = design.elements[name].margins, design.margin
+    if said.absolute_gain is not None and said.gain > said.absolute_gain:
+        yield (
+            f"{name}: margins.gain says {said.gain:.6g}, more than the {said.absolute_gain:.6g} "
+            "that is proved of its clamps"
+        )
     for claim, value, least, most, step in (
         ("gain", said.gain, kept.gain - _STEP_OF_GAIN, _MOST_GAIN, _STEP_OF_GAIN),
         (
@@ -103,7 +115,15 @@ def _wrong_margins(design: Design, name: str) -> Iterator[str]:
 
 
 def _wrong_play(name: str, element: ElementProfile) -> Iterator[str]:
-    """A fade that is missing or has nothing to fade, and a wall that would pull."""
+    """A fade that is missing or has nothing to fade, and a wall that would pull.
+
+    An element that is played as commanded was wanted effect by effect.
+    """
+    words = {word for word in element.limited_by.values() if word != "not-perceptible"}
+    if element.as_commanded and not words <= {"wanted", *_STOPPED}:
+        yield f"{name}: as_commanded is said of an element that is limited by {_listed(words)}"
+    if not element.as_commanded and words == {"wanted"}:
+        yield f"{name}: every effect is as wanted, and as_commanded says it is not"
     if element.fades and not SHORTEST_FADE <= element.fade_time <= LONGEST_FADE:
         yield (
             f"{name}: fade_time says {element.fade_time:g} s, an element with mass or a negative "
@@ -147,23 +167,53 @@ def _wrong_passivity(design: Design, name: str, setting: Setting | None) -> Iter
 
 
 def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]:
-    """A limit on force or ripple that is said to bind, but leaves room for much more."""
+    """A limit that is said to bind, but leaves room for much more."""
     element = design.elements[name]
     word = element.limited_by[effect]
     larger = element.model_copy(update={effect: getattr(element, effect) * (1 + _GROWN)})
     grown = design.model_copy(update={"elements": {**design.elements, name: larger}})
-    for moment in design.moments():
-        if name not in moment:
-            continue
-        if word == "force" and force_failures(grown, moment):
+    if word == "rendering":
+        setting = setting_of(grown, (name,))
+        if setting is not None and excess_over_request(grown, name, setting):
             return
-        setting = setting_of(grown, moment)
-        ripple = None if setting is None or word == "force" else ripple_of(grown, setting)
-        if ripple is not None and ripple >= design.ripple_limit * (1 - _AGREE):
+    elif word == "lead":
+        least, most = lead_of(grown, name)
+        if least < 0 or most > (element.lead or 0.0):
+            return
+    else:
+        moments = [moment for moment in design.moments() if name in moment]
+        if any(_breaks(grown, moment, word) for moment in moments):
+            return
+        device = design.device.simultaneous_box()
+        lowest = {"mass": device.mass[0], "damping": device.damping[0]}.get(effect, 0.0)
+        if word == "gain-margin" and -getattr(larger, effect) * design.margin.gain > lowest > 0:
             return
     yield (
         f"{name}: {effect} is said to be limited by {word}, which would allow "
         f"{_GROWN:.0%} more of it"
+    )
+
+
+def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
+    """Whether a moment breaks a limit on force or ripple, or a stability margin."""
+    setting = setting_of(design, moment)
+    if word == "force":
+        return bool(force_failures(design, moment))
+    if setting is None:
+        return False
+    if word == "ripple":
+        ripple = None if meets_wall(design, moment) else ripple_of(design, setting)
+        return ripple is not None and ripple >= design.ripple_limit * (1 - _AGREE)
+    margin = design.margin
+    claims = {
+        "stability": Claim(gain=1.0, extra=0.0),
+        "gain-margin": Claim(gain=margin.gain, extra=0.0),
+        "delay-margin": Claim(gain=margin.gain, extra=float(margin.extra_delay_samples)),
+    }
+    return any(
+        found.verdict.answer != "stable"
+        for region in regions_of(design)
+        for found in worst_points(region, setting, [claims[word]])
     )
 
 

@@ -42,12 +42,10 @@ def rendering_failures(design: Design, name: str, setting: Setting) -> list[str]
             *_steps(design, element, impedance),
         )
         if not abs(seen - said) <= _AGREE * size
-    ] + _excess_over_request(design, name, impedance)
+    ] + excess_over_request(design, name, setting)
 
 
-def _excess_over_request(
-    design: Design, name: str, impedance: dict[str, ComplexArray]
-) -> list[str]:
+def excess_over_request(design: Design, name: str, setting: Setting) -> list[str]:
     """Mass and damping that are felt as more than a step from what an element asks for.
 
     A wall asks for nothing to move in.
@@ -55,6 +53,7 @@ def _excess_over_request(
     element, table = design.elements[name], design.perception
     if table is None or element.as_commanded or element.one_sided:
         return []
+    impedance = {effect: _impedance(design, _alone(setting, effect)) for effect in _EFFECTS}
     moving = impedance["damping"] + impedance["mass"]
     felt = {"mass": moving.imag / _turns(), "damping": (moving + impedance["stiffness"]).real}
     failures: list[str] = []

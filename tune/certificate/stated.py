@@ -94,11 +94,12 @@ def _wrong_methods(design: Design) -> Iterator[str]:
 
 def _connected(design: Design) -> list[set[str]]:
     """Elements that are tuned together, because groups join them; walls apart from others."""
-    found = [{name} for name in design.elements]
+    found: list[set[str]] = [{name} for name in design.elements]
     for group in design.together:
         for part in (set(group) & design.walls, set(group) - design.walls):
-            joined = set[str]().union(*(each for each in found if each & part))
-            found = [each for each in found if not each & part] + [joined] * bool(part)
+            if part:
+                joined = set[str]().union(*(each for each in found if each & part))
+                found = [*(each for each in found if not each & part), joined]
     return found
 
 

@@ -33,6 +33,9 @@ TAKEN_ON_TRUST = (
     Trusted(key="ripple_limit", reason="as asked for; that no moment exceeds it is recomputed"),
     Trusted(key="perception", reason="how finely hands tell; the steps it gives are recomputed"),
     Trusted(key="elements.*.motion", reason="how deep, fast and hard the hand moves"),
+    Trusted(key="together", reason="sets as asked for, each of which is proved"),
+    Trusted(key="apart", reason="pairs that the scene keeps apart; every other is proved"),
+    Trusted(key="elements.*.lead", reason="as asked for; that it is kept is recomputed"),
     Trusted(key="elements.*.one_sided", reason="as asked for; that nothing in it pulls is checked"),
     Trusted(
         key="elements.*.fade_time",
@@ -47,8 +50,8 @@ TAKEN_ON_TRUST = (
     Trusted(key="elements.*.margins.extra_delay_samples", reason="that no more could be proved"),
     Trusted(
         key="elements.*.limited_by",
-        reason="a wish that is met, and which of stability and its margins binds; force, ripple "
-        "and what is not perceptible are recomputed",
+        reason="a wish that is met, and that no proof was found for more; that what else is said "
+        "to bind allows no tenth more is recomputed",
     ),
     Trusted(key="notes", reason="why effects were dropped; which ones is recomputed"),
     Trusted(key="method", reason="which solver proposed; nothing rests on it"),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from identification import Device, UsageError, as_stored
 from tune.certificate.certify import certify
-from tune.documents.certified import Certificate
+from tune.documents.certified import AbsoluteStability, Certificate
 from tune.documents.errors import CheckFailedError
-from tune.documents.profile import Design, Margins
+from tune.documents.profile import Design, Margins, SafeProfile
 from tune.documents.scene import LARGEST
 
 #: How closely the gain that is kept is found, as part of the margin.
@@ -35,7 +35,7 @@ def certify_on(design: Design, device: Device) -> Certificate:
             "Give a device of the same motion",
         )
     device.require_stated()
-    return certify(_moved(design, device))
+    return certify(_moved(design, device), witnesses=_witnesses(design, design.margin.gain))
 
 
 def kept_gain(design: Design, device: Device) -> float:
@@ -50,21 +50,29 @@ def kept_gain(design: Design, device: Device) -> float:
         update={"ripple_limit": LARGEST}
     )
     kept, lost = 0.0, design.margin.gain
-    if _is_proved(moved, lost):
+    if _is_proved(moved, lost, _witnesses(design, lost)):
         return lost
     while lost - kept > _STEP * design.margin.gain:
         middle = (kept + lost) / 2
-        kept, lost = (middle, lost) if _is_proved(moved, middle) else (kept, middle)
+        proved = _is_proved(moved, middle, _witnesses(design, middle))
+        kept, lost = (middle, lost) if proved else (kept, middle)
     return kept
 
 
-def _is_proved(design: Design, gain: float) -> bool:
+def _is_proved(design: Design, gain: float, witnesses: dict[str, AbsoluteStability]) -> bool:
     margin = design.margin.model_copy(update={"gain": gain})
     try:
-        certify(design.model_copy(update={"margin": margin}))
+        certify(design.model_copy(update={"margin": margin}), witnesses=witnesses)
     except CheckFailedError:
         return False
     return True
+
+
+def _witnesses(design: Design, gain: float) -> dict[str, AbsoluteStability]:
+    """The multipliers of a profile, asked for no more than a gain."""
+    seal = design.certificate if isinstance(design, SafeProfile) else None
+    stated = (seal and seal.absolute_stability) or {}
+    return {name: each.model_copy(update={"gain": gain}) for name, each in stated.items()}
 
 
 def _moved(design: Design, device: Device) -> Design:

@@ -127,7 +127,8 @@ def _section(section: Section) -> str:
 
 def _effects(element: ElementProfile, sample_time: float) -> str:
     sizes = (element.stiffness, element.damping, element.mass)
-    limits = (element.force_level, element.motion.speed)
+    lead_time = element.damping / element.stiffness if element.stiffness > 0 else 0.0
+    limits = (element.force_level, lead_time, element.motion.speed)
     told = ", ".join(number(each) for each in (*sizes, *limits))
     return f"{told}, {element.one_sided:d}, {number(fade_step(element, sample_time))}"
 

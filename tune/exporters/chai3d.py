@@ -25,18 +25,18 @@ def chai3d_files(profile: SafeProfile) -> dict[str, str]:
     ]
     kind, load = ("Angular", "Torque") if profile.device.motion == "rotary" else ("Linear", "Force")
     values = {
-        max_force=f"m_max{kind}{load}",
-        max_stiffness=f"m_max{kind}Stiffness",
-        max_damping=f"m_max{kind}Damping",
-        stiffness=number(_largest(profile, "stiffness")),
-        damping=number(_largest(profile, "damping")),
-        heading=block_comment(heading(profile)),
-        continuous=number(limit.continuous),
-        peak=number(limit.peak),
-        springs="".join(springs),
-        what="Torque (N*m)" if profile.device.motion == "rotary" else "Force (N)",
-    )
-    return {"haptune_chai3d.hpp": text, **c_files(profile)}
+        "max_force": f"m_max{kind}{load}",
+        "max_stiffness": f"m_max{kind}Stiffness",
+        "max_damping": f"m_max{kind}Damping",
+        "stiffness": number(_largest(profile, "stiffness")),
+        "damping": number(_largest(profile, "damping")),
+        "heading": block_comment(heading(profile)),
+        "continuous": number(limit.continuous),
+        "peak": number(limit.peak),
+        "springs": "".join(springs),
+        "what": "Torque (N*m)" if profile.device.motion == "rotary" else "Force (N)",
+    }
+    return {"haptune_chai3d.hpp": filled("chai3d.hpp", values), **c_files(profile)}
 
 
 def _largest(profile: SafeProfile, effect: EffectName) -> float:

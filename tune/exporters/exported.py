@@ -60,19 +60,25 @@ class ExportedForceLimit(TypedDict):
 
 
 class ExportedElement(TypedDict):
-    """Effects of one element; ``fade_time`` is 0 where it is switched at once."""
+    """Effects of one element; ``fade_time`` is 0 where it is switched at once.
+
+    ``force_level`` is the most that its spring gives, N (N·m); ``speed`` that with which it is met.
+    """
 
     stiffness: float
     damping: float
     mass: float
     one_sided: bool
+    force_level: float
+    speed: float
     fade_time: float
 
 
 class Exported(TypedDict):
     """A certified profile for programs of any kind.
 
-    ``moments`` are the sets of elements that may act at once; ``law`` says how force comes of them.
+    ``moments`` are the sets of elements that may act at once, ``apart`` pairs that never do;
+    ``taps`` are samples; ``law`` says how force comes of them.
     """
 
     schema: Literal["haptune/export/1"]
@@ -87,6 +93,8 @@ class Exported(TypedDict):
     force_limit: ExportedForceLimit
     elements: dict[str, ExportedElement]
     moments: list[list[str]]
+    apart: list[list[str]]
+    taps: int
     largest_change: float
     findings: dict[str, list[str]]
     law: str

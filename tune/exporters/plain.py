@@ -9,19 +9,28 @@ from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import SafeProfile
 from tune.exporters.heading import digest, findings_of, force_limit
 from tune.exporters.largest_change import largest_change
-from tune.exporters.law import Section, law_of
+from tune.exporters.law import Section, law_of, longest_tap
 
 if TYPE_CHECKING:
     from tune.exporters.exported import Exported, Filter, LowPassFilter
 
 #: The law in words, where it is not exported as code.
 LAW = (
-    "F = -(stiffness*(y - rest) + damping*v + mass*a) for each element; one that is one_sided "
-    "gives none outside its wall and never pulls; each fades in and out over its fade_time, s; the "
-    "sum over the elements of one moment is cut at the peak force. x[k] = (t*x[k-1] - p*x[k-2]) + "
-    "g*u[k] for both filters, which run on every reading of the axis. A reading farther than "
-    "largest_change times the periods passed from the straight line through the last two, like one "
-    "that is missing, holds the force and is bridged by a straight line"
+    "u = stiffness*(y - rest) + damping*v + mass*a of each element and F = -level*u, u clamped to "
+    "+-force_level where there is stiffness, and at 0 where it is one_sided and would pull; the "
+    "sum of F is cut at the peak force. level is the gain, 0 to 1, of what is wanted and 0 of what "
+    "is not: it gets there over fade_time, s, if there is one, and not while one that is one_sided "
+    "pushes; else it falls at once, and with stiffness it rises only as the element is entered or "
+    "after taps samples in a row without force. With stiffness an element that is entered rests "
+    "where u = 0; one that is one_sided only if it would push, and after taps samples without "
+    "force at its face there again. No face or rest moves under force. What acts at once, what "
+    "fades out included, is one of moments; with one_sided elements on both sides it is one "
+    "without those of either side, and their faces do not overlap and, where damping/stiffness "
+    "differs, lie as far apart as the sum of damping/stiffness*speed. "
+    "x[k] = (t*x[k-1] - p*x[k-2]) + g*u[k] for both filters, which run on every reading of the "
+    "axis. A reading farther than largest_change times the periods passed from the straight line "
+    "through the last two, like one that is missing, holds the force and is bridged by a straight "
+    "line"
 )
 
 
@@ -50,11 +59,15 @@ def plain_files(profile: SafeProfile) -> dict[str, str]:
                 "damping": element.damping,
                 "mass": element.mass,
                 "one_sided": element.one_sided,
+                "force_level": element.force_level,
+                "speed": element.motion.speed,
                 "fade_time": element.fade_time,
             }
             for name, element in profile.elements.items()
         },
         "moments": [list(moment) for moment in profile.moments()],
+        "apart": [list(pair) for pair in profile.apart],
+        "taps": longest_tap(profile),
         "largest_change": largest_change(profile),
         "findings": findings_of(profile),
         "law": LAW,

@@ -9,7 +9,7 @@ from typing import Any, cast
 from tune.documents.profile import SafeProfile
 from tune.exporters.heading import digest, force_limit, heading
 from tune.exporters.largest_change import largest_change
-from tune.exporters.law import law_of
+from tune.exporters.law import law_of, longest_tap
 from tune.exporters.names import hash_comment, identifiers, quote_yaml
 from tune.exporters.plain import LAW, filter_of
 
@@ -41,6 +41,7 @@ def ros2_files(profile: SafeProfile, node: str = "haptune") -> dict[str, str]:
         "velocity": filter_of(profile.loop, "velocity", law.velocity),
         "acceleration": filter_of(profile.loop, "acceleration", law.acceleration),
     }
+    parameters["taps"] = longest_tap(profile)
     parameters["largest_change"] = largest_change(profile)
     parameters["force_limit"] = {"continuous": limit.continuous, "peak": limit.peak}
     parameters["element_names"] = list(keys.values())
@@ -51,23 +52,25 @@ def ros2_files(profile: SafeProfile, node: str = "haptune") -> dict[str, str]:
             "damping": element.damping,
             "mass": element.mass,
             "one_sided": element.one_sided,
+            "force_level": element.force_level,
+            "speed": element.motion.speed,
             "fade_time": element.fade_time,
         }
         for name, element in profile.elements.items()
     }
-    if profile.together:
-        parameters["group_names"] = [
-            f"group_{number}" for number in range(1, len(profile.together) + 1)
-        ]
-        parameters["together"] = {
-            f"group_{number}": [keys[name] for name in group]
-            for number, group in enumerate(profile.together, 1)
-        }
+    for kind, word, sets in (
+        ("together", "group", profile.together),
+        ("apart", "pair", profile.apart),
+    ):
+        named = {f"{word}_{k}": [keys[name] for name in each] for k, each in enumerate(sets, 1)}
+        if named:  # no empty lists in ROS 2
+            parameters[f"{word}_names"] = list(named)
+            parameters[kind] = named
     head = (
         *heading(profile),
         "",
-        f"SI units. {LAW}. Elements of one group of 'together', and any subset of it, may act at "
-        "once; no other sums are certified.",
+        f"SI units. {LAW}. Moments are each element alone, any part of a group of 'together', and "
+        "each of these beside what is one_sided, but for the pairs of 'apart'.",
     )
     body = "\n".join(_lines({node: {"ros__parameters": parameters}}, ""))
     comment = hash_comment(heading(profile))

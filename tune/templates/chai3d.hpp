@@ -8,7 +8,8 @@ ${heading}
  * NOT certified: whatever CHAI3D computes itself. That is the stiffness of materials below, its
  * proxy, its haptic shading and friction, the other axes of the device, and a thread whose period
  * is not HAPTUNE_SAMPLE_TIME. A material's spring is the certified law only as long as the force is
- * its stiffness times the penetration along the axis, once a period, without delay besides.
+ * its stiffness times the penetration along the axis, once a period, without delay besides, and no
+ * more than its force level.
  */
 #ifndef HAPTUNE_CHAI3D_HPP
 #define HAPTUNE_CHAI3D_HPP
@@ -75,14 +76,14 @@ public:
         return m_direction.dot(position);
     }
 
-    // When elements are entered: where their springs rest along the axis, and to which side walls
-    // push, 1 along the direction and -1 against it.
+    // Before elements give force: the face of walls along the axis, and to which side they push, 1
+    // along the direction and -1 against it. Other springs rest where they are entered.
     haptune_status enter(std::uint64_t elements, double rest, int side)
     {
         return haptune_reset(&m_guard, elements, rest, side);
     }
 
-    // ${what} of a certified set of elements. Every period, with 0 where none is touched.
+    // ${what} of a certified set of elements. Every period, walls in it wherever the device is.
     chai3d::cVector3d force(
         std::uint64_t elements, std::uint32_t period, double position, double gain = 1.0)
     {

@@ -41,6 +41,7 @@ typedef struct {
 typedef struct {
     double stiffness, damping, mass;
     double force_level; /* the most its spring, with all beside it, may give */
+    double lead_time;   /* by which its damper is before its spring, B / K */
     double speed;       /* with which it is met */
     int one_sided;      /* 1: it pushes only */
     double fade;        /* change of its level in a period; 1 switches it at once */
@@ -197,7 +198,7 @@ static haptune_status read_position(
 /* Whether walls on opposite sides, so far apart, are neither one clamp nor clear of each other. */
 static int narrow(const effects *one, const effects *other, double room)
 {
-    const double here = one->damping / one->stiffness, there = other->damping / other->stiffness;
+    const double here = one->lead_time, there = other->lead_time;
     const double lead = fabs(here - there) <= 1e-9 * fmax(here, there)
         ? 0.0 : here * one->speed + there * other->speed;
     return !(room >= lead);

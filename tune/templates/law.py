@@ -1,8 +1,8 @@
 """The certified control law of haptune_params.yaml in plain Python: nothing to install.
 
     law = Law(parameters)                         # of the node, names such as "elements.wall.mass"
-    law.reset(["wall"], rest=0.0, side=1)         # when elements are entered
-    force = law.force(["wall"], period, position) # every period, with [] where nothing is touched
+    law.reset(["wall"], rest=0.0, side=1)         # before its first force: its face
+    force = law.force(["wall"], period, position) # every period; a wall knows when to push
 
 SI units. It plays what the C guard of the same profile plays. Python may pause for longer than a
 period: what is missed is bridged, and more than is certified ends every contact. One file: a
@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import combinations
 from typing import Any
 
 _WRAP = 2**32
@@ -25,8 +24,8 @@ class Status(enum.Enum):
     """What the last call came to."""
 
     OK = "ok"
-    WAITING = "not certified with what still fades out: what is new waits for that"
-    NOT_TOGETHER = "this set is not certified as a sum, or holds an unknown element"
+    WAITING = "not certified with what still fades out: what is new waits for that, but for walls"
+    NOT_TOGETHER = "this set, with what still fades out, is not certified as a sum"
     NOT_ENTERED = "no reset since the start, or since contacts were ended"
     NO_SIDE = "a wall that pushes only was given no side"
     NOT_FINITE = "a reading, or what comes out, is no finite number"
@@ -34,6 +33,8 @@ class Status(enum.Enum):
     STALE = "the reading of this period was used before"
     GLITCH = "the device cannot have moved so far: the reading is not used"
     LATE = "more periods missed than are certified: reset to go on"
+    PUSHING = "from a reset, which did nothing: a spring gives force"
+    TOO_NARROW = "walls that push towards each other overlap, or their dampers do"
 
 
 @dataclass
@@ -54,33 +55,82 @@ class LowPass:
 
 @dataclass
 class Element:
-    """Effects, and where and how far the element is entered; ``fade`` is its change in a period."""
+    """Effects, and how the element is played; ``fade`` is its change in a period.
+
+    ``face`` is where its spring is to rest, ``rest`` where it does; ``quiet`` and ``clear`` count
+    samples in a row without force resting there and at its face.
+    """
 
     stiffness: float
     damping: float
     mass: float
+    force_level: float
+    speed: float
     one_sided: bool
     fade: float
     entered: bool = False
+    wanted: bool = False
     side: int = 0
+    face: float = 0.0
     rest: float = 0.0
     level: float = 0.0
+    force: float = 0.0
+    quiet: int = 0
+    clear: int = 0
 
-    def faded(self, steps: int, *, wanted: bool) -> float:
-        """The level some periods later."""
-        change = self.fade * steps
-        if wanted:
-            return min(self.level + change, 1.0)
-        return self.level - change if self.level > change else 0.0
+    @property
+    def spring(self) -> bool:
+        """Whether it has a clamp."""
+        return self.stiffness > 0.0
 
-    def force(self, axis: Axis) -> float:
-        """-(K*(y - rest) + B*v + M*a); a wall gives none outside and never pulls."""
-        force = -(
-            (self.stiffness * (axis.last - self.rest) + self.damping * axis.velocity.now)
-            + self.mass * axis.acceleration.now
-        )
-        outside = not self.side * (self.rest - axis.last) > 0.0
-        return 0.0 if self.one_sided and (outside or self.side * force < 0.0) else force
+    @property
+    def lead_time(self) -> float:
+        """By which its damper is before its spring, s."""
+        return self.damping / self.stiffness if self.spring else 0.0
+
+    def end(self) -> None:
+        """No force, until it is entered again."""
+        self.entered = self.wanted = False
+        self.level = self.force = 0.0
+
+    def act(self, axis: Axis, *, wanted: bool, gain: float, change: float, taps: int) -> None:
+        """Go on by a reading; change: how far the level may fade."""
+        asked = gain if wanted else 0.0
+        enters = wanted and not self.wanted and self.level == 0.0
+        at_face, u = self._clamped(axis, self.face), self._clamped(axis, self.rest)
+        if enters and self.spring:
+            moving = self.damping * axis.velocity.now + self.mass * axis.acceleration.now
+            stays = self.one_sided and at_face == 0.0
+            self.rest = self.face if stays else axis.last + moving / self.stiffness
+            self.quiet = self.clear = 0
+            u = 0.0
+        self.quiet = min(self.quiet + 1, taps) if u == 0.0 else 0
+        self.clear = min(self.clear + 1, taps) if at_face == 0.0 else 0
+        if self.one_sided and self.clear >= taps:
+            self.rest = self.face
+        if self.fade < 1.0:
+            nearer = self.level + change, self.level - change
+            self.level = min(nearer[0], asked) if self.level < asked else max(nearer[1], asked)
+        elif not self.spring or enters or asked < self.level or self.quiet >= taps:
+            self.level = asked
+        self.force = -(self.level * u) if self.level > 0.0 else 0.0
+        self.wanted = wanted
+
+    def crowds(self, face: float, side: int, other: Element) -> bool:
+        """Whether, standing there, it and another are neither one clamp nor clear of each other."""
+        here, there = self.lead_time, other.lead_time
+        alike = abs(here - there) <= 1e-9 * max(here, there)
+        lead = 0.0 if alike else here * self.speed + there * other.speed
+        return other.side == -side and not side * (other.face - face) >= lead
+
+    def _clamped(self, axis: Axis, rest: float) -> float:
+        """K*(y - rest) + B*v + M*a; what is no finite number stays what it is."""
+        u = (
+            self.stiffness * (axis.last - rest) + self.damping * axis.velocity.now
+        ) + self.mass * axis.acceleration.now
+        low = 0.0 if self.one_sided and self.side < 0 else -self.force_level
+        high = 0.0 if self.one_sided and self.side > 0 else self.force_level
+        return max(low, min(high, u)) if self.spring and math.isfinite(u) else u
 
 
 @dataclass
@@ -150,13 +200,10 @@ class Law:
         self.peak = float(parameters["force_limit.peak"])
         self.names = tuple(parameters["element_names"])
         self.elements = {name: self._element(parameters, f"elements.{name}") for name in self.names}
-        groups = [parameters[f"together.{name}"] for name in parameters.get("group_names", ())]
-        self.certified = {
-            frozenset(chosen)
-            for group in (*groups, *((name,) for name in self.names))
-            for size in range(1, len(group) + 1)
-            for chosen in combinations(group, size)
-        }
+        self.walls = frozenset(name for name, each in self.elements.items() if each.one_sided)
+        self.groups = tuple(_sets(parameters, "together", "group_names"))
+        self.apart = tuple(_sets(parameters, "apart", "pair_names"))
+        self.taps = int(parameters["taps"])
         self.axis = Axis(
             sample_time=self.sample_time,
             window=int(parameters.get("velocity.samples", 1)),
@@ -168,28 +215,42 @@ class Law:
         self.missed = self.glitches = self.waiting = 0
 
     def reset(self, elements: Collection[str], rest: float, side: int = 0) -> Status:
-        """Enter elements, before their first force.
+        """Before elements give their first force, and when walls are to stand elsewhere.
 
         Args:
             elements: their names as in element_names.
-            rest: m (rad), where springs give no force, the face of a wall.
+            rest: m (rad), the face of a wall; other springs rest where they are entered.
             side: to which side walls push: above 0 towards growing positions, below 0 the other
                 way; others take any.
         """
+        side = (side > 0) - (side < 0)
         self.status = Status.OK
         if not set(elements) <= self.elements.keys():
             self.status = Status.NOT_TOGETHER
         elif not math.isfinite(rest):
             self.status = Status.NOT_FINITE
         chosen = [self.elements[name] for name in self.names if name in elements]
-        if side == 0 and any(each.one_sided for each in chosen):
+        wall = any(each.one_sided for each in chosen)
+        if self.status is Status.OK and side == 0 and wall:
             self.status = Status.NO_SIDE
+        if self.status is not Status.OK:
+            for each in chosen:
+                each.end()
+            return self.status
+        others = [self.elements[name] for name in self.walls.difference(elements)]
         for each in chosen:
-            if self.status is Status.OK:
-                each.entered, each.rest = True, float(rest)
-                each.side = (side > 0) - (side < 0)
-            else:
-                each.entered, each.level = False, 0.0
+            if each.spring and each.force != 0.0:
+                self.status = Status.PUSHING
+            elif each.one_sided and any(
+                other.wanted and each.crowds(rest, side, other) for other in others
+            ):
+                self.status = Status.TOO_NARROW
+            if self.status is not Status.OK:
+                return self.status
+        for each in chosen:
+            each.entered, each.wanted = True, False
+            each.side, each.face = side, float(rest)
+            each.level = 0.0 if each.spring else each.level
         return self.status
 
     def force(
@@ -198,16 +259,18 @@ class Law:
         """Force, N (N*m), of a certified set of elements; every period, touched or not.
 
         Args:
-            elements: what is touched; what leaves the set fades out first if it has to.
+            elements: what is touched, and walls wherever the device is; what leaves the set fades
+                out first if it has to.
             period: number of the period in which the position was read, one more each period.
             position: m (rad), where the device was certified: at the encoder.
-            gain: 0 to 1, for ramps, slow against the loop.
+            gain: 0 to 1. It falls at once; that of a spring rises when it is entered, and otherwise
+                after as many samples without force as there are taps.
         """
         steps = (period - self.axis.period) % _WRAP if self.axis.started else 1
         self.clamped, self.status = False, self._read(steps, period, position)
         if self.status is Status.LATE:
             for each in self.elements.values():
-                each.entered = False
+                each.end()
             return self._no_force(Status.LATE)
         if self.status is not Status.OK:
             return self.last_force
@@ -215,19 +278,27 @@ class Law:
         fault = self._fault(wanted, gain)
         if fault is not Status.OK:
             return self._no_force(fault)
-        acting = self._acting(wanted, steps)
-        if acting and acting not in self.certified:
-            wanted &= self._acting(frozenset(), 0)
+        acting = {name for name, each in self.elements.items() if each.level > 0.0}
+        fading = {name for name in acting if self.elements[name].fade < 1.0}
+        if self._together(wanted | fading) is not Status.OK:
+            wanted &= acting | self.walls
+            if self._together(wanted | fading) is not Status.OK:
+                return self._no_force(Status.NOT_TOGETHER)
             self.status = Status.WAITING
+        slow = sorted(self.elements, key=lambda name: self.elements[name].fade < 1.0)
+        for name in slow:  # after every wall
+            each = self.elements[name]
+            pushing = any(self.elements[wall].force != 0.0 for wall in self.walls)
+            change = 0.0 if pushing else each.fade * steps
+            each.act(self.axis, wanted=name in wanted, gain=gain, change=change, taps=self.taps)
         total = 0.0
-        for name, each in self.elements.items():
-            each.level = each.faded(steps, wanted=name in wanted)
-            if each.level > 0.0:
-                total += each.level * each.force(self.axis)
-        total *= gain
+        for each in self.elements.values():
+            total += each.force
+            most = each.level * each.force_level
+            self.clamped |= each.spring and each.force != 0.0 and abs(each.force) >= most
         if not math.isfinite(total):
             return self._no_force(Status.NOT_FINITE)
-        self.clamped = abs(total) > self.peak
+        self.clamped |= abs(total) > self.peak
         self.last_force = max(-self.peak, min(self.peak, total))
         return self.last_force
 
@@ -259,24 +330,33 @@ class Law:
         return Status.LATE if axis.started and late else fault
 
     def _fault(self, wanted: frozenset[str], gain: float) -> Status:
-        if wanted and wanted not in self.certified:
-            return Status.NOT_TOGETHER
-        if not 0.0 <= gain <= 1.0:
-            return Status.BAD_GAIN
-        entered = all(self.elements[name].entered for name in wanted)
-        return Status.OK if entered else Status.NOT_ENTERED
+        if not all(each.entered for name, each in self.elements.items() if name in wanted):
+            return Status.NOT_ENTERED
+        return self._together(wanted) if 0.0 <= gain <= 1.0 else Status.BAD_GAIN
 
-    def _acting(self, elements: frozenset[str], steps: int) -> frozenset[str]:
-        """Elements that give a force some periods later, if only these are wanted until then."""
-        return frozenset(
-            name
-            for name, each in self.elements.items()
-            if each.faded(steps, wanted=name in elements) > 0.0
+    def _together(self, elements: Collection[str]) -> Status:
+        """Whether elements may act at once: with walls of either side alone, if there is room."""
+        sides = {name: self.elements[name].side for name in self.walls.intersection(elements)}
+        for side in (-1, 1):
+            if not self.certified([name for name in elements if sides.get(name) != side]):
+                return Status.NOT_TOGETHER
+        pairs = ((self.elements[one], self.elements[other]) for one in sides for other in sides)
+        narrow = any(one.side > 0 and one.crowds(one.face, 1, other) for one, other in pairs)
+        return Status.TOO_NARROW if narrow else Status.OK
+
+    def certified(self, elements: Collection[str]) -> bool:
+        """Whether a set is certified as a sum, walls of it on one side."""
+        chosen = frozenset(elements)
+        parts = chosen - self.walls, chosen & self.walls
+        return (
+            chosen <= self.elements.keys()
+            and not any(pair <= chosen for pair in self.apart)
+            and all(len(part) <= 1 or any(part <= group for group in self.groups) for part in parts)
         )
 
     def _no_force(self, reason: Status) -> float:
         for each in self.elements.values():
-            each.level = 0.0
+            each.wanted, each.level, each.force = False, 0.0, 0.0
         self.status, self.last_force = reason, 0.0
         return 0.0
 
@@ -286,9 +366,15 @@ class Law:
             stiffness=float(parameters[f"{place}.stiffness"]),
             damping=float(parameters[f"{place}.damping"]),
             mass=float(parameters[f"{place}.mass"]),
+            force_level=float(parameters[f"{place}.force_level"]),
+            speed=float(parameters[f"{place}.speed"]),
             one_sided=bool(parameters[f"{place}.one_sided"]),
             fade=min(1.0, self.sample_time / fade_time) if fade_time else 1.0,
         )
+
+
+def _sets(parameters: Mapping[str, Any], kind: str, names: str) -> Iterator[frozenset[str]]:
+    return (frozenset(parameters[f"{kind}.{name}"]) for name in parameters.get(names, ()))
 
 
 def _low_pass(parameters: Mapping[str, Any], which: str) -> LowPass:

@@ -35,11 +35,11 @@ class HaptuneNode(Node):
         self.create_subscription(JointState, "joint_states", self.read, 1)
 
     def touched(self, position: float) -> dict[str, tuple[float, int]]:
-        """Fill in: each element touched there, with (rest, side).
+        """Fill in: each element touched there, and walls always, with (rest, side).
 
-        Rest, m (rad), is where its spring gives no force, the face of a wall; side is 1 for a wall
-        that pushes towards growing positions and -1 for the other way. Both are taken when an
-        element is entered.
+        Rest, m (rad), is the face of a wall, other springs rest where they are entered; side is 1
+        for a wall that pushes towards growing positions and -1 for the other way. Both are taken
+        when an element is entered, and when they change while it gives no force.
         """
         del position
         return {}
@@ -51,11 +51,13 @@ class HaptuneNode(Node):
         self.first = stamp if self.first is None else self.first
         period = round((stamp - self.first) / (self.law.sample_time * _NANOSECONDS))
         now = self.touched(position)
-        for name in now.keys() - self.inside.keys():
-            self.law.reset([name], *now[name])
+        for name, place in now.items():
+            if self.inside.get(name) != place and self.law.reset([name], *place) is Status.OK:
+                self.inside[name] = place
         force = self.law.force(list(now), period, position)
-        # What was ended is entered anew once the device is outside of it.
-        self.inside = now
+        # What is left, and what was ended, is entered anew.
+        ended = self.law.status in (Status.LATE, Status.NOT_ENTERED)
+        self.inside = {} if ended else {k: v for k, v in self.inside.items() if k in now}
         if self.law.status is not Status.OK:
             text = f"{self.law.status.name}: {self.law.status.value}"
             self.get_logger().warning(text, throttle_duration_sec=1.0)

@@ -47,6 +47,7 @@ def played(
     push_of_hand: float = 0.0,
     wrong: Mapping[int, float] | None = None,
     missed: frozenset[int] = frozenset(),
+    gain: Callable[[int, float], float] = lambda k, reading: 1.0,
 ) -> Run:
     """Let a device without dry friction go and call the guard in every period that is not missed.
 
@@ -61,6 +62,7 @@ def played(
         push_of_hand: constant force on the handle.
         wrong: what is added to the readings of some periods.
         missed: periods in which the guard is not called and its last force goes on.
+        gain: from the period and the reading.
     """
     device, step = profile.device, profile.loop.sample_time
     m, b = device.mass.value, device.damping.value
@@ -82,7 +84,7 @@ def played(
                 guard.call(enter(elements, rest, side))
         before = asked
         if k not in missed:
-            reply = guard.call(push(asked, k, reading))
+            reply = guard.call(push(asked, k, reading, gain(k, reading)))
             if reply.status in {"LATE", "NOT_ENTERED"}:
                 before = 0  # contacts were ended: they are entered again
         statuses.append(reply.status)

@@ -2,74 +2,98 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from identification import load_device
 from tests.exported import tuned
 from tune import SafeProfile
+from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.profile import ElementProfile
 from tune.documents.scene import DEFAULT_MOTION
 
 #: Sizes (K, B, M) of elements by name; those named wall push only. The first is the demo's scene.
 SCENES: dict[str, dict[str, tuple[float, float, float]]] = {
     "homerehab": {
-        "wall": (1155.0, 82.0, 0.0),
+        "wall": (20_000.0, 90.0, 0.0),
         "water": (0.0, 10.0, 0.0),
         "cup": (0.0, 0.0, 1.475),
         "rubber": (1400.0, 0.0, 0.0),
         "feather": (0.0, 0.0, -1.2),
     },
     "stylus": {
-        "wall": (90.0, 9.9, 0.0),
+        "wall": (1000.0, 4.5, 0.0),
         "thing": (26.0, 0.37, 0.11),
         "free": (0.0, -0.058, 0.0),
         "feather": (0.0, 0.0, -0.0236),
     },
     "knob": {
-        "wall": (0.5, 0.01, 0.0),
+        "wall": (1.3, 5.5e-3, 0.0),
         "thing": (0.124, 8.8e-4, 1.4e-4),
         "free": (0.0, -1.4e-4, 0.0),
         "feather": (0.0, 0.0, -3.1e-5),
     },
     "emps": {
-        "wall": (11_700.0, 1170.0, 0.0),
+        "wall": (1e6, 4500.0, 0.0),
         "thing": (4470.0, 320.0, 121.0),
         "free": (0.0, -91.0, 0.0),
         "feather": (0.0, 0.0, -46.0),
     },
 }
-#: Cut-offs of velocity and acceleration, Hz.
-CUT_OFFS = {"homerehab": (127.0, 32.6)}
 
 
 def scene_on(name: str) -> SafeProfile:
-    """A profile with these elements; what is played does not depend on its certificate."""
+    """A profile with the elements of one device; what is played depends on no certificate."""
+    return made(name, SCENES[name])
+
+
+def made(
+    name: str,
+    scene: Mapping[str, tuple[float, float, float]],
+    *,
+    together: tuple[tuple[str, ...], ...] = (),
+    apart: tuple[tuple[str, ...], ...] = (),
+    taps: int = 7,
+    **motion: float,
+) -> SafeProfile:
+    """A profile of hand-made elements, those whose names begin with wall pushing only.
+
+    Args:
+        name: of the device.
+        scene: (K, B, M) by name.
+        together: groups of names.
+        apart: pairs of names.
+        taps: that the multiplier of the proof looks back.
+        motion: what differs from the usual one.
+    """
     device = load_device(name)
-    velocity, acceleration = CUT_OFFS.get(name, (50.0, 30.0))
+    assert device.force_limit is not None
     some = tuned().elements["wall"]
-    elements = {
-        each: _element(some, each, sizes).model_copy(
-            update={"motion": DEFAULT_MOTION[device.motion]}
-        )
-        for each, sizes in SCENES[name].items()
-    }
+    usual = DEFAULT_MOTION[device.motion].model_copy(update=motion)
+    elements: dict[str, ElementProfile] = {}
+    for each, (stiffness, damping, mass) in scene.items():
+        sized = some.model_copy(update={"stiffness": stiffness, "damping": damping, "mass": mass})
+        played = {
+            "motion": usual,
+            "one_sided": each.startswith("wall"),
+            "force_level": device.force_limit.peak if stiffness else 0.0,
+            "fade_time": 0.1 if sized.fades else 0.0,
+        }
+        elements[each] = sized.model_copy(update=played)
     loop = tuned().loop.model_copy(
         update={
             "sample_time": device.sample_time.value,
             "extra_delay_samples": device.delay.value / device.sample_time.value,
-            "velocity_filter_hz": velocity,
-            "acceleration_filter_hz": acceleration,
+            "velocity_filter_hz": 50.0,
+            "acceleration_filter_hz": 30.0,
         }
     )
-    return tuned().model_copy(
-        update={"device": device, "elements": elements, "loop": loop, "together": ()}
+    tap = Channel(name="any", taps=(Tap(samples=taps, weight=1.0),))
+    proof = AbsoluteStability(
+        gain=2.0, extra_delay_samples=1.0, free=Multiplier(channels=(tap,)), covers=()
     )
-
-
-def _element(some: ElementProfile, name: str, sizes: tuple[float, float, float]) -> ElementProfile:
-    stiffness, damping, mass = sizes
-    changed = some.model_copy(update={"stiffness": stiffness, "damping": damping, "mass": mass})
-    return changed.model_copy(
-        update={"one_sided": name == "wall", "fade_time": 0.1 if changed.fades else 0.0}
-    )
+    seal = tuned().certificate.model_copy(update={"absolute_stability": {"any": proof}})
+    new = {"device": device, "elements": elements, "loop": loop, "certificate": seal}
+    return tuned().model_copy(update={**new, "together": together, "apart": apart})
 
 
 def depth_of(profile: SafeProfile, name: str) -> float:

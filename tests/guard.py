@@ -1,15 +1,21 @@
-"""An exported C guard, compiled and driven by the compiler of the system."""
+"""An exported C guard, compiled and driven by the compiler of the system; the law in Python."""
 
 from __future__ import annotations
 
 import ctypes
 import shutil
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
+
+from tune import SafeProfile
+from tune.exporters import export
+from tune.templates.law import Law
 
 STATUS = (
     "OK",
@@ -22,6 +28,8 @@ STATUS = (
     "STALE",
     "GLITCH",
     "LATE",
+    "PUSHING",
+    "TOO_NARROW",
 )
 FLAGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 
@@ -35,6 +43,7 @@ void door_init(void);
 int door_reset(uint64_t elements, double rest, int side);
 double door_force(
     uint64_t elements, uint32_t period, double position, double gain, uint32_t *counts);
+double door_level(unsigned index);
 
 void door_init(void)
 {
@@ -55,6 +64,11 @@ double door_force(
     counts[2] = guard.missed;
     counts[3] = guard.glitches;
     return force;
+}
+
+double door_level(unsigned index)
+{
+    return guard.contacts[index].level;
 }
 """
 
@@ -113,6 +127,8 @@ class Guard:
             ctypes.c_void_p,
         ]
         self._door.door_force.restype = ctypes.c_double
+        self._door.door_level.argtypes = [ctypes.c_uint]
+        self._door.door_level.restype = ctypes.c_double
         self._counts = (ctypes.c_uint32 * 4)()
 
     def start(self) -> None:
@@ -135,10 +151,63 @@ class Guard:
             glitches=glitches,
         )
 
+    def level(self, index: int) -> float:
+        """How much of an element acts."""
+        return self._door.door_level(index)
+
     def run(self, calls: Iterable[Enter | Push]) -> list[Reply]:
         """The replies to some calls after haptune_init."""
         self.start()
         return [self.call(each) for each in calls]
+
+
+class InPython:
+    """The law of the ROS 2 files, called as a guard is."""
+
+    def __init__(self, profile: SafeProfile) -> None:
+        self._parameters = parameters_of(export(profile, "ros2")["haptune_params.yaml"])
+        self.start()
+
+    def start(self) -> None:
+        """As after haptune_init."""
+        self.law = Law(self._parameters)
+
+    def call(self, call: Enter | Push) -> Reply:
+        """The reply to one call."""
+        names = [name for k, name in enumerate(self.law.names) if call.elements >> k & 1]
+        names += ["no element"] * (call.elements >> len(self.law.names) > 0)
+        if isinstance(call, Enter):
+            return Reply(status=self.law.reset(names, call.rest, call.side).name)
+        force = self.law.force(names, call.period, call.position, call.gain)
+        return Reply(
+            status=self.law.status.name,
+            force=force,
+            clamped=self.law.clamped,
+            missed=self.law.missed,
+            glitches=self.law.glitches,
+        )
+
+    def level(self, index: int) -> float:
+        """How much of an element acts."""
+        return self.law.elements[self.law.names[index]].level
+
+    def run(self, calls: Iterable[Enter | Push]) -> list[Reply]:
+        """The replies to some calls after a start."""
+        self.start()
+        return [self.call(each) for each in calls]
+
+
+def parameters_of(text: str, node: str = "haptune") -> dict[str, Any]:
+    """The parameters by full name, as a reader of YAML 1.1 and then a node take them."""
+
+    def flat(content: Mapping[str, Any], place: str) -> Iterator[tuple[str, Any]]:
+        for key, item in content.items():
+            if isinstance(item, dict):
+                yield from flat(item, f"{place}{key}.")
+            else:
+                yield f"{place}{key}", item
+
+    return dict(flat(yaml.safe_load(text)[node]["ros__parameters"], ""))
 
 
 def compiler(*names: str) -> str:
@@ -164,11 +233,11 @@ def built(files: Mapping[str, str], folder: Path) -> Guard:
     return Guard(folder / "guard.so")
 
 
-def compiles(folder: Path, *flags: str) -> str:
+def compiles(folder: Path, *flags: str, standard: str = "c99") -> str:
     """What the compiler says to the source alone, "" where it is content."""
     cc = compiler("cc", "gcc", "clang")
     done = subprocess.run(
-        [cc, *FLAGS, *flags, "-c", "haptune_guard.c"],
+        [cc, *FLAGS[1:], f"-std={standard}", *flags, "-c", "haptune_guard.c"],
         cwd=folder,
         capture_output=True,
         text=True,

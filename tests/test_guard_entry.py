@@ -59,7 +59,7 @@ class Played:
         return played(
             self.guard,
             self.profile,
-            lambda _, reading: self.bit(name) if reading > 0 else 0,
+            lambda _, reading: self.bit(name) if element.one_sided or reading > 0 else 0,
             place=start,
             speed=early,
             periods=BEFORE + 500,
@@ -104,21 +104,22 @@ def test_what_is_tuned_is_entered_without_a_blow(device: str, tmp_path: Path) ->
 
 def entered_without_a_blow(scene: Played, name: str) -> None:
     """Within the stated sum and the peak from the first period on, and no speed is gained."""
-    run, element = scene.entry(name), scene.profile.elements[name]
-    first = int(np.argmax(run.touched))
-    speed = element.motion.speed
-    assert run.speed[first] == pytest.approx(speed, rel=0.02)
-    limit = scene.profile.device.force_limit
-    assert limit is not None
+    run, element, device = scene.entry(name), scene.profile.elements[name], scene.profile.device
+    first = int(np.argmax(run.force != 0))
+    speed, step = element.motion.speed, scene.profile.loop.sample_time
+    assert run.speed[first] == pytest.approx(speed, rel=0.06)  # a wall is met before its face
+    assert device.force_limit is not None
     counts = scene.noise(name)
     shallow = np.abs(run.place) <= depth_of(scene.profile, name)
-    assert np.abs(run.force).max() <= limit.peak
+    assert np.abs(run.force).max() <= device.force_limit.peak
     assert np.abs(run.force[shallow]).max() <= 1.02 * stated_sum(scene.profile, name) + 2 * counts
-    slows = scene.profile.device.damping.value / scene.profile.device.mass.value * speed
-    at_once = abs(element.stiffness) * speed * 1e-3  # a period deep, as that is
-    at_once += abs(element.damping) * speed + abs(element.mass) * slows
-    at_once *= 0.01 if element.fades else 1.0
-    assert np.abs(run.force[first]) <= 1.05 * at_once + 2 * counts
+    # Springs begin with none, and are a period deeper in the next; a fade has come two periods far.
+    new = 1 - math.exp(-2 * math.pi * 50 * step) if element.stiffness else 1.0
+    slows = device.damping.value / device.mass.value * speed
+    blow = (element.stiffness * step + abs(element.damping) * new) * speed
+    blow += abs(element.mass) * slows
+    blow *= 2 * step / element.fade_time if element.fades else 1.0
+    assert np.abs(np.diff(run.force[first - 1 : first + 20])).max() <= 1.05 * blow + 2 * counts
     assert np.abs(run.speed[first:]).max() <= 1.01 * run.speed[first]
     assert set(run.statuses[BEFORE - 20 :]) == {"OK"}
 
@@ -126,29 +127,28 @@ def entered_without_a_blow(scene: Played, name: str) -> None:
 @pytest.mark.parametrize("device", SCENES)
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_wall_never_pulls(scenes: dict[str, Played], device: str, side: int) -> None:
-    """Pushed in and then pulled out with the continuous force, from either side."""
+    """Met at the stated speed and pulled out by a hand, from either side."""
     scene = scenes[device]
     limit = scene.profile.device.force_limit
     assert limit is not None
-    wall = scene.bit("wall")
-    depth = scene.profile.elements["wall"].motion.penetration
-    assert depth is not None
+    wall, speed = scene.bit("wall"), scene.profile.elements["wall"].motion.speed
     for pull in (0.0, 0.3 * limit.continuous):
         run = played(
             scene.guard,
             scene.profile,
             lambda _, __: wall,
-            place=-side * 0.5 * depth,
-            speed=0.0,
+            place=side * 0.01 * speed,
+            speed=-side * speed,
             periods=300,
             faces={wall: (0.0, side)},
             push_of_hand=side * pull,
         )
         pushes = side * run.force
-        assert pushes.min() >= 0
+        assert pushes.min() == 0
         assert pushes.max() > 0.2 * limit.continuous
-        assert side * run.place[-1] > 0  # it has left
-        assert not np.any(run.force[side * run.place > 0.001 * abs(run.place[0])][1:])
+        if pull:
+            assert side * run.speed[-1] > 0  # it has left
+            assert not np.any(run.force[-50:])
 
 
 def test_a_wall_needs_a_side(scenes: dict[str, Played]) -> None:
@@ -182,7 +182,7 @@ def test_one_wrong_reading_never_makes_more_force_than_the_stated_sum(
 def test_a_tenth_of_the_periods_missed_leaves_every_element_quiet(
     scenes: dict[str, Played], device: str, in_a_row: bool
 ) -> None:
-    """Held at its rest, let go: the force of the last fifth stays below 3 ripple limits.
+    """Met at a tenth of the stated speed: the force of the last fifth stays below 3 ripple limits.
 
     Two periods missed in a row end the contact, and the program enters it again.
     """
@@ -194,14 +194,13 @@ def test_a_tenth_of_the_periods_missed_leaves_every_element_quiet(
         missed[1:] &= ~missed[:-1]
     limit = 3 * (0.1 if scene.profile.device.motion == "linear" else 0.005)
     for name, element in scene.profile.elements.items():
-        one, depth = scene.bit(name), element.motion.penetration
-        assert depth is not None
+        one = scene.bit(name)
         run = played(
             scene.guard,
             scene.profile,
             lambda _, __, one=one: one,
-            place=-0.1 * depth,
-            speed=0.0,
+            place=0.0,
+            speed=-0.1 * element.motion.speed,
             periods=periods,
             faces={one: (0.0, 1)},
             missed=frozenset(np.flatnonzero(missed).tolist()),

@@ -1,8 +1,9 @@
-"""The sets that a C guard plays are the moments that were certified, whatever groups overlap."""
+"""The sets that guard and law play are the moments that were certified, whatever groups overlap."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given, settings
@@ -11,22 +12,30 @@ from pydantic import ValidationError
 
 from identification import to_mapping
 from tests.exported import tuned
+from tests.guard import InPython
 from tune import SafeProfile
 from tune.exporters import export
 
-NAMES = [f"e{k}" for k in range(12)]
+NAMES = [f"e{k}" for k in range(9)]
 _GROUPS = st.lists(
     st.lists(st.sampled_from(NAMES), min_size=2, max_size=5, unique=True), max_size=6
 )
 
 
-def _profile(groups: list[list[str]]) -> SafeProfile:
+_PAIRS = st.lists(st.lists(st.sampled_from(NAMES), min_size=2, max_size=2, unique=True), max_size=4)
+
+
+def _profile(
+    groups: list[list[str]], walls: frozenset[str] = frozenset(), apart: Sequence[list[str]] = ()
+) -> SafeProfile:
     """The tuned profile with other elements and groups."""
-    wall = tuned().elements["wall"]
+    some = tuned().elements["wall"]
+    wall = some.model_copy(update={"one_sided": True})
     return tuned().model_copy(
         update={
-            "elements": dict.fromkeys(NAMES, wall),
+            "elements": {name: wall if name in walls else some for name in NAMES},
             "together": tuple(tuple(group) for group in groups),
+            "apart": tuple(tuple(pair) for pair in apart),
         }
     )
 
@@ -39,20 +48,23 @@ def _sets(profile: SafeProfile) -> list[int]:
 
 
 @settings(deadline=None, max_examples=50)
-@given(_GROUPS)
-def test_the_sets_of_the_guard_are_the_certified_moments(groups: list[list[str]]) -> None:
-    profile = _profile(groups)
+@given(_GROUPS, st.frozensets(st.sampled_from(NAMES)), _PAIRS)
+def test_the_sets_of_the_guard_are_the_certified_moments(
+    groups: list[list[str]], walls: frozenset[str], apart: list[list[str]]
+) -> None:
+    profile = _profile(groups, walls, apart)
     sets = _sets(profile)
-    places = {name: place for place, name in enumerate(NAMES)}
-    certified = {frozenset(places[name] for name in moment) for moment in profile.moments()}
-    played = {frozenset(k for k in places.values() if each >> k & 1) for each in sets}
-    assert played == certified
-    assert len(sets) == len(certified)
-    wanted = {frozenset({place}) for place in places.values()}
-    for group in groups:
-        for mask in range(1, 1 << len(group)):
-            wanted.add(frozenset(places[n] for k, n in enumerate(group) if mask >> k & 1))
-    assert certified == wanted
+    assert sets == sorted(set(sets))
+    played = {frozenset(n for k, n in enumerate(NAMES) if each >> k & 1) for each in sets}
+    assert played == {frozenset(moment) for moment in profile.moments()}
+    law = InPython(profile).law
+    for mask in range(1, 1 << len(NAMES)):
+        chosen = frozenset(n for k, n in enumerate(NAMES) if mask >> k & 1)
+        assert law.certified(chosen) == (chosen in played)
+        parts = chosen & walls, chosen - walls
+        wanted = all(len(p) < 2 or any(p <= set(g) for g in groups) for p in parts)
+        wanted &= not any(set(pair) <= chosen for pair in apart)
+        assert wanted == (chosen in played)
 
 
 def test_a_name_that_is_repeated_is_never_another_set() -> None:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import importlib.util
 import math
 import sys
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from tests.commands import haptune
 from tests.exported import LOOPS, STEP, changed, tuned
@@ -29,19 +27,6 @@ def walled(**loop: Any) -> SafeProfile:
     profile = changed(**loop)
     wall = profile.elements["wall"].model_copy(update={"one_sided": True})
     return profile.model_copy(update={"elements": {**profile.elements, "wall": wall}})
-
-
-def parameters_of(text: str, node: str = "haptune") -> dict[str, Any]:
-    """The parameters by full name, as a reader of YAML 1.1 and then a node take them."""
-
-    def flat(content: Mapping[str, Any], place: str) -> Iterator[tuple[str, Any]]:
-        for key, item in content.items():
-            if isinstance(item, dict):
-                yield from flat(item, f"{place}{key}.")
-            else:
-                yield f"{place}{key}", item
-
-    return dict(flat(yaml.safe_load(text)[node]["ros__parameters"], ""))
 
 
 def module_of(folder: Path, name: str, patch: pytest.MonkeyPatch) -> Any:

@@ -105,7 +105,7 @@ def prove_absolute(
         pull = np.zeros_like(cells.low)
         for index, row in enumerate(symbols):
             pull[row] = np.abs(condition.slopes[index].real)
-        return holds, pull + condition.real * _bent(cells, max(taps, default=0))
+        return holds, pull + condition.real * _bent(cells, max(taps, default=0), sides)
 
     proof = decide(begun, examine, most_cells)
     if proof.doubt is None:
@@ -147,12 +147,13 @@ def open_device_failure(region: Region) -> str | None:
     return None
 
 
-def _bent(cells: Cells, longest: int) -> FloatArray:
+def _bent(cells: Cells, longest: int, sides: int) -> FloatArray:
     """Guess of each side's share in what is not straight: by the square of its relative width.
 
     Args:
         cells: any.
         longest: samples of the longest tap, by which frequency turns.
+        sides: rows before the levels, which begin at nothing.
     """
     centre, width = (cells.low + cells.high) / 2, (cells.high - cells.low) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -160,6 +161,7 @@ def _bent(cells: Cells, longest: int) -> FloatArray:
     # Delay and taps turn by their product with frequency.
     relative[0] += width[0] * longest
     relative[2] = width[2] * centre[0]
+    relative[sides:] = width[sides:] / max(float(cells.high[sides:].max(initial=0.0)), 1.0)
     square = relative**2
     return square / np.maximum(square.sum(axis=0), np.finfo(float).tiny)
 

@@ -205,6 +205,14 @@ def skipped_parts(design: Design) -> tuple[str, ...]:
     return tuple(words for words, skipped in parts if skipped)
 
 
+def note_of_apart(pair: tuple[str, ...]) -> str:
+    """The note about two elements that the scene did not tell apart."""
+    return (
+        f"kept apart: {' and '.join(pair)} are not proved together at one step of each; the guard "
+        "gives no force where both are asked for"
+    )
+
+
 def note_of_dropped(label: str) -> str:
     """How the note about an effect that is left out begins, by its label element.effect."""
     return f"{label} dropped: "

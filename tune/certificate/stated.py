@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from identification import to_mapping
-from tune.certificate.assumptions import note_of_dropped, skipped_parts
+from tune.certificate.assumptions import note_of_apart, note_of_dropped, skipped_parts
 from tune.certificate.differences import differences
 from tune.certificate.elements import inconsistent
 from tune.documents.moments import groups_of
@@ -75,8 +75,12 @@ def _wrong_notes(design: Design) -> Iterator[str]:
     for words in dropped:
         if sum(note.startswith(words) for note in design.notes) != 1:
             yield f"notes: one begins with '{words}'"
-    if len(design.notes) != len(dropped):
-        yield f"notes: {len(design.notes)} of them, {len(dropped)} effects were dropped"
+    pairs = [pair for pair in design.apart if note_of_apart(pair) in design.notes]
+    if len(design.notes) != len(dropped) + len(pairs):
+        yield (
+            f"notes: {len(design.notes)} of them, {len(dropped)} effects were dropped and "
+            f"{len(pairs)} pairs kept apart"
+        )
 
 
 def _wrong_methods(design: Design) -> Iterator[str]:

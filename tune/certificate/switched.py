@@ -28,6 +28,8 @@ STEADY = "what fades, at any constant level of each element"
 #: Cells of a proof. Near the resonance of a device on a stiff hand a weak wall needs 450 000, and
 #: more margin would not make them fewer.
 _MOST_CELLS = 1_000_000
+#: Clamps whose B/K and M/K agree to this part act on one signal.
+_ALIKE = 1e-8
 _REMEDY = "Ask for less stiffness or damping, or name it apart from what it is not met with"
 
 
@@ -112,7 +114,13 @@ def nonlinear_parts(design: Design, moment: tuple[str, ...]) -> Nonlinear:
         if setting is None:
             continue
         if element.stiffness:
-            clamps[name] = setting
+            # Clamps of one signal are one clamp, as stiff as their sum.
+            alike = next((known for known, each in clamps.items() if _alike(each, setting)), None)
+            if alike is None:
+                clamps[name] = setting
+            else:
+                both = f"{alike} + {name}", _sum(clamps[alike], setting)
+                clamps = dict(both if each[0] == alike else each for each in clamps.items())
         elif element.fades:
             steady.append(setting)
         else:
@@ -153,4 +161,18 @@ def _stable_alone(region: Region, steady: tuple[Setting, ...], claim: Claim) -> 
 
 
 def _sum(first: Setting, second: Setting) -> Setting:
-    return replace(first, damping=first.damping + second.damping, mass=first.mass + second.mass)
+    return replace(
+        first,
+        stiffness=first.stiffness + second.stiffness,
+        damping=first.damping + second.damping,
+        mass=first.mass + second.mass,
+    )
+
+
+def _alike(first: Setting, second: Setting) -> bool:
+    """Whether B/K and M/K agree."""
+    pairs = (
+        (first.damping * second.stiffness, second.damping * first.stiffness),
+        (first.mass * second.stiffness, second.mass * first.stiffness),
+    )
+    return all(abs(a - b) <= _ALIKE * max(abs(a), abs(b)) for a, b in pairs)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 
 from identification import Device, as_stored
-from tune.certificate.assumptions import note_of_dropped, skipped_parts
+from tune.certificate.assumptions import note_of_apart, note_of_dropped, skipped_parts
 from tune.certificate.refusal import refusal_of
 from tune.documents.certified import AbsoluteStability
 from tune.documents.effects import EffectName
@@ -74,7 +74,7 @@ def optimise(
     task = DesignTask.of(as_stored(device), scene, table or default_table(), favour)
     filters = choose_filters(task, say)
     for attempt in range(_MOST_ATTEMPTS + 1):
-        design, witnesses = _proposed(task, filters, say)
+        task, design, witnesses = _proposed(task, filters, say)
         say("certifying")
         try:
             last = attempt == _MOST_ATTEMPTS or task.slack == SLACK[-1]
@@ -92,18 +92,27 @@ def optimise(
 
 def _proposed(
     task: DesignTask, filters: Filters, say: Progress
-) -> tuple[Design, dict[str, AbsoluteStability]]:
-    """The largest effects of every group, and what proves its one-sided moments, as stored."""
+) -> tuple[DesignTask, Design, dict[str, AbsoluteStability]]:
+    """The largest effects of every group, and what proves its clamps, as stored.
+
+    A wall and an element that cannot be met together at one step of each are told apart in the
+    task that is returned.
+    """
     solutions: list[Solution] = []
     together = groups(task.scene)
     for number, elements in enumerate(together, start=1):
         say(f"tuning {', '.join(elements)} ({number} of {len(together)})")
-        solutions.append(solve(task, elements, filters, solutions))
+        solved = solve(task, elements, filters, solutions)
+        while solved.clash is not None:
+            say(f"{' and '.join(solved.clash)} cannot be met together")
+            task = task.without(solved.clash)
+            solved = solve(task, elements, filters, solutions)
+        solutions.append(solved)
     dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
-    return as_stored(design), _witnesses(task, solutions)
+    return task, as_stored(design), _witnesses(task, solutions)
 
 
 def _witnesses(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
@@ -201,7 +210,10 @@ def design_of(
         apart=groups_of(scene.elements, scene.apart),
         ripple_limit=scene.ripple_limit or task.table.threshold(device.motion),
         perception=_perception(task),
-        notes=tuple(note_of_dropped(label) + why for label, why in dropped.items()),
+        notes=(
+            *(note_of_dropped(label) + why for label, why in dropped.items()),
+            *(note_of_apart(pair) for pair in task.apart),
+        ),
         method=methods,
     )
     design = with_levels_and_contacts(design, device, task.region.box)

@@ -43,6 +43,9 @@ class Loops:
     _latest: dict[float, tuple[Loop, ...]] = field(
         default_factory=dict[float, tuple[Loop, ...]], init=False, repr=False
     )
+    _between: dict[float, tuple[Loop, ...]] = field(
+        default_factory=dict[float, tuple[Loop, ...]], init=False, repr=False
+    )
     _ends: dict[tuple[EffectName, int, str, float], float] = field(
         default_factory=dict[tuple[EffectName, int, str, float], float], init=False, repr=False
     )
@@ -72,6 +75,14 @@ class Loops:
         if extra not in self._latest:
             self._latest[extra] = _side_by_side(self.region.latest(self.filters, extra))
         return self._latest[extra]
+
+    def between(self, extra: float) -> tuple[Loop, ...]:
+        """The late loops, and those half-way between the samples of the margin's extra delay."""
+        if extra not in self._between:
+            halves = [self.latest(part - 0.5) for part in range(1, int(extra) + 1)]
+            late = [*self.late, *(loop for each in halves for loop in each)]
+            self._between[extra] = _side_by_side(late)
+        return self._between[extra]
 
     def end_alone(self, effect: EffectName, sign: int, *, late: bool) -> float:
         """The size of one effect, felt alone, up to which it is stable; 0 or inf possible.

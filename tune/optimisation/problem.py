@@ -164,6 +164,7 @@ class DesignTask:
         region: that must be safe.
         slack: part of the margin that is kept on top of it.
         favour: an effect whose steps count more in the product; None for none.
+        apart: pairs that could not be kept together, beside those of the scene.
 
     Loops and moments are built when first asked for and kept.
     """
@@ -174,6 +175,7 @@ class DesignTask:
     region: Region
     slack: float = 0.0
     favour: EffectName | None = None
+    apart: tuple[tuple[str, str], ...] = ()
     _loops: dict[Filters, Loops] = field(
         default_factory=dict[Filters, Loops], init=False, repr=False, compare=False
     )
@@ -193,6 +195,13 @@ class DesignTask:
         extra = max(margin.extra_delay_samples for margin in MARGINS.values())
         region = Region.of(device, hand_of(scene.hand, device.motion), extra=extra)
         return cls(device=device, scene=scene, table=table, region=region, favour=favour)
+
+    def without(self, pair: tuple[str, str]) -> DesignTask:
+        """The task with one more pair of elements that are never met together."""
+        order = list(self.scene.elements)
+        first, second = sorted(pair, key=order.index)
+        scene = self.scene.model_copy(update={"apart": (*self.scene.apart, (first, second))})
+        return replace(self, scene=scene, apart=(*self.apart, (first, second)))
 
     def spring_lags(self, margin: Margin) -> tuple[float, float]:
         """Delay, half a sample and current lag, s: the margin's latest, and as they are stated."""

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
-from tune.documents.certified import AbsoluteStability, Multiplier
-from tune.documents.effects import Effects
+from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
+from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.scene import Margin
 from tune.optimisation.problem import ROOM, Moment, Problem
 from tune.optimisation.zames_falb import find_multiplier
@@ -27,12 +27,16 @@ FloatArray = NDArray[np.float64]
 #: What of a gain beyond the margin is not claimed, relative; beyond the most a margin says nothing.
 _SHAVED, _MOST_GAIN = 2e-2, 1000.0
 #: Parts of the gain that is asked for, at which a multiplier is looked for in turn.
-_PARTS = (1.02, 1.0, 0.9, 0.75, 0.5, 0.25, 0.1)
+_PARTS = (1.02, 1.0, 0.9, 0.7, 0.4)
+#: Digits to which B/K and M/K agree where clamps act on one signal.
+_ALIKE = 9
 #: Taps of less than these parts of the largest of their channel are left out, if so much of the
 #: gain is kept.
-_FAINT, _KEPT = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 0.99
+_FAINT, _KEPT = (0.3, 0.1, 0.03, 0.01, 1e-3, 0.0), 0.99
+#: Slope of a tap of one sample, as a part of that of all of them.
+_FIRST_TAP = (0.03, 3e-3, 3e-4)
 #: Times that sizes are taken back, and by how much at most; digits of what is left.
-_RETREATS, _STEEPEST, _DIGITS = 24, 0.7, 6
+_RETREATS, _STEEPEST, _DIGITS = 8, 0.5, 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,15 +71,16 @@ def prove_moments(problem: Problem, sizes: FloatArray, known: AllFound | None = 
     }
 
 
-def scale_to_proved(problem: Problem, sizes: FloatArray) -> tuple[FloatArray, AllFound]:
+def scale_to_proved(
+    problem: Problem, sizes: FloatArray, found: AllFound
+) -> tuple[FloatArray, AllFound]:
     """Springs and dampers scaled alike until every moment is proved with the whole margin.
 
     That is exact for one clamp: its gain grows as its sizes fall.
 
     Sizes have shape (unknowns,), SI units, before and after; below the least of an unknown where
-    nothing larger is proved.
+    nothing larger is proved. What was found is of the sizes before.
     """
-    found = prove_moments(problem, sizes)
     for _ in range(_RETREATS):
         worst = min(
             (m for m in problem.moments if m.absolute), key=lambda m: found[m.elements].gain
@@ -129,7 +134,7 @@ def search_gain(
     multipliers: dict[bool, Multiplier | None] = {}
     box = problem.region.box
     late = box.delay[1] / box.sample_time[0] + problem.margin.extra_delay_samples
-    for loop in problem.loops.late:
+    for loop in problem.loops.between(problem.margin.extra_delay_samples):
         responses = Responses.of(loop, steady)
         multiplier, gain = None, 0.0
         if known is not None:
@@ -154,25 +159,34 @@ def _least_gain(responses: Responses, parts: Nonlinearities, multiplier: Multipl
 def _with_few_taps(
     responses: Responses, parts: Nonlinearities, multiplier: Multiplier, gain: float, least: float
 ) -> tuple[Multiplier, float]:
-    """The multiplier without the taps that hardly change its gain, and the gain it has then."""
-    for part in _FAINT:
-        channels = tuple(
-            channel.model_copy(
-                update={
-                    "taps": tuple(
-                        tap
-                        for tap in channel.taps
-                        if tap.weight >= part * max(each.weight for each in channel.taps)
-                    )
-                }
-            )
-            for channel in multiplier.channels
-        )
+    """The multiplier without the taps that hardly change its gain, and the gain it has then.
+
+    Each clamp keeps some of a tap of one sample, without which M may vanish at some frequency, as
+    taps of 3 and 6 samples do at θ = 2π/3: a proof would then have nothing to show.
+    """
+    for part, first in product(_FAINT, _FIRST_TAP):
+        channels = tuple(_thinned(channel, part, first) for channel in multiplier.channels)
         fewer = Multiplier(channels=channels)
         left = _least_gain(responses, parts, fewer)
         if left >= _KEPT * gain and (left >= least or gain < least):
             return fewer, left
     return multiplier, gain
+
+
+def _thinned(channel: Channel, part: float, first: float) -> Channel:
+    """Taps of at least a part of the largest, and of one sample at least a part of the slope."""
+    if not channel.taps:
+        return channel
+    most = max(tap.weight for tap in channel.taps)
+    slope = sum(tap.weight * tap.samples for tap in channel.taps)
+    weights = {1: first * slope}
+    weights |= {
+        tap.samples: max(tap.weight, weights.get(tap.samples, 0.0))
+        for tap in channel.taps
+        if tap.weight >= part * most
+    }
+    taps = (Tap(samples=n, weight=round_to_digits(w, _DIGITS)) for n, w in weights.items())
+    return channel.model_copy(update={"taps": tuple(taps)})
 
 
 def nonlinearities(
@@ -182,7 +196,7 @@ def nonlinearities(
 
     Sizes have shape (unknowns,), SI units.
     """
-    clamps: list[tuple[str, Effects]] = []
+    clamps: dict[tuple[float, float], tuple[tuple[str, ...], float]] = {}
     steady: list[Effects] = []
     damping = 0.0
     order = sorted(_members(moment))
@@ -192,13 +206,24 @@ def nonlinearities(
             problem.unknowns[i].effect: problem.unknowns[i].sign * float(sizes[i]) for i in own
         }
         if "stiffness" in values:
-            clamps.append((name, Effects(**values)))
+            # Clamps of one signal are one clamp.
+            K, B, M = (values.get(effect, 0.0) for effect in EFFECT_NAMES)
+            signal = (round_to_digits(B / K, _ALIKE), round_to_digits(M / K, _ALIKE))
+            names, stiffness = clamps.get(signal, ((), 0.0))
+            clamps[signal] = (*names, name), stiffness + K
         elif "mass" in values or values["damping"] < 0:
             gain = problem.margin.gain
             steady.append(Effects(**{effect: gain * value for effect, value in values.items()}))
         else:
             damping += values["damping"]
-    return Nonlinearities(clamps=tuple(clamps), damping=damping), tuple(steady)
+    found = tuple(
+        (
+            " + ".join(names),
+            Effects(stiffness=K, damping=K * lead or None, mass=K * inertia or None),
+        )
+        for (lead, inertia), (names, K) in clamps.items()
+    )
+    return Nonlinearities(clamps=found, damping=damping), tuple(steady)
 
 
 def _floored(size: float) -> float:

@@ -6,7 +6,7 @@ One file: rank after rank, what is kept and what is dropped is one loop.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-#: Tries with more room for the proof of clamps, so much of what the last one was short of; a gain
-#: below the least says nothing of how much that is.
-_MOST_ROOMS, _LESS_ROOM, _LEAST_GAIN = 6, 0.7, 0.5
+#: Tries with more room for the proof of clamps, so much of what the last one was short of; more
+#: than this short, room is no help.
+_MOST_ROOMS, _LESS_ROOM, _HOPELESS = 6, 0.7, 2.5
 #: Why the damper of a wall goes with its spring.
 _NO_WALL = "without its stiffness it would be no wall"
 #: In the logarithm of the product, where cut-offs are still looked for.
@@ -53,6 +53,8 @@ class Solution:
         disagreement: of the solvers, in the logarithm of the product of steps.
         absolute: gains of the moments that must be absolutely stable.
         stepped_back: unknowns that are smaller for it.
+        clash: a wall and an element that cannot be met together at one step of each; None if all
+            can.
     """
 
     problem: Problem
@@ -63,6 +65,7 @@ class Solution:
     unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
     absolute: AllFound = field(default_factory=dict[tuple[str, ...], "ProvedGain"])
     stepped_back: frozenset[int] = frozenset()
+    clash: tuple[str, str] | None = None
 
     def by_label(self) -> dict[str, float]:
         """Sizes, SI, of what was looked for here."""
@@ -121,7 +124,13 @@ def solve(
     cut = may_saturate(task, elements)
     walls = cut & task.scene.walls
     free = _solved(task, elements, filters, known | cut, beside, second_opinion=second_opinion)
-    if cut == walls or not (free.stepped_back or free.dropped):
+    if free.dropped and beside and free.clash is None:
+        alone = _solved(task, elements, filters, known | cut, {}, second_opinion=second_opinion)
+        if len(alone.dropped) < len(free.dropped):
+            others = (label.rpartition(".")[0] for label in reversed(beside))
+            pairs = (_pair(task.scene, elements, (*elements, other)) for other in others)
+            free = replace(free, clash=next((pair for pair in pairs if pair is not None), None))
+    if free.clash is not None or cut == walls or not (free.stepped_back or free.dropped):
         return free
     usual = _solved(task, elements, filters, known | walls, beside, second_opinion=second_opinion)
     return max(usual, free, key=lambda each: (each.sizes.size, _products(each.problem, each.sizes)))
@@ -170,26 +179,15 @@ def _solved(
     linear = sizes = round_sizes(problem, optimum.sizes)
     found: AllFound = {}
     if second_opinion and any(moment.absolute for moment in problem.moments):
-        from tune.optimisation.saturation import prove_moments, scale_to_proved
-
-        found, room = prove_moments(problem, sizes), 0.0
-        for _ in range(_MOST_ROOMS):
-            short = problem.proved_gain / max(
-                min(each.gain for each in found.values()), _LEAST_GAIN
-            )
-            if short <= 1:
-                break
-            room += _LESS_ROOM * (short - 1)
-            less, other, also = tuned(room)
-            if other is None or other.sizes is None or also != dropped:
-                break
-            sizes = round_sizes(less, other.sizes)
-            found = prove_moments(problem, sizes, found)
-        else:
-            sizes, found = scale_to_proved(problem, sizes)
+        sizes, found, tightest = _stepped_back(problem, linear, tuned, dropped)
         parts = sizes / problem.low
-        if np.any(parts < 1):
-            index = int(np.argmin(parts))
+        if np.any(parts < 1) or any(one.gain < problem.proved_gain for one in found.values()):
+            clash = _pair(task.scene, elements, tightest)
+            if clash is not None:
+                return Solution(
+                    problem=problem, sizes=np.empty(0), dropped=dropped, method="none", clash=clash
+                )
+            index = int(np.argmin(np.where([u.settled for u in problem.unknowns], np.inf, parts)))
             why = f"pushing on one side, or cut, it is proved stable to {sizes[index]:.4g} at most"
             reason = {problem.unknowns[index].label: why}
             _refuse_broken_ranges(problem, reason)
@@ -212,6 +210,59 @@ def _solved(
         absolute=found,
         stepped_back=frozenset(np.flatnonzero(sizes < linear).tolist()),
     )
+
+
+def _stepped_back(
+    problem: Problem,
+    linear: FloatArray,
+    tuned: Callable[[float], tuple[Problem, Optimum | None, dict[str, str]]],
+    dropped: Mapping[str, str],
+) -> tuple[FloatArray, AllFound, tuple[str, ...]]:
+    """Sizes whose clamps are proved, by what, and the moment that linear sizes proved least.
+
+    More room is left to linear limits until the proof holds; where that does not help, springs and
+    dampers are scaled. All sizes have shape (unknowns,), SI units.
+
+    Args:
+        problem: with clamps.
+        linear: sizes that linear limits allow.
+        tuned: the optimum with some more room.
+        dropped: what is left out; with more room no more may be.
+    """
+    from tune.optimisation.saturation import prove_moments, scale_to_proved
+
+    sizes, room = linear, 0.0
+    found = prove_moments(problem, sizes)
+    tightest = min(found, key=lambda elements: found[elements].gain)
+    for _ in range(_MOST_ROOMS):
+        short = problem.proved_gain / max(min(each.gain for each in found.values()), 1e-3)
+        if short <= 1:
+            return sizes, found, tightest
+        room += _LESS_ROOM * (short - 1)
+        less, other, also = tuned(room)
+        if short > _HOPELESS or other is None or other.sizes is None or also != dropped:
+            break
+        sizes = round_sizes(less, other.sizes)
+        found = prove_moments(problem, sizes, found)
+    sizes, found = scale_to_proved(problem, sizes, found)
+    return sizes, found, tightest
+
+
+def _pair(scene: Scene, elements: Sequence[str], moment: tuple[str, ...]) -> tuple[str, str] | None:
+    """A wall and another element of a moment, one of them tuned before, that it may be told apart.
+
+    None where there is none, or where the scene asks for them together.
+    """
+    pairs = [
+        (wall, other)
+        for wall in moment
+        for other in moment
+        if wall in scene.walls
+        and other not in scene.walls
+        and (wall in elements) != (other in elements)
+        and not any({wall, other} <= set(group) for group in scene.together)
+    ]
+    return max(pairs, key=lambda pair: scene.elements[pair[1]].priority, default=None)
 
 
 def optimum_of(

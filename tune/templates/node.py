@@ -52,7 +52,9 @@ class HaptuneNode(Node):
         period = round((stamp - self.first) / (self.law.sample_time * _NANOSECONDS))
         now = self.touched(position)
         for name, place in now.items():
-            if self.inside.get(name) != place and self.law.reset([name], *place) is Status.OK:
+            new = name not in self.inside
+            moved = self.law.elements[name].one_sided and self.inside.get(name) != place
+            if (new or moved) and self.law.reset([name], *place) is Status.OK:
                 self.inside[name] = place
         force = self.law.force(list(now), period, position)
         # What is left, and what was ended, is entered anew.

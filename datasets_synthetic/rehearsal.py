@@ -35,11 +35,14 @@ FloatArray = NDArray[np.float64]
 _LONGER = 3
 #: Force that keeps oscillating may be this part of the force limit unless another is stated.
 _FORCE = 0.01
-#: Counts that keep oscillating unless others are stated, and so many times more where a gate chops
-#: the force of a damper.
-_COUNTS, _GATED = 3.0, 10.0
-#: What a trial says of a gate.
-_GATES = {OPEN: "", RANDOM: ", damper gated at random", ADVERSE: ", damper gated against it"}
+#: Counts that keep oscillating unless others are stated.
+_COUNTS = 3.0
+#: What a trial says of a caller.
+_GATES = {
+    OPEN: "",
+    RANDOM: ", elements entered and left and gains changed at random",
+    ADVERSE: ", elements entered and left against it",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,8 +153,7 @@ def rehearse(
             trials = Trials(few, conditions, sizes.members(left), longest, seed)
         free, fallen = trials.until(samples)
         for place, member in enumerate(left):
-            count, limit = float(sizes.count[member]), float(sizes.limit[member])
-            own = [_allowed(each, allowed[member], limit) for each in conditions]
+            count, own = float(sizes.count[member]), [allowed[member]] * len(conditions)
             found[member] = _endings(free, place, left.size, count, own)
             found[member] += _after_falls(fallen, place, left.size, count, own)
         rest = [all(end.at_rest for end in found[member]) for member in left]
@@ -163,13 +165,6 @@ def rehearse(
         Rehearsal(trials=tuple(_trial(*name, end) for name, end in zip(names, each, strict=True)))
         for each in found
     )
-
-
-def _allowed(condition: Condition, allowed: Allowed, limit: float) -> Allowed:
-    """What may be left in a condition: with a gate, whatever force it makes of a few counts."""
-    if condition.gate == OPEN:
-        return allowed
-    return replace(allowed, counts=_GATED * allowed.counts, force=2 * limit)
 
 
 def _endings(

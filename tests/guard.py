@@ -5,9 +5,11 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -15,7 +17,6 @@ import yaml
 
 from tune import SafeProfile
 from tune.exporters import export
-from tune.templates.law import Law
 
 STATUS = (
     "OK",
@@ -165,12 +166,16 @@ class InPython:
     """The law of the ROS 2 files, called as a guard is."""
 
     def __init__(self, profile: SafeProfile) -> None:
-        self._parameters = parameters_of(export(profile, "ros2")["haptune_params.yaml"])
+        files = export(profile, "ros2")
+        self._parameters = parameters_of(files["haptune_params.yaml"])
+        self._module = ModuleType("exported_law")
+        sys.modules[self._module.__name__] = self._module  # dataclasses look themselves up
+        exec(files["haptune_law.py"], self._module.__dict__)  # noqa: S102 - that is what is tested
         self.start()
 
     def start(self) -> None:
         """As after haptune_init."""
-        self.law = Law(self._parameters)
+        self.law: Any = self._module.Law(self._parameters)
 
     def call(self, call: Enter | Push) -> Reply:
         """The reply to one call."""

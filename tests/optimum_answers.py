@@ -9,8 +9,9 @@ from tests.optimum_pairs import Pair
 from tests.optimum_reference import Reference
 from tests.sampled_loops import Case
 from tune.documents.perception import default_table
+from tune.optimisation.nash import Solution
 from tune.optimisation.problem import DesignTask
-from tune.optimisation.solve import Solution, solve
+from tune.optimisation.solve import solve
 
 #: A size that is allowed may lie beyond the boundary by what no verdict decides.
 UNDECIDED = 2e-9

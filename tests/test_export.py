@@ -14,8 +14,10 @@ import pytest
 from ruamel.yaml import YAML
 
 from identification import InvalidInputError, UnstatedError
+from tests.entered_scenes import made
 from tests.exported import FADE, LOOPS, changed, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
+from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
 from tune.exporters import TARGETS, Target, export
 from tune.exporters.names import identifiers
 
@@ -103,6 +105,8 @@ def test_ros2_parameters_are_what_they_seem(name: str) -> None:
             "damping": told.damping,
             "mass": told.mass,
             "one_sided": False,
+            "force_level": told.force_level,
+            "speed": 0.2,
             "fade_time": FADE if element == "cup" else 0.0,
         }
         assert all(type(stored[effect]) is float for effect in ("stiffness", "damping", "mass"))
@@ -119,7 +123,9 @@ def test_json_states_the_coefficients_of_the_poles(name: str) -> None:
     assert content["digest"] == profile.digest
     assert content["moments"] == [["wall"], ["cup"], ["rubber"], ["wall", "cup"]]
     sizes = {"stiffness": 500.0, "damping": 10.0, "mass": 0.0}
-    assert content["elements"]["wall"] == {**sizes, "one_sided": False, "fade_time": 0.0}
+    played = {"one_sided": False, "force_level": 28.0, "speed": 0.2, "fade_time": 0.0}
+    assert content["elements"]["wall"] == {**sizes, **played}
+    assert (content["apart"], content["taps"]) == ([], 1)
     assert content["elements"]["cup"]["fade_time"] == FADE
     assert content["force_limit"] == {"continuous": 14.0, "peak": 28.0}
     assert content["margin"] == {"name": "balanced", "gain": 2.0, "extra_delay_samples": 1}
@@ -191,8 +197,9 @@ int main()
     }
     haptune::Axis axis(chai3d::cVector3d{0.0, 1.0, 0.0});
     double place = axis.along(chai3d::cVector3d{5.0, 0.002, 5.0});
-    axis.enter(HAPTUNE_ELEMENT_WALL, 0.001, 0);
-    chai3d::cVector3d force = axis.force(HAPTUNE_ELEMENT_WALL, 0, place);
+    axis.enter(HAPTUNE_ELEMENT_RUBBER, 0.0, 0);
+    axis.force(HAPTUNE_ELEMENT_RUBBER, 0, 0.0019);
+    chai3d::cVector3d force = axis.force(HAPTUNE_ELEMENT_RUBBER, 1, place);
     std::printf("%g %g %g %d\\n", force.x, force.y, force.z, (int)axis.status());
     auto limp = std::make_shared<chai3d::cMaterial>();
     bool taken = haptune::set_material(limp, 4, 0.0);
@@ -222,7 +229,7 @@ def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -
     assert rubber == [1, 350, 0, 0]  # in a world twice as large
     assert limp == [0, 0]
     assert limits == [28, 300, 10, 5]
-    assert force == pytest.approx([0, -0.5, 0, 0])
+    assert force == pytest.approx([0, -0.07, 0, 0])
     assert "NOT certified" in texts["haptune_chai3d.hpp"]
     assert {**export(tuned(), "c")}.items() <= texts.items()
 
@@ -242,6 +249,28 @@ def test_a_limit_that_nobody_stated_is_not_exported(target: Target) -> None:
     with pytest.raises(UnstatedError, match="force_limit") as caught:
         export(tuned().model_copy(update={"device": device}), target)
     assert [fact.key for fact in caught.value.missing] == ["force_limit"]
+
+
+def test_taps_are_the_longest_of_all_multipliers() -> None:
+    """One where nothing is proved with a multiplier."""
+    profile = made("homerehab", {"wall": (500.0, 10.0, 0.0)}, taps=12, apart=(("a", "b"),))
+    channels = [
+        Channel(name="wall", taps=tuple(Tap(samples=k, weight=1.0) for k in samples))
+        for samples in ((1, 12), (3, 41), ())
+    ]
+    proof = AbsoluteStability(
+        gain=2.0,
+        extra_delay_samples=1.0,
+        free=Multiplier(channels=(channels[0],)),
+        held=Multiplier(channels=(channels[2], channels[1])),
+        covers=(),
+    )
+    seal = profile.certificate.model_copy(update={"absolute_stability": {"wall": proof}})
+    for changed_seal, taps in ((profile.certificate, 12), (seal, 41), (tuned().certificate, 1)):
+        texts = export(profile.model_copy(update={"certificate": changed_seal}), "json")
+        content = json.loads(texts["haptune_profile.json"])
+        assert content["taps"] == taps
+        assert content["apart"] == [["a", "b"]]
 
 
 def test_a_name_that_is_an_identifier_keeps_it() -> None:

@@ -114,7 +114,8 @@ def entered_without_a_blow(scene: Played, name: str) -> None:
     assert np.abs(run.force).max() <= device.force_limit.peak
     assert np.abs(run.force[shallow]).max() <= 1.02 * stated_sum(scene.profile, name) + 2 * counts
     # Springs begin with none, and are a period deeper in the next; a fade has come two periods far.
-    new = 1 - math.exp(-2 * math.pi * 50 * step) if element.stiffness else 1.0
+    cut_off = scene.profile.loop.velocity_filter_hz or math.inf
+    new = 1 - math.exp(-2 * math.pi * cut_off * step) if element.stiffness else 1.0
     slows = device.damping.value / device.mass.value * speed
     blow = (element.stiffness * step + abs(element.damping) * new) * speed
     blow += abs(element.mass) * slows
@@ -137,7 +138,7 @@ def test_a_wall_never_pulls(scenes: dict[str, Played], device: str, side: int) -
             scene.guard,
             scene.profile,
             lambda _, __: wall,
-            place=side * 0.01 * speed,
+            place=side * 2e-3 * speed,
             speed=-side * speed,
             periods=300,
             faces={wall: (0.0, side)},

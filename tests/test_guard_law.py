@@ -118,6 +118,18 @@ def test_a_spring_rests_where_it_is_entered_even_in_motion(player: Player) -> No
     assert played.to(RUBBER, 0.022)[-1] < -0.7
 
 
+def test_a_spring_with_a_mass_that_is_entered_in_a_hurry_begins_without_force(
+    player: Player,
+) -> None:
+    """At 5 m/s² its mass alone would give 2.5 N, a fiftieth of it in the second sample."""
+    played = Played(player)
+    played.enter(GUM)
+    way = [2.5e-6 * k * k for k in range(100)]
+    forces = [played.at(GUM if k >= 95 else 0, x).force for k, x in enumerate(way)][95:]
+    assert forces[0] == 0.0
+    assert abs(forces[1]) < 0.006
+
+
 def test_a_wall_entered_inside_gives_nothing_and_stands_at_its_face_after_one_was_out(
     player: Player,
 ) -> None:
@@ -154,6 +166,17 @@ def test_a_gain_falls_at_once_and_rises_after_as_many_quiet_samples_as_taps(
     played.stay(0, 1)
     assert played.stay(WALL, 1, 0.5) == [0.0]
     assert played.to(WALL, -0.003)[-1] == pytest.approx(1.0)
+    # A gain of nothing is left as well.
+    played.stay(WALL, 1, 0.0)
+    played.stay(WALL, 1)
+    assert played.to(WALL, -0.004)[-1] == pytest.approx(2.0)
+    # What was quiet before it was moved does not count.
+    played.to(WALL, 0.0)
+    played.stay(WALL, 2 * TAPS, 0.5)
+    assert played.enter(WALL, -1e-5, 1) == "OK"
+    played.stay(WALL, 1, 0.5)
+    played.stay(WALL, TAPS - 2)
+    assert played.to(WALL, -0.00201)[-1] == pytest.approx(2.0)
 
 
 def test_what_is_damping_only_has_its_gain_at_once(player: Player) -> None:
@@ -302,6 +325,15 @@ def test_a_corridor_has_room_for_both_dampers(
             assert played.enter(second, side * room, -side) == status
             assert played.enter(second, side * (room + 0.01), -side) == "OK"
             assert played.at(first | second, inside).status == "OK"
+
+
+def test_walls_that_are_moved_at_once_do_not_crowd_each_other(player: Player) -> None:
+    played = Played(player)
+    played.enter(WALL, -0.01, 1)
+    played.enter(OTHER, 0.01, -1)
+    played.stay(WALL | OTHER, 1)
+    assert played.enter(WALL, 0.02, 1) == "TOO_NARROW"
+    assert played.enter(WALL | OTHER, 0.02, 1) == "OK"
 
 
 @pytest.mark.parametrize("side", [1, -1])

@@ -29,7 +29,8 @@ from tests.unlimited import stated
 from tune.certificate.check import check
 from tune.documents.errors import NoFeasibleEffectError
 from tune.optimisation._optimise import optimise
-from tune.optimisation.solve import Solution, groups
+from tune.optimisation.nash import Solution
+from tune.optimisation.solve import groups
 
 FloatArray = NDArray[np.float64]
 

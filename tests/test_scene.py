@@ -152,7 +152,8 @@ def test_the_template_is_a_scene_and_shows_every_key(tmp_path: Path) -> None:
     scene = load_scene(path)
     assert scene.model_fields_set == set(Scene.model_fields)
     shown = set[str]().union(*(element.model_fields_set for element in scene.elements.values()))
-    # A penetration binds where it is stated: the template shows it without stating it.
-    assert "# penetration: 0.01" in template("scene")
-    shown |= {"penetration"}
+    # What binds or changes walls where it is stated is shown without stating it.
+    for line in ("# penetration: 0.01", "# lead: 0.001", "# favour: both"):
+        assert line in template("scene")
+    shown |= {"penetration", "lead", "favour"}
     assert shown == set(type(scene.elements["wall"]).model_fields)

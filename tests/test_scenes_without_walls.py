@@ -37,7 +37,7 @@ def test_sizes_are_the_same_without_the_code_of_walls(
     def nothing_cut(*_: object) -> frozenset[str]:
         return frozenset()
 
-    monkeypatch.setattr(saturation, "absolutely_stable", asked)
+    monkeypatch.setattr(saturation, "prove_moments", asked)
     monkeypatch.setattr(saturation, "witness_of", asked)
     monkeypatch.setattr(solve, "may_saturate", nothing_cut)
     without = _tuned(seed)

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 
 from tests.wall_axis import Axis
-from tests.wall_play import Array, Law
-from tune import SafeProfile
-from tune.documents.effects import Effects
+from tests.wall_play import Law
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.stability.absolute import absolute_gain
-from tune.stability.multipliers import find_multiplier
-from tune.stability.responses import Responses
 
 #: What a moment is made of: spring, damper, mass that are switched, and a mass that is not.
 MOMENTS = ("spring", "spring and damper", "damper", "all three", "spring beside a mass")
@@ -68,21 +61,6 @@ class Moment:
             position_stiffness=axis.stiffness,
         )
 
-    def proved_gain(self) -> float:
-        """Gain up to which the switched effects are proved absolutely stable; 0 for none."""
-        law = self.law
-        steady = Effects(mass=float(law.steady_mass)) if law.steady_mass else None
-        responses = Responses.of(self.loop(), steady)
-        effects = Effects(
-            stiffness=float(law.stiffness) or None,
-            damping=float(law.damping) or None,
-            mass=float(law.mass) or None,
-        )
-        multiplier = find_multiplier(responses, effects)
-        if multiplier is None:
-            return 0.0
-        return float(np.min(absolute_gain(responses, effects, multiplier)))
-
 
 def draw_moment(generator: np.random.Generator, kind: str) -> Moment:
     """A device of 20 g to 20 kg at 0.25 to 2 ms with up to three samples of delay, and a moment.
@@ -130,45 +108,3 @@ def draw_moment(generator: np.random.Generator, kind: str) -> Moment:
     )
     filters = Filters(velocity_filter_hz=slow, acceleration_filter_hz=slower)
     return Moment(axis=axis, law=law, kind=kind, filters=filters)
-
-
-def certified_corners(
-    profile: SafeProfile, elements: tuple[str, ...]
-) -> tuple[list[Moment], list[float]]:
-    """Corners of the certified box, at every delay and at all and a part of the certified gain.
-
-    A rigid device without a hand; springs and dampers only.
-    """
-    certificate = profile.certificate
-    assert certificate is not None
-    assert certificate.absolute_stability is not None
-    stated = certificate.absolute_stability[" + ".join(elements)]
-    chosen = [profile.elements[name] for name in elements]
-    T = profile.loop.sample_time
-    velocity, acceleration = profile.loop.velocity_filter_hz, profile.loop.acceleration_filter_hz
-    law = Law(
-        stiffness=sum(each.stiffness for each in chosen),
-        damping=sum(each.damping for each in chosen),
-        velocity_pole=0.0 if velocity is None else float(np.exp(-2 * np.pi * velocity * T)),
-    )
-    low, high = certificate.delay_samples
-    delays = (low, *(high + part * stated.extra_delay_samples for part in (0.0, 0.5, 1.0)))
-    moments = [
-        Moment(
-            axis=Axis(mass=m, damping=b, sample_time=T, delay_samples=delay),
-            law=law,
-            kind="spring and damper",
-            filters=Filters(velocity_filter_hz=velocity, acceleration_filter_hz=acceleration),
-        )
-        for m, b, delay in product(certificate.mass, certificate.damping, delays)
-    ]
-    gains = [stated.gain, 0.3 * stated.gain]
-    return [each for each in moments for _ in gains], gains * len(moments)
-
-
-def joined(given: Sequence[Axis] | Sequence[Law], repeats: int) -> dict[str, Array]:
-    """Fields of many, each as often as stated in a row."""
-    return {
-        each.name: np.repeat([float(getattr(one, each.name)) for one in given], repeats)
-        for each in fields(given[0])
-    }

@@ -21,9 +21,10 @@ if TYPE_CHECKING:  # what checkers of types take for true
         NoFeasibleEffectError,
         TuneError,
     )
-    from tune.documents.perception import PerceptionTable, Study, default_table, perceived_steps
+    from tune.documents.perception import PerceptionTable, Study, default_table
     from tune.documents.profile import SafeProfile, load_profile
     from tune.documents.scene import Element, Scene, load_scene
+    from tune.documents.steps import Scale, chance_to_tell_apart
     from tune.exporters import export
     from tune.loop.filters import Filters
     from tune.loop.loop import Loop
@@ -68,6 +69,7 @@ __all__ = [
     "Passivity",
     "PerceptionTable",
     "SafeProfile",
+    "Scale",
     "Scene",
     "Study",
     "ThresholdCurve",
@@ -76,6 +78,7 @@ __all__ = [
     "audit",
     "candidates",
     "candidates_picture",
+    "chance_to_tell_apart",
     "check",
     "compare",
     "compare_candidates",
@@ -96,7 +99,6 @@ __all__ = [
     "load_scene",
     "margins_of",
     "optimise",
-    "perceived_steps",
     "phase_margin",
     "profile_picture",
     "profile_sheet",
@@ -118,9 +120,10 @@ _HOMES = {
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",
     "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
-    "documents.perception": "PerceptionTable Study default_table perceived_steps",
+    "documents.perception": "PerceptionTable Study default_table",
     "documents.profile": "SafeProfile load_profile",
     "documents.scene": "Element Scene load_scene",
+    "documents.steps": "Scale chance_to_tell_apart",
     "exporters": "export",
     "loop.filters": "Filters",
     "loop.loop": "Loop",

@@ -26,11 +26,11 @@ from tune.optimisation._optimise import SLACK, design_of
 from tune.optimisation.delays import SizedMoment, extra_delays
 from tune.optimisation.faults import Fault, faults_of
 from tune.optimisation.limits import forces, ripple, worst_gain
-from tune.optimisation.nash import largest_product, single_unknown_optimum
+from tune.optimisation.nash import Solution, largest_product, single_unknown_optimum
 from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.reasons import reasons_for_nothing
 from tune.optimisation.rounding import round_sizes
-from tune.optimisation.solve import Solution, backends
+from tune.optimisation.solve import backends
 from tune.rendering.contact import contact
 from tune.rendering.ripple import count_jump, handle_vibration
 from tune.rendering.vibration import vibration_in_thresholds

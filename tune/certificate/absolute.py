@@ -86,14 +86,13 @@ def prove_absolute(
     begun = initial_cells(merged, [Claim(gain=0.0, extra=claim.extra)])
     levels = np.ones((count, len(begun))) * claim.gain
     begun = Cells(np.vstack([begun.low, 0 * levels]), np.vstack([begun.high, levels]))
-    taps = [tap.samples for channel in multiplier.channels for tap in channel.taps]
 
     def examine(cells: Cells) -> tuple[NDArray[np.bool_], FloatArray]:
         symbols = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
         terms = terms_of(cells, symbols)
         theta = as_affine(terms[0], cells, len(symbols))
         with np.errstate(all="ignore"):
-            condition = _determinant(
+            condition, factors = _determinant(
                 theta,
                 mechanism_of(merged, terms[:sides]),
                 sum_,
@@ -105,7 +104,8 @@ def prove_absolute(
         pull = np.zeros_like(cells.low)
         for index, row in enumerate(symbols):
             pull[row] = np.abs(condition.slopes[index].real)
-        return holds, pull + condition.real * _bent(cells, max(taps, default=0), sides)
+        shares = _bent(symbols, factors, len(cells.low))
+        return holds, pull + condition.real * shares
 
     proof = decide(begun, examine, most_cells)
     if proof.doubt is None:
@@ -147,23 +147,20 @@ def open_device_failure(region: Region) -> str | None:
     return None
 
 
-def _bent(cells: Cells, longest: int, sides: int) -> FloatArray:
-    """Guess of each side's share in what is not straight: by the square of its relative width.
+def _bent(symbols: Sequence[int], factors: Sequence[AffineForm], sides: int) -> FloatArray:
+    """Guess of each side's share in what is not straight: products of slopes of the factors.
 
     Args:
-        cells: any.
-        longest: samples of the longest tap, by which frequency turns.
-        sides: rows before the levels, which begin at nothing.
+        symbols: sides that move something.
+        factors: forms that are multiplied.
+        sides: of the cells.
     """
-    centre, width = (cells.low + cells.high) / 2, (cells.high - cells.low) / 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.where(width > 0, width / np.abs(centre), 0.0)
-    # Delay and taps turn by their product with frequency.
-    relative[0] += width[0] * longest
-    relative[2] = width[2] * centre[0]
-    relative[sides:] = width[sides:] / max(float(cells.high[sides:].max(initial=0.0)), 1.0)
-    square = relative**2
-    return square / np.maximum(square.sum(axis=0), np.finfo(float).tiny)
+    shares = np.zeros((sides, factors[0].centre.size))
+    for form in factors:
+        with np.errstate(all="ignore"):
+            relative = np.abs(form.slopes) / np.abs(form.centre)
+        shares[list(symbols)] += np.nan_to_num(relative, posinf=1e3) ** 2
+    return shares / np.maximum(shares.sum(axis=0), np.finfo(float).tiny)
 
 
 def _determinant(
@@ -173,8 +170,11 @@ def _determinant(
     multiplier: Multiplier,
     gain: float,
     levels: Sequence[Term],
-) -> AffineForm:
-    """|D|² times the determinant, without what they have of θ where nothing is grounded."""
+) -> tuple[AffineForm, list[AffineForm]]:
+    """|D|² times the determinant, without what they have of θ where nothing is grounded.
+
+    Beside it the forms of which it is made.
+    """
     plant = sampled_plant(theta, mechanism)
     step, grounded = mechanism.sample_time, mechanism.grounded
     # What the estimates have of s = jθ meets the pole of the plant.
@@ -215,7 +215,7 @@ def _determinant(
         else:
             apart = _squared(products[i] - products[j])
         total = total - size * apart * _product(sizes, without=(i, j)) * 0.25
-    return total
+    return total, [bottom, seen, *sizes, *products]
 
 
 def _held_multiplier(theta: AffineForm, channel: Channel) -> tuple[AffineForm, AffineForm]:

@@ -112,7 +112,7 @@ def certify(
             found.failures.append(failure)
             continue
         if is_clamped(design, moment):
-            outcome = judge_switched(design, moment, regions, witnesses or {})
+            outcome = judge_switched(design, moment, regions, witnesses or {}, most_cells)
             found.cells += outcome.cells
             if outcome.proved is None:
                 found.failures.append(outcome.failure or "")

@@ -59,14 +59,14 @@ def excess_over_request(design: Design, name: str, setting: Setting) -> list[str
     failures: list[str] = []
     for effect, values in felt.items():
         own, asked = _reference(design, table, effect), float(getattr(element, effect))
-        step = 1 + float(getattr(table, effect))
         for place, frequency in ((0, _SLOWEST), (-1, _FASTEST)):
             seen = float(values[place])
-            if not (own + asked) / step <= own + seen <= (own + asked) * step:
+            steps = _steps_between(design, element, effect, own + asked, own + seen)
+            if not steps <= 1:
                 failures.append(
                     f"{name}: at {frequency:g} Hz a hand feels {seen:.4g} of {effect} where "
-                    f"{asked:.4g} is asked for, more than a step of {step - 1:.2g} from it beside "
-                    f"the {own:.4g} of the device; ask for less, or filter less, and tune again"
+                    f"{asked:.4g} is asked for, {steps:.3g} steps from it beside the {own:.4g} of "
+                    "the device, where 1 is allowed; ask for less, or filter less, and tune again"
                 )
     return failures
 
@@ -141,11 +141,30 @@ def _steps(
         commanded: float = getattr(element, effect)
         least = _BARELY * commanded
         felt = least if commanded == 0 or felt / commanded < _BARELY else felt
-        with np.errstate(over="ignore"):
-            relative = 1 + np.divide(felt, reference)
-            steps = abs(np.log(relative)) if relative > 0 else np.inf
-            seen = np.divide(steps, np.log1p(getattr(table, effect)))
-        yield f"perceived_steps.{effect}", said, float(seen), abs(said)
+        seen = _steps_between(design, element, effect, reference, reference + felt)
+        yield f"perceived_steps.{effect}", said, seen, abs(said)
+
+
+def _steps_between(
+    design: Design, element: ElementProfile, effect: str, first: float, second: float
+) -> float:
+    """Steps from one total of an effect, with the device's own, to another."""
+    return abs(_height(design, element, effect, second) - _height(design, element, effect, first))
+
+
+def _height(design: Design, element: ElementProfile, effect: str, total: float) -> float:
+    """Steps above nothing: one for each force just noticed, then one for each Weber fraction."""
+    table = design.perception
+    assert table is not None
+    reach = {
+        "stiffness": _DEPTH[design.device.motion],
+        "damping": element.motion.speed,
+        "mass": element.motion.acceleration,
+    }[effect]
+    noticed, fold = table.threshold / reach, float(np.log1p(getattr(table, effect)))
+    if total * fold <= noticed:
+        return total / noticed
+    return (1 + float(np.log(total * fold / noticed))) / fold
 
 
 def _reference(design: Design, table: PerceptionProfile, effect: str) -> float:

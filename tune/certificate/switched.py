@@ -49,7 +49,11 @@ def is_clamped(design: Design, moment: tuple[str, ...]) -> bool:
 
 
 def judge_switched(
-    design: Design, moment: tuple[str, ...], regions: tuple[Region, ...], witnesses: Witnesses
+    design: Design,
+    moment: tuple[str, ...],
+    regions: tuple[Region, ...],
+    witnesses: Witnesses,
+    most_cells: int | None = None,
 ) -> Outcome:
     """Prove one moment absolutely stable in every region, with the multipliers that are stated.
 
@@ -58,6 +62,7 @@ def judge_switched(
         moment: elements felt together.
         regions: of device and hand.
         witnesses: multipliers and gain of this moment among them.
+        most_cells: budget where less would be asked for instead; None for all that may help.
     """
     where = " + ".join(moment)
     witness = witnesses.get(where)
@@ -87,7 +92,7 @@ def judge_switched(
     cells = 0
     for region in regions:
         multiplier = witness.held if region.grounded else witness.free
-        failure, proof = _prove(region, sum_, multiplier, claim)
+        failure, proof = _prove(region, sum_, multiplier, claim, most_cells or _MOST_CELLS)
         cells += 0 if proof is None else proof.cells
         if failure is not None:
             return Outcome(
@@ -130,7 +135,11 @@ def nonlinear_parts(design: Design, moment: tuple[str, ...]) -> Nonlinear:
 
 
 def _prove(
-    region: Region, sum_: Nonlinear, multiplier: Multiplier | None, claim: Claim
+    region: Region,
+    sum_: Nonlinear,
+    multiplier: Multiplier | None,
+    claim: Claim,
+    most_cells: int,
 ) -> tuple[str | None, Proof | None]:
     """(why it is not proved or None, the proof as far as it went)."""
     failure = open_device_failure(region)
@@ -142,7 +151,7 @@ def _prove(
         return failure, None
     if sum_.steady and not _stable_alone(region, sum_.steady, claim):
         return "what fades is not proved stable by itself", None
-    proof = prove_absolute(region, sum_, multiplier, claim, _MOST_CELLS)
+    proof = prove_absolute(region, sum_, multiplier, claim, most_cells)
     if proof.proved:
         return None, proof
     assert proof.doubt is not None

@@ -11,9 +11,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from datasets_synthetic import Controller, Element, Hand, Rig
     from tune.documents.profile import Design, ElementProfile
 
@@ -26,20 +23,27 @@ _AT_ONCE = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Sum:
-    """A sum of effects: K, N/m (N·m/rad); B, N·s/m (N·m·s/rad); M, kg (kg·m²)."""
+class _Part:
+    """Effects that act as one: K, N/m (N·m/rad); B, N·s/m (N·m·s/rad); M, kg (kg·m²).
+
+    Attributes:
+        level: of the clamp of a spring, N (N·m).
+        fade_time: s, 0 for what is switched.
+    """
 
     stiffness: float = 0.0
     damping: float = 0.0
     mass: float = 0.0
+    level: float = float("inf")
+    fade_time: float = 0.0
 
     @classmethod
-    def of(cls, elements: Sequence[ElementProfile]) -> _Sum:
-        """The sum of some elements."""
+    def sum_of(cls, elements: Sequence[ElementProfile]) -> _Part:
+        """Elements without a spring together; what fades as fast as the fastest of them."""
         return cls(
-            stiffness=sum(each.stiffness for each in elements),
             damping=sum(each.damping for each in elements),
             mass=sum(each.mass for each in elements),
+            fade_time=min((each.fade_time for each in elements), default=0.0),
         )
 
 
@@ -49,21 +53,26 @@ class _Moment:
 
     Attributes:
         name: of them all.
-        plain: sum of those that are switched at any moment and pull as well as push.
-        walls: sum of those that push only.
-        fading: sum of those that fade.
-        fade_time: the shortest of theirs, s.
+        walls: each that pushes only.
+        springs: each other with a spring.
+        damping: all that is damping only.
+        fading: all that fades and has no spring.
     """
 
     name: str
-    plain: _Sum
-    walls: _Sum
-    fading: _Sum
-    fade_time: float
+    walls: tuple[_Part, ...]
+    springs: tuple[_Part, ...]
+    damping: _Part
+    fading: _Part
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing acts."""
+        return not (self.walls or self.springs) and self.damping == self.fading == _Part()
 
 
 def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
-    """Play every moment of a design in the standard trials of the simulator.
+    """Play every moment of a design, and its transitions, in the standard trials of the simulator.
 
     Args:
         design: as it will be stored, its force limit and encoder stated.
@@ -78,7 +87,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     rig = rig_of(design.device)
     others = _other_rigs(design, rig)
     moments = [_moment(design, names) for names in design.moments()]
-    felt = [each for each in moments if {each.plain, each.walls, each.fading} != {_Sum()}]
+    felt = [each for each in moments if not each.silent]
     vetoes: list[str] = []
     for first in range(0, len(felt), _AT_ONCE):
         part = felt[first : first + _AT_ONCE]
@@ -120,56 +129,51 @@ def _other_rigs(design: Design, rig: Rig) -> list[Rig]:
 
 def _moment(design: Design, names: tuple[str, ...]) -> _Moment:
     chosen = [design.elements[name] for name in names]
-    fading = [each for each in chosen if each.fade_time]
-    at_once = [each for each in chosen if not each.fade_time]
+    springs = [(each.one_sided, _spring(each)) for each in chosen if each.stiffness]
+    others = [each for each in chosen if not each.stiffness]
     return _Moment(
         name=" + ".join(names),
-        plain=_Sum.of([each for each in at_once if not each.one_sided]),
-        walls=_Sum.of([each for each in at_once if each.one_sided]),
-        fading=_Sum.of(fading),
-        fade_time=min((each.fade_time for each in fading), default=0.0),
+        walls=tuple(part for one_sided, part in springs if one_sided),
+        springs=tuple(part for one_sided, part in springs if not one_sided),
+        damping=_Part.sum_of([each for each in others if not each.fades]),
+        fading=_Part.sum_of([each for each in others if each.fades]),
     )
 
 
-def _column(rows: Sequence[_Sum] | Sequence[_Moment], name: str) -> NDArray[np.float64]:
-    """One value a moment, shape (moments,)."""
-    import numpy as np
-
-    return np.array([getattr(each, name) for each in rows], dtype=np.float64)
+def _spring(element: ElementProfile) -> _Part:
+    return _Part(
+        stiffness=element.stiffness,
+        damping=element.damping,
+        mass=element.mass,
+        level=element.force_level,
+        fade_time=element.fade_time,
+    )
 
 
 def _law(design: Design, moments: Sequence[_Moment]) -> Controller:
-    """The sums of effects as the simulator plays them, one member a moment."""
-    from datasets_synthetic import Controller, Element
+    """The elements as the simulator plays them, one member a moment."""
+    from datasets_synthetic import Controller
 
-    plain, walls, fading = (
-        [getattr(each, kind) for each in moments] for kind in ("plain", "walls", "fading")
-    )
-    beside: list[Element] = []
-    if any(each != _Sum() for each in walls):
-        beside.append(
-            Element(
-                stiffness=_column(walls, "stiffness"),
-                damping=_column(walls, "damping"),
-                one_sided=True,
-            )
-        )
-    if any(each != _Sum() for each in fading):
-        beside.append(
-            Element(
-                stiffness=_column(fading, "stiffness"),
-                damping=_column(fading, "damping"),
-                mass=_column(fading, "mass"),
-                fade_time=_column(moments, "fade_time"),
-            )
-        )
+    columns = [
+        (True, _column([each.walls[place : place + 1] for each in moments]))
+        for place in range(max(len(each.walls) for each in moments))
+    ]
+    columns += [
+        (False, _column([each.springs[place : place + 1] for each in moments]))
+        for place in range(max(len(each.springs) for each in moments))
+    ]
+    columns += [
+        (False, _column([(getattr(each, kind),) for each in moments]))
+        for kind in ("damping", "fading")
+        if any(getattr(each, kind) != _Part() for each in moments)
+    ]
     loop = design.loop
     infinite = float("inf")
     return Controller(
-        stiffness=_column(plain, "stiffness"),
-        damping=_column(plain, "damping"),
-        mass=_column(plain, "mass"),
-        beside=tuple(beside),
+        beside=tuple(
+            replace(element, one_sided=one_sided, quiet=_longest_tap(design))
+            for one_sided, element in columns
+        ),
         velocity_filter_hz=loop.velocity_filter_hz or infinite,
         acceleration_filter_hz=loop.acceleration_filter_hz or infinite,
         velocity_filter_order=loop.velocity_filter_order,
@@ -177,6 +181,28 @@ def _law(design: Design, moments: Sequence[_Moment]) -> Controller:
         filter_damping_ratio=loop.filter_damping_ratio,
         velocity_window_samples=loop.velocity_window_samples or 1,
     )
+
+
+def _column(parts: Sequence[tuple[_Part, ...]]) -> Element:
+    """One part of each moment, or none of it, as one element of the batch."""
+    import numpy as np
+
+    from datasets_synthetic import Element
+
+    rows = [part[0] if part else _Part() for part in parts]
+    return Element(
+        **{
+            name: np.array([getattr(each, name) for each in rows], dtype=np.float64)
+            for name in ("stiffness", "damping", "mass", "level", "fade_time")
+        }  # pyright: ignore[reportArgumentType]
+    )
+
+
+def _longest_tap(design: Design) -> int:
+    """Samples that a gain waits for before it rises; of an uncertified design one."""
+    from tune.documents.profile import SafeProfile
+
+    return design.certificate.longest_tap if isinstance(design, SafeProfile) else 1
 
 
 def _grip(design: Design) -> Hand | None:

@@ -195,7 +195,7 @@ def _statements(safe: SafeProfile) -> Iterator[Statement]:
             "what is felt of each element, what entering it amounts to and by how much steps may "
             "vary: the lines below the table of what is played",
             "before it was written, every moment was rehearsed in simulation with quantiser, "
-            "friction, force limit and a wall: it settles",
+            "friction and force limit, entered and left and at gains that change: it settles",
         ),
     )
     yield Statement(

@@ -131,7 +131,10 @@ def tune_device(
     with session.progress() as say:
         refuse_restless(profile, say)
     session.details["rehearsed"] = "settles"
-    session.say("rehearsed in simulation with quantiser, friction, force limit and a wall: settles")
+    session.say(
+        "rehearsed in simulation with quantiser, friction and force limit, every set and entering, "
+        "leaving and gains that change: settles"
+    )
     return profile
 
 

@@ -169,3 +169,21 @@ class Certificate(Document):
     assumes: tuple[str, ...]
     not_assessed: tuple[str, ...]
     versions: dict[str, str]
+
+    @property
+    def longest_tap(self) -> int:
+        """Samples of the longest tap of any multiplier, 1 at least.
+
+        So long a clamp has to be without force before its gain may rise.
+        """
+        return max(
+            (
+                tap.samples
+                for proved in (self.absolute_stability or {}).values()
+                for multiplier in (proved.free, proved.held)
+                if multiplier is not None
+                for channel in multiplier.channels
+                for tap in channel.taps
+            ),
+            default=1,
+        )

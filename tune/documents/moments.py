@@ -60,7 +60,7 @@ def groups_of(
     return tuple(dict.fromkeys(tuple(sorted(set(g), key=order.__getitem__)) for g in together))
 
 
-def refuse_strange_groups(  # noqa: PLR0912 - one sentence for each
+def refuse_strange_groups(
     elements: Iterable[str],
     together: Iterable[Sequence[str]],
     walls: Collection[str] = (),

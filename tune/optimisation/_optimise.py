@@ -25,10 +25,10 @@ from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.delays import SizedMoment, extra_delays
 from tune.optimisation.describe import element_profile, moment_margins, with_levels_and_contacts
 from tune.optimisation.fades import with_fades
-from tune.optimisation.nash import SAME
+from tune.optimisation.nash import SAME, Solution
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.region import PlantPoint
-from tune.optimisation.solve import Solution, groups, solve
+from tune.optimisation.solve import groups, solve
 
 Progress = Callable[[str], None]
 

@@ -7,16 +7,17 @@ effect (Pareto). Two more of them are shown: more of the stiffness and more of t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from identification import Device
 from tune.documents.discrimination import Estimate
 from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
-from tune.documents.perception import PerceptionTable, default_table, steps_estimate
+from tune.documents.perception import PerceptionTable, default_table
 from tune.documents.profile import LimitedBy, SafeProfile
 from tune.documents.scene import MARGINS, MarginName, Scene
+from tune.documents.steps import Scale
 from tune.optimisation._optimise import optimise
 
 #: Stable at twice the gain and one sample late: room for what a model leaves out.
@@ -146,7 +147,7 @@ def compare_candidates(
             element=name,
             effect=effect,
             value=getattr(element, effect),
-            steps=steps_estimate(element.perceived_steps.get(effect, 0.0), table.fraction(effect)),
+            steps=_estimate(candidate.profile, name, effect, table),
             gain=element.margins.gain,
             extra_delay_samples=element.margins.extra_delay_samples,
             ripple=element.ripple,
@@ -162,3 +163,14 @@ def compare_candidates(
     for row in rows:
         groups.setdefault((row.element, row.effect), []).append(row)
     return tuple(row for group in groups.values() for row in group)
+
+
+def _estimate(
+    profile: SafeProfile, name: str, effect: EffectName, table: PerceptionTable
+) -> Estimate:
+    """The steps that a profile states, with the interval that the table leaves them."""
+    element = profile.elements[name]
+    scale = Scale.of(effect, profile.device, table, element.motion)
+    steps = element.perceived_steps.get(effect, 0.0)
+    felt = scale.value_at(steps, -1 if getattr(element, effect) < 0 else 1)
+    return replace(scale.estimate(felt, table.fraction(effect)), value=steps)

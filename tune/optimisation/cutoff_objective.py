@@ -24,8 +24,7 @@ from tune.optimisation.limits import (
     stable_in_doubles,
 )
 from tune.optimisation.nash import SAME, Optimum
-from tune.optimisation.problem import DesignTask, Problem, pose
-from tune.optimisation.saturable import may_saturate
+from tune.optimisation.problem import DesignTask, Problem, may_saturate, pose
 from tune.optimisation.scene_unknowns import level_of
 from tune.optimisation.solve import optimum_of
 
@@ -150,8 +149,9 @@ def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
         for effect in task.scene.elements[name].wishes()
         if f"{name}.{effect}" not in labels
     )
-    beside = pose(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
     sizes = optimum.sizes
+    beside = pose(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
+    beside = beside.redrawn(sizes)
     # Of one effect beside wanted values that are met, the largest is known without a program.
     open_ends = np.flatnonzero(sizes < problem.high * (1 - SAME))
     if open_ends.size <= 1:

@@ -30,8 +30,8 @@ from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered_mass_and_damping
 
 if TYPE_CHECKING:
+    from tune.optimisation.nash import Solution
     from tune.optimisation.saturation import AllFound
-    from tune.optimisation.solve import Solution
 
 FloatArray = NDArray[np.float64]
 
@@ -244,6 +244,12 @@ def element_profile(
     )
 
 
+def _floored(force: float) -> float:
+    """Six digits of a force, rounded towards nothing."""
+    unit = 10.0 ** (np.floor(np.log10(force)) - 5)
+    return round_to_digits(float(np.floor(force / unit * (1 + 1e-12)) * unit), 6)
+
+
 def _absolute_gain(absolute: AllFound, scene: Scene, name: str, slack: float) -> float | None:
     """What is claimed of all clamped moments with an element; None where there are none."""
     if not absolute:
@@ -274,7 +280,7 @@ def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design
     elements: dict[str, ElementProfile] = {}
     for name, element in design.elements.items():
         beside = max(len(springs.intersection(m)) for m in design.moments() if name in m)
-        level = round_to_digits(peak / beside, 6) if name in springs else 0.0
+        level = _floored(peak / beside) if name in springs else 0.0
         felt = element.model_copy(update={"force_level": level})
         told = contact(device, box, filters, felt, design.margin.extra_delay_samples)
         elements[name] = felt.model_copy(update={"contact": told})

@@ -1,34 +1,27 @@
-"""Linear limits: forces of the stated motions, and what a hand must feel.
+"""Linear limits: forces of the stated motions, what a hand must feel, and walls' leads.
 
-Each row reads a·sizes <= 1. What is felt of an element's mass and damping at both ends of the
-motions people make, its parasitic parts included, lies within one step of what the element asks for
-(docs/theory.md, 8): with κ of a mass, ν of a damper and so on, (m + κM + νB)/(m + M) and
-(b + κ'B + ρM + ηK)/(b + B) lie between 1/(1 + w) and 1 + w.
+Each row reads a·sizes <= 1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.documents.effects import EffectName
-from tune.documents.perception import PerceptionTable
+from tune.optimisation.rendering import Rendering
 from tune.optimisation.unknown import Unknown
-from tune.rendering.rendered import Band, Shares
 
 FloatArray = NDArray[np.float64]
 LinearWord = Literal["force", "rendering", "lead"]
 
 #: N: an actuator without any force is taken to have this much.
 _NO_FORCE = 1e-30
-#: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
-_OF_A_STEP = 0.997
-
-
+#: Less of a limit than this, gained by another tangent, is not worth a search.
+_SLACK = 1e-3
 #: Walls to begin a search with: so many, up to so many times the least stiffness, with dampers at
 #: these parts of the way from the least to the most.
 _WALLS, _STIFFEST, _BETWEEN = 64, 1e6, (0.05, 0.5, 0.95)
@@ -55,30 +48,48 @@ class LinearLimits:
     Attributes:
         rows: shape (rows, unknowns).
         words: which limit each row is.
+        felt: what the last rows are tangents of.
         leads: (spring, damper, least and most of damping over stiffness, s) of walls.
     """
 
     rows: FloatArray
     words: tuple[LinearWord, ...]
+    felt: tuple[Rendering, ...] = ()
     leads: tuple[tuple[int, int, float, float], ...] = ()
 
     @classmethod
     def of(
         cls,
-        rows: Iterable[tuple[LinearWord, FloatArray]],
-        unknowns: int,
+        forces: Iterable[FloatArray],
+        high: FloatArray,
+        felt: Iterable[Rendering] = (),
         leads: Iterable[tuple[int, int, float, float]] = (),
     ) -> LinearLimits:
         """The rows that can bind, each of shape (unknowns,), and ratios.
 
-        A row without a positive coefficient never does.
+        A row without a positive coefficient never does. What is felt is limited by the tangents at
+        the largest sizes, of shape (unknowns,): there steps are proportional to what is asked for.
         """
-        kept: list[tuple[LinearWord, FloatArray]] = [
-            (word, row) for word, row in rows if np.any(row > 0)
-        ]
-        words: list[LinearWord] = [word for word, _ in kept]
-        table = np.array([row for _, row in kept]).reshape(len(kept), unknowns)
-        return cls(rows=table, words=tuple(words), leads=tuple(leads))
+        rows = [row for row in forces if np.any(row > 0)]
+        drawn = [(one, one.row(high)) for one in felt]
+        drawn = [(one, row) for one, row in drawn if np.any(row > 0)]
+        words: tuple[LinearWord, ...] = ("force",) * len(rows) + ("rendering",) * len(drawn)
+        table = np.array([*rows, *(row for _, row in drawn)]).reshape(len(words), high.size)
+        kept = tuple(one for one, _ in drawn)
+        return cls(rows=table, words=words, felt=kept, leads=tuple(leads))
+
+    def redrawn(self, sizes: FloatArray) -> LinearLimits:
+        """With the tangents at what some sizes ask for, shape (unknowns,); itself if no better.
+
+        What was allowed there still is.
+        """
+        if not any(one.bent for one in self.felt):
+            return self
+        count = len(self.rows) - len(self.felt)
+        rows = np.array([*self.rows[:count], *(one.row(sizes) for one in self.felt)])
+        used, less = self.rows @ sizes, rows @ sizes
+        better = np.any((used > 1 - _SLACK) & (less < used - _SLACK))
+        return replace(self, rows=rows) if better else self
 
     @property
     def ratios(self) -> list[tuple[int, int, float]]:
@@ -142,7 +153,7 @@ class LinearLimits:
 
 def force_rows(
     moments: Sequence[ForceReach], unknowns: int, continuous: float | None, peak: float | None
-) -> Iterator[tuple[LinearWord, FloatArray]]:
+) -> Iterator[FloatArray]:
     """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration.
 
     Each row has shape (unknowns,), one over the unit of its unknown.
@@ -158,9 +169,9 @@ def force_rows(
         for cost, members, reaches in zip(costs, moment.members, moment.reach, strict=True):
             cost[list(members)] = [reach or 0.0 for reach in reaches]
         if continuous is not None:
-            yield "force", costs[0] / max(continuous, _NO_FORCE)
+            yield costs[0] / max(continuous, _NO_FORCE)
         if peak is not None:
-            yield "force", costs.sum(axis=0) / max(peak, _NO_FORCE)
+            yield costs.sum(axis=0) / max(peak, _NO_FORCE)
 
 
 def lead_limits(
@@ -184,47 +195,3 @@ def lead_limits(
         K, B = own.get("stiffness"), own.get("damping")
         if K is not None and B is not None and unknowns[B].wish.kind != "value":
             yield K, B, late, present + lead / speed
-
-
-def rendering_rows(
-    unknowns: Sequence[Unknown],
-    shares: Shares,
-    device: dict[EffectName, float],
-    table: PerceptionTable,
-    walls: Collection[str],
-) -> Iterator[tuple[LinearWord, FloatArray]]:
-    """Mass and damping felt of every element against what it asks for, at both ends.
-
-    An element whose every effect is a wanted value is met as it is commanded, and so is a wall,
-    which nobody moves in; the profile says what is felt of them.
-
-    Each row has shape (unknowns,), one over the unit of its unknown.
-
-    Args:
-        unknowns: of all elements.
-        shares: what one unit of each effect is felt as.
-        device: mass and damping that a hand feels without any effect.
-        table: whose Weber fractions make a step.
-        walls: names of elements that push on one side only.
-    """
-    adds: dict[EffectName, dict[EffectName, Band]] = {
-        "mass": {"mass": shares.mass, "damping": shares.mass_of_damping},
-        "damping": {
-            "damping": shares.damping,
-            "mass": shares.damping_of_mass,
-            "stiffness": shares.damping_of_stiffness,
-        },
-    }
-    free = (u.element for u in unknowns if u.wish.kind != "value" and u.element not in walls)
-    for name in dict.fromkeys(free):
-        for felt, parts in adds.items():
-            own = device[felt]
-            step = (1 + table.fraction(felt).value) ** _OF_A_STEP
-            for end in ("slowest", "fastest"):
-                asked, given = np.zeros(len(unknowns)), np.zeros(len(unknowns))
-                for index, unknown in enumerate(unknowns):
-                    if unknown.element == name and unknown.effect in parts:
-                        given[index] = unknown.sign * getattr(parts[unknown.effect], end)
-                        asked[index] = unknown.sign * (unknown.effect == felt)
-                yield "rendering", (given - step * asked) / (own * (step - 1))
-                yield "rendering", (asked / step - given) / (own * (1 - 1 / step))

@@ -8,7 +8,8 @@ search over one rank after another, and its proposals.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from tune.optimisation.initial_points import initial_points_of
 from tune.optimisation.limits import feasible_points, is_feasible, least_margin_loops
 from tune.optimisation.problem import Problem
 from tune.optimisation.unknown import Unknown
+
+if TYPE_CHECKING:
+    from tune.optimisation.saturation import AllFound, ProvedGain
 
 FloatArray = NDArray[np.float64]
 
@@ -54,6 +58,42 @@ class Optimum:
     methods: tuple[str, ...]
     disagreements: float
     scenarios: tuple[Scenario, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solution:
+    """The answer for elements that share moments.
+
+    Attributes:
+        problem: with only the unknowns that are perceptible and feasible.
+        sizes: rounded, allowed exactly, shape (unknowns,).
+        unrounded: as they were found, shape (unknowns,); empty where nothing was looked for.
+        dropped: reason by label of every effect that was left out.
+        method: what found the answer.
+        disagreement: of the solvers, in the logarithm of the product of steps.
+        absolute: gains of the moments that must be absolutely stable.
+        stepped_back: unknowns that are smaller for it.
+        clash: a wall and an element that cannot be met together at one step of each; None if all
+            can.
+    """
+
+    problem: Problem
+    sizes: FloatArray
+    dropped: dict[str, str]
+    method: str = "as given"
+    disagreement: float = 0.0
+    unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
+    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "ProvedGain"])
+    stepped_back: frozenset[int] = frozenset()
+    clash: tuple[str, str] | None = None
+
+    def by_label(self) -> dict[str, float]:
+        """Sizes, SI, of what was looked for here."""
+        return {
+            u.label: float(size)
+            for u, size in zip(self.problem.unknowns, self.sizes, strict=bool(self.sizes.size))
+            if not u.settled
+        }
 
 
 def single_unknown_optimum(problem: Problem) -> Optimum:

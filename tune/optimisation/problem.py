@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.hand import hand_of
-from tune.documents.perception import PerceptionTable, references
-from tune.documents.scene import MARGINS, Margin, Scene, Wish
+from tune.documents.perception import PerceptionTable
+from tune.documents.scene import DEFAULT_MOTION, MARGINS, Margin, Scene, Wish
 from tune.loop.filters import Filters, used_filters
-from tune.optimisation.linear import LinearLimits, force_rows, lead_limits, rendering_rows
+from tune.optimisation.linear import LinearLimits, force_rows, lead_limits
 from tune.optimisation.loops import Loops
 from tune.optimisation.region import Region
+from tune.optimisation.rendering import renderings
 from tune.optimisation.scene_unknowns import NOTHING, Asking
 from tune.optimisation.unknown import Unknown
 from tune.rendering.rendered import Shares
@@ -102,7 +103,7 @@ class Problem:
     @property
     def nothing(self) -> FloatArray:
         """Sizes as good as none, that leave no loop without its spring, shape (unknowns,)."""
-        return NOTHING * np.array([unknown.reference for unknown in self.unknowns])
+        return NOTHING * np.array([unknown.scale.reference for unknown in self.unknowns])
 
     @property
     def high(self) -> FloatArray:
@@ -140,6 +141,11 @@ class Problem:
                 for index in members:
                     row[effect, index] = self.unknowns[index].sign
         return shares
+
+    def redrawn(self, sizes: FloatArray) -> Problem:
+        """With the limits on what is felt drawn for some sizes, shape (unknowns,); itself if so."""
+        linear = self.linear.redrawn(sizes)
+        return self if linear is self.linear else replace(self, linear=linear)
 
     def effects(self, moment: Moment, sizes: FloatArray) -> Effects:
         """The sum of effects of one moment; an effect no element has is absent.
@@ -257,6 +263,7 @@ def pose(
     margin = margin.model_copy(update={"gain": kept * (1 + room)})
     asking = Asking(
         device=device,
+        scene=scene,
         box=task.region.box,
         table=task.table,
         favour=task.favour,
@@ -265,11 +272,11 @@ def pose(
         felt=felt,
     )
     unknowns = tuple(
-        asking.unknown(element, scene.elements[element], effect)
+        asking.unknown(element, effect)
         for element in elements
         for effect in scene.elements[element].wishes()
         if f"{element}.{effect}" not in gone
-    ) + tuple(_settled(asking, scene, *each) for each in settled.items())
+    ) + tuple(_settled(asking, *each) for each in settled.items())
     within = {*elements, *(unknown.element for unknown in unknowns)}
     subsets = [
         subset
@@ -286,10 +293,9 @@ def pose(
     used = used_filters(filters, Effects(**wanted))
     limit = device.force_limit
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
-    rows = list(force_rows(moments, len(unknowns), continuous, peak))
-    if felt:
-        own = references(device, task.table)
-        rows += rendering_rows(unknowns, Shares.of(device, used), own, task.table, scene.walls)
+    forces = force_rows(moments, len(unknowns), continuous, peak)
+    ends = renderings(unknowns, Shares.of(device, used), asking.scale, scene.walls) if felt else ()
+    high = np.array([max(0, unknown.sign) * unknown.high for unknown in unknowns])
     walls = [
         (name, scene.motion(name, device.motion).speed, lead)
         for name in elements
@@ -309,16 +315,16 @@ def pose(
             ),
             ripple=scene.ripple_limit or task.table.threshold(device.motion),
         ),
-        linear=LinearLimits.of(rows, len(unknowns), lead_limits(walls, unknowns, *lags)),
+        linear=LinearLimits.of(forces, high, ends, lead_limits(walls, unknowns, *lags)),
         cut=cut,
         proved_gain=kept * (1 + ROOM),
     )
 
 
-def _settled(asking: Asking, scene: Scene, label: str, size: float) -> Unknown:
+def _settled(asking: Asking, label: str, size: float) -> Unknown:
     """An effect whose size is not looked for any more."""
     element, _, effect = label.rpartition(".")
-    known = asking.unknown(element, scene.elements[element], cast("EffectName", effect))
+    known = asking.unknown(element, cast("EffectName", effect))
     wish = Wish(kind="value", low=known.sign * size, high=known.sign * size)
     return replace(known, low=size, high=size, wish=wish, level=-1, weight=0.0, yields=0.0)
 
@@ -351,3 +357,30 @@ def _moment(
         absolute=any(unknowns[i].element in cut | scene.walls for i in k),
         meeting=bool(scene.walls.intersection(subset)) and not scene.walls.issuperset(subset),
     )
+
+
+def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
+    """Elements whose springs the usual motion would bound, and which may be cut at the force limit.
+
+    They state no penetration, and nothing felt with them has mass or takes something away: what
+    pumps must not be cut. A wall is met by all there is, and is cut all the same.
+    """
+    device, scene = task.device, task.scene
+    limit, usual = device.force_limit, DEFAULT_MOTION[device.motion].penetration
+    if limit is None or usual is None or not task.region.box.damping[0] > 0:
+        return frozenset()
+    # A force that friction masks is none to be cut at.
+    if limit.continuous <= max(device.coulomb_friction.value, task.table.threshold(device.motion)):
+        return frozenset()
+    within = set(elements)
+    groups = [set(s) for name in elements for s in task.subsets(name) if within >= {*s}]
+    cut: set[str] = set()
+    for name in elements:
+        wish = scene.elements[name].stiffness
+        if wish is None or scene.elements[name].penetration is not None:
+            continue
+        enough = wish.high is not None and wish.high * usual <= limit.continuous
+        pumps = any(scene.elements[other].fades for s in groups if name in s for other in s)
+        if name in scene.walls or (not enough and not pumps):
+            cut.add(name)
+    return frozenset(cut)

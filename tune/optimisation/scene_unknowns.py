@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from identification import Box, Device
 from tune.documents.effects import EffectName
-from tune.documents.perception import PerceptionTable, references, value_at_steps
-from tune.documents.scene import Element
+from tune.documents.perception import PerceptionTable
+from tune.documents.scene import Element, Scene
+from tune.documents.steps import Scale
 from tune.loop.filters import Filters
 from tune.optimisation.unknown import Unknown
 from tune.rendering.rendered import Shares
@@ -35,6 +36,7 @@ class Asking:
 
     Attributes:
         device: that the effects are added to.
+        scene: what is wanted.
         box: of it, simultaneous.
         table: Weber fractions and thresholds.
         favour: an effect whose steps count more; None for none.
@@ -44,6 +46,7 @@ class Asking:
     """
 
     device: Device
+    scene: Scene
     box: Box
     table: PerceptionTable
     favour: EffectName | None
@@ -51,19 +54,24 @@ class Asking:
     filters: Filters
     felt: bool
 
-    def unknown(self, name: str, given: Element, effect: EffectName) -> Unknown:
+    def scale(self, name: str, effect: EffectName) -> Scale:
+        """The scale of what is felt of one effect of an element."""
+        motion = self.scene.motion(name, self.device.motion)
+        return Scale.of(effect, self.device, self.table, motion)
+
+    def unknown(self, name: str, effect: EffectName) -> Unknown:
         """The unknown of one effect of an element."""
-        device, table = self.device, self.table
-        wish = given.wishes()[effect]
-        bare = references(device, table)[effect]
-        reference, weber = bare / _share(device, self.filters, effect), getattr(table, effect).value
-        high = BOUNDLESS * bare if wish.high is None else abs(wish.high)
+        given = self.scene.elements[name]
+        wish, felt = given.wishes()[effect], self.scale(name, effect)
+        scale = felt.through(_share(self.device, self.filters, effect))
+        bare = felt.reference
+        high = BOUNDLESS * max(bare, felt.floor) if wish.high is None else abs(wish.high)
         if wish.sign < 0:
             # The bare device must keep the same margin downwards: M >= -m_low/g, B >= -b_low/g.
             lowest = {"mass": self.box.mass[0], "damping": self.box.damping[0]}[effect]
-            most = min(lowest / self.gain, (1 - REMAINS) * min(bare, reference))
+            most = min(lowest / self.gain, (1 - REMAINS) * min(bare, scale.reference))
             high = most if wish.high is None else min(high, most)
-        least = abs(float(value_at_steps(LEAST, reference, weber, wish.sign)))
+        least = abs(scale.value_at(LEAST, wish.sign))
         if not self.felt:
             least = min(NOTHING * bare, high)
         starts = wish.low if wish.kind == "range" and wish.low else 0.0
@@ -74,8 +82,7 @@ class Asking:
             low=max(least, starts),
             high=high,
             wish=wish,
-            reference=reference,
-            weber=weber,
+            scale=scale,
             level=level_of(given, effect),
             yields=_YIELDS if effect == "stiffness" and _serves(given) else 0.0,
             weight=FAVOURED if effect == self.favour else 1.0,

@@ -6,7 +6,7 @@ One file: rank after rank, what is kept and what is dropped is one loop.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -20,14 +20,13 @@ from tune.optimisation.backends import Backend
 from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.describe import bindings
 from tune.optimisation.feasible_subsets import feasible_sizes, feasible_subsets
-from tune.optimisation.nash import Optimum, largest_product, single_unknown_optimum
-from tune.optimisation.problem import DesignTask, Problem, pose
+from tune.optimisation.nash import Optimum, Solution, largest_product, single_unknown_optimum
+from tune.optimisation.problem import DesignTask, Problem, may_saturate, pose
 from tune.optimisation.reasons import imperceptible, reasons_for_nothing
 from tune.optimisation.rounding import round_sizes
-from tune.optimisation.saturable import may_saturate
 
 if TYPE_CHECKING:
-    from tune.optimisation.saturation import AllFound, ProvedGain
+    from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]
 
@@ -38,42 +37,6 @@ _MOST_ROOMS, _LESS_ROOM, _HOPELESS = 6, 0.7, 2.5
 _NO_WALL = "without its stiffness it would be no wall"
 #: In the logarithm of the product, where cut-offs are still looked for.
 _ROUGHLY = 1e-6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Solution:
-    """The answer for elements that share moments.
-
-    Attributes:
-        problem: with only the unknowns that are perceptible and feasible.
-        sizes: rounded, allowed exactly, shape (unknowns,).
-        unrounded: as they were found, shape (unknowns,); empty where nothing was looked for.
-        dropped: reason by label of every effect that was left out.
-        method: what found the answer.
-        disagreement: of the solvers, in the logarithm of the product of steps.
-        absolute: gains of the moments that must be absolutely stable.
-        stepped_back: unknowns that are smaller for it.
-        clash: a wall and an element that cannot be met together at one step of each; None if all
-            can.
-    """
-
-    problem: Problem
-    sizes: FloatArray
-    dropped: dict[str, str]
-    method: str = "as given"
-    disagreement: float = 0.0
-    unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
-    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "ProvedGain"])
-    stepped_back: frozenset[int] = frozenset()
-    clash: tuple[str, str] | None = None
-
-    def by_label(self) -> dict[str, float]:
-        """Sizes, SI, of what was looked for here."""
-        return {
-            u.label: float(size)
-            for u, size in zip(self.problem.unknowns, self.sizes, strict=bool(self.sizes.size))
-            if not u.settled
-        }
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
@@ -313,10 +276,8 @@ def optimum_of(
             room=room,
         )
 
-    def best(problem: Problem, known: Sequence[FloatArray] = ()) -> Optimum:
-        if len(problem.unknowns) == 1:
-            return single_unknown_optimum(problem)
-        return largest_product(problem, backends(second_opinion=second_opinion), known)
+    def best(problem: Problem, known: Sequence[FloatArray] = ()) -> tuple[Problem, Optimum]:
+        return _best(problem, backends(second_opinion=second_opinion), known)
 
     dropped = dict(gone or {})
     problem = posed(frozenset(dropped))
@@ -329,7 +290,7 @@ def optimum_of(
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
     if not own:
         return problem, None, dropped
-    found = best(problem, [] if dropped or known is None else known(problem))
+    problem, found = best(problem, [] if dropped or known is None else known(problem))
     if found.sizes is not None or not choosing:
         return problem, found, dropped
     every = frozenset(own)
@@ -351,12 +312,34 @@ def optimum_of(
     optima: list[tuple[Problem, Optimum | None]] = []
     for labels in sets:
         start, each = starts.get(labels), posed(before | (every - labels))
-        optima.append((each, None if start is None else best(each, [start])))
+        optima.append((each, None) if start is None else best(each, [start]))
     chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
     found = {} if optimum is None or optimum.sizes is None else _by_label(chosen, optimum.sizes)
     for label in [u.label for u in problem.unknowns if u.label in own and u.label not in found]:
         dropped[label] = _missed(posed(before | (every - found.keys() - {label})), label, found)
     return chosen, optimum, dropped
+
+
+def _best(
+    problem: Problem, solvers: Sequence[Backend], known: Sequence[FloatArray]
+) -> tuple[Problem, Optimum]:
+    """The optimum, and the problem whose limits on what is felt are drawn for it.
+
+    Each setting has shape (unknowns,), SI units.
+
+    Args:
+        problem: with limits drawn for the largest sizes, within those of any other.
+        solvers: that propose.
+        known: sizes that are allowed, to begin with.
+    """
+    if len(problem.unknowns) == 1:
+        found = single_unknown_optimum(problem)
+    else:
+        found = largest_product(problem, solvers, known)
+    again = problem if found.sizes is None else problem.redrawn(found.sizes)
+    if again is problem or found.sizes is None:
+        return problem, found
+    return _best(again, solvers, [found.sizes])
 
 
 def _by_label(problem: Problem, sizes: FloatArray) -> dict[str, float]:

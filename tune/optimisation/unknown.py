@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import EffectName
-from tune.documents.perception import perceived_steps, value_at_steps
 from tune.documents.scene import Wish
+from tune.documents.steps import Scale
 
 FloatArray = NDArray[np.float64]
 
@@ -25,9 +25,7 @@ class Unknown:
         low: least size that is kept, SI: one perceived step, or where a range begins.
         high: largest size wanted or physically sensible.
         wish: what the scene says.
-        reference: the commanded size that is felt as much as what the device has of it: K_ref, b
-            or m over the share of the command that is rendered at the motions people make, SI.
-        weber: Weber fraction.
+        scale: of the commanded size, of which a share is rendered at the motions people make.
         level: rank; what is settled is level -1, wanted values are level 0, then twice the
             priorities of the elements, the damping of a wall after its stiffness.
         yields: steps that it gives up at most for what its own element has of the next rank.
@@ -40,8 +38,7 @@ class Unknown:
     low: float
     high: float
     wish: Wish
-    reference: float
-    weber: float
+    scale: Scale
     level: int
     yields: float = 0.0
     weight: float = 1.0
@@ -58,7 +55,7 @@ class Unknown:
 
     def steps(self, size: float) -> float:
         """Perceived steps of a size."""
-        return perceived_steps(self.sign * size, self.reference, self.weber)
+        return self.scale.steps(self.sign * size)
 
     @property
     def goal(self) -> float:
@@ -68,4 +65,4 @@ class Unknown:
     def size_at(self, steps: float | FloatArray) -> FloatArray:
         """The size that is perceived as so many steps, of their shape."""
         given = np.asarray(steps, dtype=np.float64)
-        return self.sign * value_at_steps(given, self.reference, self.weber, self.sign)
+        return self.sign * self.scale.value_at(given, self.sign)

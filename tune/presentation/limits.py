@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from tune.documents.perception import perceived_steps
 from tune.documents.profile import Design, ElementProfile
+from tune.documents.steps import Scale
 
 #: Of several limits of one kind those bind that are used as much as the most used, nearly.
 _NEARLY = 0.98
@@ -115,17 +114,15 @@ def _forces(design: Design, name: str, unit: str) -> Iterator[tuple[str, str, fl
 
 def _felt(design: Design, element: ElementProfile) -> Iterator[tuple[str, str, float, str]]:
     """Perceived steps from what is asked for to what is felt at 0.5 and 5 Hz; one is allowed."""
-    felt, table = element.rendered, design.perception
-    if felt is None or table is None:
+    felt, table, motion = element.rendered, design.perception, element.motion
+    if felt is None or table is None or element.one_sided:
         return
-    for effect, ends, weber in (
-        ("mass", felt.mass_at_ends, table.mass),
-        ("damping", felt.damping_at_ends, table.damping),
+    for effect, ends, weber, reach in (
+        ("mass", felt.mass_at_ends, table.mass, motion.acceleration),
+        ("damping", felt.damping_at_ends, table.damping, motion.speed),
     ):
-        own: float = getattr(design.device, effect).value
-        asked: float = own + getattr(element, effect)
-        if asked <= 0:
-            continue
-        steps = max(perceived_steps(own + end - asked, asked, weber) for end in ends)
-        if math.isfinite(steps):
-            yield f"{effect} as felt", "rendering", steps, f"off by {steps:.2g} of 1 step"
+        asked: float = getattr(element, effect)
+        total: float = getattr(design.device, effect).value + asked
+        scale = Scale(reference=total, weber=weber, floor=table.threshold / reach)
+        steps = max(scale.steps(end - asked) for end in ends)
+        yield f"{effect} as felt", "rendering", steps, f"off by {steps:.2g} of 1 step"

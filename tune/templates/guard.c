@@ -6,9 +6,9 @@ ${heading}
  *   v = (tv v[k-1] - pv v[k-2]) + gv u,  u = (y[k] - y[k-n]) / (n T)
  *   a = (ta a[k-1] - pa a[k-2]) + ga u,  u = (d[k] - d[k-1]) / T
  *
- * Of each element u = (K (y - rest) + B v) + M a and F = -level u. With a spring, u is clamped to its
- * force level, and where it pushes only to the side to which it pushes: it never pulls. The forces
- * are summed and cut at the peak force.
+ * Of each element u = (K (y - rest) + B v) + M a and F = -level u. With a spring, u is clamped to
+ * its force level, and of a wall to the side to which it pushes: it never pulls. The forces are
+ * summed and cut at the peak force.
  *
  * Level is the gain of what is wanted and 0 of what is not. What has to fade gets there slowly, and
  * not while a wall pushes. All else falls there at once; a spring rises only as it is entered, or
@@ -55,7 +55,8 @@ static const section acceleration_filter = {${acceleration}};
 static const effects played[COUNT] = {
 ${played}};
 
-static const uint64_t known = UINT64_C(${known}), walls = UINT64_C(${walls});
+static const uint64_t known = UINT64_C(${known});
+static const uint64_t walls = UINT64_C(${walls});
 
 /* Every set that is certified, in rising order. */
 static const uint64_t moments[MOMENTS] = {
@@ -195,7 +196,7 @@ static haptune_status read_position(
     return fault;
 }
 
-/* Whether walls on opposite sides, so far apart, are neither one clamp nor clear of each other. */
+/* Whether two walls that push towards each other are neither one clamp nor clear of the other. */
 static int narrow(const effects *one, const effects *other, double room)
 {
     const double here = one->lead_time, there = other->lead_time;
@@ -265,7 +266,7 @@ static void end_contacts(haptune_guard *guard, uint64_t elements)
     }
 }
 
-/* u of an element that rests there; what is no finite number stays what it is. */
+/* u of an element that rests there; what is no number stays none. */
 static double clamped(const effects *effect, const haptune_contact *contact,
     const haptune_estimate *axis, double rest)
 {
@@ -273,7 +274,7 @@ static double clamped(const effects *effect, const haptune_contact *contact,
         + effect->damping * axis->velocity[0]) + effect->mass * axis->acceleration[0];
     const double low = effect->one_sided && contact->side < 0 ? 0.0 : -effect->force_level;
     const double high = effect->one_sided && contact->side > 0 ? 0.0 : effect->force_level;
-    if (!(effect->stiffness > 0.0) || !isfinite(u)) {
+    if (!(effect->stiffness > 0.0)) {
         return u;
     }
     return u < low ? low : u > high ? high : u;
@@ -293,12 +294,12 @@ static uint32_t counted(uint32_t samples, int quiet)
     return !quiet ? 0 : samples < HAPTUNE_TAPS ? samples + 1 : HAPTUNE_TAPS;
 }
 
-/* Moves one element on by a reading; asked: the level it is to have, change: how far it may fade. */
+/* One element goes on by a reading; asked: the level it is to have, change: how far it may fade. */
 static void act(const effects *effect, haptune_contact *contact, const haptune_estimate *axis,
-    int wanted, double asked, double change)
+    double asked, double change)
 {
     const int spring = effect->stiffness > 0.0;
-    const int enters = wanted && !contact->wanted && contact->level == 0.0;
+    const int enters = asked > 0.0 && !contact->wanted && contact->level == 0.0;
     const double at_face = clamped(effect, contact, axis, contact->face);
     double u = clamped(effect, contact, axis, contact->rest);
     if (enters && spring) {
@@ -319,7 +320,7 @@ static void act(const effects *effect, haptune_contact *contact, const haptune_e
         contact->level = asked;
     }
     contact->force = contact->level > 0.0 ? -(contact->level * u) : 0.0;
-    contact->wanted = wanted;
+    contact->wanted = asked > 0.0;
 }
 
 HAPTUNE_API void haptune_init(haptune_guard *guard)
@@ -416,10 +417,10 @@ HAPTUNE_API double haptune_force(
     }
     for (fades = 0; fades < 2; fades++) {
         for (index = 0; index < COUNT; index++) {
-            const int wanted = (elements & bit(index)) != 0;
             if ((played[index].fade < 1.0) == fades) {
-                act(&played[index], &guard->contacts[index], &guard->axis, wanted,
-                    wanted ? gain : 0.0, pushing ? 0.0 : played[index].fade * steps);
+                act(&played[index], &guard->contacts[index], &guard->axis,
+                    (elements & bit(index)) ? gain : 0.0,
+                    pushing ? 0.0 : played[index].fade * steps);
             }
             pushing |= (walls & bit(index)) && guard->contacts[index].force != 0.0;
         }

@@ -93,10 +93,9 @@ class Element:
         self.entered = self.wanted = False
         self.level = self.force = 0.0
 
-    def act(self, axis: Axis, *, wanted: bool, gain: float, change: float, taps: int) -> None:
-        """Go on by a reading; change: how far the level may fade."""
-        asked = gain if wanted else 0.0
-        enters = wanted and not self.wanted and self.level == 0.0
+    def act(self, axis: Axis, *, asked: float, change: float, taps: int) -> None:
+        """Go on by a reading; asked: the level it is to have, change: how far it may fade."""
+        enters = asked > 0.0 and not self.wanted and self.level == 0.0
         at_face, u = self._clamped(axis, self.face), self._clamped(axis, self.rest)
         if enters and self.spring:
             moving = self.damping * axis.velocity.now + self.mass * axis.acceleration.now
@@ -114,7 +113,7 @@ class Element:
         elif not self.spring or enters or asked < self.level or self.quiet >= taps:
             self.level = asked
         self.force = -(self.level * u) if self.level > 0.0 else 0.0
-        self.wanted = wanted
+        self.wanted = asked > 0.0
 
     def crowds(self, face: float, side: int, other: Element) -> bool:
         """Whether, standing there, it and another are neither one clamp nor clear of each other."""
@@ -124,13 +123,15 @@ class Element:
         return other.side == -side and not side * (other.face - face) >= lead
 
     def _clamped(self, axis: Axis, rest: float) -> float:
-        """K*(y - rest) + B*v + M*a; what is no finite number stays what it is."""
+        """K*(y - rest) + B*v + M*a; what is no number stays none."""
         u = (
             self.stiffness * (axis.last - rest) + self.damping * axis.velocity.now
         ) + self.mass * axis.acceleration.now
         low = 0.0 if self.one_sided and self.side < 0 else -self.force_level
         high = 0.0 if self.one_sided and self.side > 0 else self.force_level
-        return max(low, min(high, u)) if self.spring and math.isfinite(u) else u
+        if not self.spring:
+            return u
+        return low if u < low else high if u > high else u
 
 
 @dataclass
@@ -290,7 +291,8 @@ class Law:
             each = self.elements[name]
             pushing = any(self.elements[wall].force != 0.0 for wall in self.walls)
             change = 0.0 if pushing else each.fade * steps
-            each.act(self.axis, wanted=name in wanted, gain=gain, change=change, taps=self.taps)
+            asked = gain if name in wanted else 0.0
+            each.act(self.axis, asked=asked, change=change, taps=self.taps)
         total = 0.0
         for each in self.elements.values():
             total += each.force

@@ -133,12 +133,14 @@ def _graph(structure: Structure) -> _Graph:
         return np.array([symbols[i] for i in range(symbols.shape[0])], dtype=object).reshape(shape)
 
     sizes = [ca.exp(y[i]) for i in range(count)]
-    reference, rows = take(count), take(sum(structure.linear), count)
+    scales, rows = take(3, count), take(sum(structure.linear), count)
     factors = take(len(structure.ratios))
     product_of_steps: Any = 0
-    for i, (sign, size, ref) in enumerate(zip(structure.signs, sizes, reference, strict=True)):
-        height: Any = sign * ca.log1p(sign * size / ref)
-        product_of_steps += weights[i] * height.log()
+    for i, (sign, size) in enumerate(zip(structure.signs, sizes, strict=True)):
+        top, base, corner = scales[:, i]
+        above: Any = ca.fmax(sign * size, top) - ca.fmax(0.0, top)
+        below: Any = ca.fmin(sign * size, top) - ca.fmin(0.0, top)
+        product_of_steps += weights[i] * (sign * (ca.log1p(above / base) + below / corner)).log()
     totals = [
         [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
         for members in structure.moments

@@ -39,7 +39,8 @@ class Program:
         plain: how many of them belong to no loop.
         reach: of stability, with slopes of its own.
         signs: of the unknowns, shape (unknowns,).
-        references: of the steps, shape (unknowns,).
+        scales: of the steps: what is up to the corner, the larger of reference and corner, the
+            corner; shape (3, unknowns).
         per_step: 1/ln(1 + w), no unit, shape (unknowns,).
     """
 
@@ -48,7 +49,7 @@ class Program:
     plain: int
     reach: Reach
     signs: FloatArray
-    references: FloatArray
+    scales: FloatArray
     per_step: FloatArray
 
     def product(self, sizes: FloatArray, weights: FloatArray) -> tuple[float, FloatArray]:
@@ -56,11 +57,13 @@ class Program:
 
         Sizes, weights and gradient have shape (unknowns,).
         """
-        relative = self.signs * sizes / self.references
-        heights = np.log1p(relative)
+        top, base, corner = self.scales
+        values = self.signs * sizes
+        relative = (np.maximum(values, top) - np.maximum(0.0, top)) / base
+        heights = np.log1p(relative) + (np.minimum(values, top) - np.minimum(0.0, top)) / corner
         used = weights > 0
         logs = np.log(np.where(used, np.abs(heights) * self.per_step, 1.0))
-        slopes = relative / (1 + relative) / np.where(heights == 0, 1.0, heights)
+        slopes = values / base / (1 + relative) / np.where(heights == 0, 1.0, heights)
         return float(weights @ logs), weights * slopes
 
 
@@ -93,10 +96,12 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
         bound=problem.loops.nominal.grounded,
         linear=(int(np.sum(~either)), int(np.sum(either))),
     )
-    references = np.array([u.reference for u in problem.unknowns])
+    references = np.array([u.scale.reference for u in problem.unknowns])
+    corners = np.array([u.scale.corner for u in problem.unknowns])
+    scales = np.stack([corners - references, np.maximum(references, corners), corners])
     gain = problem.margin.gain * (1 + INSIDE)
     factors = np.array([factor for _, _, factor in problem.linear.ratios]) * (1 + INSIDE)
-    numbers: list[FloatArray] = [references, rows, factors]
+    numbers: list[FloatArray] = [scales, rows, factors]
     if ripple and limits.encoder_resolution is not None:
         nominal = problem.loops.nominal
         unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple
@@ -109,8 +114,8 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
         reach=Reach.of(problem, shown, gain),
         parameters=np.concatenate([part.ravel() for part in numbers]),
         signs=np.array([float(sign) for sign in structure.signs]),
-        references=references,
-        per_step=np.array([1 / np.log1p(u.weber) for u in problem.unknowns]),
+        scales=scales,
+        per_step=np.array([1 / np.log1p(u.scale.weber) for u in problem.unknowns]),
     )
 
 

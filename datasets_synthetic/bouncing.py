@@ -71,7 +71,7 @@ def bounce(
 
     Args:
         rig: the devices: delay, quantiser, friction and force limit are theirs.
-        controller: effects with a wall above its face (``side`` -1).
+        controller: effects behind a wall (``Controller.wall``).
         push: of the hand towards the wall, N (N·m), positive, a number or shape (batch,).
         drop: how far before the wall it starts, m (rad), positive, a number or shape (batch,).
         hand: whose mass, damper and spring are on the handle; its spring is relaxed at the start
@@ -83,12 +83,12 @@ def bounce(
         ValueError: there is no wall to fall into.
     """
     hand = hand or Hand()
-    faces = [each.place for each in controller.elements if np.all(np.less(each.side, 0))]
-    if not faces:
-        raise ValueError("there is no wall to fall into: give the controller an element of side -1")
+    wall = controller.wall
+    if wall is None or np.any(np.isinf(wall.place)):
+        raise ValueError("there is no wall to fall into: give the controller a wall at a place")
     batch = max(rig.batch, controller.size(), *hand.sizes(), np.size(push), np.size(drop))
     column = partial(per_member, batch=batch)
-    place, pushed = column(faces[0]), column(push)
+    place, pushed = column(wall.place), column(push)
     recording = simulate(
         rig,
         np.zeros(samples),
@@ -156,8 +156,8 @@ def contacts(
 ) -> tuple[FloatArray, FloatArray]:
     """Time (s) of each sample that finds the wall, and the energy (J) brought there.
 
-    This is what the handle had on reaching ``place`` (m) but for the work of the ``net`` force (N)
-    beyond it, which is taken off; what a damper took before the face is gone.
+    Until then the wall gives no force, so this is what the handle had on reaching ``place`` (m) but
+    for the work of the ``net`` force (N) beyond it, which is taken off.
 
     Both answers have shape (contacts,).
     """

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.batch_values import choose_members
-from datasets_synthetic.calls import Calls
-from datasets_synthetic.wall import Element
+from datasets_synthetic.wall import Element, Wall
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -17,7 +16,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Controller:
-    """Virtual effects on an axis; numbers, or arrays of shape (batch,).
+    """Virtual effects about position zero; numbers, or arrays of shape (batch,).
 
     Attributes:
         stiffness: K, N/m (N·m/rad), any sign.
@@ -31,10 +30,8 @@ class Controller:
             equal.
         velocity_window_samples: n samples over which the velocity is (q[k] - q[k-n])/(n·T) instead
             of the backward difference, without any filter; 1 is the backward difference itself.
-        side: -1 or 1 of a wall, which pushes to that side only; 0 to both. See ``Element``.
-        place: where the spring is relaxed, m (rad).
-        beside: elements that act with these effects.
-        calls: what is asked of them all while they play; None for everything, always.
+        wall: where the effects act, or None for everywhere.
+        beside: elements that act with them, one-sided or fading.
 
     Velocity is the backward difference (z-1)/(T·z) and acceleration its square, each through its
     low-pass: (1-a)·z/(z-a) with a = exp(-2π·fc·T), or (1-t+p)·z²/(z²-t·z+p) with the poles
@@ -50,10 +47,8 @@ class Controller:
     acceleration_filter_order: int | IntArray = 2
     filter_damping_ratio: float | FloatArray = 1.0
     velocity_window_samples: int | IntArray = 1
-    side: int | IntArray = 0
-    place: float | FloatArray = 0.0
+    wall: Wall | None = None
     beside: tuple[Element, ...] = ()
-    calls: Calls | None = None
 
     def __post_init__(self) -> None:
         for name in ("velocity_filter_order", "acceleration_filter_order"):
@@ -75,45 +70,30 @@ class Controller:
     def size(self) -> int:
         """Number of members the effects describe."""
         sizes = [np.size(getattr(self, name)) for name in _FIELDS]
-        sizes += [] if self.calls is None else self.calls.sizes()
+        sizes += [] if self.wall is None else self.wall.sizes()
         return max(sizes + [size for each in self.beside for size in each.sizes()])
-
-    @property
-    def elements(self) -> tuple[Element, ...]:
-        """The effects as one element, if there are any, and those beside them."""
-        sizes = self.stiffness, self.damping, self.mass
-        if self.beside and not any(np.any(each) for each in sizes):
-            return self.beside
-        own = Element(
-            stiffness=self.stiffness,
-            damping=self.damping,
-            mass=self.mass,
-            side=self.side,
-            place=self.place,
-        )
-        return own, *self.beside
 
     def total_stiffness(self) -> FloatArray:
         """K of all that acts at once, N/m (N·m/rad); one number, or shape (batch,)."""
-        return sum((np.asarray(each.stiffness) for each in self.elements), np.zeros(()))
+        return sum((np.asarray(each.stiffness) for each in self.beside), np.asarray(self.stiffness))
 
     @property
     def has_mass(self) -> bool:
         """Whether anything acts on the acceleration."""
-        return any(np.any(each.mass) for each in self.elements)
+        return any(np.any(each.mass) for each in (self, *self.beside))
 
     def members(self, which: NDArray[np.intp]) -> Controller:
         """The effects of these members, shape (members,); what all share stays one value."""
-        chosen: dict[str, FloatArray | IntArray] = {
+        fields: dict[str, FloatArray | IntArray] = {
             name: choose_members(getattr(self, name), which) for name in _FIELDS
         }
-        chosen |= {name: chosen[name].astype(np.int64) for name in _WHOLE}
-        calls = None if self.calls is None else self.calls.members(which)
+        fields |= {name: fields[name].astype(np.int64) for name in _WHOLE}
+        wall = None if self.wall is None else self.wall.members(which)
         beside = tuple(each.members(which) for each in self.beside)
-        return replace(self, calls=calls, beside=beside, **chosen)  # pyright: ignore[reportArgumentType]
+        return replace(self, wall=wall, beside=beside, **fields)  # pyright: ignore[reportArgumentType]
 
 
-_WHOLE = ("velocity_filter_order", "acceleration_filter_order", "velocity_window_samples", "side")
+_WHOLE = ("velocity_filter_order", "acceleration_filter_order", "velocity_window_samples")
 _FIELDS = (
     "stiffness",
     "damping",
@@ -121,7 +101,6 @@ _FIELDS = (
     "velocity_filter_hz",
     "acceleration_filter_hz",
     "filter_damping_ratio",
-    "place",
     *_WHOLE,
 )
 

@@ -14,7 +14,7 @@ from datasets_synthetic.estimates import (
     first_order_pole,
     section,
 )
-from datasets_synthetic.wall import ElementsAtWork
+from datasets_synthetic.wall import Element, ElementsAtWork
 
 FloatArray = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 class ControlLaw:
     """A Controller at work: one call a sample, remembering what its filters need.
 
-    The estimates of velocity and acceleration follow every reading, whatever is felt.
+    The estimates of velocity and acceleration follow every reading, inside a wall and outside.
     """
 
     __slots__ = ("_elements", "_estimates")
@@ -30,10 +30,18 @@ class ControlLaw:
     def __init__(self, controller: Controller, sample_time: FloatArray) -> None:
         """Sample time in s, shape (batch,)."""
         self._estimates = _estimates(controller, sample_time)
-        self._elements = ElementsAtWork(controller.elements, controller.calls, sample_time)
+        own = Element(
+            stiffness=controller.stiffness, damping=controller.damping, mass=controller.mass
+        )
+        elements = (own, *controller.beside)
+        self._elements = ElementsAtWork(elements, controller.wall, sample_time)
 
     def force(self, reading: FloatArray) -> FloatArray:
-        """Sum of what all elements give for this sample's reading (m), N, shape (batch,)."""
+        """-(K·q + B·velocity + M·acceleration) for this sample's reading (m), N, shape (batch,).
+
+        With a wall q is counted from it, and there is no force outside but of what fades out;
+        what stands beside the controller's own effects is added.
+        """
         return self._elements.force(reading, *self._estimates.update(reading))
 
 

@@ -3,45 +3,34 @@
 All of them run with the quantiser, friction, delay, force limit, modes and lag of the device: let
 go from a displacement, a push and its release, a push beyond the force limit, a start within a few
 counts where friction and quantiser may sustain an oscillation, and falls from afar and from near
-into a wall; where there is none, what there is, is entered there and left again. Where there is
-one, a hand leans on it. Then what a program may ask for: all is entered, left and scaled while the
-device moves, at random and such that it holds less where that takes energy, between two walls where
-they are given; and plain dampers switched so for as long as it lasts. One file: the trials of one
-batch, laid out and named.
+into a wall, where one-sided elements only push and others fade if they have to. All are one batch,
+the place of the wall nowhere for those without one: trials are the outermost, conditions the next,
+controllers the innermost. One file: the trials of one batch, laid out and named.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.batch_values import per_member
 from datasets_synthetic.bouncing import Bounces, bounces
-from datasets_synthetic.calls import ADVERSE, NOBODY, RANDOM, Calls
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.hand import Hand
 from datasets_synthetic.recording import Recording
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import Simulation
+from datasets_synthetic.wall import ADVERSE, OPEN, RANDOM, Wall
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-TrialName = Literal[
-    "release",
-    "push",
-    "sustained push",
-    "small start",
-    "wall",
-    "near wall",
-    "damper at random",
-    "damper against it",
-    "calls at random",
-    "calls against it",
-]
+TrialName = Literal["release", "push", "sustained push", "small start", "wall", "near wall"]
+_TRIALS: tuple[TrialName, ...] = get_args(TrialName)
+#: So many of them without a wall.
+_OPEN = 4
 
 #: Where nothing else is stated a trial goes so many counts from the start, ...
 _REACH = 1000.0
@@ -51,93 +40,34 @@ _NEAR = 30.0
 _PUSH, _FALL = 0.5, 0.25
 #: ... and the sustained push is beyond it by so much.
 _BEYOND = 1.1
+#: Part of a run in which elements are entered and left; what comes of it is judged later.
+_CALLED = 0.35
 #: Part of the run after which a push is released, and over which it rises and falls.
 _RELEASE, _RISE = 0.25, 0.05
-#: Part of the run in which a program calls.
-_CALLED = 0.35
-#: Opposite walls stand so many times as far off as a trial goes where it does without them.
-_FAR = 100.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Kind:
-    """What one trial begins with, the same for all devices.
-
-    Attributes:
-        reaches: start, in long displacements; into a wall above zero.
-        nears: start, in short displacements.
-        walks: whether it begins at a walk: where no spring pulls, nothing else would move.
-        pulse: of a push that is released, part of the force limit.
-        falls: whether it falls into a wall, or through where elements are entered.
-        caller: NOBODY, RANDOM or ADVERSE.
-        dampers: whether that is all that is called.
-    """
-
-    reaches: float = 0.0
-    nears: float = 0.0
-    walks: bool = False
-    pulse: float = 0.0
-    falls: bool = False
-    caller: int = NOBODY
-    dampers: bool = False
-
-    @property
-    def called(self) -> bool:
-        """Whether elements are entered, left and scaled."""
-        return self.caller != NOBODY and not self.dampers
-
-
-KINDS: dict[TrialName, Kind] = {
-    "release": Kind(reaches=1.0),
-    "push": Kind(pulse=_PUSH),
-    "sustained push": Kind(pulse=_BEYOND),
-    "small start": Kind(nears=1.0, walks=True),
-    "wall": Kind(reaches=-1.0, falls=True),
-    "near wall": Kind(nears=-1.0, falls=True),
-    "damper at random": Kind(nears=-1.0, caller=RANDOM, dampers=True),
-    "damper against it": Kind(nears=-1.0, caller=ADVERSE, dampers=True),
-    "calls at random": Kind(caller=RANDOM),
-    "calls against it": Kind(caller=ADVERSE),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """A device and the hand on it, in which trials are played.
+    """A device, the hand on it and the gate of its dampers, in which every trial is played.
 
     Attributes:
         rig: one device.
         hand: on it.
         held: whether there is a hand.
         other: whether it is another device than the one that is rehearsed on.
+        gate: what is done with the elements, OPEN, RANDOM or ADVERSE.
     """
 
     rig: Rig
     hand: Hand
     held: bool
     other: bool = False
+    gate: int = OPEN
 
     @property
     def rubbing(self) -> bool:
         """Whether the device has its Coulomb friction."""
         return bool(self.rig.coulomb_friction[0] > 0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Play:
-    """One trial of one controller in one condition.
-
-    Attributes:
-        name: of the trial.
-        member: of the batch of controllers.
-        place: of the condition among all of them.
-        moving: whether elements come and go.
-    """
-
-    name: TrialName
-    member: int
-    place: int
-    moving: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,24 +122,43 @@ class Sizes:
         return self.count.size
 
     @property
-    def called(self) -> int:
-        """Samples in which a program calls."""
-        return round(_CALLED * self.played)
+    def near(self) -> FloatArray:
+        """The short displacement, m (rad), shape (batch,)."""
+        return _NEAR * self.count
+
+    def members(self, which: NDArray[np.intp]) -> Sizes:
+        """The trials of these controllers, shape (members,)."""
+        return replace(
+            self, count=self.count[which], reach=self.reach[which], limit=self.limit[which]
+        )
 
 
-def conditions_of(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[Condition]:
+def conditions_of(
+    rig: Rig, hand: Hand | None, others: Sequence[Rig], controller: Controller
+) -> list[Condition]:
     """With friction, if there is any, and without; each hands off and, if a hand is given, held.
 
-    Other devices are played without friction.
+    Other devices are played without friction; transitions, in which elements are entered and left
+    and gains fall and rise while it moves, without friction and hands off.
     """
     bare = [_oiled(each) for each in (rig, *others)]
     hands = [(Hand(), False)] + ([] if hand is None else [(hand, True)])
     rubbing = [rig] if rig.coulomb_friction[0] > 0 else []
-    return [
-        Condition(rig=some, hand=on, held=held, other=other)
-        for some, other in (*((each, False) for each in (*rubbing, bare[0])), *((each, True) for each in bare[1:]))
+    found = [
+        Condition(rig=some, hand=on, held=held)
+        for some in (*rubbing, bare[0])
         for on, held in hands
     ]
+    found += [
+        Condition(rig=some, hand=on, held=held, other=True)
+        for some in bare[1:]
+        for on, held in hands
+    ]
+    if controller.beside:
+        found += [
+            Condition(rig=bare[0], hand=Hand(), held=False, gate=gate) for gate in (RANDOM, ADVERSE)
+        ]
+    return found
 
 
 def _oiled(rig: Rig) -> Rig:
@@ -217,46 +166,94 @@ def _oiled(rig: Rig) -> Rig:
     return replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0)
 
 
-def plays_of(controller: Controller, conditions: Sequence[Condition], batch: int) -> list[Play]:
-    """Every trial of each controller, those in which elements come and go last.
-
-    Calls are played hands off, without friction; dampers alone are switched on the device that is
-    rehearsed on, beside springs.
-    """
-    walls = _any_of(controller, batch, lambda each: np.not_equal(each.side, 0))
-    springs = _any_of(controller, batch, lambda each: np.greater(each.stiffness, 0))
-    dampers = _any_of(controller, batch, lambda each: np.greater(each.damping, 0) & np.equal(each.stiffness, 0) & np.equal(each.mass, 0) & np.equal(each.fade_time, 0))
-    some = bool(controller.beside)
-    plays: list[Play] = []
-    for name, kind in KINDS.items():
-        for place, condition in enumerate(conditions):
-            alone = not (condition.rubbing or condition.held)
-            suits = np.full(batch, True)
-            if kind.dampers:
-                suits = springs & dampers & (alone and not condition.other)
-            elif kind.called:
-                suits = np.full(batch, alone and some)
-            moving = np.full(batch, True) if kind.caller else ~walls & kind.falls
-            plays += [
-                Play(name=name, member=int(k), place=place, moving=bool(moving[k]))
-                for k in np.flatnonzero(suits)
-            ]
-    return sorted(plays, key=lambda each: each.moving)
+def trials_by_name(conditions: Sequence[Condition]) -> list[tuple[TrialName, Condition]]:
+    """Every trial of one controller, those without a wall first."""
+    return [(name, each) for name in _TRIALS for each in conditions]
 
 
 class Trials:
-    """Trials of a batch of controllers, played up to some sample and then on."""
+    """All trials of a batch of controllers, played up to some sample and then on."""
 
-    __slots__ = ("_called", "_fallen", "_falls", "_run", "until_called")
+    __slots__ = ("_fallen", "_falls", "_run")
 
     def __init__(
         self,
         controller: Controller,
         conditions: Sequence[Condition],
         sizes: Sizes,
-        plays: Sequence[Play],
-        *,
         samples: int,
-        seeds: Sequence[int],
+        seed: int,
     ) -> None:
         """Ready to start, with so many samples at most."""
+        part = np.arange(samples) / sizes.played
+        pushes = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
+        none = np.zeros(sizes.batch)
+        step = float(conditions[0].rig.sample_time[0])
+        # A few counts are also gained at a walk: where no spring pulls, nothing else would move.
+        walk = sizes.near / (_RISE * sizes.played * step)
+        own = per_member(0.0 if controller.wall is None else controller.wall.place, sizes.batch)
+        own = np.where(np.isinf(own), 0.0, own)
+        start = [sizes.reach, none, none, sizes.near, own - sizes.reach, own - sizes.near]
+        limit = sizes.limit
+        push = [none, _PUSH * limit, _BEYOND * limit, none, _FALL * limit, _FALL * limit]
+        nowhere = np.full(sizes.batch, -np.inf)
+        place = _each([nowhere] * _OPEN + [own] * (len(_TRIALS) - _OPEN), conditions)
+        rigs = _rigs(conditions, sizes.batch)
+        laws = replace(_laws(controller, conditions, sizes), wall=Wall(place=place))
+        pushed = _each(push, conditions)
+        self._falls = slice(_OPEN * len(conditions) * sizes.batch, None)
+        shape = np.where(np.isinf(place)[:, None], pushes, 1.0)
+        self._fallen = {
+            "place": place[self._falls],
+            "net": (pushed - rigs.force_offset)[self._falls],
+            "resolution": rigs.encoder_resolution[self._falls],
+            "stiffness": per_member(laws.total_stiffness(), place.size)[self._falls],
+        }
+        self._run = Simulation(
+            rigs,
+            np.zeros(samples),
+            controller=laws,
+            hand=_hands(conditions, sizes.batch),
+            position=_each(start, conditions),
+            velocity=_each([none, none, none, walk, none, none], conditions),
+            push=pushed[:, None] * shape,
+            watch=True,
+            seed=seed,
+        )
+
+    def until(self, samples: int) -> tuple[Recording, Bounces]:
+        """What became of the trials without a wall and of the falls, up to this many samples."""
+        seen = self._run.until(samples)
+        falls = bounces(seen.members(self._falls), **self._fallen)
+        return seen.members(slice(0, self._falls.start)), falls
+
+
+def _each(trials: Sequence[FloatArray], conditions: Sequence[Condition]) -> FloatArray:
+    """One value a trial and controller, the same in every condition, shape (members,)."""
+    return np.repeat(np.stack(trials)[:, None], len(conditions), axis=1).ravel()
+
+
+def _laws(controller: Controller, conditions: Sequence[Condition], sizes: Sizes) -> Controller:
+    """The controllers in turn for every trial and condition, as one batch."""
+    batch, calls = sizes.batch, round(_CALLED * sizes.played)
+    laws = controller.members(np.tile(np.arange(batch), len(_TRIALS) * len(conditions)))
+    gate = np.tile(np.repeat([each.gate for each in conditions], batch), len(_TRIALS))
+    beside = tuple(replace(each, gate=gate, calls=calls) for each in laws.beside)
+    return replace(laws, beside=beside)
+
+
+def _rigs(conditions: Sequence[Condition], batch: int) -> Rig:
+    """The devices, each for every controller in turn, once a trial, as one batch."""
+    places = np.tile(np.repeat(np.arange(len(conditions)), batch), len(_TRIALS))
+    return Rig.batch_of([each.rig for each in conditions]).members(places)
+
+
+def _hands(conditions: Sequence[Condition], batch: int) -> Hand:
+    """The hands likewise."""
+    columns = {
+        field.name: [float(np.asarray(getattr(each.hand, field.name))) for each in conditions]
+        for field in fields(Hand)
+    }
+    return Hand(
+        **{name: np.tile(np.repeat(one, batch), len(_TRIALS)) for name, one in columns.items()}
+    )

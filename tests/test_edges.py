@@ -1,58 +1,76 @@
 """A design half a per cent beyond a condition of the certificate is refused, one within it passes.
 
-Where the edges are is told by others: loops in z with 360 digits, and responses written out.
+Where an edge is, others say: loops in z with 360 digits, and responses written out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.stats import chi2, norm
 
 from tests.reference import crossings
 from tests.sampled_loops import Case, loop_along
 from tests.sampled_reference import Sampled
 from tune import CheckFailedError
 from tune.certificate.certify import certify
-from tune.documents.certified import AbsoluteStability
+from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.profile import Design
 
 #: How far from an edge, relative.
 OFF = 0.005
 STEP = 1e-3
+#: Hz, of both filters where there are any.
+VELOCITY, ACCELERATION = 50.0, 20.0
+FILTERS = {"velocity_filter_hz": VELOCITY, "acceleration_filter_hz": ACCELERATION}
 AXIS = Case(mass=3.0, damping=10.0, sample_time=STEP, delay_samples=1.0)
-#: Gain and extra samples of delay of the margin.
+FILTERED = replace(AXIS, velocity_filter_hz=VELOCITY, acceleration_filter_hz=ACCELERATION)
+#: Gain and extra samples of delay of the margin, and parts of these samples.
 GAIN, EXTRA = 2.0, 1.0
-MARGIN = {"name": "balanced", "gain": GAIN, "extra_delay_samples": 1}
-WHOLE = (0.0, 0.25, 0.5, 0.75, 1.0)
+PARTS = (0.0, 0.25, 0.5, 0.75, 1.0)
+MOTION = {"penetration": 0.01, "speed": 0.2, "acceleration": 2.0}
+PERCEPTION = {"name": "own", "stiffness": 0.22, "damping": 0.3, "mass": 0.2, "threshold": 0.02}
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Sizes = tuple[float, float, float]
+#: K, B, constant of its multiplier, its taps.
+Channels = Sequence[tuple[float, float, float, Sequence[tuple[int, float]]]]
 
 
-def interval(value: float, low: float | None = None, high: float | None = None) -> dict[str, float]:
-    return {"value": value, "low": low or value, "high": high or value}
+def element(stiffness: float = 0.0, damping: float = 0.0, mass: float = 0.0, **more: Any) -> Any:
+    """One element, all that is said of it left open."""
+    margins = {"gain": GAIN, "extra_delay_samples": EXTRA, "passive": False}
+    whole = {
+        "stiffness": stiffness,
+        "damping": damping,
+        "mass": mass,
+        "perceived_steps": {},
+        "limited_by": {},
+        "ripple": 1e3,
+        "motion": MOTION,
+        "force_level": 14.0 * bool(stiffness),
+        "fade_time": 0.2 * bool(mass),
+    }
+    return {**whole, **more, "margins": margins | more.get("margins", {})}
 
 
 def design(
-    elements: dict[str, dict[str, Any]], *, device: dict[str, Any] | None = None, **more: Any
+    elements: dict[str, Any], *, device: dict[str, Any] | None = None, **more: Any
 ) -> Design:
-    """A design of a bare device that states nothing more than it has to."""
-    axis = {"sample_time": STEP, "mass": 3.0, "damping": 10.0, "delay": STEP} | (device or {})
-    loop = more.pop("loop", {}) | {"sample_time": STEP, "extra_delay_samples": 1.0}
-    whole: dict[str, dict[str, Any]] = {}
-    for name, element in elements.items():
-        margins = {"gain": GAIN, "extra_delay_samples": EXTRA, "passive": False}
-        whole[name] = {
-            **{"stiffness": 0.0, "damping": 0.0, "mass": 0.0},
-            **{"perceived_steps": {}, "limited_by": {}, "ripple": 1e3},
-            "motion": {"penetration": 0.01, "speed": 0.2, "acceleration": 2.0},
-            **element,
-            "margins": margins | element.get("margins", {}),
-        }
-    base = {"scene": "edges", "margin": MARGIN, "ripple_limit": 1e3}
-    return Design.model_validate({**base, "device": axis, "loop": loop, "elements": whole} | more)
+    """Elements on a bare device."""
+    axis = {"sample_time": STEP, "mass": 3.0, "damping": 10.0, "delay": STEP}
+    loop = {"sample_time": STEP, "extra_delay_samples": 1.0} | more.pop("loop", {})
+    margin = {"name": "balanced", "gain": GAIN, "extra_delay_samples": 1}
+    base = {"scene": "edges", "margin": margin, "ripple_limit": 1e3, "elements": elements}
+    return Design.model_validate({**base, "device": axis | (device or {}), "loop": loop} | more)
 
 
 def said(made: Design, witnesses: dict[str, AbsoluteStability] | None = None) -> str:
@@ -64,93 +82,522 @@ def said(made: Design, witnesses: dict[str, AbsoluteStability] | None = None) ->
     return ""
 
 
-def limit(case: Case, sizes: tuple[float, float, float]) -> float:
+def interval(value: float, low: float | None = None, high: float | None = None) -> dict[str, float]:
+    return {"value": value, "low": low or value, "high": high or value}
+
+
+def limit(case: Case, sizes: Sizes) -> float:
     """The least gain at which a pole of a loop is on the unit circle."""
     gains = crossings(loop_along(case, *(size or None for size in sizes)))
     return min((float(gain.mid()) for gain in gains), default=np.inf)
 
 
-def limit_of_box(cases: list[Case], sizes: tuple[float, float, float]) -> float:
-    """The same of many devices, at every part of the extra delay."""
-    return min(limit(case.later(late), sizes) for case, late in product(cases, WHOLE))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Side:
-    """One side of the box with a width.
-
-    Attributes:
-        device: keys of its file.
-        cases: along the side.
-        sizes: K, B and M, played times a factor.
-        hand: where it is a hand that has a width.
-    """
-
-    device: dict[str, Any]
-    cases: list[Case]
-    sizes: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    hand: dict[str, Any] | None = None
+def late_limit(cases: Sequence[Case], sizes: Sizes) -> float:
+    """The same of many devices with every part of the margin's delay, over the margin's gain."""
+    return min(limit(case.later(part), sizes) for case, part in product(cases, PARTS)) / GAIN
 
 
 def along(case: Case, name: str, low: float, high: float) -> list[Case]:
     return [replace(case, **{name: float(x)}) for x in np.linspace(low, high, 9)]
 
 
-LAGGING = replace(AXIS, acceleration_filter_hz=20.0)
-MODE = {"at_encoder": 0.8, "at_handle": -0.5}
-SIDES = {
-    "mass": Side(
-        device={"mass": interval(3.0, low=2.4)},
-        cases=along(AXIS, "mass", 2.4, 3.0),
-        sizes=(0.0, 0.0, 1.0),
+def scaled(sizes: Sizes, factor: float) -> Any:
+    return element(*(size * factor for size in sizes))
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """Words of a condition beyond its edge; designs by how far they go there, 1 is at it."""
+
+    words: str
+    made: Callable[[float], Design]
+    witnesses: dict[str, AbsoluteStability] | None = None
+
+
+SPRING = (1.0, 0.0, 0.0)
+MASS = (0.0, 0.0, 1.0)
+#: From half a 95 % interval to half the side of the box that holds two quantities in 99.9 %.
+WIDER = float(np.sqrt(chi2.ppf(0.999, 2)) / norm.ppf(0.975))
+SLOW = replace(AXIS, acceleration_filter_hz=5.0)
+STIFFEST = 100 + 9900 * WIDER
+MODE = {"damping_ratio": 0.02, "at_encoder": 0.8, "at_handle": -0.5}
+GRIP = {"mass": 0.1, "damping": 2.0, "stiffness": interval(100.0, high=20000.0)}
+#: Of each side of the box: device, what is most harmful along it, effects that feel it.
+SIDES: dict[str, tuple[dict[str, Any], list[Case], Sizes]] = {
+    "mass": (
+        {"mass": interval(3.0, low=2.4)},
+        along(AXIS, "mass", 3.0 * 0.8**WIDER, 3.0),
+        MASS,
     ),
-    "damping": Side(
-        device={"damping": interval(10.0, low=8.0)}, cases=along(AXIS, "damping", 8.0, 10.0)
+    "damping": (
+        {"damping": interval(10.0, low=8.0)},
+        along(AXIS, "damping", 10 - 2 * WIDER, 10.0),
+        SPRING,
     ),
-    "sample_time": Side(
-        device={"sample_time": interval(STEP, high=1.2 * STEP)},
-        cases=[
+    "sample_time": (
+        {"sample_time": interval(STEP, high=1.2 * STEP)},
+        [
             replace(AXIS, sample_time=float(T), delay_samples=float(STEP / T))
-            for T in np.linspace(STEP, 1.2 * STEP, 9)
+            for T in np.linspace(1.2 * STEP, STEP, 9)
         ],
+        SPRING,
     ),
-    "delay": Side(
-        device={"delay": interval(STEP, high=1.4 * STEP)},
-        cases=along(AXIS, "delay_samples", 1.0, 1.4),
+    "delay": (
+        {"delay": interval(STEP, high=1.4 * STEP)},
+        along(AXIS, "delay_samples", 1.4, 1.0),
+        SPRING,
     ),
-    "current_lag": Side(
-        device={"current_lag": interval(2e-4, high=4e-4)},
-        cases=along(AXIS, "current_lag", 2e-4, 4e-4),
+    "current_lag": (
+        {"current_lag": interval(2e-4, high=4e-4)},
+        along(AXIS, "current_lag", 4e-4, 2e-4),
+        SPRING,
     ),
-    "mode": Side(
-        device={
-            "modes": [
-                {"frequency_hz": interval(90.0, low=60.0), "damping_ratio": interval(0.05), **MODE}
-            ]
-        },
-        cases=[replace(AXIS, modes=((f, 0.05, 0.8, -0.5),)) for f in np.linspace(60, 90, 9)],
+    "modes": (
+        {"modes": [{"frequency_hz": interval(20.0, high=30.0), **MODE}]},
+        [replace(AXIS, modes=((float(f), 0.02, 0.8, -0.5),)) for f in np.linspace(30, 20, 9)],
+        SPRING,
     ),
-    "position_stiffness": Side(
-        device={"position_stiffness": interval(100.0, high=400.0)},
-        cases=[replace(LAGGING, hand=(0.0, 0.0, float(k))) for k in np.linspace(100, 400, 9)],
-        sizes=(0.0, 0.0, 1.0),
+    "position_stiffness": (
+        {"position_stiffness": interval(100.0, low=99.0, high=10000.0)},
+        [replace(SLOW, hand=(0.0, 0.0, float(k))) for k in np.linspace(STIFFEST, 100, 9)],
+        MASS,
     ),
-    "presliding_stiffness": Side(
-        device={"presliding_stiffness": {"low": 100.0, "high": 400.0}},
-        cases=[replace(LAGGING, hand=(0.0, 0.0, float(k))) for k in np.linspace(100, 400, 9)],
-        sizes=(0.0, 0.0, 1.0),
+    "presliding_stiffness": (
+        {"presliding_stiffness": {"low": 100.0, "high": 20000.0}},
+        [replace(SLOW, hand=(0.0, 0.0, float(k))) for k in np.linspace(20000, 100, 9)],
+        MASS,
     ),
-    "hand": Side(
-        device={},
-        cases=[replace(LAGGING, hand=(0.1, 2.0, float(k))) for k in np.linspace(100, 400, 9)],
-        sizes=(0.0, 0.0, 1.0),
-        hand={"mass": interval(0.1), "damping": interval(2.0), "stiffness": interval(100.0, high=400.0)},
+    "hand": (
+        {},
+        [replace(SLOW, hand=(0.1, 2.0, float(k))) for k in np.linspace(20000, 100, 9)],
+        MASS,
     ),
 }
 
 
-if __name__ == "__main__":
-    for name, side in SIDES.items():
-        l = [min(limit(c.later(e), side.sizes) for e in WHOLE) for c in side.cases]
-        e = [min(limit(c.later(e), side.sizes) for c in side.cases) for e in WHOLE]
-        print(name, l[0], min(l), l[-1], np.argmin(l), e)
+def side_of_the_box(name: str) -> Edge:
+    device, cases, sizes = SIDES[name]
+    least = late_limit(cases, sizes)
+    assert least == late_limit(cases[:1], sizes) < 0.95 * late_limit(cases[-1:], sizes)
+    hand = GRIP if name == "hand" else None
+    loop = {"acceleration_filter_hz": cases[0].acceleration_filter_hz if sizes[2] else None}
+    return Edge(
+        f"a{' in a hand' if hand else ''}: margin: unstable at",
+        lambda part: design(
+            {"a": scaled(sizes, part * least)}, device=device, hand=hand, loop=loop
+        ),
+    )
+
+
+def latest(spring: float, gain: float) -> float:
+    """Samples of delay with which a spring is at the edge at a gain."""
+    low, high = 1.0, 10.0
+    while high - low > 1e-6:
+        middle = (low + high) / 2
+        reach = limit(replace(AXIS, delay_samples=middle), (spring, 0.0, 0.0))
+        low, high = (middle, high) if reach > gain else (low, middle)
+    return low
+
+
+def delay_of_the_margin() -> Edge:
+    samples = latest(1200.0, GAIN)
+    return Edge(
+        "a: margin: unstable at",
+        lambda part: design(
+            {"a": element(1200.0)}, device={"delay": (part * samples - EXTRA) * STEP}
+        ),
+    )
+
+
+def claimed_gain() -> Edge:
+    gain = limit(AXIS, (1200.0, 0.0, 0.0))
+    return Edge(
+        "a: claimed gain margin: unstable at",
+        lambda part: design({"a": element(1200.0, margins={"gain": part * gain})}),
+    )
+
+
+def claimed_delay() -> Edge:
+    samples = latest(1200.0, 1.0)
+    claim = "extra_delay_samples"
+    return Edge(
+        "a: claimed delay margin: unstable at",
+        lambda part: design({"a": element(1200.0, margins={claim: part * samples - 1})}),
+    )
+
+
+def sum_of_two() -> Edge:
+    reach = late_limit([AXIS], SPRING)
+    return Edge(
+        "a + b: margin: unstable at",
+        lambda part: design(
+            {"a": element(0.6 * reach), "b": element((part - 0.6) * reach)}, together=[["a", "b"]]
+        ),
+    )
+
+
+def gain_below_the_whole() -> Edge:
+    """Stable at the margin's gain and near none, but not between, if a late mass is too light."""
+    device = replace(AXIS, damping=0.154, velocity_filter_hz=None, acceleration_filter_hz=50.0)
+    light, heavy = 0.4, 4.0
+    while heavy > light * 1.0001:
+        middle = float(np.sqrt(light * heavy))
+        closed = late_limit([device], (113.4, 0.0, middle)) > 1
+        light, heavy = (light, middle) if closed else (middle, heavy)
+    return Edge(
+        "of the gain asked for",
+        lambda part: design(
+            {"a": element(113.4, 0.0, heavy / part)},
+            device={"damping": device.damping},
+            loop={"acceleration_filter_hz": 50.0},
+        ),
+    )
+
+
+def level_of_what_fades() -> Edge:
+    """A block that fades beside a spring, worst at a level between none and all of it."""
+    spring, block = np.array([1236.0, 0.0, 0.0]), np.array([2535.0, 0.0, 0.28])
+    late = replace(AXIS, acceleration_filter_hz=40.0)
+    sums = [spring + level * block for level in np.linspace(0, 1, 41)]
+    reaches = [late_limit([late], (float(K), 0.0, float(M))) for K, _, M in sums]
+    least = min(reaches)
+    assert least < 0.95 * min(reaches[0], reaches[-1])
+    return Edge(
+        "a + b: not proved stable while b fades",
+        lambda part: design(
+            {"a": element(*part * least * spring), "b": element(*part * least * block)},
+            together=[["a", "b"]],
+            loop={"acceleration_filter_hz": 40.0},
+        ),
+    )
+
+
+def longest_delay() -> Edge:
+    return Edge(
+        "samples are claimed, at most 64 judged",
+        lambda part: design({"a": element(50.0)}, device={"delay": (64 * part - EXTRA) * STEP}),
+    )
+
+
+def own_force() -> Edge:
+    """A device that may be pushed away a little from where it is."""
+    return Edge(
+        "device: position_stiffness",
+        lambda part: design(
+            {"a": element(100.0)},
+            device={"position_stiffness": interval(WIDER, low=(WIDER - 1) / part, high=2 * WIDER)},
+        ),
+    )
+
+
+LIMITED = {"force_limit": {"continuous": 14.0, "peak": 28.0}}
+
+
+def continuous_force() -> Edge:
+    return Edge(
+        "a + b: sustained force",
+        lambda part: design(
+            {"a": element(800.0), "b": element(part * 1400.0 - 800.0)},
+            device=LIMITED,
+            together=[["a", "b"]],
+        ),
+    )
+
+
+def peak_force() -> Edge:
+    """10 N of a spring, 6 N of a damper and 12 N of a mass, each by its own motion."""
+    quick = {"speed": 0.3, "acceleration": 20.0, "penetration": 0.02}
+    return Edge(
+        "a: peak force",
+        lambda part: design(
+            {"a": element(500.0, -20.0, part * 28 / 20 - 0.8, motion=quick, force_level=28.0)},
+            device=LIMITED | {"damping": 80.0},
+            loop={"acceleration_filter_hz": ACCELERATION},
+        ),
+    )
+
+
+def force_levels() -> Edge:
+    return Edge(
+        "a + b: cut force",
+        lambda part: design(
+            {
+                "a": element(500.0, force_level=20.0),
+                "b": element(500.0, force_level=28 * part - 20),
+            },
+            device=LIMITED,
+            together=[["a", "b"]],
+        ),
+    )
+
+
+NOISY = replace(FILTERED, stiffness=1000.0, added_damping=20.0, added_mass=0.3)
+
+
+def noise() -> float:
+    """N rms of one element that plays all effects, of an encoder of 6 µm."""
+    loop = Sampled(NOISY)
+    return loop.noise_gain(loop.force_numerator) * 6e-6 / float(np.sqrt(12))
+
+
+def ripple(**more: Any) -> Design:
+    sizes = NOISY.stiffness, NOISY.added_damping, NOISY.added_mass
+    whole = {"a": element(*sizes, ripple=more.pop("claim", 1e3))}
+    return design(whole, device={"encoder_resolution": 6e-6}, loop=FILTERS, **more)
+
+
+def limit_of_ripple() -> Edge:
+    return Edge("a: ripple", lambda part: ripple(ripple_limit=noise() / part))
+
+
+def claim_of_ripple() -> Edge:
+    return Edge("a: claims a ripple of", lambda part: ripple(claim=noise() / part))
+
+
+def passivity() -> Edge:
+    """A filtered damper, one sample late: b against T/2·Re{(1 - 1/z)·C/z}/(1 - cos θ)."""
+    theta = np.linspace(1e-3, np.pi, 20001)
+    z = np.exp(1j * theta)
+    needed = STEP / 2 * ((1 - 1 / z) * velocity(theta) / z).real / (1 - np.cos(theta))
+    reach = 10.0 / float(needed.max())
+    return Edge(
+        "a: claims passivity",
+        lambda part: design(
+            {"a": element(0.0, part * reach, margins={"passive": True})}, loop=FILTERS
+        ),
+    )
+
+
+def felt(law: Callable[[Array], Complex], hertz: float) -> complex:
+    """Force over velocity of a law that is held and a sample late, N·s/m."""
+    turn = 2j * np.pi * hertz
+    held = (1 - np.exp(-turn * STEP)) / (turn * STEP)
+    return complex(law(np.array([abs(turn) * STEP]))[0] * held * np.exp(-turn * STEP) / turn)
+
+
+def damping_of_a_mass() -> Edge:
+    """A damping of the device that a mass makes greater by a Weber fraction."""
+    reach = 10.0 * PERCEPTION["damping"] / felt(acceleration, 5.0).real
+    return Edge(
+        "of damping where 0 is asked for",
+        lambda part: design(
+            {"a": element(0.0, 0.0, part * reach)}, loop=FILTERS, perception=PERCEPTION
+        ),
+    )
+
+
+def faint_damping_of_a_mass() -> Edge:
+    """One force just noticed, where that is more than a Weber fraction of what the device has."""
+    dull = PERCEPTION | {"threshold": 4.0}
+    reach = 4.0 / 0.2 / felt(acceleration, 5.0).real
+    return Edge(
+        "of damping where 0 is asked for",
+        lambda part: design({"a": element(0.0, 0.0, part * reach)}, loop=FILTERS, perception=dull),
+    )
+
+
+def mass_of_a_damper() -> Edge:
+    """A mass of the device that a late damper makes less by a Weber fraction."""
+    taken = max(-felt(velocity, hertz).imag / (2 * np.pi * hertz) for hertz in (0.5, 5.0))
+    reach = 3.0 * (1 - 1 / (1 + PERCEPTION["mass"])) / taken
+    return Edge(
+        "of mass where 0 is asked for",
+        lambda part: design({"a": element(0.0, part * reach)}, loop=FILTERS, perception=PERCEPTION),
+    )
+
+
+def velocity(theta: Array) -> Complex:
+    """The estimate of velocity over position."""
+    z, pole = np.exp(1j * theta), np.exp(-2 * np.pi * VELOCITY * STEP)
+    return (1 - 1 / z) / STEP * (1 - pole) / (1 - pole / z)
+
+
+def acceleration(theta: Array) -> Complex:
+    """The estimate of acceleration over position."""
+    z, pole = np.exp(1j * theta), np.exp(-2 * np.pi * ACCELERATION * STEP)
+    return ((1 - 1 / z) / STEP * (1 - pole) / (1 - pole / z)) ** 2
+
+
+THETA = np.geomspace(1e-5, np.pi, 800)
+
+
+def response(samples: float, own: float) -> Complex:
+    """Position over a held force at angles THETA, with a spring of the device's own."""
+
+    def held(time: float) -> Array:
+        whole = np.zeros((3, 3))
+        whole[0, 1], whole[1] = 1.0, np.array([-own, -AXIS.damping, 1.0]) / AXIS.mass
+        return np.asarray(expm(whole * time))
+
+    late = samples - np.floor(samples)
+    z, moved = np.exp(1j * THETA), held(STEP)
+    new = held((1 - late) * STEP)[:2, 2]
+    pushed = new + (moved[:2, 2] - new) / z[:, None]
+    states = np.linalg.solve(z[:, None, None] * np.eye(2) - moved[:2, :2], pushed[..., None])
+    return states[:, 0, 0] * z ** -np.floor(samples)
+
+
+def holds(channels: Channels, *, steady: float = 0.0, own: float = 0.0) -> bool:
+    """Whether the condition of the clamps holds on a grid of angles, delays and levels."""
+    laws = [(1 if K else 0) + (B / K if K else 1) * velocity(THETA) for K, B, _, _ in channels]
+    taps = [
+        constant + sum((w * (1 - np.exp(-1j * n * THETA)) for n, w in each), 0.0 * THETA)
+        for _, _, constant, each in channels
+    ]
+    for part, level in product(PARTS, (0.0, GAIN / 2, GAIN) if steady else (0.0,)):
+        plant = response(1.0 + EXTRA * part, own)
+        plant = plant / (1 + level * steady * acceleration(THETA) * plant)
+        matrix = np.array(
+            [
+                [
+                    taps[i] * ((i == j) / (GAIN * (K or B)) + laws[i] * plant)
+                    for j in range(len(laws))
+                ]
+                for i, (K, B, _, _) in enumerate(channels)
+            ]
+        ).transpose(2, 0, 1)
+        whole = matrix + matrix.conj().transpose(0, 2, 1)
+        size = np.sqrt(np.abs(np.einsum("kii->ki", whole)))
+        if np.linalg.eigvalsh(whole / (size[:, :, None] * size[:, None, :])).min() <= 0:
+            return False
+    return True
+
+
+def reach_of(channels: Channels, **beside: float) -> float:
+    """The factor of all effects up to which the condition holds."""
+    low, high = 0.01, 20.0
+    while high > low * 1.0002:
+        middle = float(np.sqrt(low * high))
+        more = [(middle * K, middle * B, *rest) for K, B, *rest in channels]
+        low, high = (middle, high) if holds(more, **beside) else (low, middle)  # type: ignore[arg-type]
+    return low
+
+
+def proof(
+    *channels: tuple[str, float, Sequence[tuple[int, float]]], **more: Any
+) -> AbsoluteStability:
+    """What a profile states of a moment, for devices that are free if nothing else is said."""
+    multiplier = Multiplier(
+        channels=tuple(
+            Channel(
+                name=name,
+                constant=constant,
+                taps=tuple(Tap(samples=n, weight=w) for n, w in taps),
+            )
+            for name, constant, taps in channels
+        )
+    )
+    stated = {"gain": GAIN, "extra_delay_samples": EXTRA, "free": multiplier, "covers": ()}
+    return AbsoluteStability.model_validate(stated | more)
+
+
+WALL = (8000.0, 60.0)
+#: Of slope 1, as `Σ samples·weight`.
+ONE = ((1, 1.0),)
+THREE = ((1, 0.04), (8, 0.06), (14, 0.48 / 14))
+LONG = ((1, 0.4), (30, 0.02))
+
+
+def clamps(part: float, **beside: Any) -> Design:
+    """A wall of so many times its sizes, and what is beside it."""
+    wall = element(*(part * size for size in WALL), one_sided=True)
+    return design({"wall": wall} | beside, loop=FILTERS)
+
+
+def wall_alone() -> Edge:
+    reach = reach_of([(*WALL, 0.0, ONE)])
+    return Edge(
+        "wall: not proved stable with its clamps",
+        lambda part: clamps(part * reach),
+        {"wall": proof(("wall", 0.0, ONE))},
+    )
+
+
+def damper_beside_a_wall() -> Edge:
+    """Switched at any moment."""
+    reach = reach_of([(*WALL, 0.0, THREE), (0.0, 30.0, 8e-4, ())])
+    assert reach < 0.8 * reach_of([(*WALL, 0.0, THREE)])
+    return Edge(
+        "wall + water: not proved stable with its clamps",
+        lambda part: clamps(part * reach, water=element(0.0, part * reach * 30.0)),
+        {
+            "wall": proof(("wall", 0.0, THREE)),
+            "wall + water": proof(("wall", 0.0, THREE), ("damping", 8e-4, ())),
+        },
+    )
+
+
+def spring_beside_a_wall() -> Edge:
+    """A clamp of another signal."""
+    reach = reach_of([(*WALL, 0.0, THREE), (500.0, 0.0, 0.0, LONG)])
+    assert reach < 0.8 * reach_of([(*WALL, 0.0, THREE)])
+    return Edge(
+        "wall + rubber: not proved stable with its clamps",
+        lambda part: clamps(part * reach, rubber=element(part * reach * 500.0)),
+        {
+            "wall": proof(("wall", 0.0, THREE)),
+            "wall + rubber": proof(("wall", 0.0, THREE), ("rubber", 0.0, LONG)),
+        },
+    )
+
+
+def mass_beside_a_wall() -> Edge:
+    """That fades, at any level up to the margin's gain."""
+    reach = reach_of([(*WALL, 0.0, ONE)], steady=2.0)
+    assert reach < 0.95 * reach_of([(*WALL, 0.0, ONE)], steady=1.0)
+    return Edge(
+        "wall + cup: not proved stable with its clamps",
+        lambda part: clamps(part * reach, cup=element(0.0, 0.0, 2.0)),
+        {"wall": proof(("wall", 0.0, ONE)), "wall + cup": proof(("wall", 0.0, ONE))},
+    )
+
+
+def wall_of_a_held_device() -> Edge:
+    reach = reach_of([(*WALL, 1e-3, ONE)], own=500.0)
+    held = proof(("wall", 1e-3, ONE)).free
+    return Edge(
+        "wall: not proved stable with its clamps",
+        lambda part: design(
+            clamps(part * reach).elements, device={"position_stiffness": 500.0}, loop=FILTERS
+        ),
+        {"wall": proof(free=None, held=held)},
+    )
+
+
+EDGES: dict[str, Callable[[], Edge]] = {
+    **{f"box: {name}": lambda name=name: side_of_the_box(name) for name in SIDES},
+    **{
+        each.__name__: each
+        for each in (
+            delay_of_the_margin,
+            claimed_gain,
+            claimed_delay,
+            sum_of_two,
+            gain_below_the_whole,
+            level_of_what_fades,
+            longest_delay,
+            own_force,
+            continuous_force,
+            peak_force,
+            force_levels,
+            limit_of_ripple,
+            claim_of_ripple,
+            passivity,
+            damping_of_a_mass,
+            faint_damping_of_a_mass,
+            mass_of_a_damper,
+            wall_alone,
+            damper_beside_a_wall,
+            spring_beside_a_wall,
+            mass_beside_a_wall,
+            wall_of_a_held_device,
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("name", EDGES)
+def test_just_within_an_edge_passes_and_just_beyond_it_is_refused(name: str) -> None:
+    edge = EDGES[name]()
+    assert said(edge.made(1 - OFF), edge.witnesses) == ""
+    assert edge.words in said(edge.made(1 + OFF), edge.witnesses)

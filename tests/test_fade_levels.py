@@ -11,9 +11,9 @@ from tests.wall_axis import Axis
 from tests.wall_gates import transitions
 from tests.wall_play import Bench, Law
 from tune.certificate.branch_and_bound import Claim
-from tune.certificate.fade_levels import Corners, prove_levels
 from tune.certificate.point import Setting
 from tune.certificate.region import Region
+from tune.certificate.zero_exclusion import prove
 
 T = 1e-3
 #: K, B and M of what stays and of what fades, each with a level of its own; Hz of both filters.
@@ -89,10 +89,11 @@ def test_what_is_proved_is_what_is_stable_at_every_level(name: str, delay: float
                     acceleration_filter_hz=acceleration,
                 )
             )
-    found = Corners(settings=tuple(settings), nothing=len(settings) < len(corners))
     region = Region(
         mass=(3.0, 3.0), damping=(10.0, 10.0), sample_time=(T, T), delay=(delay * T, delay * T)
     )
-    edge = reach(name, delay)
-    assert prove_levels(region, found, Claim(gain=0.98 * edge, extra=0.0), 100_000).proved
-    assert not prove_levels(region, found, Claim(gain=1.02 * edge, extra=0.0), 20_000).proved
+    edge, nothing = reach(name, delay), len(settings) < len(corners)
+    for part, cells in ((0.98, 100_000), (1.02, 20_000)):
+        claims, others = [Claim(gain=part * edge, extra=0.0)], settings[1:]
+        found = prove(region, settings[0], claims, cells, others, or_nothing=nothing)
+        assert found.proved == (part < 1)

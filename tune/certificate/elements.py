@@ -178,7 +178,7 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
             return
     elif word == "lead":
         least, most = lead_of(grown, name)
-        if least < 0 or most > (element.lead or 0.0):
+        if element.one_sided and (least < 0 or most > (element.lead or 0.0)):
             return
     else:
         moments = [moment for moment in design.moments() if name in moment]

@@ -1,7 +1,6 @@
 """Sums with clamps that may be reached, as far as they are proved absolutely stable.
 
-Sizes are found by linear limits; here each sum is given the multipliers that prove it, and only
-where none does are its springs and dampers taken back.
+Sizes are found by linear limits; here each sum is given the multipliers that prove it.
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ _ALIKE = 9
 _FAINT, _KEPT = (0.3, 0.1, 0.03, 0.01, 1e-3, 0.0), 0.99
 #: Slope of a tap of one sample, as a part of that of all of them.
 _FIRST_TAP = (0.03, 3e-3, 3e-4)
-#: Times that sizes are taken back, and by how much at most; digits of what is left.
-_RETREATS, _STEEPEST, _DIGITS = 8, 0.5, 6
+#: Digits of a weight.
+_DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,47 +70,8 @@ def prove_moments(problem: Problem, sizes: FloatArray, known: AllFound | None = 
     }
 
 
-def scale_to_proved(
-    problem: Problem, sizes: FloatArray, found: AllFound
-) -> tuple[FloatArray, AllFound]:
-    """Springs and dampers scaled alike until every moment is proved with the whole margin.
-
-    That is exact for one clamp: its gain grows as its sizes fall.
-
-    Sizes have shape (unknowns,), SI units, before and after; below the least of an unknown where
-    nothing larger is proved. What was found is of the sizes before.
-    """
-    for _ in range(_RETREATS):
-        worst = min(
-            (m for m in problem.moments if m.absolute), key=lambda m: found[m.elements].gain
-        )
-        gain, own = found[worst.elements].gain, _scaled(problem, worst)
-        if gain >= problem.proved_gain or not own or np.any(sizes[own] < problem.low[own]):
-            break
-        part = max(gain / problem.proved_gain, _STEEPEST) * (1 - ROOM / 10)
-        sizes = sizes.copy()
-        sizes[own] = [_floored(size * part) for size in sizes[own].tolist()]
-        found = prove_moments(problem, sizes, found)
-    else:
-        sizes = np.zeros_like(sizes)
-    return sizes, found
-
-
 def _members(moment: Moment) -> set[int]:
     return {index for members in moment.members for index in members}
-
-
-def _scaled(problem: Problem, moment: Moment) -> list[int]:
-    """Springs, and dampers of their elements, that are not settled."""
-    stiffness, damping, _ = moment.members
-    sprung = {problem.unknowns[i].element for i in stiffness}
-    return [
-        i
-        for i in (*stiffness, *damping)
-        if not problem.unknowns[i].settled
-        and problem.unknowns[i].element in sprung
-        and problem.unknowns[i].sign > 0
-    ]
 
 
 def search_gain(
@@ -224,12 +184,6 @@ def nonlinearities(
         for (lead, inertia), (names, K) in clamps.items()
     )
     return Nonlinearities(clamps=found, damping=damping), tuple(steady)
-
-
-def _floored(size: float) -> float:
-    """Rounded to six digits towards nothing."""
-    unit = 10.0 ** (np.floor(np.log10(size)) - _DIGITS + 1) if size > 0 else 1.0
-    return round_to_digits(float(np.floor(size / unit) * unit))
 
 
 def witness_of(found: ProvedGain, margin: Margin, slack: float) -> AbsoluteStability:

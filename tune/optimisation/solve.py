@@ -30,9 +30,11 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-#: Tries with more room for the proof of clamps, so much of what the last one was short of; more
-#: than this short, room is no help.
-_MOST_ROOMS, _LESS_ROOM, _HOPELESS = 6, 0.7, 2.5
+#: Tries with more room for the proof of clamps, each so much of what the last one was short of; one
+#: that is short of more than this part of what the one before was does not help.
+_MOST_ROOMS, _LESS_ROOM, _HELPS = 10, 0.7, 0.999
+#: A gain as good as none.
+_NO_GAIN = 0.05
 #: Why the damper of a wall goes with its spring.
 _NO_WALL = "without its stiffness it would be no wall"
 #: In the logarithm of the product, where cut-offs are still looked for.
@@ -143,16 +145,17 @@ def _solved(
     found: AllFound = {}
     if second_opinion and any(moment.absolute for moment in problem.moments):
         sizes, found, tightest = _stepped_back(problem, linear, tuned, dropped)
-        parts = sizes / problem.low
-        if np.any(parts < 1) or any(one.gain < problem.proved_gain for one in found.values()):
+        gain = min(one.gain for one in found.values())
+        if gain < problem.proved_gain:
             clash = _pair(task.scene, elements, tightest)
             if clash is not None:
                 return Solution(
                     problem=problem, sizes=np.empty(0), dropped=dropped, method="none", clash=clash
                 )
-            index = int(np.argmin(np.where([u.settled for u in problem.unknowns], np.inf, parts)))
-            why = f"pushing on one side, or cut, it is proved stable to {sizes[index]:.4g} at most"
-            reason = {problem.unknowns[index].label: why}
+            own = [u for u in problem.unknowns if not u.settled]
+            label = min(own, key=lambda u: u.effect != "stiffness").label
+            why = f"pushing on one side, or cut, it is proved stable to a gain of {gain:.4g} only"
+            reason = {label: why}
             _refuse_broken_ranges(problem, reason)
             return _solved(
                 task,
@@ -183,8 +186,8 @@ def _stepped_back(
 ) -> tuple[FloatArray, AllFound, tuple[str, ...]]:
     """Sizes whose clamps are proved, by what, and the moment that linear sizes proved least.
 
-    More room is left to linear limits until the proof holds; where that does not help, springs and
-    dampers are scaled. All sizes have shape (unknowns,), SI units.
+    More room is left to linear limits until the proof holds, or as long as that helps. All sizes
+    have shape (unknowns,), SI units.
 
     Args:
         problem: with clamps.
@@ -192,22 +195,21 @@ def _stepped_back(
         tuned: the optimum with some more room.
         dropped: what is left out; with more room no more may be.
     """
-    from tune.optimisation.saturation import prove_moments, scale_to_proved
+    from tune.optimisation.saturation import prove_moments
 
-    sizes, room = linear, 0.0
+    sizes, room, before = linear, 0.0, np.inf
     found = prove_moments(problem, sizes)
     tightest = min(found, key=lambda elements: found[elements].gain)
     for _ in range(_MOST_ROOMS):
-        short = problem.proved_gain / max(min(each.gain for each in found.values()), 1e-3)
-        if short <= 1:
-            return sizes, found, tightest
-        room += _LESS_ROOM * (short - 1)
+        short = problem.proved_gain / max(min(each.gain for each in found.values()), _NO_GAIN)
+        if short <= 1 or short > _HELPS * before:
+            break
+        room, before = room + _LESS_ROOM * (short - 1), short
         less, other, also = tuned(room)
-        if short > _HOPELESS or other is None or other.sizes is None or also != dropped:
+        if other is None or other.sizes is None or also != dropped:
             break
         sizes = round_sizes(less, other.sizes)
         found = prove_moments(problem, sizes, found)
-    sizes, found = scale_to_proved(problem, sizes, found)
     return sizes, found, tightest
 
 

@@ -126,25 +126,16 @@ def test_modes_and_lag_are_rehearsed_too() -> None:
     assert of(loud, "release") <= {"keeps-oscillating", "diverges"}
 
 
-@pytest.mark.parametrize(("delay", "quiet", "loud"), [(1, 4.25, 7.0), (2, 2.84, 5.0)])
-def test_a_gate_against_the_damper_shakes_a_wall_beyond_its_proof_only(
-    delay: int, quiet: float, loud: float
-) -> None:
-    """A wall that only pushes, so many times 1154 N/m and 82 N·s/m; linear it is stable beyond 15.
-
-    A gate destabilises from 5.59 with one sample of delay and from 3.41 with two; up to 4.25 and
-    2.84 it is proved that none does.
-    """
-    gain = np.array([quiet, loud])
-    wall = Element(stiffness=1154.0 * gain, damping=82.0 * gain, one_sided=True)
-    walls = Controller(velocity_filter_hz=72.55, beside=(wall,))
-    rig = replace(HOMEREHAB, delay=delay * T, coulomb_friction=0.0)
+def test_callers_shake_what_is_beyond_its_proof_only() -> None:
+    """The proved wall of HomeRehab beside a damper that is switched as well, and six times both."""
+    gain = np.array([1.0, 6.0])
+    wall = Element(stiffness=21_900.0 * gain, damping=142.0 * gain, one_sided=True, level=28.0)
+    damper = Element(damping=20.0 * gain)
+    walls = Controller(velocity_filter_hz=35.0, beside=(wall, damper))
+    rig = replace(HOMEREHAB, coulomb_friction=0.0)
     found = rehearse(rig, walls, force_allowed=10.0, duration=0.6)
     assert [each.settles for each in found] == [True, False]
-    vetoes = found[1].vetoes
-    assert {trial.name for trial in vetoes} >= {"near wall"}
-    assert all("gated against it" in trial.reason for trial in vetoes)
-    assert vetoes[0].verdict == "diverges"
+    assert {trial.name for trial in found[1].vetoes} >= {"near wall"}
 
 
 def test_another_device_that_it_may_be_is_played_and_named() -> None:

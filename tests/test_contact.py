@@ -93,8 +93,10 @@ def _stated(
     device: Device, wall: tuple[float, float, float | None], *, one_sided: bool
 ) -> tuple[float, float]:
     K, B, cutoff = wall
-    element = _tuned().elements["wall"].model_copy(
-        update={"stiffness": K, "damping": B, "one_sided": one_sided}
+    element = (
+        _tuned()
+        .elements["wall"]
+        .model_copy(update={"stiffness": K, "damping": B, "one_sided": one_sided})
     )
     filters = Filters(velocity_filter_hz=cutoff)
     found = contact(device, device.simultaneous_box(), filters, element, 1.0).restitution

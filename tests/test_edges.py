@@ -5,9 +5,13 @@ Where an edge is, others say: loops in z with 360 digits, and responses written 
 
 from __future__ import annotations
 
+import copy
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, reduce
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,13 +20,14 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.stats import chi2, norm
 
+from identification import Device, load_device, round_to_digits, to_mapping, to_yaml
 from tests.reference import crossings
 from tests.sampled_loops import Case, loop_along
 from tests.sampled_reference import Sampled
-from tune import CheckFailedError
+from tune import CheckFailedError, Scene, check, optimise
 from tune.certificate.certify import certify
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
-from tune.documents.profile import Design
+from tune.documents.profile import Design, LimitedBy, PerceptionProfile, digest_of
 
 #: How far from an edge, relative.
 OFF = 0.005
@@ -331,19 +336,21 @@ def force_levels() -> Edge:
     )
 
 
-NOISY = replace(FILTERED, stiffness=1000.0, added_damping=20.0, added_mass=0.3)
+VISCOUS = replace(AXIS, velocity_filter_hz=VELOCITY, added_damping=1.0)
+NOISY = replace(FILTERED, delay_samples=1.5, stiffness=1000.0, added_damping=20.0, added_mass=0.3)
 
 
-def noise() -> float:
-    """N rms of one element that plays all effects, of an encoder of 6 µm."""
-    loop = Sampled(NOISY)
+def noise(case: Case = NOISY) -> float:
+    """N rms that an encoder of 6 µm makes of an element."""
+    loop = Sampled(case)
     return loop.noise_gain(loop.force_numerator) * 6e-6 / float(np.sqrt(12))
 
 
 def ripple(**more: Any) -> Design:
     sizes = NOISY.stiffness, NOISY.added_damping, NOISY.added_mass
     whole = {"a": element(*sizes, ripple=more.pop("claim", 1e3))}
-    return design(whole, device={"encoder_resolution": 6e-6}, loop=FILTERS, **more)
+    device = {"encoder_resolution": 6e-6, "delay": interval(STEP, high=1.5 * STEP)}
+    return design(whole, device=device, loop=FILTERS, **more)
 
 
 def limit_of_ripple() -> Edge:
@@ -359,11 +366,13 @@ def passivity() -> Edge:
     theta = np.linspace(1e-3, np.pi, 20001)
     z = np.exp(1j * theta)
     needed = STEP / 2 * ((1 - 1 / z) * velocity(theta) / z).real / (1 - np.cos(theta))
-    reach = 10.0 / float(needed.max())
+    reach = (10.0 - 2 * WIDER) / float(needed.max())
     return Edge(
         "a: claims passivity",
         lambda part: design(
-            {"a": element(0.0, part * reach, margins={"passive": True})}, loop=FILTERS
+            {"a": element(0.0, part * reach, margins={"passive": True})},
+            device={"damping": interval(10.0, low=8.0)},
+            loop=FILTERS,
         ),
     )
 
@@ -601,3 +610,225 @@ def test_just_within_an_edge_passes_and_just_beyond_it_is_refused(name: str) -> 
     edge = EDGES[name]()
     assert said(edge.made(1 - OFF), edge.witnesses) == ""
     assert edge.words in said(edge.made(1 + OFF), edge.witnesses)
+
+
+WET = {"water": element(0.0, 30.0)}
+FREE = proof(("wall", 0.0, THREE)).free
+DAMPED = {
+    "wall": proof(("wall", 0.0, THREE)),
+    "wall + water": proof(("wall", 0.0, THREE), ("damping", 8e-4, ())),
+}
+
+
+@pytest.mark.parametrize(
+    ("false", "words"),
+    [
+        ({"wall": proof(("wall", 0.0, THREE), gain=GAIN * (1 - OFF))}, "the margin asks for 2"),
+        ({"wall": proof(("wall", 0.0, THREE), extra_delay_samples=1 - OFF)}, "the margin asks for"),
+        ({"wall": proof(free=None)}, "wall: absolute_stability, free: no multiplier is stated"),
+        ({"wall": proof(free=FREE, held=FREE)}, "wall: absolute_stability, held: a multiplier is"),
+        ({"wall": proof(("wall", 1e-3, THREE))}, "needs taps and no constant"),
+        ({"wall": proof(("wall", 0.0, ()))}, "needs taps and no constant"),
+        ({"wall": proof(("door", 0.0, THREE))}, "is of door, not of wall"),
+        ({"wall + water": proof(("wall", 0.0, THREE))}, "is of wall, not of wall, damping"),
+        (
+            {"wall + water": proof(("wall", 0.0, THREE), ("damping", 0.0, ()))},
+            "damping that is switched is a constant above zero",
+        ),
+    ],
+)
+def test_a_false_multiplier_proves_nothing(false: dict[str, AbsoluteStability], words: str) -> None:
+    made = clamps(1.0, **WET)
+    assert said(made, DAMPED) == ""
+    assert words in said(made, DAMPED | false)
+
+
+@pytest.mark.parametrize("moment", DAMPED)
+def test_every_set_that_a_wall_is_met_in_needs_a_multiplier(moment: str) -> None:
+    """A wall is met beside whatever is played, unless the two are apart."""
+    made = clamps(1.0, **WET)
+    left = {name: each for name, each in DAMPED.items() if name != moment}
+    assert f"{moment}: its force may be cut or push on one side only" in said(made, left)
+    apart = Design.model_validate(made.model_dump(by_alias=True) | {"apart": [("wall", "water")]})
+    assert (said(apart, left) == "") == (moment != "wall")
+
+
+def test_a_device_that_may_have_no_damping_has_no_walls() -> None:
+    """Though its own damper makes the linear loop stable: what is only pushed may swing up."""
+    within, beyond = (
+        design(
+            {"wall": element(200.0, 60.0, one_sided=True)},
+            device={"damping_slope": {"low": least, "high": 10.0}},
+            loop=FILTERS,
+        )
+        for least in (10.0 * OFF, 0.0)
+    )
+    stated = {"wall": proof(("wall", 0.0, THREE))}
+    assert said(within, stated) == ""
+    assert "no damping" in said(beyond, stated)
+
+
+STATED_AXIS = {
+    "motion": "linear",
+    "encoder_resolution": 6e-6,
+    "force_limit": {"continuous": 14.0, "peak": 28.0},
+    "sample_time": STEP,
+    "mass": AXIS.mass,
+    "delay": STEP,
+}
+
+
+def loud_damping(limit_of_ripple: float) -> float:
+    """Damping of which an encoder of 6 µm makes so much noise."""
+    low, high = 1.0, 1000.0
+    while high > low * (1 + 1e-6):
+        middle = float(np.sqrt(low * high))
+        quiet = noise(replace(VISCOUS, added_damping=middle)) < limit_of_ripple
+        low, high = (middle, high) if quiet else (low, middle)
+    return low
+
+
+#: What is asked for of one effect on a device of so much damping, by the limit that is met; and how
+#: large others say it can be.
+LARGEST: dict[LimitedBy, tuple[dict[str, Any], float, Callable[[PerceptionProfile], float]]] = {
+    "delay-margin": (
+        {"stiffness": "max", "penetration": 0.001},
+        AXIS.damping,
+        lambda _: limit(AXIS.later(2.0), SPRING) / 3.0,
+    ),
+    "force": ({"stiffness": "max", "penetration": 0.02}, AXIS.damping, lambda _: 14.0 / 0.02),
+    "ripple": ({"damping": "max", "speed": 0.01}, AXIS.damping, lambda _: loud_damping(0.05)),
+    "rendering": (
+        {"mass": "max"},
+        60.0,
+        lambda table: 60.0 * table.damping / felt(acceleration, 5.0).real,
+    ),
+}
+
+
+@pytest.mark.parametrize("word", LARGEST)
+def test_the_tuner_goes_to_the_edge_and_not_beyond(word: LimitedBy) -> None:
+    """With the margin that is called conservative: gain 3, two samples late."""
+    wanted, damping, largest = LARGEST[word]
+    scene = {"elements": {"a": wanted}, "loop": FILTERS, "margin": "conservative"}
+    profile = optimise(
+        Device.model_validate(STATED_AXIS | {"damping": damping}),
+        Scene.model_validate(scene | {"ripple_limit": 0.05}),
+    )
+    ((effect, limited_by),) = profile.elements["a"].limited_by.items()
+    assert profile.perception is not None
+    most = largest(profile.perception)
+    assert most * (1 - OFF) < getattr(profile.elements["a"], effect) < most * (1 + 1e-5)
+    assert limited_by == word
+
+
+@cache
+def content() -> dict[str, Any]:
+    """A profile with a wall, its lead just reached, and a cup."""
+    elements = {
+        "wall": {"stiffness": 15000.0, "damping": "max", "one_sided": True},
+        "cup": {"mass": "max", "damping": 30.0},
+    }
+    loop = {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 25.0}
+    wanted = Scene.model_validate({"elements": elements, "loop": loop})
+    return to_mapping(optimise(load_device("homerehab"), wanted))
+
+
+def checked(folder: Path, change: Callable[[dict[str, Any]], None] = lambda _: None) -> str:
+    """What `check` says against the profile after a change, signed anew."""
+    changed = copy.deepcopy(content())
+    changed.pop("digest")
+    change(changed)
+    path = folder / "profile.yaml"
+    path.write_text(to_yaml(changed | {"digest": digest_of(changed)}), encoding="utf-8")
+    try:
+        check(path)
+    except CheckFailedError as error:
+        return "\n".join(error.failures)
+    return ""
+
+
+#: Numbers that `check` computes anew, of elements and of the rest, by what is told of them at once.
+FELT = ("rendered", "perceived_steps")
+STATED = ("contact", "ripple", "margins.jitter", "margins.absolute_gain")
+CERTIFIED = (
+    *("certificate.confidence", "certificate.mass", "certificate.damping", "certificate.delay"),
+    *("certificate.sample_time", "certificate.delay_samples", "certificate.gain"),
+    *("certificate.extra_delay_samples", "loop.sample_time", "loop.extra_delay_samples"),
+    "certificate.worst.pole_radius",
+)
+#: What is a difference of larger numbers is told from a part of these.
+PARTS_OF_MORE = {"net_damping": 3, "lead": 3}
+
+
+def off(place: Any, key: str, words: str, told: Counter[str]) -> Any:
+    """All numbers of a part of a profile half a per cent off, and how often each is to be told."""
+    if isinstance(place, dict):
+        return {name: off(each, name, f"{words}.{name}", told) for name, each in place.items()}
+    if isinstance(place, list):
+        return [off(each, key, words, told) for each in place]
+    told[words] += 1
+    return place and round_to_digits(place * (1 + OFF * PARTS_OF_MORE.get(key, 1)), 12)
+
+
+@pytest.mark.parametrize("keys", [FELT, STATED, CERTIFIED], ids=["felt", "stated", "certified"])
+def test_every_number_half_a_per_cent_off_is_told(keys: tuple[str, ...], tmp_path: Path) -> None:
+    told: Counter[str] = Counter()
+
+    def change(profile: dict[str, Any]) -> None:
+        elements = profile["elements"].items()
+        places = [(profile, "")] if keys is CERTIFIED else [(e, f"{n}: ") for n, e in elements]
+        for place, begins in places:
+            for key in keys:
+                *above, last = key.split(".")
+                inner = reduce(lambda part, name: part.get(name, {}), above, place)
+                if last in inner:
+                    inner[last] = off(inner[last], last, begins + key, told)
+
+    said_of = checked(tmp_path, change)
+    for words, count in told.items():
+        # Both ends of an interval are told in one sentence.
+        seen = said_of.count(f"{words} ")
+        assert seen >= (1 if keys is CERTIFIED else count), words
+    assert len(told) >= 9
+    assert "in what haptune writes" not in said_of
+
+
+def test_the_profile_itself_passes(tmp_path: Path) -> None:
+    assert checked(tmp_path) == ""
+
+
+def _less(profile: dict[str, Any]) -> None:
+    margins = profile["elements"]["wall"]["margins"]
+    margins["jitter"] = round_to_digits(margins["jitter"] * (1 - OFF), 12)
+
+
+def _worst(**update: Any) -> Callable[[dict[str, Any]], None]:
+    return lambda profile: profile["certificate"]["worst"].update(update)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda p: p["certificate"]["interior"].pop("wall + cup"), "does not say that wall + cup"),
+        (lambda p: p["certificate"]["interior"].update(air="proved"), "has no such moment"),
+        (lambda p: p["certificate"]["absolute_stability"].pop("wall + cup"), "no multiplier is"),
+        (_worst(elements=["wall"]), "certificate.worst.pole_radius says"),
+        (_worst(delay_samples=2.0 * (1 + OFF)), "certificate.worst is not a point of the box"),
+        (_less, "wall: margins.jitter says"),
+        (lambda p: p["elements"]["wall"].update(lead=1e-3 * (1 - OFF)), "before its face"),
+        (lambda p: p["elements"]["wall"]["margins"].update(gain=3.0), "more than the"),
+    ],
+)
+def test_a_false_word_is_told(
+    change: Callable[[dict[str, Any]], None], words: str, tmp_path: Path
+) -> None:
+    assert words in checked(tmp_path, change)
+
+
+def test_a_profile_that_was_changed_after_it_was_signed_is_refused(tmp_path: Path) -> None:
+    changed = copy.deepcopy(content()) | {"scene": "another"}
+    path = tmp_path / "profile.yaml"
+    path.write_text(to_yaml(changed | {"digest": digest_of(content())}), encoding="utf-8")
+    with pytest.raises(CheckFailedError, match="changed after it was certified"):
+        check(path)

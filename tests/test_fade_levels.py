@@ -7,13 +7,17 @@ from itertools import product
 import numpy as np
 import pytest
 
+from identification import load_device, quantity
 from tests.wall_axis import Axis
 from tests.wall_gates import transitions
 from tests.wall_play import Bench, Law
+from tune import Scene, optimise
 from tune.certificate.branch_and_bound import Claim
+from tune.certificate.certify import certify
 from tune.certificate.point import Setting
 from tune.certificate.region import Region
 from tune.certificate.zero_exclusion import prove
+from tune.documents.errors import CheckFailedError
 
 T = 1e-3
 #: K, B and M of what stays and of what fades, each with a level of its own; Hz of both filters.
@@ -97,3 +101,51 @@ def test_what_is_proved_is_what_is_stable_at_every_level(name: str, delay: float
         claims, others = [Claim(gain=part * edge, extra=0.0)], settings[1:]
         found = prove(region, settings[0], claims, cells, others, or_nothing=nothing)
         assert found.proved == (part < 1)
+
+
+def test_what_is_stable_in_whole_and_in_every_part_may_not_be_in_between() -> None:
+    """A tenth of a block beside all of a feather: the pole radius there is 1.0003."""
+    device = load_device("homerehab")
+    device = device.model_copy(update={"mass": quantity(3.0), "damping": quantity(10.0)})
+    elements = {
+        "spring": {"stiffness": 50.0, "penetration": 0.01},
+        "block": {"stiffness": 100.0, "mass": 0.5, "penetration": 0.01},
+        "feather": {"mass": -0.5, "damping": 20.0},
+    }
+    scene = {
+        "elements": elements,
+        "together": [["spring", "block", "feather"]],
+        "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+        "ripple_limit": 5.0,
+    }
+    plain = optimise(device, Scene.model_validate(scene))
+    sizes = {
+        "spring": (114.787, 0.0, 0.0),
+        "block": (9357.18, 0.0, 5.18394),
+        "feather": (0.0, 8.547153, -1.796808),
+    }
+    filters = {"velocity_filter_hz": 10.196, "acceleration_filter_hz": 5.05}
+
+    def refused(part: float) -> set[str]:
+        """Moments that are refused for what they are between nothing and all."""
+        # The margin asks for twice as much, a sample later.
+        played = {
+            name: plain.elements[name].model_copy(
+                update={
+                    **dict(
+                        zip(("stiffness", "damping", "mass"), part / 2 * np.array(own), strict=True)
+                    ),
+                    "margins": plain.elements[name].margins.model_copy(
+                        update={"gain": 2.0, "extra_delay_samples": 1.0}
+                    ),
+                }
+            )
+            for name, own in sizes.items()
+        }
+        loop = plain.loop.model_copy(update=filters)
+        with pytest.raises(CheckFailedError) as error:
+            certify(plain.model_copy(update={"loop": loop, "elements": played}))
+        return {each.split(":")[0] for each in error.value.failures if "fades in or out" in each}
+
+    assert refused(0.4) == set()
+    assert refused(1.0) == {"block + feather", "spring + block + feather"}

@@ -23,7 +23,7 @@ from tune.optimisation._optimise import optimise
 from tune.optimisation.limits import is_feasible
 from tune.optimisation.nash import largest_product
 from tune.optimisation.problem import DesignTask, pose
-from tune.optimisation.solve import backends, groups, solve
+from tune.optimisation.solve import backends, groups
 from tune.stability.verdict import largest
 
 #: A spring that acts at once takes little of the damping away, so that stability limits it.

@@ -15,41 +15,56 @@ from tune.documents.effects import EFFECT_NAMES
 from tune.documents.perception import (
     PerceptionTable,
     WeberFraction,
-    chance_to_tell_apart,
     default_table,
-    perceived_steps,
     published_fractions,
-    references,
-    steps_estimate,
-    value_at_steps,
 )
+from tune.documents.scene import DEFAULT_MOTION
+from tune.documents.steps import Scale, chance_to_tell_apart
+
+MOTION = DEFAULT_MOTION["linear"]
 
 
 def test_the_mass_of_one_step_on_homerehab_is_0_68_kg() -> None:
-    table = default_table()
-    device = load_device("homerehab")
-    reference = references(device, table)["mass"]
-    assert value_at_steps(1, reference, table.mass.value, 1) == pytest.approx(0.676, abs=0.002)
+    scale = Scale.of("mass", load_device("homerehab"), default_table(), MOTION)
+    assert scale.value_at(1.0, 1) == pytest.approx(0.676, abs=0.002)
 
 
 def test_stiffness_reference_is_masked_force_over_penetration() -> None:
-    device = load_device("homerehab")
-    assert references(device, default_table())["stiffness"] == pytest.approx(0.8 / 0.01)
+    scale = Scale.of("stiffness", load_device("homerehab"), default_table(), MOTION)
+    assert scale.reference == pytest.approx(0.8 / 0.01)
 
 
-@given(steps=st.floats(0.01, 30), reference=st.floats(0.01, 100), sign=st.sampled_from([1, -1]))
-def test_steps_and_values_are_inverse(steps: float, reference: float, sign: int) -> None:
-    value = value_at_steps(steps, reference, 0.25, sign)
+@given(
+    steps=st.floats(0.01, 30),
+    reference=st.floats(0.01, 100),
+    floor=st.floats(1e-3, 100),
+    sign=st.sampled_from([1, -1]),
+)
+def test_steps_are_the_integral_of_webers_law_with_a_floor(
+    steps: float, reference: float, floor: float, sign: int
+) -> None:
+    """In 20 digits: ∫ dI/max(I, corner), over ln(1 + w), from the device to device and effect."""
+    import mpmath
+
+    scale = Scale(reference=reference, weber=0.25, floor=floor)
+    value = scale.value_at(steps, sign)
     assert math.copysign(1, value) == sign
+    with mpmath.workdps(20):
+        step = mpmath.log(mpmath.mpf("1.25"))
+        corner = floor / step
+        ends = sorted([mpmath.mpf(reference), mpmath.mpf(reference) + value])
+        places = [ends[0], *([corner] if ends[0] < corner < ends[1] else []), ends[1]]
+        found = mpmath.quad(lambda each: 1 / max(each, corner), places) / step
+    assert scale.steps(value) == pytest.approx(steps, rel=1e-6)
     if value > -reference * (1 - 1e-9):
-        assert perceived_steps(value, reference, 0.25) == pytest.approx(steps, rel=1e-5)
+        assert float(found) == pytest.approx(steps, rel=1e-5)
 
 
 def test_steps_carry_the_interval_of_the_fraction() -> None:
     """1 kg on 3 kg: the step it was shown as is d', 1.415 of them, 1.06 to 1.78 by the counts."""
     table = default_table()
-    steps = perceived_steps(1.0, 3.0, table.mass.value)
-    found = steps_estimate(steps, table.mass)
+    scale = Scale(reference=3.0, weber=table.mass.value, floor=0.01)
+    found = scale.estimate(1.0, table.mass)
     assert found.value == pytest.approx(1.415, abs=1e-3)
     weber = table.mass.estimate()
     assert weber.low is not None
@@ -57,15 +72,16 @@ def test_steps_carry_the_interval_of_the_fraction() -> None:
     assert found.low == pytest.approx(math.log(4 / 3) / math.log(1 + weber.high))
     assert found.high == pytest.approx(math.log(4 / 3) / math.log(1 + weber.low))
     bare = WeberFraction(value=0.2, source="mine")
-    assert steps_estimate(3.0, bare).low is None
+    assert scale.estimate(3.0, bare).low is None
     ranged = WeberFraction(value=0.2, low=0.1, high=0.3, source="mine")
-    assert steps_estimate(1.0, ranged).high == pytest.approx(math.log(1.2) / math.log(1.1))
+    plain = Scale(reference=5.0, weber=0.2, floor=0.01)
+    assert plain.estimate(1.0, ranged).high == pytest.approx(math.log(1.2) / math.log(1.1))
 
 
 def test_one_step_is_told_in_84_percent_of_forced_choices() -> None:
     device = load_device("homerehab")
     table = default_table()
-    one = value_at_steps(1, 3.0, table.mass.value, 1)
+    one = Scale.of("mass", device, table, MOTION).value_at(1.0, 1)
     telling = chance_to_tell_apart("mass", 0.0, one, device=device)
     assert telling.steps.value == pytest.approx(1)
     assert telling.forced_choice.value == pytest.approx(0.8413, abs=1e-4)

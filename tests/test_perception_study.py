@@ -16,10 +16,8 @@ from tests.simulated.user_study import AREA_1, AREA_2, PEOPLE
 from tests.study_replay import COLUMN, TABLE_3, equal_trials, study_of
 from tune.documents.discrimination import Answers, Study
 from tune.documents.effects import EFFECT_NAMES, EffectName
-from tune.documents.perception import (
-    chance_to_tell_apart,
-    default_table,
-)
+from tune.documents.perception import default_table
+from tune.documents.steps import chance_to_tell_apart
 
 NORMAL = NormalDist()
 #: Table 3: the success rates with equal and with different settings as printed, %.

@@ -35,19 +35,22 @@ def profile_with(**device: Any) -> SafeProfile:
 
 
 def test_every_moment_is_played_with_its_walls_and_its_fades() -> None:
-    """Wall, cup, rubber, and wall with cup."""
-    _, law, _ = rehearsed(profile_with())
-    cup, fade = tuned().elements["cup"].mass, tuned().elements["cup"].fade_time
+    """Wall, cup, rubber, and the wall with each of them."""
+    profile = profile_with()
+    names = [set(moment) for moment in profile.moments()]
+    _, law, _ = rehearsed(profile)
+    size = {name: element.stiffness for name, element in profile.elements.items()}
+    cup, fade = profile.elements["cup"].mass, profile.elements["cup"].fade_time
     assert fade >= 0.1
-    np.testing.assert_array_equal(law.stiffness, [0, 0, 700, 0])
-    walls, fading = law.beside
-    assert walls.one_sided
-    assert not fading.one_sided
+    assert law.size() == len(names)
+    wall, spring, fading = law.beside
+    assert [each.one_sided for each in law.beside] == [True, False, False]
+    there = {each: np.array([each in moment for moment in names]) for each in size}
     for element, name, wanted in (
-        (walls, "stiffness", [500, 0, 0, 500]),
-        (walls, "damping", [10, 0, 0, 10]),
-        (fading, "mass", [0, cup, 0, cup]),
-        (fading, "fade_time", [0, fade, 0, fade]),
+        (wall, "stiffness", size["wall"] * there["wall"]),
+        (spring, "stiffness", size["rubber"] * there["rubber"]),
+        (fading, "mass", cup * there["cup"]),
+        (fading, "fade_time", fade * there["cup"]),
     ):
         np.testing.assert_array_equal(getattr(element, name), wanted)
 
@@ -74,7 +77,7 @@ def test_slopes_of_friction_and_its_stiffness_are_among_the_devices_played() -> 
     assert [each.stiffness[0] for each in options["others"]] == [0, 0, 0, 200.0]
 
 
-def test_nothing_that_fades_or_pushes_only_costs_nothing() -> None:
+def test_what_no_moment_has_is_not_played() -> None:
     wall = tuned().elements["wall"]
     _, law, _ = rehearsed(tuned().model_copy(update={"elements": {"wall": wall}, "together": ()}))
-    assert law.beside == ()
+    assert len(law.beside) == 1

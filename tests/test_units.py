@@ -88,7 +88,7 @@ def _calibrated(case: Mangled, *options: str, hardware: bool) -> Ended:
         position=log.position * case.position,
     )
     Path("log.csv").write_text(log_text(changed), encoding="utf-8")
-    damping = load_device(case.device).damping.value
+    damping = 4 * load_device(case.device).damping.value
     Path("scene.yaml").write_text(f"elements: {{water: {{damping: {damping}}}}}", encoding="utf-8")
     if hardware:
         assert haptune("new", "hardware", "--device", case.device, "--quiet").code == 0

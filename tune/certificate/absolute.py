@@ -13,10 +13,11 @@ eigenvalue, and the first is not negative, so that positive definite is a positi
 
     Π aᵢ + Σ Re(pᵢ·G)·Π_{j≠i} aⱼ - ¼|G|²·Σ_{i<j} |pᵢ - pⱼ|²·Π_{k≠i,j} aₖ > 0.
 
-Multiplied by |D|², G = N/D, nothing is divided by what may vanish. Where nothing holds the position
-M(1) = 0 in every clamp, of which a multiplier then has a slope Σ weight·samples of 1: with another
-none would prove two clamps near θ = 0. There the pole of G is taken out of p and D, and θ² out of
-every a of a clamp and out of the difference of two p.
+Multiplied by |D|², G = N/D, nothing is divided by what may vanish, and a positive one has no D of
+zero: what fades, at any level within G, moves no pole across the circle. Where nothing holds the
+position M(1) = 0 in every clamp, of which a multiplier then has a slope Σ weight·samples of 1: with
+another none would prove two clamps near θ = 0. There the pole of G is taken out of p and D, and θ²
+out of every a of a clamp and out of the difference of two p.
 """
 
 from __future__ import annotations
@@ -28,14 +29,24 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.affine import AffineForm, ComplexArray, FloatArray, Term, real_lower_bound
+from tune.certificate.affine import (
+    AffineForm,
+    FloatArray,
+    Term,
+    conjugate,
+    real_lower_bound,
+    real_part,
+    squared_modulus,
+)
 from tune.certificate.branch_and_bound import Cells, Claim, Proof, decide, initial_cells
 from tune.certificate.mechanism import Mechanism
 from tune.certificate.point import Setting
 from tune.certificate.region import Region
-from tune.certificate.value_set import rate_of, sampled_plant, sinc
+from tune.certificate.value_set import rate_of, sampled_plant, sinc, sinc_beyond
 from tune.certificate.zero_exclusion import as_affine, mechanism_of, terms_of
 from tune.documents.certified import Channel, Multiplier
+
+_TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,225 +63,147 @@ class Nonlinear:
     damping: Setting | None
     steady: tuple[Setting, ...]
 
-    @property
-    def channels(self) -> list[Setting]:
-        """The clamps, then what is damping only."""
-        return [*self.clamps.values(), *(() if self.damping is None else (self.damping,))]
-
 
 def prove_absolute(
     region: Region, sum_: Nonlinear, multiplier: Multiplier, claim: Claim, most_cells: int
 ) -> Proof:
     """Show the condition everywhere in a region, for every gain up to that of the claim.
 
-    For a smaller gain the first matrix only grows. What the device must be by itself, no pole on or
-    outside the unit circle but one at z = 1 where nothing holds it, is for `open_device_failure`,
-    and with steady effects for the proof of their linear loop.
+    For a smaller gain the first matrix only grows. It says of the linear loop that no pole crosses
+    the circle, at any level of each part; by itself the device has none there, as its damping and
+    that of its modes is above zero: all that moves loses energy, springs and hands or not, but for
+    one pole at z = 1 where nothing holds the position.
 
     Args:
         region: the box, all of it free or all of it grounded.
-        sum_: clamps and damping in the order of the multiplier's channels; the steady ones act at
-            any part from nothing to the gain.
-        multiplier: with a channel for each.
+        sum_: what is played; its steady elements act at any part from nothing to the gain.
+        multiplier: with a channel for each clamp, or one for several, and for damping.
         claim: gain and extra delay.
         most_cells: budget.
 
     Raises:
-        ValueError: the multiplier says nothing about the region.
+        ValueError: device or multiplier allow no such proof.
     """
-    refusal = multiplier_failure(region, sum_, multiplier)
-    if refusal is not None:
-        raise ValueError(refusal)
-    merged, count = region.merged(), len(sum_.steady)
+    channels = _channels(region, sum_, multiplier)
+    if not min([region.damping[0], *(mode.damping_ratio[0] for mode in region.modes)]) > 0:
+        raise ValueError("the device or a mode may have no damping, and what moves it may pump it")
+    merged = region.merged()
     sides = 3 + len(merged.sides())
     begun = initial_cells(merged, [Claim(gain=0.0, extra=claim.extra)])
-    levels = np.ones((count, len(begun))) * claim.gain
+    levels = np.full((len(sum_.steady), len(begun)), claim.gain)
     begun = Cells(np.vstack([begun.low, 0 * levels]), np.vstack([begun.high, levels]))
 
     def examine(cells: Cells) -> tuple[NDArray[np.bool_], FloatArray]:
         symbols = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
         terms = terms_of(cells, symbols)
         theta = as_affine(terms[0], cells, len(symbols))
+        steady = list(zip(terms[sides:], sum_.steady, strict=True))
+        pull = np.zeros_like(cells.low)
         with np.errstate(all="ignore"):
             condition, factors = _determinant(
-                theta,
-                mechanism_of(merged, terms[:sides]),
-                sum_,
-                multiplier,
-                claim.gain,
-                terms[sides:],
+                theta, mechanism_of(merged, terms[:sides]), channels, claim.gain, steady
             )
-            holds = real_lower_bound(condition) > 0
-        pull = np.zeros_like(cells.low)
-        for index, row in enumerate(symbols):
-            pull[row] = np.abs(condition.slopes[index].real)
-        shares = _bent(symbols, factors, len(cells.low))
-        return holds, pull + condition.real * shares
+            # What is not straight comes from products: by the squares of the factors' slopes.
+            bent = np.nan_to_num(
+                [np.abs(each.slopes / each.centre) for each in factors], posinf=1e3
+            )
+            shares = np.sum(bent**2, axis=0) + _TINY
+        pull[symbols] = np.abs(condition.slopes.real) + condition.real * shares / shares.sum(axis=0)
+        return real_lower_bound(condition) > 0, pull
 
     proof = decide(begun, examine, most_cells)
-    if proof.doubt is None:
-        return proof
     # Without the levels, which no point of a region has.
     kept = [*range(sides - 3), -1]
-    return replace(proof, doubt=proof.doubt[kept])
+    return proof if proof.doubt is None else replace(proof, doubt=proof.doubt[kept])
 
 
-def multiplier_failure(region: Region, sum_: Nonlinear, multiplier: Multiplier) -> str | None:
-    """Why a multiplier says nothing about a region; None where it may."""
+def _channels(
+    region: Region, sum_: Nonlinear, multiplier: Multiplier
+) -> list[tuple[Setting, Channel]]:
+    """Each clamp, then what is damping only, with its multiplier; clamps may share one."""
     names = [*sum_.clamps, *(() if sum_.damping is None else ("damping",))]
-    seen = [channel.name for channel in multiplier.channels]
-    if seen != names:
-        return f"its multiplier is of {', '.join(seen) or 'nothing'}, not of {', '.join(names)}"
-    for place, channel in enumerate(multiplier.channels):
-        clamp = place < len(sum_.clamps)
-        if not clamp and (channel.taps or not channel.constant):
-            return "the multiplier of damping that is switched is a constant above zero"
-        if clamp and region.grounded and not channel.constant:
-            return f"a device that is held asks for a constant in the multiplier of {channel.name}"
-        if clamp and not region.grounded and (channel.constant or not channel.taps):
-            return f"a device that nothing holds asks for taps alone in that of {channel.name}"
-    return None
-
-
-def open_device_failure(region: Region) -> str | None:
-    """Why a device may have poles by itself that the theorem does not allow; None where not.
-
-    With damping above zero on the rigid mass and on every mode all that moves loses energy, so that
-    every pole of the mechanism, bound by springs and hands or not, lies in the left half-plane, but
-    one at zero where nothing holds the position; a lag is stable, the hold maps s to e^(sT), and a
-    delay adds poles at z = 0.
-    """
-    if not region.damping[0] > 0:
-        return "the device may have no damping, and what moves it freely may then pump it"
-    if any(not mode.damping_ratio[0] > 0 for mode in region.modes):
-        return "a vibration mode may have no damping"
-    return None
-
-
-def _bent(symbols: Sequence[int], factors: Sequence[AffineForm], sides: int) -> FloatArray:
-    """Guess of each side's share in what is not straight: products of slopes of the factors.
-
-    Args:
-        symbols: sides that move something.
-        factors: forms that are multiplied.
-        sides: of the cells.
-    """
-    shares = np.zeros((sides, factors[0].centre.size))
-    for form in factors:
-        with np.errstate(all="ignore"):
-            relative = np.abs(form.slopes) / np.abs(form.centre)
-        shares[list(symbols)] += np.nan_to_num(relative, posinf=1e3) ** 2
-    return shares / np.maximum(shares.sum(axis=0), np.finfo(float).tiny)
+    pairs = [(name, each) for each in multiplier.channels for name in each.name.split(" + ")]
+    own, rest = dict(pairs[: len(sum_.clamps)]), pairs[len(sum_.clamps) :]
+    if own.keys() != sum_.clamps.keys() or [name for name, _ in rest] != names[len(own) :]:
+        seen = ", ".join(name for name, _ in pairs) or "nothing"
+        raise ValueError(f"its multiplier is of {seen}, not of {', '.join(names)}")
+    for name, channel in own.items():
+        if bool(channel.constant) != region.grounded or not (channel.taps or region.grounded):
+            least = "a constant above zero" if region.grounded else "taps and no constant"
+            where = "is held" if region.grounded else "nothing holds"
+            raise ValueError(f"the multiplier of {name} needs {least} where a device {where}")
+    if any(channel.taps or not channel.constant for _, channel in rest):
+        raise ValueError("the multiplier of damping that is switched is a constant above zero")
+    nonlinear = [*sum_.clamps.values(), *([] if sum_.damping is None else [sum_.damping])]
+    return list(
+        zip(nonlinear, [*(own[name] for name in sum_.clamps), *dict(rest).values()], strict=True)
+    )
 
 
 def _determinant(
     theta: AffineForm,
     mechanism: Mechanism,
-    sum_: Nonlinear,
-    multiplier: Multiplier,
+    channels: Sequence[tuple[Setting, Channel]],
     gain: float,
-    levels: Sequence[Term],
+    steady: Sequence[tuple[Term, Setting]],
 ) -> tuple[AffineForm, list[AffineForm]]:
-    """|D|² times the determinant, without what they have of θ where nothing is grounded.
-
-    Beside it the forms of which it is made.
-    """
+    """(|D|² times the determinant, what it is made of), without θ where nothing is grounded."""
     plant = sampled_plant(theta, mechanism)
-    step, grounded = mechanism.sample_time, mechanism.grounded
+    step, one, square = mechanism.sample_time, theta * 0.0 + 1.0, real_part(theta * theta)
     # What the estimates have of s = jθ meets the pole of the plant.
-    s = theta * 1j if grounded else theta * 0.0 + 1.0
+    s = theta * 1j if mechanism.grounded else one
     seen, bottom = plant.numerator, plant.denominator
-    for level, setting in zip(levels, sum_.steady, strict=True):
+    for level, setting in steady:
         bottom = bottom + seen * (s * rate_of(theta, plant.half_sinc, step, setting)) * level
-    clamps = len(sum_.clamps)
     sizes: list[AffineForm] = []
     products: list[AffineForm] = []
-    beyond: list[AffineForm] = []
-    for setting, channel in zip(sum_.channels, multiplier.channels, strict=True):
+    apart: list[AffineForm] = []
+    for setting, channel in channels:
         size = setting.stiffness or setting.damping
-        rate = theta * 0.0 + rate_of(theta, plant.half_sinc, step, setting) * (1 / size)
-        if not setting.stiffness:
-            sizes.append(theta * 0.0 + channel.constant / (gain * size))
-            products.append(s * rate * channel.constant)
-        elif grounded:
-            real, product = _held_multiplier(theta, channel)
-            sizes.append(real * (1 / (gain * size)))
-            products.append(product * (theta * 1j * rate + 1.0))
-        else:
-            real, rest = _free_multiplier(theta, channel)
-            sizes.append(real * (1 / (gain * size)))
-            beyond.append(rest + rate * 1j + theta * rest * rate * 1j)
-            products.append(theta * beyond[-1] + 1.0)
+        rate = one * 0.0 + rate_of(theta, plant.half_sinc, step, setting) * (1 / size)
+        real, product = one * channel.constant, s * rate * channel.constant
+        if setting.stiffness:
+            real, slope, rest = _taps(theta, channel, normal=not mechanism.grounded)
+            whole = theta * rest + slope
+            if mechanism.grounded:
+                real = square * real + channel.constant
+                product = (theta * 1j * whole + channel.constant) * (theta * 1j * rate + 1.0)
+            else:
+                apart.append(rest + whole * rate * 1j)
+                product = theta * apart[-1] + 1.0
+        sizes.append(real * (1 / (gain * size)))
+        products.append(product)
+    clamps = len(apart)
     # θ² that was taken out of every clamp.
-    out = theta * 0.0 + 1.0 if grounded else _real(theta * theta)
-    square, size = _squared(bottom), _squared(seen)
-    loop = seen * _conjugate(bottom)
-    total = out * square * _product(sizes)
+    out = square if clamps else one
+    loop, squared = seen * conjugate(bottom), squared_modulus(seen)
+    total = out * squared_modulus(bottom) * _product(sizes)
     for i, product in enumerate(products):
-        term = _real(loop * product) * _product(sizes, without=(i,))
+        term = real_part(loop * product) * _product(sizes, without=(i,))
         total = total + (term if i < clamps else out * term)
     for i, j in combinations(range(len(products)), 2):
-        if j < clamps and not grounded:
-            apart = _squared(beyond[i] - beyond[j])
-        else:
-            apart = _squared(products[i] - products[j])
-        total = total - size * apart * _product(sizes, without=(i, j)) * 0.25
+        between = apart[i] - apart[j] if j < clamps else products[i] - products[j]
+        others = _product(sizes, without=(i, j)) * 0.25
+        total = total - squared * squared_modulus(between) * others
     return total, [bottom, seen, *sizes, *products]
 
 
-def _held_multiplier(theta: AffineForm, channel: Channel) -> tuple[AffineForm, AffineForm]:
-    """(Re M, M)."""
-    real = product = theta * 0.0 + channel.constant
-    square = _real(theta * theta)
-    for tap in channel.taps:
-        half = theta * (tap.samples / 2)
-        ratio = sinc(half)
-        # 1 - e^(-jx) = jx·sinc(x/2)·e^(-jx/2), and its real part 2·sin²(x/2).
-        real = real + square * (ratio * ratio) * (tap.weight * tap.samples**2 / 2)
-        product = product + theta * 1j * ratio * half.turn() * (tap.weight * tap.samples)
-    return real, product
+def _taps(
+    theta: AffineForm, channel: Channel, *, normal: bool
+) -> tuple[AffineForm, float, AffineForm]:
+    """(Re M/θ², M/(jθ) at θ = 0, what is more of it over θ) of the taps of a multiplier.
 
-
-def _free_multiplier(theta: AffineForm, channel: Channel) -> tuple[AffineForm, AffineForm]:
-    """(Re M/θ², (M/(jθ) - 1)/θ) of a multiplier of taps alone, its slope made 1."""
+    Where it is to be normal they are weighed so that the second is 1.
+    """
     slope = sum(tap.weight * tap.samples for tap in channel.taps)
     real = rest = theta * 0.0
     for tap in channel.taps:
-        n, weight = tap.samples, tap.weight * tap.samples / slope
-        ratio = sinc(theta * (n / 2))
-        square = ratio * ratio
-        real = real + square * (weight * n / 2)
-        # (sinc(x)·e^(-jx) - 1)/θ, x = nθ/2: its parts n·(sinc(2x) - 1)/(2x) and -n/2·sinc²(x).
-        rest = rest + _sinc_beyond(theta * n) * (weight * n) - square * (weight * n / 2 * 1j)
-    return real, rest
-
-
-def _sinc_beyond(angle: AffineForm) -> AffineForm:
-    """(sin(x)/x - 1)/x of a real form; its second derivative is ∫∫ s²·sin(sx), at most 1/12."""
-    x = angle.centre.real
-    small = np.abs(x) < 0.1
-    safe = np.where(small, 1.0, x)
-    square = x * x
-    # By series below 0.1, where the quotients lose digits: next terms below 1e-15.
-    value = np.where(
-        small,
-        -x / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72))),
-        (np.sin(safe) / safe - 1) / safe,
-    )
-    slope = np.where(
-        small,
-        -1
-        / 6
-        * (
-            1
-            - 3
-            * square
-            / 20
-            * (1 - 5 * square / 126 * (1 - 7 * square / 360 * (1 - 9 * square / 770)))
-        ),
-        (np.cos(safe) - 2 * np.sin(safe) / safe + 1) / safe**2,
-    )
-    return angle.of_real(value, slope, 1 / 12)
+        n, weight = tap.samples, tap.weight * tap.samples / (slope if normal else 1.0)
+        # 1 - e^(-jx) = 2·sin²(x/2) + j·sin(x).
+        square = sinc(theta * (n / 2))
+        square = square * square * (weight * n / 2)
+        real, rest = real + square, rest + sinc_beyond(theta * n) * (weight * n) - square * 1j
+    return real, 1.0 if normal else slope, rest
 
 
 def _product(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term:
@@ -279,24 +212,3 @@ def _product(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term
         if index not in without:
             total = term * total
     return total
-
-
-def _conjugate(form: AffineForm) -> AffineForm:
-    return AffineForm(np.conj(form.centre), np.conj(form.slopes), form.real, form.imag)
-
-
-def _real(form: AffineForm) -> AffineForm:
-    """The real part."""
-    return AffineForm(
-        _complex(form.centre), _complex(form.slopes), form.real, np.zeros_like(form.real)
-    )
-
-
-def _complex(values: ComplexArray) -> ComplexArray:
-    return values.real.astype(np.complex128)
-
-
-def _squared(form: AffineForm) -> AffineForm:
-    """|x|²."""
-    real, imag = _real(form), _real(form * -1j)
-    return real * real + imag * imag

@@ -191,6 +191,23 @@ def inverse(term: Term) -> Term:
     return term.inverse() if isinstance(term, AffineForm) else 1 / term
 
 
+def real_part(form: AffineForm) -> AffineForm:
+    """Re x."""
+    centre, slopes = (part.real.astype(np.complex128) for part in (form.centre, form.slopes))
+    return AffineForm(centre, slopes, form.real, np.zeros_like(form.real))
+
+
+def conjugate(form: AffineForm) -> AffineForm:
+    """Re x - j·Im x."""
+    return AffineForm(np.conj(form.centre), np.conj(form.slopes), form.real, form.imag)
+
+
+def squared_modulus(form: AffineForm) -> AffineForm:
+    """|x|²."""
+    real, imag = real_part(form), real_part(form * -1j)
+    return real * real + imag * imag
+
+
 def add_axis(term: Term) -> Term:
     """Room for an axis before that of the cells."""
     return term.stacked() if isinstance(term, AffineForm) else term

@@ -19,13 +19,12 @@ from tune.certificate.bounds import (
     passivity_failures,
     ripple_failures,
 )
-from tune.certificate.fade_levels import judge_levels
 from tune.certificate.moments import MomentInRegion, judge_moments, place_of
 from tune.certificate.point import setting_of
 from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import Region, regions_of
 from tune.certificate.rendered import rendering_failures
-from tune.certificate.switched import is_clamped, judge_switched
+from tune.certificate.switched import is_clamped, judge_levels, judge_switched
 from tune.certificate.worst_point import WorstCase
 from tune.documents.certified import (
     AbsoluteStability,

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 
-from tune.certificate.absolute import (
-    Nonlinear,
-    multiplier_failure,
-    open_device_failure,
-    prove_absolute,
-)
-from tune.certificate.branch_and_bound import Claim, Proof
-from tune.certificate.fade_levels import Corners, prove_levels
-from tune.certificate.point import Setting, setting_of
+from tune.certificate.absolute import Nonlinear, prove_absolute
+from tune.certificate.branch_and_bound import Claim
+from tune.certificate.point import setting_of
 from tune.certificate.region import Region
-from tune.documents.certified import AbsoluteStability, Multiplier
+from tune.certificate.zero_exclusion import prove
+from tune.documents.certified import AbsoluteStability
 from tune.documents.profile import Design
 
 #: Multipliers by moment, its elements joined by " + ".
@@ -28,8 +24,6 @@ STEADY = "what fades, at any constant level of each element"
 #: Cells of a proof. Near the resonance of a device on a stiff hand a weak wall needs 450 000, and
 #: more margin would not make them fewer.
 _MOST_CELLS = 1_000_000
-#: Clamps whose B/K and M/K agree to this part act on one signal.
-_ALIKE = 1e-8
 _REMEDY = "Ask for less stiffness or damping, or name it apart from what it is not met with"
 
 
@@ -78,22 +72,29 @@ def judge_switched(
             f"{witness.extra_delay_samples:.6g} extra samples, the margin asks for {least:.6g} "
             f"with {extra:.6g}"
         )
-    for name, stated, there in (
-        ("free", witness.free, not all(region.grounded for region in regions)),
-        ("held", witness.held, any(region.grounded for region in regions)),
-    ):
-        if stated is not None and not there:
-            return Outcome(
-                failure=f"{where}: absolute_stability states a {name} multiplier, and no device "
-                f"or hand of the box is {name}. Tune again"
-            )
+    stated = {False: witness.free, True: witness.held}
+    for grounded, kind in ((False, "free"), (True, "held")):
+        there = any(region.grounded == grounded for region in regions)
+        if there != (stated[grounded] is not None):
+            failure = "no multiplier is stated, and some device or hand of the box is"
+            if not there:
+                failure = "a multiplier is stated, and no device or hand of the box is"
+            return Outcome(failure=f"{where}: absolute_stability, {kind}: {failure}. Tune again")
     sum_ = nonlinear_parts(design, moment)
     claim = Claim(gain=witness.gain, extra=extra)
     cells = 0
     for region in regions:
-        multiplier = witness.held if region.grounded else witness.free
-        failure, proof = _prove(region, sum_, multiplier, claim, most_cells or _MOST_CELLS)
-        cells += 0 if proof is None else proof.cells
+        multiplier, failure = stated[region.grounded], None
+        assert multiplier is not None
+        try:
+            proof = prove_absolute(region, sum_, multiplier, claim, most_cells or _MOST_CELLS)
+        except ValueError as error:
+            failure = str(error)
+        else:
+            cells += proof.cells
+            if proof.doubt is not None:
+                place = region.merged().point(proof.doubt[:-1, 0], float(proof.doubt[-1, 0]))
+                failure = f"the condition could not be shown at {place.words()}, {cells} cells"
         if failure is not None:
             return Outcome(
                 cells=cells,
@@ -109,79 +110,55 @@ def judge_switched(
     return Outcome(cells=cells, proved=witness.model_copy(update={"covers": covers}))
 
 
+def judge_levels(
+    design: Design, moment: tuple[str, ...], regions: tuple[Region, ...], most_cells: int
+) -> tuple[int, str | None]:
+    """(cells looked at, why a moment is not proved at every level or None).
+
+    On the way in and out an element is played in part, each at a level of its own in [0, 1]. For
+    one device, frequency and gain the loop D + s·N is straight in every level, so that its values
+    fill the convex hull of those where each level is 0 or 1. Alone an element goes through smaller
+    gains of itself; a moment with a clamp that may be reached is proved at any level of each.
+
+    Args:
+        design: whose margin is to be kept.
+        moment: elements felt together, proved stable at their full levels like every part of them.
+        regions: of device and hand.
+        most_cells: budget for each.
+    """
+    fading = [name for name in moment if design.elements[name].fades]
+    if not fading or len(moment) == 1 or is_clamped(design, moment):
+        return 0, None
+    corners = [
+        setting_of(design, tuple(name for name in moment if name not in absent))
+        for count in range(len(fading) + 1)
+        for absent in combinations(fading, count)
+    ]
+    first, *others = [corner for corner in corners if corner is not None]
+    margin = design.margin
+    claim = Claim(gain=margin.gain, extra=float(margin.extra_delay_samples))
+    cells = 0
+    for region in regions:
+        proof = prove(region, first, [claim], most_cells, others, or_nothing=None in corners)
+        cells += proof.cells
+        if not proof.proved:
+            return cells, (
+                f"{region.words(moment)}: not proved stable while {', '.join(fading)} fades in or "
+                f"out beside the others, within {proof.cells} cells. Ask for less, or leave it out "
+                "of what is felt together"
+            )
+    return cells, None
+
+
 def nonlinear_parts(design: Design, moment: tuple[str, ...]) -> Nonlinear:
     """Clamps, what is damping only, and what fades without a spring."""
-    clamps: dict[str, Setting] = {}
-    steady: list[Setting] = []
-    damping: Setting | None = None
-    for name in moment:
-        element, setting = design.elements[name], setting_of(design, (name,))
-        if setting is None:
-            continue
-        if element.stiffness:
-            # Clamps of one signal are one clamp, as stiff as their sum.
-            alike = next((known for known, each in clamps.items() if _alike(each, setting)), None)
-            if alike is None:
-                clamps[name] = setting
-            else:
-                both = f"{alike} + {name}", _sum(clamps[alike], setting)
-                clamps = dict(both if each[0] == alike else each for each in clamps.items())
-        elif element.fades:
-            steady.append(setting)
-        else:
-            before = 0.0 if damping is None else damping.damping
-            damping = replace(setting, damping=before + setting.damping)
-    return Nonlinear(clamps=clamps, damping=damping, steady=tuple(steady))
-
-
-def _prove(
-    region: Region,
-    sum_: Nonlinear,
-    multiplier: Multiplier | None,
-    claim: Claim,
-    most_cells: int,
-) -> tuple[str | None, Proof | None]:
-    """(why it is not proved or None, the proof as far as it went)."""
-    failure = open_device_failure(region)
-    if failure is None and multiplier is None:
-        failure = "no multiplier is stated"
-    if failure is None and multiplier is not None:
-        failure = multiplier_failure(region, sum_, multiplier)
-    if failure is not None or multiplier is None:
-        return failure, None
-    if sum_.steady and not _stable_alone(region, sum_.steady, claim):
-        return "what fades is not proved stable by itself", None
-    proof = prove_absolute(region, sum_, multiplier, claim, most_cells)
-    if proof.proved:
-        return None, proof
-    assert proof.doubt is not None
-    *_, extra = proof.doubt[:, 0]
-    place = region.merged().point(proof.doubt[:-1, 0], float(extra))
-    return f"the condition could not be shown at {place.words()}, {proof.cells} cells", proof
-
-
-def _stable_alone(region: Region, steady: tuple[Setting, ...], claim: Claim) -> bool:
-    """Whether the device is stable with what fades, at every level and gain up to the claim's."""
-    sums: list[Setting] = []
-    for setting in steady:
-        sums += [*(_sum(each, setting) for each in sums), setting]
-    corners = Corners(settings=tuple(sums), nothing=True)
-    return prove_levels(region, corners, claim, _MOST_CELLS).proved
-
-
-def _sum(first: Setting, second: Setting) -> Setting:
-    return replace(
-        first,
-        stiffness=first.stiffness + second.stiffness,
-        damping=first.damping + second.damping,
-        mass=first.mass + second.mass,
+    played = {name: setting for name in moment if (setting := setting_of(design, (name,)))}
+    clamps = {name: each for name, each in played.items() if each.stiffness}
+    steady = {name for name in played if design.elements[name].fades} - clamps.keys()
+    dampers = [each for name, each in played.items() if name not in {*clamps, *steady}]
+    total = sum(each.damping for each in dampers)
+    return Nonlinear(
+        clamps=clamps,
+        damping=replace(dampers[0], damping=total) if dampers else None,
+        steady=tuple(each for name, each in played.items() if name in steady),
     )
-
-
-def _alike(first: Setting, second: Setting) -> bool:
-    """Whether B/K and M/K agree."""
-    pairs = (
-        (first.damping * second.stiffness, second.damping * first.stiffness),
-        (first.mass * second.stiffness, second.mass * first.stiffness),
-    )
-    return all(abs(a - b) <= _ALIKE * max(abs(a), abs(b)) for a, b in pairs)

@@ -32,6 +32,9 @@ from tune.certificate.affine import (
 from tune.certificate.mechanism import Mechanism, Scaled
 from tune.certificate.point import Setting, Sizes
 
+#: (sin(x)/x - 1)/x by powers of x², next term 1e-15 at 0.1; beyond it the quotient keeps digits.
+_SERIES, _SHORT = np.array([1 / 362_880, -1 / 5040, 1 / 120, -1 / 6]), 0.1
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValueSet:
@@ -90,7 +93,11 @@ def sampled_plant(theta: AffineForm, mechanism: Mechanism) -> SampledPlant:
 
 
 def value_set(
-    theta: AffineForm, mechanism: Mechanism, setting: Setting, sizes: Sizes | None = None
+    theta: AffineForm,
+    mechanism: Mechanism,
+    setting: Setting,
+    sizes: Sizes | None = None,
+    plant: SampledPlant | None = None,
 ) -> ValueSet:
     """Value set of D + s·N over cells of θ in [0, π] and of the mechanism.
 
@@ -99,10 +106,11 @@ def value_set(
         mechanism: everything that is not known exactly.
         setting: which effects are played, and their filters.
         sizes: of these effects, where they differ from cell to cell, each of shape (cells,).
+        plant: of this angle and mechanism, where it is known.
     """
     sizes = sizes or setting.sizes
     stiffness = sizes[0]
-    plant = sampled_plant(theta, mechanism)
+    plant = plant or sampled_plant(theta, mechanism)
     s = theta * 1j
     seen, denominator, whole = plant.numerator, plant.denominator, plant.whole
     rate = rate_of(theta, plant.half_sinc, mechanism.sample_time, setting, sizes)
@@ -113,7 +121,9 @@ def value_set(
     else:
         varied = seen * rate
         rising = real_lower_bound(varied) if mechanism.free_and_rigid else None
-        return ValueSet(fixed=denominator, varied=varied, start=denominator, rising=rising)
+        # θ is out of both, and what is left of jθ turns them as it turns those with a spring.
+        fixed = denominator * 1j
+        return ValueSet(fixed=fixed, varied=varied * 1j, start=fixed, rising=rising)
     varied = law * seen
     if mechanism.grounded:
         return ValueSet(fixed=whole, varied=varied, start=denominator)
@@ -195,6 +205,18 @@ def sinc(angle: AffineForm) -> AffineForm:
         (np.cos(other) - np.sin(other) / other) / other,
     )
     return angle.of_real(value, slope, 1 / 3)
+
+
+def sinc_beyond(angle: AffineForm) -> AffineForm:
+    """(sin(x)/x - 1)/x of a real form; its second derivative is ∫∫ s²·sin(sx), at most 1/12."""
+    x = angle.centre.real
+    short = np.abs(x) < _SHORT
+    safe = np.where(short, 1.0, x)
+    ratio = np.sin(safe) / safe
+    value = np.where(short, x * np.polyval(_SERIES, x * x), (ratio - 1) / safe)
+    slopes = np.polyval(_SERIES * [7, 5, 3, 1], x * x)
+    slope = np.where(short, slopes, (np.cos(safe) - 2 * ratio + 1) / safe**2)
+    return angle.of_real(value, slope, 1 / 12)
 
 
 def rate_of(

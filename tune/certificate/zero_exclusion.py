@@ -26,10 +26,18 @@ from tune.certificate.branch_and_bound import (
 from tune.certificate.mechanism import Mechanism
 from tune.certificate.point import Setting, Sizes, groups_of_equal_effects
 from tune.certificate.region import Region
-from tune.certificate.value_set import excludes_zero, gain_vertices, value_set
+from tune.certificate.value_set import excludes_zero, gain_vertices, sampled_plant, value_set
 
 
-def prove(region: Region, setting: Setting, claims: Sequence[Claim], most_cells: int) -> Proof:
+def prove(
+    region: Region,
+    setting: Setting,
+    claims: Sequence[Claim],
+    most_cells: int,
+    others: Sequence[Setting] = (),
+    *,
+    or_nothing: bool = False,
+) -> Proof:
     """Exclude crossings everywhere in a region, for several claims at once.
 
     Args:
@@ -37,11 +45,14 @@ def prove(region: Region, setting: Setting, claims: Sequence[Claim], most_cells:
         setting: what is played, not nothing.
         claims: gains and extra delays.
         most_cells: budget.
+        others: played as well as all that lies between it and these.
+        or_nothing: whether what lies between it and nothing is, beside the others.
     """
+    corners = [(each, each.sizes) for each in (setting, *others)]
     return branch_and_bound(
         region,
         claims,
-        lambda merged, cells: _exclusion_test(merged, setting, setting.sizes, cells),
+        lambda merged, cells: _exclusion_test(merged, corners, cells, or_nothing=or_nothing),
         most_cells,
     )
 
@@ -90,7 +101,8 @@ def _proved_at_once(
         np.add.at(seen, which, 1)
         plain = Cells(cells.low[:-1], cells.high[:-1])
         stiffness, damping, mass = sizes[:, which]
-        holds, pull = _exclusion_test(region, asked[0][0], (stiffness, damping, mass), plain)
+        played = (asked[0][0], (stiffness, damping, mass))
+        holds, pull = _exclusion_test(region, [played], plain)
         return holds, np.vstack([pull, np.zeros(len(cells))])
 
     begun = Cells(
@@ -103,24 +115,32 @@ def _proved_at_once(
 
 
 def _exclusion_test(
-    region: Region, setting: Setting, sizes: Sizes, cells: Cells
+    region: Region,
+    corners: Sequence[tuple[Setting, Sizes]],
+    cells: Cells,
+    *,
+    or_nothing: bool = False,
 ) -> tuple[NDArray[np.bool_], FloatArray]:
-    """(no crossing in the cell, how much each side moves the loop)."""
+    """(no crossing in the cell, how much each side moves the loop).
+
+    D + s·N is straight in what is played: what lies between corners is in their convex hull.
+    """
     moving = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
     symbols = [row for row in moving if row != 1]
     terms = terms_of(cells, symbols)
+    theta, mechanism = as_affine(terms[0], cells, len(symbols)), mechanism_of(region, terms)
+    low, high = cells.low[1], cells.high[1]
     with np.errstate(all="ignore"):
-        response = value_set(
-            as_affine(terms[0], cells, len(symbols)), mechanism_of(region, terms), setting, sizes
-        )
-        bottom, top = gain_vertices(response, cells.low[1], cells.high[1])
-        excluded = excludes_zero(bottom, top)
-        if response.rising is not None and region.damping[0] >= 0:
-            excluded |= response.rising > 0
+        plant = sampled_plant(theta, mechanism)
+        found = [value_set(theta, mechanism, *corner, plant) for corner in corners]
+        forms = [form for each in found for form in gain_vertices(each, low, high)]
+        excluded = excludes_zero(*forms, *((found[0].start,) if or_nothing else ()))
+        rising = [each.rising for each in found if each.rising is not None]
+        if len(rising) == len(found) and region.damping[0] >= 0:
+            excluded |= np.min(rising, axis=0) > 0
         pull = np.zeros_like(cells.low)
-        for index, row in enumerate(symbols):
-            pull[row] = np.maximum(np.abs(bottom.slopes[index]), np.abs(top.slopes[index]))
-        pull[1] = np.abs(response.varied.centre) * (cells.high[1] - cells.low[1]) / 2
+        pull[symbols] = np.max([np.abs(form.slopes) for form in forms], axis=0)
+        pull[1] = np.max([np.abs(each.varied.centre) for each in found], axis=0) * (high - low) / 2
         return excluded, pull
 
 

@@ -66,17 +66,24 @@ class Scale:
         """c/ln(1 + w): steps are linear below it and logarithmic above, with one slope there."""
         return self.floor / float(np.log1p(self.weber))
 
+    @property
+    def parts(self) -> tuple[float, float, float]:
+        """What is up to the corner, the larger of reference and corner, and the corner."""
+        return self.corner - self.reference, max(self.reference, self.corner), self.corner
+
     def through(self, share: float) -> Scale:
         """The scale of commanded sizes of which this share is felt."""
         return replace(self, reference=self.reference / share, floor=self.floor / share)
 
     def steps(self, value: float) -> float:
         """Steps from the bare device to the device with an effect of this value."""
-        top = self.corner - self.reference
-        above = max(value, top) - max(0.0, top)
-        below = min(value, top) - min(0.0, top)
-        height = np.log(1 + above / max(self.reference, self.corner)) + below / self.corner
-        return float(abs(height) / np.log1p(self.weber))
+        return float(abs(self.height(np.asarray(value))) / np.log1p(self.weber))
+
+    def height(self, values: FloatArray) -> FloatArray:
+        """Steps times ln(1 + w), below zero where something is taken away; of any shape."""
+        top, base, corner = self.parts
+        above = np.maximum(values, top) - max(0.0, top)
+        return np.log(1 + above / base) + (np.minimum(values, top) - min(0.0, top)) / corner
 
     @overload
     def value_at(self, steps: float, sign: int) -> float: ...

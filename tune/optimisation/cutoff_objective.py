@@ -149,9 +149,8 @@ def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
         for effect in task.scene.elements[name].wishes()
         if f"{name}.{effect}" not in labels
     )
-    sizes = optimum.sizes
     beside = pose(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
-    beside = beside.redrawn(sizes)
+    sizes = optimum.sizes
     # Of one effect beside wanted values that are met, the largest is known without a program.
     open_ends = np.flatnonzero(sizes < problem.high * (1 - SAME))
     if open_ends.size <= 1:

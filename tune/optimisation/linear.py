@@ -6,7 +6,7 @@ Each row reads a·sizes <= 1.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
@@ -20,8 +20,6 @@ LinearWord = Literal["force", "rendering", "lead"]
 
 #: N: an actuator without any force is taken to have this much.
 _NO_FORCE = 1e-30
-#: Less of a limit than this, gained by another tangent, is not worth a search.
-_SLACK = 1e-3
 #: Walls to begin a search with: so many, up to so many times the least stiffness, with dampers at
 #: these parts of the way from the least to the most.
 _WALLS, _STIFFEST, _BETWEEN = 64, 1e6, (0.05, 0.5, 0.95)
@@ -43,12 +41,12 @@ class ForceReach(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearLimits:
-    """Rows a·sizes <= 1, and ratios of two sizes.
+    """Rows a·sizes <= 1, ratios of two sizes, and what is felt where steps are not in proportion.
 
     Attributes:
         rows: shape (rows, unknowns).
         words: which limit each row is.
-        felt: what the last rows are tangents of.
+        felt: limits on what is felt that are no rows.
         leads: (spring, damper, least and most of damping over stiffness, s) of walls.
     """
 
@@ -61,35 +59,21 @@ class LinearLimits:
     def of(
         cls,
         forces: Iterable[FloatArray],
-        high: FloatArray,
-        felt: Iterable[Rendering] = (),
+        unknowns: int,
+        felt: Sequence[Rendering] = (),
         leads: Iterable[tuple[int, int, float, float]] = (),
     ) -> LinearLimits:
         """The rows that can bind, each of shape (unknowns,), and ratios.
 
-        A row without a positive coefficient never does. What is felt is limited by the tangents at
-        the largest sizes, of shape (unknowns,): there steps are proportional to what is asked for.
+        A row without a positive coefficient never does.
         """
+        felt = [one for one in felt if np.any(one.row(np.inf) > 0)]
         rows = [row for row in forces if np.any(row > 0)]
-        drawn = [(one, one.row(high)) for one in felt]
-        drawn = [(one, row) for one, row in drawn if np.any(row > 0)]
-        words: tuple[LinearWord, ...] = ("force",) * len(rows) + ("rendering",) * len(drawn)
-        table = np.array([*rows, *(row for _, row in drawn)]).reshape(len(words), high.size)
-        kept = tuple(one for one, _ in drawn)
-        return cls(rows=table, words=words, felt=kept, leads=tuple(leads))
-
-    def redrawn(self, sizes: FloatArray) -> LinearLimits:
-        """With the tangents at what some sizes ask for, shape (unknowns,); itself if no better.
-
-        What was allowed there still is.
-        """
-        if not any(one.bent for one in self.felt):
-            return self
-        count = len(self.rows) - len(self.felt)
-        rows = np.array([*self.rows[:count], *(one.row(sizes) for one in self.felt)])
-        used, less = self.rows @ sizes, rows @ sizes
-        better = np.any((used > 1 - _SLACK) & (less < used - _SLACK))
-        return replace(self, rows=rows) if better else self
+        straight = [one.row(0.0) for one in felt if not one.bent]
+        words: tuple[LinearWord, ...] = ("force",) * len(rows) + ("rendering",) * len(straight)
+        table = np.array([*rows, *straight]).reshape(len(words), unknowns)
+        bent = tuple(one for one in felt if one.bent)
+        return cls(rows=table, words=words, felt=bent, leads=tuple(leads))
 
     @property
     def ratios(self) -> list[tuple[int, int, float]]:
@@ -127,11 +111,10 @@ class LinearLimits:
     def used(self, sizes: FloatArray) -> FloatArray:
         """What sizes of shape (unknowns, ...) use of each limit, 1 is all: shape (limits, ...)."""
         used = np.tensordot(self.rows, sizes, axes=1)
-        if not self.leads:
-            return used
         tiny = np.finfo(float).tiny
         found = [factor * sizes[i] / np.maximum(sizes[j], tiny) for i, j, factor in self.ratios]
-        return np.concatenate([used, np.stack(found)])
+        found += [one.used(sizes) for one in self.felt]
+        return np.concatenate([used, np.stack(found)]) if found else used
 
     def bounds(self, sizes: FloatArray, index: int) -> dict[LinearWord, float]:
         """How large one unknown may be beside the others as they are, by the limit; inf if any.
@@ -142,6 +125,8 @@ class LinearLimits:
         for i, j, factor in self.ratios:
             if i == index and sizes[j] > 0:
                 found["lead"] = min(found.get("lead", np.inf), float(sizes[j]) / factor)
+        for one in self.felt:
+            found["rendering"] = min(found.get("rendering", np.inf), one.bound(sizes, index))
         rest = sizes.copy()
         rest[index] = 0.0
         spare = 1 - self.rows @ rest

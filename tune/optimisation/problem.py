@@ -142,11 +142,6 @@ class Problem:
                     row[effect, index] = self.unknowns[index].sign
         return shares
 
-    def redrawn(self, sizes: FloatArray) -> Problem:
-        """With the limits on what is felt drawn for some sizes, shape (unknowns,); itself if so."""
-        linear = self.linear.redrawn(sizes)
-        return self if linear is self.linear else replace(self, linear=linear)
-
     def effects(self, moment: Moment, sizes: FloatArray) -> Effects:
         """The sum of effects of one moment; an effect no element has is absent.
 
@@ -295,7 +290,6 @@ def pose(
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
     forces = force_rows(moments, len(unknowns), continuous, peak)
     ends = renderings(unknowns, Shares.of(device, used), asking.scale, scene.walls) if felt else ()
-    high = np.array([max(0, unknown.sign) * unknown.high for unknown in unknowns])
     walls = [
         (name, scene.motion(name, device.motion).speed, lead)
         for name in elements
@@ -315,7 +309,7 @@ def pose(
             ),
             ripple=scene.ripple_limit or task.table.threshold(device.motion),
         ),
-        linear=LinearLimits.of(forces, high, ends, lead_limits(walls, unknowns, *lags)),
+        linear=LinearLimits.of(forces, len(unknowns), ends, lead_limits(walls, unknowns, *lags)),
         cut=cut,
         proved_gain=kept * (1 + ROOM),
     )

@@ -3,8 +3,7 @@
 What is felt of its mass and damping at both ends of the motions people make, parasitic parts
 included, lies within one step of what the element asks for (docs/theory.md, 8): with κ of a mass,
 ν of a damper and so on, (m + κM + νB)/(m + M) and (b + κ'B + ρM + ηK)/(b + B) lie between 1/(1 + w)
-and 1 + w, or so many smallest forces apart. The largest that one step from what is asked reaches is
-convex in it, the least is concave: the tangent of either is a limit that keeps to them.
+and 1 + w, or so many smallest forces apart.
 """
 
 from __future__ import annotations
@@ -24,6 +23,8 @@ FloatArray = NDArray[np.float64]
 
 #: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
 _OF_A_STEP = 0.997
+#: Newton's method ends where it moves by less, relative.
+_SAME = 1e-14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +34,7 @@ class Rendering:
     Attributes:
         scale: of what is felt.
         given: what each size is felt as, shape (unknowns,), no unit or that of one over another.
-        asked: what each size asks for, likewise.
+        asked: what each size asks for, shape (unknowns,), likewise.
         sign: 1 of the upper end, -1 of the lower.
     """
 
@@ -44,21 +45,52 @@ class Rendering:
 
     @property
     def bent(self) -> bool:
-        """Whether the step depends on what is asked for otherwise than in proportion."""
+        """Whether what a step allows is not in proportion to what is asked for."""
         return bool(np.any(self.asked)) and self._straight_from > self.scale.reference
 
     @property
     def _straight_from(self) -> float:
-        """Beyond this what one step reaches is proportional to where it begins."""
+        """Beyond this one step reaches from a total to a multiple of it."""
         return self.scale.corner * (1 + self.scale.weber)
 
-    def row(self, sizes: FloatArray) -> FloatArray:
-        """The tangent at what some sizes ask for, as the a of a·sizes <= 1; shapes (unknowns,)."""
+    @property
+    def per_step(self) -> float:
+        """What a difference of heights, `Scale.height`, uses of the limit."""
+        return self.sign / (_OF_A_STEP * float(np.log1p(self.scale.weber)))
+
+    def used(self, sizes: FloatArray) -> FloatArray:
+        """What sizes of shape (unknowns, ...) use of it, 1 is all: shape (...)."""
+        felt, asked = (np.tensordot(part, sizes, axes=1) for part in (self.given, self.asked))
+        return self.per_step * (self.scale.height(felt) - self.scale.height(asked))
+
+    def row(self, asked: float) -> FloatArray:
+        """The tangent where so much is asked for, as the a of a·sizes <= 1, shape (unknowns,).
+
+        What one step reaches upwards is convex in what is asked for, what it reaches downwards is
+        concave: what a tangent allows is allowed.
+        """
         own, corner = self.scale.reference, self.scale.corner
-        place = min(own + float(self.asked @ sizes), max(own, self._straight_from))
+        place = min(own + asked, max(own, self._straight_from))
         end = place + replace(self.scale, reference=place).value_at(_OF_A_STEP, self.sign)
         slope = max(end, corner) / max(place, corner)
         return (self.given - slope * self.asked) / (end - own - slope * (place - own))
+
+    def bound(self, sizes: FloatArray, index: int) -> float:
+        """How large one size may be beside the others, by Newton's method from zero; inf if any.
+
+        Sizes have shape (unknowns,).
+        """
+        felt, asked = float(self.given[index]), float(self.asked[index])
+        far = np.exp(1 / self.per_step) if asked > 0 else 1.0
+        if self.sign * (felt - far * asked) <= 0:
+            return np.inf
+        rest = sizes.copy()
+        rest[index] = 0.0
+        most, before = 0.0, -1.0
+        while most > before * (1 + _SAME):
+            row, before = self.row(float(self.asked @ rest) + asked * most), most
+            most = max(most, float((1 - row @ rest) / row[index]))
+        return most
 
 
 def renderings(

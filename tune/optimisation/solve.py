@@ -278,8 +278,10 @@ def optimum_of(
             room=room,
         )
 
-    def best(problem: Problem, known: Sequence[FloatArray] = ()) -> tuple[Problem, Optimum]:
-        return _best(problem, backends(second_opinion=second_opinion), known)
+    def best(problem: Problem, known: Sequence[FloatArray] = ()) -> Optimum:
+        if len(problem.unknowns) == 1:
+            return single_unknown_optimum(problem)
+        return largest_product(problem, backends(second_opinion=second_opinion), known)
 
     dropped = dict(gone or {})
     problem = posed(frozenset(dropped))
@@ -292,7 +294,7 @@ def optimum_of(
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
     if not own:
         return problem, None, dropped
-    problem, found = best(problem, [] if dropped or known is None else known(problem))
+    found = best(problem, [] if dropped or known is None else known(problem))
     if found.sizes is not None or not choosing:
         return problem, found, dropped
     every = frozenset(own)
@@ -314,34 +316,12 @@ def optimum_of(
     optima: list[tuple[Problem, Optimum | None]] = []
     for labels in sets:
         start, each = starts.get(labels), posed(before | (every - labels))
-        optima.append((each, None) if start is None else best(each, [start]))
+        optima.append((each, None if start is None else best(each, [start])))
     chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
     found = {} if optimum is None or optimum.sizes is None else _by_label(chosen, optimum.sizes)
     for label in [u.label for u in problem.unknowns if u.label in own and u.label not in found]:
         dropped[label] = _missed(posed(before | (every - found.keys() - {label})), label, found)
     return chosen, optimum, dropped
-
-
-def _best(
-    problem: Problem, solvers: Sequence[Backend], known: Sequence[FloatArray]
-) -> tuple[Problem, Optimum]:
-    """The optimum, and the problem whose limits on what is felt are drawn for it.
-
-    Each setting has shape (unknowns,), SI units.
-
-    Args:
-        problem: with limits drawn for the largest sizes, within those of any other.
-        solvers: that propose.
-        known: sizes that are allowed, to begin with.
-    """
-    if len(problem.unknowns) == 1:
-        found = single_unknown_optimum(problem)
-    else:
-        found = largest_product(problem, solvers, known)
-    again = problem if found.sizes is None else problem.redrawn(found.sizes)
-    if again is problem or found.sizes is None:
-        return problem, found
-    return _best(again, solvers, [found.sizes])
 
 
 def _by_label(problem: Problem, sizes: FloatArray) -> dict[str, float]:

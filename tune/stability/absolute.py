@@ -44,7 +44,7 @@ class Nonlinearities:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the channels, as a certificate names them."""
+        """Names of the channels, as a certificate gives them."""
         return (*(name for name, _ in self.clamps), *(("damping",) if self.damping else ()))
 
     @property

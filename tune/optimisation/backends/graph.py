@@ -31,6 +31,7 @@ class Structure:
         laws: degree of the control law, for the ripple; 0 without an encoder.
         bound: the device's own force by position binds it, hand off.
         linear: rows without and with coefficients of either sign.
+        felt: limits on what is felt that are no rows.
     """
 
     signs: tuple[int, ...]
@@ -41,6 +42,7 @@ class Structure:
     laws: int
     bound: bool
     linear: tuple[int, int]
+    felt: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,14 +135,11 @@ def _graph(structure: Structure) -> _Graph:
         return np.array([symbols[i] for i in range(symbols.shape[0])], dtype=object).reshape(shape)
 
     sizes = [ca.exp(y[i]) for i in range(count)]
-    scales, rows = take(3, count), take(sum(structure.linear), count)
-    factors = take(len(structure.ratios))
+    scales, rows = take(count, 3), take(sum(structure.linear), count)
+    factors, felt = take(len(structure.ratios)), take(structure.felt, 4 + 2 * count)
     product_of_steps: Any = 0
-    for i, (sign, size) in enumerate(zip(structure.signs, sizes, strict=True)):
-        top, base, corner = scales[:, i]
-        above: Any = ca.fmax(sign * size, top) - ca.fmax(0.0, top)
-        below: Any = ca.fmin(sign * size, top) - ca.fmin(0.0, top)
-        product_of_steps += weights[i] * (sign * (ca.log1p(above / base) + below / corner)).log()
+    for i, (sign, size, scale) in enumerate(zip(structure.signs, sizes, scales, strict=True)):
+        product_of_steps += weights[i] * (sign * _height(sign * size, *scale)).log()
     totals = [
         [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
         for members in structure.moments
@@ -171,6 +170,13 @@ def _graph(structure: Structure) -> _Graph:
     constraints += [
         factor.log() + y[i] - y[j] for (i, j), factor in zip(structure.ratios, factors, strict=True)
     ]
+    for per_step, *scale in felt:
+        given, asked = (
+            sum(size * part for size, part in zip(sizes, parts, strict=True))
+            for parts in (scale[3 : 3 + count], scale[3 + count :])
+        )
+        apart: Any = _height(given, *scale[:3]) - _height(asked, *scale[:3])
+        constraints.append(per_step * apart - 1)
     return _Graph(
         y=y,
         parameters=ca.vertcat(*taken),
@@ -178,6 +184,15 @@ def _graph(structure: Structure) -> _Graph:
         product=product_of_steps,
         constraints=ca.vertcat(*routh, *constraints),
     )
+
+
+def _height(value: Any, top: Any, base: Any, corner: Any) -> Any:
+    """`Scale.height`."""
+    import casadi as ca
+
+    above: Any = ca.fmax(value, top) - ca.fmax(0.0, top)
+    below: Any = ca.fmin(value, top) - ca.fmin(0.0, top)
+    return ca.log1p(above / base) + below / corner
 
 
 def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool = True) -> list[Any]:

@@ -39,8 +39,7 @@ class Program:
         plain: how many of them belong to no loop.
         reach: of stability, with slopes of its own.
         signs: of the unknowns, shape (unknowns,).
-        scales: of the steps: what is up to the corner, the larger of reference and corner, the
-            corner; shape (3, unknowns).
+        scales: of the steps, `Scale.parts`, shape (unknowns, 3).
         per_step: 1/ln(1 + w), no unit, shape (unknowns,).
     """
 
@@ -57,7 +56,7 @@ class Program:
 
         Sizes, weights and gradient have shape (unknowns,).
         """
-        top, base, corner = self.scales
+        top, base, corner = self.scales.T
         values = self.signs * sizes
         relative = (np.maximum(values, top) - np.maximum(0.0, top)) / base
         heights = np.log1p(relative) + (np.minimum(values, top) - np.minimum(0.0, top)) / corner
@@ -95,13 +94,16 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
         laws=problem.loops.nominal.degree if ripple else 0,
         bound=problem.loops.nominal.grounded,
         linear=(int(np.sum(~either)), int(np.sum(either))),
+        felt=len(problem.linear.felt),
     )
-    references = np.array([u.scale.reference for u in problem.unknowns])
-    corners = np.array([u.scale.corner for u in problem.unknowns])
-    scales = np.stack([corners - references, np.maximum(references, corners), corners])
+    scales = np.array([unknown.scale.parts for unknown in problem.unknowns])
+    felt = [
+        [one.per_step * (1 + INSIDE), *one.scale.parts, *one.given, *one.asked]
+        for one in problem.linear.felt
+    ]
     gain = problem.margin.gain * (1 + INSIDE)
     factors = np.array([factor for _, _, factor in problem.linear.ratios]) * (1 + INSIDE)
-    numbers: list[FloatArray] = [scales, rows, factors]
+    numbers: list[FloatArray] = [scales, rows, factors, np.array(felt)]
     if ripple and limits.encoder_resolution is not None:
         nominal = problem.loops.nominal
         unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple

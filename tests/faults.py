@@ -319,7 +319,7 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_conditions.py",
         (
             "a limit that does not bind",
-            'if word not in {"wanted", "range", "saturation"} and',
+            'if word not in {"wanted", "range"} and',
             "if not word and",
         ),
         ("as commanded", 'if not element.as_commanded and words == {"wanted"}:', "if not words:"),

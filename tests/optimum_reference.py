@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification import Device, Quantity
 from tests.optimum_loops import Corner, Loops
 from tests.optimum_ripple import force_ripple
-from tests.optimum_wishes import MARGINS, MOTION, NOTICED, felt_rows, wanted_of
+from tests.optimum_wishes import MARGINS, MOTION, NOTICED, felt_ends, wanted_of
 from tune.documents.hand import Hand
 from tune.documents.scene import Scene
 
@@ -68,7 +68,7 @@ class Reference:
         self.resolution = device.encoder_resolution and device.encoder_resolution.value
         self.ripple = scene.ripple_limit or NOTICED
         self.force = device.force_limit
-        self.felt = felt_rows(device, self.wanted, filters_hz)
+        self.felt = felt_ends(device, self.wanted, filters_hz, scene.elements)
         self._ends: dict[int, float] = {}
 
     def _moments(
@@ -128,12 +128,11 @@ class Reference:
                 total = used.sum(axis=1)
                 values.append(np.log(limit / total))
                 slopes.append(-used / total[:, None])
-        used = self.felt @ sizes
+        rows = np.array([each.row(sizes) for each in self.felt]).reshape(-1, self.count)
+        used = rows @ sizes
         near = used > 1 / _FAR
         values.append(np.where(near, -np.log(np.where(near, used, 1.0)), np.log(_FAR)))
-        slopes.append(
-            np.where(near, -1 / np.where(near, used, 1.0), 0.0)[:, None] * self.felt * sizes
-        )
+        slopes.append(np.where(near, -1 / np.where(near, used, 1.0), 0.0)[:, None] * rows * sizes)
         if self.resolution:
             value, slope = self._ripple_rows(place, self.resolution)
             values.append(value)

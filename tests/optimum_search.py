@@ -89,6 +89,8 @@ def local(
     """The logarithm of the product and log-sizes where it ends that starts there."""
     signs = np.array([w.sign for w in reference.wanted])
     references = np.array([w.reference for w in reference.wanted])
+    units = np.array([w.unit for w in reference.wanted])
+    corners = np.array([w.corner for w in reference.wanted])
     mine = np.zeros(reference.count)
     mine[list(raised)] = 1.0
     known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
@@ -102,8 +104,8 @@ def local(
 
     def falling(place: FloatArray) -> tuple[float, FloatArray]:
         sizes = np.exp(np.clip(place, lower, upper))
-        relative = signs * sizes / references
-        slope = relative / (1 + relative) / np.log1p(relative)
+        steps = reference.steps(sizes) / units
+        slope = sizes / np.maximum(references + signs * sizes, corners) / steps
         return -reference.product(np.log(sizes), raised), -mine * slope
 
     constraints: dict[str, Any] = {

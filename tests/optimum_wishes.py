@@ -5,8 +5,8 @@ Written down anew from the documented meaning of device and scene.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ class Wanted:
     high: float
     reference: float
     unit: float
+    corner: float
     level: int
     given: bool = False
 
@@ -63,11 +64,26 @@ class Wanted:
 
     def at(self, steps: float) -> float:
         """The size of so many steps."""
-        return float(self.sign * self.reference * np.expm1(self.sign * steps / self.unit))
+        felt = inner(
+            outer(self.reference, self.corner) + self.sign * steps / self.unit, self.corner
+        )
+        return float(self.sign * (felt - self.reference))
 
     def steps(self, size: float) -> float:
-        """|ln(1 + value/reference)| / ln(1 + w)."""
-        return float(abs(np.log1p(self.sign * size / self.reference)) * self.unit)
+        """Steps from what is there to what is felt with this size."""
+        felt = outer(self.reference + self.sign * size, self.corner)
+        return float(abs(felt - outer(self.reference, self.corner)) * self.unit)
+
+
+def outer(felt: FloatArray | float, corner: float) -> FloatArray:
+    """∫ dI/max(I, corner) from zero, any shape: Weber's law with a floor, times ln(1 + w)."""
+    above = np.maximum(felt, corner)
+    return np.minimum(felt, corner) / corner + np.log(above / corner)
+
+
+def inner(height: FloatArray | float, corner: float) -> FloatArray:
+    """What is felt where the integral has this value, any shape."""
+    return corner * (np.minimum(height, 1.0) + np.expm1(np.maximum(height, 1.0) - 1.0))
 
 
 def weber_fraction(effect: int) -> float:
@@ -109,14 +125,36 @@ def felt_share(device: Device, filter_hz: float | None, power: int) -> float:
     return max(float(weights @ share) / 2, _BARELY)
 
 
-def felt_rows(
-    device: Device, wanted: list[Wanted], filters_hz: tuple[float | None, float | None]
-) -> FloatArray:
-    """Rows a with a·sizes <= 1: mass and damping at both ends within a step of what is asked.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Felt:
+    """One end of the step within which an element's mass or damping is felt; see `felt_ends`."""
+
+    given: FloatArray
+    asked: FloatArray
+    own: float
+    corner: float
+    step: float
+
+    def row(self, sizes: FloatArray) -> FloatArray:
+        """a with a·sizes <= 1: the tangent of where one step ends, shapes (unknowns,)."""
+        place = self.own + float(self.asked @ sizes)
+        end = float(inner(outer(place, self.corner) + self.step, self.corner))
+        slope = max(end, self.corner) / max(place, self.corner)
+        least = end - slope * place - (1 - slope) * self.own
+        return (self.given - slope * self.asked) / least
+
+
+def felt_ends(
+    device: Device,
+    wanted: list[Wanted],
+    filters_hz: tuple[float | None, float | None],
+    elements: Mapping[str, Element],
+) -> list[Felt]:
+    """Mass and damping at both ends of motions within a step of what is asked, up and down.
 
     Elements of wanted values alone are met as they are commanded.
     """
-    rows: list[FloatArray] = []
+    found: list[Felt] = []
     for frequency in (_SLOW, _FAST):
         felt = felt_of(device, filters_hz, np.array(frequency))
         mass, damping = felt.imag / (2 * np.pi * frequency), felt.real
@@ -126,17 +164,32 @@ def felt_rows(
                 (1, device.damping.value, damping),
                 (2, device.mass.value, mass),
             ):
-                step = (1 + weber_fraction(effect)) ** _OF_A_STEP
                 mine = [one.sign * (one.element == name) for one in wanted]
-                given = np.array(
-                    [m * parts[one.effect] for m, one in zip(mine, wanted, strict=True)]
-                )
-                asked = np.array(
-                    [float(m * (one.effect == effect)) for m, one in zip(mine, wanted, strict=True)]
-                )
-                rows.append((given - step * asked) / (own * (step - 1)))
-                rows.append((asked / step - given) / (own * (1 - 1 / step)))
-    return np.array(rows).reshape(len(rows), len(wanted))
+                step = _OF_A_STEP * np.log1p(weber_fraction(effect))
+                found += [
+                    Felt(
+                        given=np.array(
+                            [m * parts[one.effect] for m, one in zip(mine, wanted, strict=True)]
+                        ),
+                        asked=np.array(
+                            [
+                                float(m * (one.effect == effect))
+                                for m, one in zip(mine, wanted, strict=True)
+                            ]
+                        ),
+                        own=own,
+                        corner=corner_of(effect, elements[name]),
+                        step=sign * step,
+                    )
+                    for sign in (1, -1)
+                ]
+    return found
+
+
+def corner_of(effect: int, element: Element) -> float:
+    """The smallest force that is noticed, over the motion it is noticed in, over ln(1 + w)."""
+    stated = (None, element.speed, element.acceleration)[effect]
+    return NOTICED / (stated or MOTION[effect]) / float(np.log1p(weber_fraction(effect)))
 
 
 def wanted_of(
@@ -166,15 +219,16 @@ def wanted_of(
             high = min(high, there[effect] / gain)
         sign, unit = -1 if negative else 1, float(1 / np.log1p(weber_fraction(effect)))
         reference = references[effect] / felt[effect]
-        least = float(sign * reference * np.expm1(sign * _LEAST / unit))
-        yield Wanted(
+        one = Wanted(
             element=name,
             effect=effect,
             sign=sign,
-            low=max(least, (wish.kind == "range" and wish.low) or 0.0),
+            low=0.0,
             high=high,
             reference=reference,
             unit=unit,
+            corner=corner_of(effect, element) / felt[effect],
             level=0 if wish.kind == "value" else element.priority,
             given=wish.kind == "value",
         )
+        yield replace(one, low=max(one.at(_LEAST), (wish.kind == "range" and wish.low) or 0.0))

@@ -20,7 +20,7 @@ from tests.thinned import thinned
 from tune import CheckFailedError, SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
 from tune.certificate.check import check_content
-from tune.certificate.trust import TAKEN_ON_TRUST
+from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
 from tune.documents.certified import Certificate
 from tune.documents.profile import Design, digest_of
 
@@ -55,7 +55,7 @@ def _tuned(*, full: bool = False) -> SafeProfile:
 
 
 def _trusted(field: Field) -> bool:
-    return any(each.covers(field.names) for each in TAKEN_ON_TRUST)
+    return any(each.covers(field.names) for each in (*TAKEN_ON_TRUST, *OPINIONS))
 
 
 def _passes(content: dict[str, Any]) -> bool:
@@ -136,7 +136,7 @@ def test_every_forgery_of_every_key_is_refused_or_named_as_trusted(full: bool) -
 
 def test_nothing_is_trusted_that_no_profile_holds() -> None:
     names = [field.names for field in fields(to_mapping(_tuned()))]
-    for trusted in TAKEN_ON_TRUST:
+    for trusted in (*TAKEN_ON_TRUST, *OPINIONS):
         assert any(trusted.covers(each) for each in names), trusted.key
 
 
@@ -149,10 +149,14 @@ def test_what_is_trusted_is_told(tmp_path: Path) -> None:
     path = _written(to_mapping(_tuned()), tmp_path / "profile.yaml")
     ended = haptune("check", path)
     assert ended.code == 0, ended.err
-    told = haptune("check", path, "--json").result["details"]["taken_on_trust"]
-    for trusted in TAKEN_ON_TRUST:
-        assert f"taken on trust: {trusted.key}: {trusted.reason}\n" in ended.out
-        assert told[trusted.key] == trusted.reason
+    told = haptune("check", path, "--json").result["details"]
+    for words, kind, keys in (
+        ("taken on trust", "taken_on_trust", TAKEN_ON_TRUST),
+        ("not checked", "not_checked", OPINIONS),
+    ):
+        for trusted in keys:
+            assert f"{words}: {trusted.key}: {trusted.reason}\n" in ended.out
+        assert told[kind] == {trusted.key: trusted.reason for trusted in keys}
 
 
 def test_another_device_is_refused_key_by_key_and_the_own_one_rehearsed(tmp_path: Path) -> None:

@@ -12,9 +12,10 @@ from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import regions_of
 from tune.certificate.rendered import excess_over_request
+from tune.certificate.switched import is_clamped, judge_switched
 from tune.certificate.worst_point import worst_points
 from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
-from tune.documents.profile import Design, ElementProfile
+from tune.documents.profile import Design, ElementProfile, SafeProfile
 
 #: Margins are looked for up to so much gain and so many samples, and stated in such steps.
 _MOST_GAIN, _MOST_SAMPLES = 1000.0, 10.0
@@ -34,6 +35,8 @@ _STOPPED = frozenset(
 #: A limit that is named is met where the effect is larger by this part: how closely limits are met
 #: is the tuner's affair, that another one is named is found out.
 _GROWN = 0.1
+#: Cells in which a proof that is easy is found.
+_FEW_CELLS = 20_000
 
 
 def inconsistent(design: Design, name: str) -> Iterator[str]:
@@ -60,7 +63,7 @@ def element_failures(design: Design, name: str) -> Iterator[str]:
     yield from jitter_failures(design, name)
     element = design.elements[name]
     for effect, word in element.limited_by.items():
-        if word not in {"wanted", "range", "saturation"} and getattr(element, effect):
+        if word not in {"wanted", "range"} and getattr(element, effect):
             yield from _wrong_limit(design, name, effect)
 
 
@@ -195,12 +198,21 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
 
 
 def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
-    """Whether a moment breaks a limit on force or ripple, or a stability margin."""
+    """Whether a moment breaks a limit on force or ripple, a stability margin or the proof of it."""
     setting = setting_of(design, moment)
     if word == "force":
         return bool(force_failures(design, moment))
     if setting is None:
         return False
+    if word == "saturation":
+        seal = design.certificate if isinstance(design, SafeProfile) else None
+        asked = {"gain": design.margin.gain}
+        known = {} if seal is None else seal.absolute_stability or {}
+        stated = {name: each.model_copy(update=asked) for name, each in known.items()}
+        regions = regions_of(design)
+        return is_clamped(design, moment) and (
+            judge_switched(design, moment, regions, stated, _FEW_CELLS).proved is None
+        )
     if word == "ripple":
         ripple = None if meets_wall(design, moment) else ripple_of(design, setting)
         return ripple is not None and ripple >= design.ripple_limit * (1 - _AGREE)

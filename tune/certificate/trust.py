@@ -1,4 +1,4 @@
-"""Trusted facts: keys of a profile that no calculation from the profile can confirm."""
+"""Facts and opinions: keys of a profile that no calculation from the profile can confirm."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ class Trusted:
         )
 
 
+#: Facts and wishes for which somebody answers.
 TAKEN_ON_TRUST = (
     Trusted(key="device", reason="facts of the device and its logs; --device compares them"),
     Trusted(key="scene", reason="a name"),
@@ -42,17 +43,22 @@ TAKEN_ON_TRUST = (
         reason="as asked for or found; that all that must not be switched fades is checked, not "
         "once more whether a hand could pump it",
     ),
+)
+
+#: What a check leaves as it is said: a wish that nobody else knows, or what is no claim.
+OPINIONS = (
     Trusted(
         key="elements.*.as_commanded",
-        reason="that values were wanted; what is felt of others is checked against them",
+        reason="that values were wanted; that no effect has a limit of another wish is checked, "
+        "and what is felt of all others",
+    ),
+    Trusted(
+        key="elements.*.limited_by",
+        reason="that a value or range was wanted; that every other limit said to bind allows no "
+        "tenth more is recomputed",
     ),
     Trusted(key="elements.*.margins.gain", reason="that no more could be proved"),
     Trusted(key="elements.*.margins.extra_delay_samples", reason="that no more could be proved"),
-    Trusted(
-        key="elements.*.limited_by",
-        reason="a wish that is met, and that no proof was found for more; that what else is said "
-        "to bind allows no tenth more is recomputed",
-    ),
     Trusted(key="notes", reason="why effects were dropped; which ones is recomputed"),
     Trusted(key="method", reason="which solver proposed; nothing rests on it"),
     Trusted(key="certificate.points", reason="the work it took; it is done again"),

@@ -32,7 +32,7 @@ def check(
     def action(session: Session) -> None:
         from identification import as_stored, load_device, to_mapping
         from tune.certificate.check import check as recheck
-        from tune.certificate.trust import TAKEN_ON_TRUST
+        from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
         from tune.cli.rehearse import refuse_restless
         from tune.cli.tables import certificate_lines, elements_table
 
@@ -56,6 +56,9 @@ def check(
         session.details["taken_on_trust"] = trusted
         for key, reason in trusted.items():
             session.say(f"taken on trust: {key}: {reason}")
+        session.details["not_checked"] = {each.key: each.reason for each in OPINIONS}
+        for each in OPINIONS:
+            session.say(f"not checked: {each.key}: {each.reason}")
         if known is not None:
             session.details["rehearsed"] = "settles"
             session.say(f"the device is {device}; rehearsed in simulation: settles")

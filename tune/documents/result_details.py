@@ -129,11 +129,12 @@ class CalibrateDetails(IdentifyDetails, TuneDetails, total=False):
 
 
 class CheckDetails(TypedDict, total=False):
-    """Details of ``check``: profile, certificate as found anew, what is taken on trust by key."""
+    """Details of ``check``: profile, certificate found anew, what is trusted or not checked."""
 
     profile: dict[str, Any]
     certificate: dict[str, Any]
     taken_on_trust: dict[str, str]
+    not_checked: dict[str, str]
     rehearsed: Literal["settles"]
 
 

@@ -60,19 +60,19 @@ class LinearLimits:
         cls,
         forces: Iterable[FloatArray],
         unknowns: int,
-        felt: Sequence[Rendering] = (),
+        felt: Iterable[Rendering] = (),
         leads: Iterable[tuple[int, int, float, float]] = (),
     ) -> LinearLimits:
         """The rows that can bind, each of shape (unknowns,), and ratios.
 
         A row without a positive coefficient never does.
         """
-        felt = [one for one in felt if np.any(one.row(np.inf) > 0)]
+        kept = [one for one in felt if np.any(one.row(np.inf) > 0)]
         rows = [row for row in forces if np.any(row > 0)]
-        straight = [one.row(0.0) for one in felt if not one.bent]
+        straight = [one.row(0.0) for one in kept if not one.bent]
         words: tuple[LinearWord, ...] = ("force",) * len(rows) + ("rendering",) * len(straight)
         table = np.array([*rows, *straight]).reshape(len(words), unknowns)
-        bent = tuple(one for one in felt if one.bent)
+        bent = tuple(one for one in kept if one.bent)
         return cls(rows=table, words=words, felt=bent, leads=tuple(leads))
 
     @property

@@ -11,14 +11,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from identification import load_device
+from identification import load_device, to_mapping
 from tests.test_clamps import response
 from tests.wall_play import Array
 from tune import SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
+from tune.certificate.check import check_content
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier
 from tune.documents.errors import CheckFailedError
-from tune.documents.profile import ElementProfile
+from tune.documents.profile import ElementProfile, digest_of
 
 STEP = 1e-3
 MOMENTS = ("wall", "wall + water", "wall + rubber", "wall + cup", "wall + cup + feather")
@@ -125,3 +126,15 @@ def test_a_sum_is_proved_as_far_as_its_eigenvalues_allow(profile: SafeProfile, m
     assert not failures(profile, moment, 0.99 * good)
     refused = failures(profile, moment, 1.01 * bad)
     assert [each.startswith(f"{moment}: not proved") for each in refused] == [True]
+
+
+def test_saturation_is_not_said_where_the_stated_multipliers_prove_more(
+    profile: SafeProfile,
+) -> None:
+    """Of rubber that was wanted as it is."""
+    content = to_mapping(profile)
+    assert content["elements"]["rubber"]["limited_by"]["damping"] == "wanted"
+    content["elements"]["rubber"]["limited_by"]["damping"] = "saturation"
+    content["digest"] = digest_of(content)
+    with pytest.raises(CheckFailedError, match="rubber: damping is said to be limited by satur"):
+        check_content(content, "profile.yaml")

@@ -165,7 +165,7 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
 def _statements(safe: SafeProfile) -> Iterator[Statement]:
     """What is proved, assumed, assessed, left out and taken on trust."""
     from tune.certificate.assumptions import trusted_facts
-    from tune.certificate.trust import TAKEN_ON_TRUST
+    from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
 
     seal = safe.certificate
     yield Statement(
@@ -206,6 +206,6 @@ def _statements(safe: SafeProfile) -> Iterator[Statement]:
         lead="No calculation can confirm it: the person who signs answers for it.",
         lines=(
             *trusted_facts(safe.device),
-            *(f"{each.key}: {each.reason}" for each in TAKEN_ON_TRUST),
+            *(f"{each.key}: {each.reason}" for each in (*TAKEN_ON_TRUST, *OPINIONS)),
         ),
     )

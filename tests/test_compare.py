@@ -67,6 +67,20 @@ def test_a_profile_holds_on_its_own_device_and_on_a_better_one(profile: SafeProf
         assert found.gain == profile.margin.gain
 
 
+def test_a_wall_is_proved_anew_with_its_own_multipliers() -> None:
+    """On its own device all of the margin, on one with a longer delay less of it."""
+    wall = {"stiffness": 8000.0, "damping": 60.0, "one_sided": True}
+    scene = {"elements": {"wall": wall}, "loop": {"velocity_filter_hz": 50.0}}
+    old = optimise(_device(), Scene.model_validate(scene))
+    same = compare(old, old)
+    assert same.holds, same.failures
+    assert same.gain == old.margin.gain
+    later = compare(old, _device(delay=0.004))
+    assert not later.holds
+    assert later.gain is not None
+    assert 0.5 < later.gain < old.margin.gain
+
+
 def test_the_gain_kept_on_a_device_of_less_damping_is_where_its_loop_becomes_unstable(
     profile: SafeProfile,
 ) -> None:

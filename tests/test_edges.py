@@ -24,7 +24,7 @@ from identification import Device, load_device, round_to_digits, to_mapping, to_
 from tests.reference import crossings
 from tests.sampled_loops import Case, loop_along
 from tests.sampled_reference import Sampled
-from tune import CheckFailedError, Scene, check, optimise
+from tune import CheckFailedError, Effects, Filters, Scene, audit, check, optimise
 from tune.certificate.certify import certify
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.profile import Design, LimitedBy, PerceptionProfile, digest_of
@@ -720,6 +720,39 @@ def test_the_tuner_goes_to_the_edge_and_not_beyond(word: LimitedBy) -> None:
     most = largest(profile.perception)
     assert most * (1 - OFF) < getattr(profile.elements["a"], effect) < most * (1 + 1e-5)
     assert limited_by == word
+
+
+#: K and B of gains, a number of them that is at an edge, and the limit that is broken beyond it.
+JUDGED: dict[str, tuple[tuple[float, float], Callable[[], float], set[str]]] = {
+    "one gain": ((1.0, 0.0), lambda: limit(AXIS, SPRING), {"stability", "force"}),
+    "its margin": ((1.0, 0.0), lambda: limit(AXIS, SPRING) / GAIN, {"gain-margin", "force"}),
+    "late": ((1.0, 0.0), lambda: late_limit([AXIS], SPRING), {"delay-margin", "force"}),
+    "two effects late": (
+        (1.0, 0.01),
+        lambda: late_limit([VISCOUS], (1.0, 0.01, 0.0)),
+        {"delay-margin", "force"},
+    ),
+    "sustained": ((1.0, 0.0), lambda: 14.0 / 0.01, {"force"}),
+    "peak": ((0.0, 1.0), lambda: 28.0 / 0.2, {"force"}),
+}
+
+
+@pytest.mark.parametrize("name", JUDGED)
+def test_an_audit_tells_what_is_just_beyond_a_limit(name: str) -> None:
+    (stiffness, damping), edge, beyond = JUDGED[name]
+    quiet = {name: STATED_AXIS[name] for name in STATED_AXIS if name != "encoder_resolution"}
+    device = Device.model_validate(quiet | {"damping": AXIS.damping})
+
+    def faults(part: float) -> set[str]:
+        effects = Effects(
+            stiffness=part * edge() * stiffness or None, damping=part * edge() * damping or None
+        )
+        filters = Filters(velocity_filter_hz=VELOCITY if damping else None)
+        return {fault.limit for fault in audit(device, effects, filters=filters).faults}
+
+    word = beyond - {"force"} or beyond
+    assert word <= faults(1 + OFF) <= beyond
+    assert not word & faults(1 - OFF)
 
 
 @cache

@@ -42,7 +42,8 @@ def _relaxed(problem: Problem, word: LimitedBy) -> Problem:
     if word in {"force", "rendering"}:
         mine = np.array([each == word for each in problem.linear.words])[:, None]
         rows = np.where(mine, problem.linear.rows / RELAXED, problem.linear.rows)
-        return replace(problem, linear=replace(problem.linear, rows=rows))
+        felt = () if word == "rendering" else problem.linear.felt
+        return replace(problem, linear=replace(problem.linear, rows=rows, felt=felt))
     if word == "ripple":
         return replace(problem, limits=replace(limits, ripple=limits.ripple * RELAXED))
     if word == "gain-margin":

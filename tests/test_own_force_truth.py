@@ -11,7 +11,7 @@ import pytest
 
 from datasets_synthetic import Controller, rehearse, rig_of
 from identification import as_stored, load_device, quantity
-from tests.optimum_wishes import felt_rows, wanted_of
+from tests.optimum_wishes import felt_ends, wanted_of
 from tests.own_force_cases import OwnForceCase, Triple, draw_case, scaled, stable, unstable_gain
 from tests.sampled_bench import SampledBench
 from tune import NoFeasibleEffectError, Scene, optimise
@@ -163,9 +163,10 @@ def test_what_is_tuned_is_stable_and_what_is_refused_is_not(seed: int) -> None:
             # A little more would bring or take more than a step of what is not asked for.
             filters = (case.velocity_filter_hz, case.acceleration_filter_hz)
             wanted = list(wanted_of(case.device, "one", scene.elements["one"], GAIN, filters))
-            rows = felt_rows(case.device, wanted, filters)
-            assert np.max(rows @ [max(largest)]) > 1
-            assert np.max(rows @ [max(largest) / 1.06]) < 1
+            ends = felt_ends(case.device, wanted, filters, scene.elements)
+            for size, binds in ((max(largest), True), (max(largest) / 1.06, False)):
+                sizes = np.array([size])
+                assert (max(end.row(sizes) @ sizes for end in ends) > 1) == binds
             return
         worst = [*case.corners(), *case.grasped()]
         late = [replace(bench, delay=bench.delay + bench.sample_time) for bench in worst]

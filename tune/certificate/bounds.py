@@ -13,6 +13,8 @@ from tune.documents.profile import Design
 
 #: A claimed number may differ from the recomputed one by this much, relative: both are printed.
 _AGREE = 1e-3
+#: Force levels are stated with six digits.
+_CUT = 1e-5
 #: A delay within this part of a sample of a whole number is that number; clocks are not better.
 _WHOLE = 1e-6
 #: Sample times of the interval at which a claim of passivity is looked at.
@@ -34,10 +36,11 @@ def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
     )
     levels = sum(item.force_level for item in chosen if item.stiffness)
     wrong = [
-        f"{name}: force_level says {item.force_level:.6g}, "
-        + ("its clamp lets something pass" if item.stiffness else "it has no spring")
+        f"{name}: force_level says {item.force_level:.6g}, its spring gives {deep:.6g} as deep as "
+        "is stated"
         for name, item in zip(moment, chosen, strict=True)
-        if (item.force_level > 0) != bool(item.stiffness)
+        for deep in (item.stiffness * (item.motion.penetration or 0.0),)
+        if (item.force_level > 0) != bool(item.stiffness) or deep > item.force_level * (1 + _CUT)
     ]
     return wrong + [
         f"{' + '.join(moment)}: {words} force {seen:.6g} exceeds the limit {most:.6g}"

@@ -130,7 +130,8 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
         certify_on(old, after)
     except CheckFailedError as error:
         failures = error.failures
-        gain = kept_gain(old, after) if error.points else None
+        kept = kept_gain(old, after)
+        gain = kept if kept < gain else None
     both = isinstance(new, SafeProfile)
     return Comparison(
         kind="profiles" if both else "profile and device",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
 
 from identification import Device, as_stored
 from tune.certificate.assumptions import note_of_apart, note_of_dropped, skipped_parts
@@ -29,6 +30,9 @@ from tune.optimisation.nash import SAME, Solution
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.region import PlantPoint
 from tune.optimisation.solve import groups, solve
+
+if TYPE_CHECKING:
+    from tune.optimisation.saturation import AllFound
 
 Progress = Callable[[str], None]
 
@@ -117,7 +121,7 @@ def _proposed(
 
 def _witnesses(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
     """What proves the moments that are one-sided, by their elements."""
-    found = {names: one for solved in solutions for names, one in solved.absolute.items()}
+    found = _proved(task.scene, solutions)
     if not found:
         return {}
     from tune.optimisation.saturation import witness_of
@@ -127,6 +131,21 @@ def _witnesses(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, Abs
         " + ".join(names): as_stored(witness_of(one, margin, task.slack))
         for names, one in found.items()
     }
+
+
+def _of_effect(
+    scene: Scene, solutions: Sequence[Solution]
+) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """Every moment, and its elements of which something is left."""
+    there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
+    return {each: tuple(name for name in each if name in there) for each in scene.subsets()}
+
+
+def _proved(scene: Scene, solutions: Sequence[Solution]) -> AllFound:
+    """The gains of all moments that must be absolutely stable."""
+    found = {names: one for solved in solutions for names, one in solved.absolute.items()}
+    moments = _of_effect(scene, solutions)
+    return {each: found[part] for each, part in moments.items() if part in found}
 
 
 def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
@@ -170,10 +189,18 @@ def design_of(
     names = [one.moment.elements for one in felt]
     delays = dict(zip(names, extra_delays(felt), strict=True))
     kept = MARGINS[scene.margin]
+    found = {
+        one.moment.elements: moment_margins(
+            device, one, delays[one.moment.elements], kept, task.slack
+        )
+        for one in felt
+    }
     margins = [
-        moment_margins(device, one, delays[one.moment.elements], kept, task.slack) for one in felt
+        replace(found[part], elements=each)
+        for each, part in _of_effect(scene, solutions).items()
+        if part in found
     ]
-    absolute = {names: one for solved in solutions for names, one in solved.absolute.items()}
+    absolute = _proved(scene, solutions)
     elements = {
         name: element_profile(device, scene, solved, name, margins, absolute, task.slack)
         for solved, own in zip(solutions, groups(scene), strict=True)

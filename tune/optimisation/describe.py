@@ -266,21 +266,29 @@ def _absolute_gain(absolute: AllFound, scene: Scene, name: str, slack: float) ->
 def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design:
     """The design with the force at which each spring is cut, and what entering each amounts to.
 
-    A cut round a sum of springs is not a clamp of one signal: each has a level of its own, and
-    those that may push at once share the peak force alike.
+    A cut round a sum of springs is not a clamp of one signal: each has a level of its own. Those
+    that may push at once share alike what the depths that are stated leave of the peak force.
 
     Args:
         design: with the sizes that are played.
         device: as it is stored.
         box: of it.
     """
-    springs = {name for name, element in design.elements.items() if element.stiffness}
+    deep = {
+        name: element.stiffness * (element.motion.penetration or 0.0)
+        for name, element in design.elements.items()
+        if element.stiffness
+    }
+    at_once = [deep.keys() & {*moment} for moment in design.moments()]
     peak = np.inf if device.force_limit is None else device.force_limit.peak
     filters = Filters(**design.loop.filter_settings())
     elements: dict[str, ElementProfile] = {}
     for name, element in design.elements.items():
-        beside = max(len(springs.intersection(m)) for m in design.moments() if name in m)
-        level = _floored(peak / beside) if name in springs else 0.0
+        left = min(
+            ((peak - sum(deep[each] for each in m)) / len(m) for m in at_once if name in m),
+            default=0.0,
+        )
+        level = _floored(deep[name] + left) if name in deep else 0.0
         felt = element.model_copy(update={"force_level": level})
         told = contact(device, box, filters, felt, design.margin.extra_delay_samples)
         elements[name] = felt.model_copy(update={"contact": told})

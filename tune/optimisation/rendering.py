@@ -1,9 +1,8 @@
-"""What a hand must feel of an element: within one step of what it asks for, as linear limits.
+"""What a hand must feel of an element: rendered mass and damping within one step of what it asks.
 
-What is felt of its mass and damping at both ends of the motions people make, parasitic parts
-included, lies within one step of what the element asks for (docs/theory.md, 8): with κ of a mass,
-ν of a damper and so on, (m + κM + νB)/(m + M) and (b + κ'B + ρM + ηK)/(b + B) lie between 1/(1 + w)
-and 1 + w, or so many smallest forces apart.
+At both ends of the motions people make, parasitic parts included (docs/theory.md, 8): with κ of a
+mass, ν of a damper and so on, m + κM + νB lies within a step of m + M and b + κ'B + ρM + ηK of
+b + B. Where steps are ratios this is linear in the sizes.
 """
 
 from __future__ import annotations
@@ -35,10 +34,12 @@ class Rendering:
         scale: of what is felt.
         given: what each size is felt as, shape (unknowns,), no unit or that of one over another.
         asked: what each size asks for, shape (unknowns,), likewise.
+        least: total that may be asked for, with the device's own.
         sign: 1 of the upper end, -1 of the lower.
     """
 
     scale: Scale
+    least: float
     given: FloatArray
     asked: FloatArray
     sign: int
@@ -46,7 +47,7 @@ class Rendering:
     @property
     def bent(self) -> bool:
         """Whether what a step allows is not in proportion to what is asked for."""
-        return bool(np.any(self.asked)) and self._straight_from > self.scale.reference
+        return bool(np.any(self.asked)) and self._straight_from > self.least
 
     @property
     def _straight_from(self) -> float:
@@ -121,6 +122,9 @@ def renderings(
     free = (u.element for u in unknowns if u.wish.kind != "value" and u.element not in walls)
     for name in dict.fromkeys(free):
         for felt, parts in adds.items():
+            own = scale(name, felt)
+            less = [u.high for u in unknowns if (u.element, u.effect, u.sign) == (name, felt, -1)]
+            least = own.reference - sum(less)
             for end in ("slowest", "fastest"):
                 asked, given = np.zeros(len(unknowns)), np.zeros(len(unknowns))
                 for index, unknown in enumerate(unknowns):
@@ -128,4 +132,4 @@ def renderings(
                         given[index] = unknown.sign * getattr(parts[unknown.effect], end)
                         asked[index] = unknown.sign * (unknown.effect == felt)
                 for sign in (1, -1):
-                    yield Rendering(scale=scale(name, felt), given=given, asked=asked, sign=sign)
+                    yield Rendering(scale=own, least=least, given=given, asked=asked, sign=sign)

@@ -61,7 +61,7 @@ def test_the_force_of_a_wall_is_what_pushes_of_effects_everywhere(window: int) -
         "acceleration_filter_hz": 20.0,
         "velocity_window_samples": window,
     }
-    effects = {"stiffness": 400.0, "damping": 20.0, "mass": 1.0}
+    effects: dict[str, Any] = {"stiffness": 400.0, "damping": 20.0, "mass": 1.0}
     place = np.concatenate([np.linspace(-1, 1, 21), np.linspace(1, -1, 21), np.linspace(-1, 1, 21)])
     wall = Element(**effects, one_sided=True, level=3000.0)
     behind = law_on(place, Controller(beside=(wall,), wall=Wall(), **filters))

@@ -86,14 +86,9 @@ FAULTS: tuple[Fault, ...] = (
         ),
         ("a multiplier without taps", "or not (channel.taps or region.grounded):", "or False:"),
         (
-            "channels of the clamps",
-            "own.keys() != sum_.clamps.keys() or [",
-            "len(own) != len(sum_.clamps) or [",
-        ),
-        (
-            "channel of the dampers",
-            "for name, _ in rest] != names[len(own) :]:",
-            "for name, _ in rest] != rest:",
+            "channels of the moment",
+            "if own.keys() != sum_.clamps.keys() or names != seen:",
+            "if len(own) > 9:",
         ),
         (
             "a constant of the dampers",
@@ -109,12 +104,12 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/certificate/switched.py",
         f"{_EDGES} -k false_multiplier",
-        ("gain of a multiplier against the margin", "if not witness.gain >= least or", "if"),
-        ("extra delay of a multiplier", " or witness.extra_delay_samples != extra:", ":"),
+        ("gain of a multiplier against the margin", "if not gain >= margin.gain or", "if"),
+        ("extra delay of a multiplier", " or extra != margin.extra_delay_samples:", ":"),
         (
             "a held multiplier without a hand",
-            "if there != (stated[grounded] is not None):",
-            "if there and stated[grounded] is None:",
+            "if (multiplier is None) == bool(own):",
+            "if multiplier is None and own:",
         ),
         (
             "dampers that are switched",
@@ -167,8 +162,8 @@ FAULTS: tuple[Fault, ...] = (
         f"{_EDGES} -k level_of_what_fades",
         (
             "a level that is not proved",
-            "        if failure is not None:\n            found",
-            "        if failure == '':\n            found",
+            "            found.failures += error.failures\n            continue\n",
+            "            pass\n",
         ),
     ),
     *_of(

@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 
 from identification import Device, ForceLimit, Mode, load_device, quantity
 from tests.wall_axis import Axis
-from tests.wall_play import Array, Bench, Law
+from tests.wall_play import Array, Bench, Gate, Law
 from tune import SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier
@@ -55,7 +55,7 @@ def law(
 ) -> Complex:
     z = np.exp(1j * theta)
     pole = 0.0 if hertz is None else np.exp(-2 * np.pi * hertz * step)
-    return stiffness + damping * (1 - pole) * (z - 1) / (step * (z - pole))
+    return np.asarray(stiffness + damping * (1 - pole) * (z - 1) / (step * (z - pole)), complex)
 
 
 def half_plane(loops: list[Complex], theta: Array) -> bool:
@@ -72,7 +72,16 @@ def half_plane(loops: list[Complex], theta: Array) -> bool:
         b_eq=[1.0],
         bounds=[(0, None)] * ladder.size + [(None, None)],
     )
-    return bool(found.success and found.x[-1] > 0)
+    return found.x is not None and bool(found.success and found.x[-1] > 0)
+
+
+def partly_open(theta: Array) -> Gate:
+    """A gate that passes so much of the damper and no inertia."""
+
+    def gate(k: int, bench: Bench, damper: Array, inertia: Array) -> tuple[Array, Array]:
+        return theta * np.ones_like(damper), 0 * inertia
+
+    return gate
 
 
 def corner_loops(profile: SafeProfile, gain: float, theta: Array) -> list[Complex]:
@@ -331,7 +340,7 @@ def played(
     count = 4000
     for k in range(count):
         open_ = np.where(generator.random(members) < 0.05, 1 - open_, open_)
-        bench.step(k, lambda _k, _b, d, i, theta=open_: (theta * np.ones_like(d), 0 * i))
+        bench.step(k, partly_open(open_))
         if k > 0.9 * count:
             most = np.maximum(most, mass * bench.pace() ** 2 / 2)
     return bench, first, most

@@ -23,7 +23,7 @@ out of every a of a clamp and out of the difference of two p.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -38,8 +38,8 @@ from tune.certificate.affine import (
     real_part,
     squared_modulus,
 )
-from tune.certificate.branch_and_bound import Cells, Claim, Proof, decide, initial_cells
-from tune.certificate.mechanism import Mechanism
+from tune.certificate.branch_and_bound import Cells, Claim, decide, initial_cells
+from tune.certificate.mechanism import Mechanism, product_of
 from tune.certificate.point import Setting
 from tune.certificate.region import Region
 from tune.certificate.value_set import rate_of, sampled_plant, sinc, sinc_beyond
@@ -65,8 +65,8 @@ class Nonlinear:
 
 
 def prove_absolute(
-    region: Region, sum_: Nonlinear, multiplier: Multiplier, claim: Claim, most_cells: int
-) -> Proof:
+    region: Region, sum_: Nonlinear, multiplier: Multiplier | None, claim: Claim, most_cells: int
+) -> int:
     """Show the condition everywhere in a region, for every gain up to that of the claim.
 
     For a smaller gain the first matrix only grows. It says of the linear loop that no pole crosses
@@ -81,8 +81,11 @@ def prove_absolute(
         claim: gain and extra delay.
         most_cells: budget.
 
+    Returns:
+        Cells looked at.
+
     Raises:
-        ValueError: device or multiplier allow no such proof.
+        ValueError: device or multiplier allow no such proof, or it was not found.
     """
     channels = _channels(region, sum_, multiplier)
     if not min([region.damping[0], *(mode.damping_ratio[0] for mode in region.modes)]) > 0:
@@ -112,32 +115,38 @@ def prove_absolute(
         return real_lower_bound(condition) > 0, pull
 
     proof = decide(begun, examine, most_cells)
-    # Without the levels, which no point of a region has.
-    kept = [*range(sides - 3), -1]
-    return proof if proof.doubt is None else replace(proof, doubt=proof.doubt[kept])
+    if proof.doubt is not None:
+        place = merged.point(proof.doubt[:-1, 0], float(proof.doubt[-1, 0]))
+        raise ValueError(
+            f"the condition could not be shown at {place.words()}, {proof.cells} cells"
+        )
+    return proof.cells
 
 
 def _channels(
-    region: Region, sum_: Nonlinear, multiplier: Multiplier
+    region: Region, sum_: Nonlinear, multiplier: Multiplier | None
 ) -> list[tuple[Setting, Channel]]:
     """Each clamp, then what is damping only, with its multiplier; clamps may share one."""
-    names = [*sum_.clamps, *(() if sum_.damping is None else ("damping",))]
-    pairs = [(name, each) for each in multiplier.channels for name in each.name.split(" + ")]
-    own, rest = dict(pairs[: len(sum_.clamps)]), pairs[len(sum_.clamps) :]
-    if own.keys() != sum_.clamps.keys() or [name for name, _ in rest] != names[len(own) :]:
-        seen = ", ".join(name for name, _ in pairs) or "nothing"
-        raise ValueError(f"its multiplier is of {seen}, not of {', '.join(names)}")
+    if multiplier is None:
+        raise ValueError("no multiplier is stated")
+    dampers = [] if sum_.damping is None else [sum_.damping]
+    last = len(multiplier.channels) - len(dampers)
+    clamps, switched = multiplier.channels[:last], multiplier.channels[last:]
+    own = {n: c for c in clamps for n in sum_.clamps if f" + {n} + " in f" + {c.name} + "}
+    names = [" + ".join(n for n in own if own[n] is c) for c in clamps] + ["damping"] * len(dampers)
+    seen = [channel.name for channel in multiplier.channels]
+    if own.keys() != sum_.clamps.keys() or names != seen:
+        asked = ", ".join([*sum_.clamps, *["damping"] * len(dampers)])
+        raise ValueError(f"its multiplier is of {', '.join(seen) or 'nothing'}, not of {asked}")
     for name, channel in own.items():
         if bool(channel.constant) != region.grounded or not (channel.taps or region.grounded):
             least = "a constant above zero" if region.grounded else "taps and no constant"
             where = "is held" if region.grounded else "nothing holds"
             raise ValueError(f"the multiplier of {name} needs {least} where a device {where}")
-    if any(channel.taps or not channel.constant for _, channel in rest):
+    if any(channel.taps or not channel.constant for channel in switched):
         raise ValueError("the multiplier of damping that is switched is a constant above zero")
-    nonlinear = [*sum_.clamps.values(), *([] if sum_.damping is None else [sum_.damping])]
-    return list(
-        zip(nonlinear, [*(own[name] for name in sum_.clamps), *dict(rest).values()], strict=True)
-    )
+    multipliers = [*(own[name] for name in sum_.clamps), *switched]
+    return list(zip([*sum_.clamps.values(), *dampers], multipliers, strict=True))
 
 
 def _determinant(
@@ -177,13 +186,13 @@ def _determinant(
     # θ² that was taken out of every clamp.
     out = square if clamps else one
     loop, squared = seen * conjugate(bottom), squared_modulus(seen)
-    total = out * squared_modulus(bottom) * _product(sizes)
+    total = out * squared_modulus(bottom) * product_of(sizes)
     for i, product in enumerate(products):
-        term = real_part(loop * product) * _product(sizes, without=(i,))
+        term = real_part(loop * product) * product_of(sizes, without=(i,))
         total = total + (term if i < clamps else out * term)
     for i, j in combinations(range(len(products)), 2):
         between = apart[i] - apart[j] if j < clamps else products[i] - products[j]
-        others = _product(sizes, without=(i, j)) * 0.25
+        others = product_of(sizes, without=(i, j)) * 0.25
         total = total - squared * squared_modulus(between) * others
     return total, [bottom, seen, *sizes, *products]
 
@@ -204,11 +213,3 @@ def _taps(
         square = square * square * (weight * n / 2)
         real, rest = real + square, rest + sinc_beyond(theta * n) * (weight * n) - square * 1j
     return real, 1.0 if normal else slope, rest
-
-
-def _product(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term:
-    total: Term = 1.0
-    for index, term in enumerate(terms):
-        if index not in without:
-            total = term * total
-    return total

@@ -105,18 +105,15 @@ def certify(
         if not all(each.proved for each in outcomes):
             # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
             continue
-        cells, failure = judge_levels(design, moment, regions, most_cells or MOST_CELLS)
-        found.cells += cells
-        if failure is not None:
-            found.failures.append(failure)
+        try:
+            found.cells += judge_levels(design, moment, regions, most_cells or MOST_CELLS)
+            if is_clamped(design, moment):
+                proved, cells = judge_switched(design, moment, regions, witnesses or {}, most_cells)
+                found.absolute[" + ".join(moment)] = proved
+                found.cells += cells
+        except CheckFailedError as error:
+            found.failures += error.failures
             continue
-        if is_clamped(design, moment):
-            outcome = judge_switched(design, moment, regions, witnesses or {}, most_cells)
-            found.cells += outcome.cells
-            if outcome.proved is None:
-                found.failures.append(outcome.failure or "")
-                continue
-            found.absolute[" + ".join(moment)] = outcome.proved
         interior[" + ".join(moment)] = "proved"
         if not meets_wall(design, moment):
             found.failures += ripple_failures(design, moment, setting)

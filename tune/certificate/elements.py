@@ -15,6 +15,7 @@ from tune.certificate.rendered import excess_over_request
 from tune.certificate.switched import is_clamped, judge_switched
 from tune.certificate.worst_point import worst_points
 from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
+from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design, ElementProfile, SafeProfile
 
 #: Margins are looked for up to so much gain and so many samples, and stated in such steps.
@@ -209,10 +210,12 @@ def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
         asked = {"gain": design.margin.gain}
         known = {} if seal is None else seal.absolute_stability or {}
         stated = {name: each.model_copy(update=asked) for name, each in known.items()}
-        regions = regions_of(design)
-        return is_clamped(design, moment) and (
-            judge_switched(design, moment, regions, stated, _FEW_CELLS).proved is None
-        )
+        if is_clamped(design, moment):
+            try:
+                judge_switched(design, moment, regions_of(design), stated, _FEW_CELLS)
+            except CheckFailedError:
+                return True
+        return False
     if word == "ripple":
         ripple = None if meets_wall(design, moment) else ripple_of(design, setting)
         return ripple is not None and ripple >= design.ripple_limit * (1 - _AGREE)

@@ -135,8 +135,8 @@ class Scaled:
         """(numerator, denominator) of P at S; a denominator that vanishes at 0 is divided by S."""
         damped = s * self.mass + self.damping  # Y/S
         resonances = [s * (s + a) + c for a, c in self.modes]
-        every = _product(resonances)
-        others = [_product(resonances, without=(i,)) for i in range(len(resonances))]
+        every = product_of(resonances)
+        others = [product_of(resonances, without=(i,)) for i in range(len(resonances))]
         inertial: Term = 0.0
         if self.modes:
             inertial = s * (s + self.ratio)
@@ -164,7 +164,7 @@ class Scaled:
         moves = _weighed(others, [(e - h) ** 2 for e, h in self.participations])
         for i, j in combinations(range(len(resonances)), 2):
             (ei, hi), (ej, hj) = self.participations[i], self.participations[j]
-            both = _product(resonances, without=(i, j))
+            both = product_of(resonances, without=(i, j))
             moves = moves + inertial * both * (ei * hj - ej * hi) ** 2
         return moves * self.per_mass
 
@@ -257,7 +257,8 @@ def _scalar(a: Sequence[float], b: Sequence[float]) -> float:
     return float(sum(x * y for x, y in zip(a, b, strict=True)))
 
 
-def _product(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term:
+def product_of(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term:
+    """Product of some forms but for those at a few places; 1 if none is left."""
     chosen = [term for i, term in enumerate(terms) if i not in without]
     return prod(chosen[1:], start=chosen[0]) if chosen else 1.0
 

@@ -61,6 +61,13 @@ OPINIONS = (
     Trusted(key="elements.*.margins.extra_delay_samples", reason="that no more could be proved"),
     Trusted(key="notes", reason="why effects were dropped; which ones is recomputed"),
     Trusted(key="method", reason="which solver proposed; nothing rests on it"),
+    *(
+        Trusted(
+            key=f"certificate.absolute_stability.*.{kind}",
+            reason="which multipliers; that these prove what they are stated for is done again",
+        )
+        for kind in ("free", "held")
+    ),
     Trusted(key="certificate.points", reason="the work it took; it is done again"),
     Trusted(key="certificate.cells", reason="the work it took; it is done again"),
     Trusted(key="certificate.versions", reason="what it was computed with"),

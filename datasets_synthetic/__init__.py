@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from datasets_synthetic.bouncing import Bounces, bounce
     from datasets_synthetic.bundle import bundled_path, log_text
+    from datasets_synthetic.calls import Calls
     from datasets_synthetic.clock import Clock
-    from datasets_synthetic.controller import Controller, Servo
+    from datasets_synthetic.controller import Controller, Element, Servo
     from datasets_synthetic.devices import named_rig, rig_of
     from datasets_synthetic.excitation import Excitation, fit_to_limits, multisine
     from datasets_synthetic.faults import Faults
@@ -29,11 +30,11 @@ if TYPE_CHECKING:
     )
     from datasets_synthetic.simulation import simulate
     from datasets_synthetic.vibration import Vibration
-    from datasets_synthetic.wall import Element, Wall
 
 __all__ = [
     "SCENARIOS",
     "Bounces",
+    "Calls",
     "Clock",
     "Controller",
     "Element",
@@ -48,7 +49,6 @@ __all__ = [
     "Trial",
     "Truth",
     "Vibration",
-    "Wall",
     "bounce",
     "bundled_path",
     "fit_to_limits",
@@ -66,8 +66,9 @@ __all__ = [
 _HOMES = {
     "bouncing": "Bounces bounce",
     "bundle": "bundled_path log_text",
+    "calls": "Calls",
     "clock": "Clock",
-    "controller": "Controller Servo",
+    "controller": "Controller Element Servo",
     "devices": "named_rig rig_of",
     "excitation": "Excitation fit_to_limits multisine",
     "faults": "Faults",
@@ -78,7 +79,6 @@ _HOMES = {
     "scenarios": "SCENARIOS Scenario run run_batch scenario_named",
     "simulation": "simulate",
     "vibration": "Vibration",
-    "wall": "Element Wall",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

@@ -51,10 +51,7 @@ class Bounces:
 
     def largest_ratio(self, member: int = 0) -> float:
         """Largest energy of a contact, less the floor, over the most of any before; 0 for none."""
-        energy = self.energy[member]
-        if energy.size < 2:
-            return 0.0
-        return float(np.max((energy[1:] - self.floor[member]) / _largest_before(energy)))
+        return largest_ratio(self.energy[member], self.floor[member])
 
 
 def bounce(
@@ -71,7 +68,7 @@ def bounce(
 
     Args:
         rig: the devices: delay, quantiser, friction and force limit are theirs.
-        controller: effects behind a wall (``Controller.wall``).
+        controller: effects with a wall above its face (``side`` -1).
         push: of the hand towards the wall, N (N·m), positive, a number or shape (batch,).
         drop: how far before the wall it starts, m (rad), positive, a number or shape (batch,).
         hand: whose mass, damper and spring are on the handle; its spring is relaxed at the start
@@ -83,12 +80,12 @@ def bounce(
         ValueError: there is no wall to fall into.
     """
     hand = hand or Hand()
-    wall = controller.wall
-    if wall is None or np.any(np.isinf(wall.place)):
-        raise ValueError("there is no wall to fall into: give the controller a wall at a place")
+    faces = [each.place for each in controller.elements if np.all(np.less(each.side, 0))]
+    if not faces:
+        raise ValueError("there is no wall to fall into: give the controller an element of side -1")
     batch = max(rig.batch, controller.size(), *hand.sizes(), np.size(push), np.size(drop))
     column = partial(per_member, batch=batch)
-    place, pushed = column(wall.place), column(push)
+    place, pushed = column(faces[0]), column(push)
     recording = simulate(
         rig,
         np.zeros(samples),
@@ -99,51 +96,45 @@ def bounce(
         watch=True,
         seed=seed,
     )
-    return bounces(
-        recording,
-        place=place,
-        net=pushed - column(rig.force_offset),
-        resolution=column(rig.encoder_resolution),
-        stiffness=column(controller.total_stiffness()),
-    )
-
-
-def bounces(
-    recording: Recording,
-    *,
-    place: FloatArray,
-    net: FloatArray,
-    resolution: FloatArray,
-    stiffness: FloatArray,
-) -> Bounces:
-    """What handles that were watched brought to their walls.
-
-    Args:
-        recording: of all of it.
-        place: of each wall, m (rad), shape (batch,).
-        net: force towards the wall in front of it, N (N·m), likewise.
-        resolution: of the encoder, m (rad), likewise.
-        stiffness: of all that acts behind the wall, N/m (N·m/rad), likewise.
-    """
-    members = range(recording.batch)
-    with np.errstate(over="ignore", invalid="ignore"):
-        count = _COUNTS * resolution
-        floor = np.abs(net) * count + 0.5 * np.abs(stiffness) * count**2
-        found = [contacts(recording, member, place[member], net[member]) for member in members]
-        finite = np.all(np.isfinite(recording.position), axis=1)
-        energy = tuple(each for _, each in found)
-        grows = [
-            not finite[member]
-            or bool(np.any(each[1:] > (1 + GROWTH) * _largest_before(each) + floor[member]))
-            for member, each in enumerate(energy)
-        ]
+    net = pushed - column(rig.force_offset)
+    floor = energy_floor(net, column(rig.encoder_resolution), column(controller.total_stiffness()))
+    found = [contacts(recording, k, place[k], net[k]) for k in range(batch)]
+    finite = np.all(np.isfinite(recording.position), axis=1)
+    more = [grows(energy, least) for (_, energy), least in zip(found, floor, strict=True)]
     return Bounces(
         time=tuple(each for each, _ in found),
-        energy=energy,
+        energy=tuple(each for _, each in found),
         floor=floor,
-        grows=np.array(grows),
+        grows=~finite | more,
         recording=recording,
     )
+
+
+def energy_floor(net: FloatArray, resolution: FloatArray, stiffness: FloatArray) -> FloatArray:
+    """Energy within the resolution of the encoder, J, shape (batch,).
+
+    Args:
+        net: force in front of the wall, N (N·m), shape (batch,).
+        resolution: of the encoder, m (rad), likewise.
+        stiffness: of all that acts, N/m (N·m/rad), likewise.
+    """
+    count = _COUNTS * resolution
+    return np.abs(net) * count + 0.5 * np.abs(stiffness) * count**2
+
+
+def grows(energy: FloatArray, floor: float) -> bool:
+    """Whether a contact had clearly more energy than any before it, J, shape (contacts,)."""
+    return bool(np.any(energy[1:] > (1 + GROWTH) * _largest_before(energy) + floor))
+
+
+def largest_ratio(energy: FloatArray, floor: float) -> float:
+    """Largest energy of a contact, J, shape (contacts,), less the floor, over the most before.
+
+    0 where there was one contact or none.
+    """
+    if energy.size < 2:
+        return 0.0
+    return float(np.max((energy[1:] - floor) / _largest_before(energy)))
 
 
 def _largest_before(energy: FloatArray) -> FloatArray:
@@ -156,8 +147,8 @@ def contacts(
 ) -> tuple[FloatArray, FloatArray]:
     """Time (s) of each sample that finds the wall, and the energy (J) brought there.
 
-    Until then the wall gives no force, so this is what the handle had on reaching ``place`` (m) but
-    for the work of the ``net`` force (N) beyond it, which is taken off.
+    This is what the handle had on reaching ``place`` (m) but for the work of the ``net`` force (N)
+    beyond it, which is taken off; what a damper took before the face is gone.
 
     Both answers have shape (contacts,).
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -62,18 +63,21 @@ class Ending:
 
 
 def endings(
-    position: FloatArray, force: FloatArray, count: float, allowed: Allowed
+    position: FloatArray, force: FloatArray, count: FloatArray, allowed: Sequence[Allowed]
 ) -> list[Ending]:
-    """The end of every run, position (m) and force (N) of shape (batch, n)."""
+    """The end of every run, position (m) and force (N) of shape (batch, n).
+
+    Count of the encoder, m, and what is allowed are one a run.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
-        parts = _parts(position) / count
+        parts = _parts(position) / count[:, None, None]
         forces = _parts(force)
         moved, pulled = _amplitudes(parts), _amplitudes(forces)
         travel = _travel(parts)
         travel = np.where(travel > _MORE * moved, travel, 0.0)
         reaches = np.ptp(parts, axis=2), np.ptp(forces, axis=2)
     sizes = zip(moved, pulled, travel, *reaches, strict=True)
-    return [_ending(*each, allowed) for each in sizes]
+    return [_ending(*each, may) for each, may in zip(sizes, allowed, strict=True)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,6 +1,6 @@
 """Standard trials of controllers on a simulated device: does it settle, and if not, why.
 
-What is played is in trials.py; here it is judged. One file: one verdict on each trial, and what it
+What is played is in plays.py; here it is judged. One file: one verdict on each trial, and what it
 is read from.
 """
 
@@ -12,37 +12,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.bouncing import Bounces
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.ending import Allowed, Ending, Verdict, endings
 from datasets_synthetic.hand import Hand
-from datasets_synthetic.recording import Recording
+from datasets_synthetic.plays import KINDS, Condition, Play, TrialName, conditions_of, plays_of
 from datasets_synthetic.rig import Rig
-from datasets_synthetic.trials import (
-    Condition,
-    Sizes,
-    TrialName,
-    Trials,
-    conditions_of,
-    trials_by_name,
-)
-from datasets_synthetic.wall import ADVERSE, OPEN, RANDOM
+from datasets_synthetic.trials import Sizes, Trials
 
 FloatArray = NDArray[np.float64]
 
-#: Where anything is not at rest in the end, all is played on, so many times as long: what dies out
-#: slowly is told from what lasts.
+#: What is not at rest in the end is played again, so many times as long: what dies out slowly is
+#: told from what lasts.
 _LONGER = 3
 #: Force that keeps oscillating may be this part of the force limit unless another is stated.
 _FORCE = 0.01
-#: Counts that keep oscillating unless others are stated.
-_COUNTS = 3.0
-#: What a trial says of a caller.
-_GATES = {
-    OPEN: "",
-    RANDOM: ", elements entered and left and gains changed at random",
-    ADVERSE: ", elements entered and left against it",
-}
+#: Counts that keep oscillating unless others are stated, and so many times more where the force of
+#: a damper is chopped.
+_COUNTS, _CHOPPED = 3.0, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,15 +93,16 @@ def rehearse(
     """Plays the standard trials of every controller of a batch on one device, in every condition.
 
     Conditions are hands off and, if a hand is given, held; with the Coulomb friction of the device
-    and, because it may be less than thought, without any; other devices without any; and, where
-    one-sided elements have damping, that damping shut and open at random and against the device.
-    All of it is one run; the controllers with anything not at rest in the end, and only those, are
-    judged by a longer one.
+    and, because it may be less than thought, without any; other devices without any. What is played
+    is in plays.py: elements beside the controller's own effects are also entered, left and scaled
+    while they act. All of it is one run; what is not at rest in the end, and only that, is judged
+    by a longer one.
 
     Args:
         rig: the truth, one device.
-        controller: effects and filters, numbers or shape (batch,); about zero for the first four
-            trials, behind a wall (its own, or one at zero) for the falls.
+        controller: effects and filters, numbers or shape (batch,), about zero: walls of side -1
+            have their face there. Walls of side 1 stand where they are while a program calls, and
+            are out of the way before.
         hand: that holds the handle, or None for hands off only.
         others: devices with the same modes and sample time that this one may be as well.
         duration: of each trial, s; three times as long where anything is not at rest by then.
@@ -137,76 +124,57 @@ def rehearse(
             limit nor a push.
     """
     sizes = Sizes.of(rig, controller.size(), reach=reach, push=push, duration=duration)
-    conditions = conditions_of(rig, hand, others, controller)
+    conditions = conditions_of(rig, hand, others)
+    plays = plays_of(controller, conditions, sizes.batch)
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
-    pushed = bool(np.any(rig.force_offset) or np.any(rig.stiffness))
-    allowed = [Allowed(counts=counts_allowed, force=float(f), pushed=pushed) for f in force]
-    found: list[list[Ending]] = [[] for _ in allowed]
-    left = np.arange(sizes.batch)
-    longest = _LONGER * sizes.played
-    # One plays on; of many only those that are left are played anew, by themselves.
-    room = longest if sizes.batch == 1 else sizes.played
-    trials = Trials(controller, conditions, sizes, room, seed)
-    for samples in (sizes.played, longest):
-        if samples > room:
-            few = controller.members(left)
-            trials = Trials(few, conditions, sizes.members(left), longest, seed)
-        free, fallen = trials.until(samples)
-        for place, member in enumerate(left):
-            count, own = float(sizes.count[member]), [allowed[member]] * len(conditions)
-            found[member] = _endings(free, place, left.size, count, own)
-            found[member] += _after_falls(fallen, place, left.size, count, own)
-        rest = [all(end.at_rest for end in found[member]) for member in left]
-        left = left[~np.array(rest)]
-        if not left.size:
+    ends: dict[int, Ending] = {}
+    left = range(len(plays))
+    for samples in (sizes.played, _LONGER * sizes.played):
+        part = [plays[k] for k in left]
+        seeds = [seed + k for k in left]
+        trials = Trials(controller, conditions, sizes, part, samples=samples, seeds=seeds)
+        seen, told = trials.until(samples)
+        count = sizes.count[[play.member for play in part]]
+        allowed = [
+            _allowed(play, counts_allowed, float(force[play.member]), sizes, pushed=bool(pushed))
+            for play, pushed in zip(part, trials.pushed, strict=True)
+        ]
+        found = endings(seen.position, seen.force, count, allowed)
+        ends |= {k: _with(end, more) for k, end, more in zip(left, found, told, strict=True)}
+        left = [k for k in left if not ends[k].at_rest]
+        if not left:
             break
-    names = trials_by_name(conditions)
+    order = list(KINDS)
+    played = sorted(range(len(plays)), key=lambda k: (order.index(plays[k].name), k))
     return tuple(
-        Rehearsal(trials=tuple(_trial(*name, end) for name, end in zip(names, each, strict=True)))
-        for each in found
+        Rehearsal(
+            trials=tuple(
+                _trial(plays[k].name, conditions[plays[k].place], ends[k])
+                for k in played
+                if plays[k].member == member
+            )
+        )
+        for member in range(sizes.batch)
     )
 
 
-def _endings(
-    recording: Recording, place: int, batch: int, count: float, allowed: Sequence[Allowed]
-) -> list[Ending]:
-    """What became of the trials of one controller of a batch, what is allowed by condition."""
-    found: list[Ending] = []
-    own = slice(place, None, batch)
-    rows = range(len(recording.position[own]))
-    for kind in dict.fromkeys(allowed):
-        ends = endings(recording.position[own], recording.force[own], count, kind)
-        found = found or ends
-        found = [ends[row] if allowed[row % len(allowed)] == kind else found[row] for row in rows]
-    return found
+def _allowed(play: Play, counts: float, force: float, sizes: Sizes, *, pushed: bool) -> Allowed:
+    """What may be left: where a damper is chopped, whatever force it makes of a few counts."""
+    if KINDS[play.name].dampers:
+        counts, force = _CHOPPED * counts, 2 * float(sizes.limit[play.member])
+    return Allowed(counts=counts, force=force, pushed=pushed)
 
 
-def _after_falls(
-    falls: Bounces, place: int, batch: int, count: float, allowed: Sequence[Allowed]
-) -> list[Ending]:
-    """What became of its falls, judged by their contacts too."""
-    pushed = [replace(each, pushed=True) for each in allowed]
-    members = range(place, falls.recording.batch, batch)
-    ends = _endings(falls.recording, place, batch, count, pushed)
-    return [_with_contacts(end, falls, k) for k, end in zip(members, ends, strict=True)]
-
-
-def _with_contacts(ending: Ending, falls: Bounces, member: int) -> Ending:
-    """What became of a fall, judged by its contacts too."""
-    if not falls.grows[member] or ending.verdict == "diverges":
+def _with(ending: Ending, told: str) -> Ending:
+    """What became of a trial, judged by its energy too, of which something is told if it grew."""
+    if not told or ending.verdict == "diverges":
         return ending
-    ratio = falls.largest_ratio(member)
-    return replace(
-        ending,
-        verdict="diverges",
-        reason=f"a contact with the wall had {ratio:.3g} times the energy of any before",
-    )
+    return replace(ending, verdict="diverges", at_rest=False, reason=told)
 
 
 def _trial(name: TrialName, condition: Condition, ending: Ending) -> Trial:
     where = "held" if condition.held else "hands off"
     where += "" if condition.rubbing else ", without friction"
-    where += _GATES[condition.gate]
     if condition.other:
         rig = condition.rig
         where += f", at {rig.mass[0]:.4g} of mass, {rig.damping[0]:.4g} of damping and a delay of "

@@ -1,73 +1,42 @@
-"""The standard trials as they are played: every controller, in every condition, in one batch.
+"""The standard trials as they are played: all in one batch.
 
-All of them run with the quantiser, friction, delay, force limit, modes and lag of the device: let
-go from a displacement, a push and its release, a push beyond the force limit, a start within a few
-counts where friction and quantiser may sustain an oscillation, and falls from afar and from near
-into a wall, where one-sided elements only push and others fade if they have to. All are one batch,
-the place of the wall nowhere for those without one: trials are the outermost, conditions the next,
-controllers the innermost. One file: the trials of one batch, laid out and named.
+All of them run with the quantiser, friction, delay, force limit, modes and lag of the device. One
+file: the trials of one batch, laid out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.batch_values import per_member
-from datasets_synthetic.bouncing import Bounces, bounces
+from datasets_synthetic.bouncing import GROWTH, contacts, energy_floor, grows, largest_ratio
+from datasets_synthetic.calls import Calls
 from datasets_synthetic.controller import Controller
 from datasets_synthetic.hand import Hand
+from datasets_synthetic.plays import KINDS, Condition, Play
 from datasets_synthetic.recording import Recording
 from datasets_synthetic.rig import Rig
 from datasets_synthetic.simulation import Simulation
-from datasets_synthetic.wall import ADVERSE, OPEN, RANDOM, Wall
 
 FloatArray = NDArray[np.float64]
-TrialName = Literal["release", "push", "sustained push", "small start", "wall", "near wall"]
-_TRIALS: tuple[TrialName, ...] = get_args(TrialName)
-#: So many of them without a wall.
-_OPEN = 4
+Mask = NDArray[np.bool_]
 
 #: Where nothing else is stated a trial goes so many counts from the start, ...
 _REACH = 1000.0
 #: ... and where a few counts are asked for, so many.
 _NEAR = 30.0
-#: Push and fall into a wall use this part of the force limit, ...
-_PUSH, _FALL = 0.5, 0.25
-#: ... and the sustained push is beyond it by so much.
-_BEYOND = 1.1
-#: Part of a run in which elements are entered and left; what comes of it is judged later.
-_CALLED = 0.35
+#: Part of the most force that leans on a wall, and with which the handle falls into it.
+_FALL = 0.25
 #: Part of the run after which a push is released, and over which it rises and falls.
 _RELEASE, _RISE = 0.25, 0.05
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
-    """A device, the hand on it and the gate of its dampers, in which every trial is played.
-
-    Attributes:
-        rig: one device.
-        hand: on it.
-        held: whether there is a hand.
-        other: whether it is another device than the one that is rehearsed on.
-        gate: what is done with the elements, OPEN, RANDOM or ADVERSE.
-    """
-
-    rig: Rig
-    hand: Hand
-    held: bool
-    other: bool = False
-    gate: int = OPEN
-
-    @property
-    def rubbing(self) -> bool:
-        """Whether the device has its Coulomb friction."""
-        return bool(self.rig.coulomb_friction[0] > 0)
+#: Part of the run in which a program calls.
+_CALLED = 0.35
+#: Opposite walls stand so many times as far off as a trial goes where it does without them.
+_FAR = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,138 +91,129 @@ class Sizes:
         return self.count.size
 
     @property
-    def near(self) -> FloatArray:
-        """The short displacement, m (rad), shape (batch,)."""
-        return _NEAR * self.count
-
-    def members(self, which: NDArray[np.intp]) -> Sizes:
-        """The trials of these controllers, shape (members,)."""
-        return replace(
-            self, count=self.count[which], reach=self.reach[which], limit=self.limit[which]
-        )
-
-
-def conditions_of(
-    rig: Rig, hand: Hand | None, others: Sequence[Rig], controller: Controller
-) -> list[Condition]:
-    """With friction, if there is any, and without; each hands off and, if a hand is given, held.
-
-    Other devices are played without friction; transitions, in which elements are entered and left
-    and gains fall and rise while it moves, without friction and hands off.
-    """
-    bare = [_oiled(each) for each in (rig, *others)]
-    hands = [(Hand(), False)] + ([] if hand is None else [(hand, True)])
-    rubbing = [rig] if rig.coulomb_friction[0] > 0 else []
-    found = [
-        Condition(rig=some, hand=on, held=held)
-        for some in (*rubbing, bare[0])
-        for on, held in hands
-    ]
-    found += [
-        Condition(rig=some, hand=on, held=held, other=True)
-        for some in bare[1:]
-        for on, held in hands
-    ]
-    if controller.beside:
-        found += [
-            Condition(rig=bare[0], hand=Hand(), held=False, gate=gate) for gate in (RANDOM, ADVERSE)
-        ]
-    return found
-
-
-def _oiled(rig: Rig) -> Rig:
-    """The device without Coulomb friction."""
-    return replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0)
-
-
-def trials_by_name(conditions: Sequence[Condition]) -> list[tuple[TrialName, Condition]]:
-    """Every trial of one controller, those without a wall first."""
-    return [(name, each) for name in _TRIALS for each in conditions]
+    def called(self) -> int:
+        """Samples in which a program calls."""
+        return round(_CALLED * self.played)
 
 
 class Trials:
-    """All trials of a batch of controllers, played up to some sample and then on."""
+    """Trials of a batch of controllers, played up to some sample and then on.
 
-    __slots__ = ("_fallen", "_falls", "_run")
+    Attributes:
+        pushed: whether something pushes to the end, or steady travel is no fault for another
+            reason, shape (plays,).
+    """
+
+    __slots__ = (
+        "_called",
+        "_falls",
+        "_net",
+        "_resolution",
+        "_run",
+        "_stiffness",
+        "_until",
+        "pushed",
+    )
 
     def __init__(
         self,
         controller: Controller,
         conditions: Sequence[Condition],
         sizes: Sizes,
+        plays: Sequence[Play],
+        *,
         samples: int,
-        seed: int,
+        seeds: Sequence[int],
     ) -> None:
         """Ready to start, with so many samples at most."""
+        member = np.array([each.member for each in plays], dtype=np.intp)
+        where = np.array([each.place for each in plays], dtype=np.intp)
+        kinds = [KINDS[each.name] for each in plays]
+
+        def of(name: str) -> FloatArray:
+            return np.array([getattr(kind, name) for kind in kinds], dtype=np.float64)
+
+        rigs = Rig.batch_of([each.rig for each in conditions]).members(where)
+        rows, reach = controller.rows(member), sizes.reach[member]
+        # What springs give where they are cut, or all that the device can.
+        levels = np.sum(np.where(rows["stiffness"] > 0, rows["level"], 0.0), axis=0)
+        limit = np.minimum(sizes.limit[member], np.where(levels > 0, levels, np.inf))
+        near, falls, called = _NEAR * sizes.count[member], of("falls") > 0, of("called") > 0
+        walled: Mask = np.any(rows["side"], axis=0)
+        faced: Mask = np.any(rows["side"] > 0, axis=0)
+        opposite = np.max(np.where(rows["side"] > 0, rows["place"], -np.inf), axis=0)
+        start = of("reaches") * reach + of("nears") * near
+        start = np.where(called, np.where(faced, opposite / 2, -reach), start)
+        # As fast as the fall from there; a few counts are gained at a walk.
+        step = float(rigs.sample_time[0])
+        fast = np.sqrt(2 * _FALL * limit * reach / rigs.mass)
+        speed = np.where(called, fast, of("walks") * near / (_RISE * sizes.played * step))
+        leans = np.where(called, walled & ~faced, walled | falls | (of("dampers") > 0))
+        steady: FloatArray = _FALL * limit * leans
         part = np.arange(samples) / sizes.played
-        pushes = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
-        none = np.zeros(sizes.batch)
-        step = float(conditions[0].rig.sample_time[0])
-        # A few counts are also gained at a walk: where no spring pulls, nothing else would move.
-        walk = sizes.near / (_RISE * sizes.played * step)
-        own = per_member(0.0 if controller.wall is None else controller.wall.place, sizes.batch)
-        own = np.where(np.isinf(own), 0.0, own)
-        start = [sizes.reach, none, none, sizes.near, own - sizes.reach, own - sizes.near]
-        limit = sizes.limit
-        push = [none, _PUSH * limit, _BEYOND * limit, none, _FALL * limit, _FALL * limit]
-        nowhere = np.full(sizes.batch, -np.inf)
-        place = _each([nowhere] * _OPEN + [own] * (len(_TRIALS) - _OPEN), conditions)
-        rigs = _rigs(conditions, sizes.batch)
-        laws = replace(_laws(controller, conditions, sizes), wall=Wall(place=place))
-        pushed = _each(push, conditions)
-        self._falls = slice(_OPEN * len(conditions) * sizes.batch, None)
-        shape = np.where(np.isinf(place)[:, None], pushes, 1.0)
-        self._fallen = {
-            "place": place[self._falls],
-            "net": (pushed - rigs.force_offset)[self._falls],
-            "resolution": rigs.encoder_resolution[self._falls],
-            "stiffness": per_member(laws.total_stiffness(), place.size)[self._falls],
-        }
+        pulse = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
+        self._until, self._called, self._falls = sizes.called, called, np.flatnonzero(falls)
+        self._net, self._stiffness = steady - rigs.force_offset, np.sum(rows["stiffness"], axis=0)
+        self.pushed: Mask = (self._net != 0) | (rigs.stiffness != 0) | called
+        self._resolution = rigs.encoder_resolution
+        laws = controller.members(member)
+        far = np.where(called, rows["place"], -_FAR * reach)
+        places = np.where(rows["side"] > 0, far, rows["place"])
+        # What is no wall rests where a program begins to call.
+        places = np.where(called & (rows["side"] == 0), start, places)
+        elements = tuple(
+            replace(each, place=place) for each, place in zip(laws.elements, places, strict=True)
+        )
+        calls = replace(
+            controller.calls or Calls(),
+            entrance=np.where(falls & ~walled, 0.0, -np.inf),
+            caller=of("caller"),
+            dampers=of("dampers"),
+            until=sizes.called,
+        )
         self._run = Simulation(
             rigs,
             np.zeros(samples),
-            controller=laws,
-            hand=_hands(conditions, sizes.batch),
-            position=_each(start, conditions),
-            velocity=_each([none, none, none, walk, none, none], conditions),
-            push=pushed[:, None] * shape,
+            controller=replace(
+                laws, stiffness=0.0, damping=0.0, mass=0.0, beside=elements, calls=calls
+            ),
+            hand=_hands([conditions[each.place].hand for each in plays]),
+            position=start,
+            velocity=speed,
+            push=np.maximum(steady[:, None], (of("pulse") * limit)[:, None] * pulse),
             watch=True,
-            seed=seed,
+            seed=seeds,
         )
 
-    def until(self, samples: int) -> tuple[Recording, Bounces]:
-        """What became of the trials without a wall and of the falls, up to this many samples."""
+    def until(self, samples: int) -> tuple[Recording, list[str]]:
+        """All that was recorded up to this many samples, and what grew of each, or nothing."""
         seen = self._run.until(samples)
-        falls = bounces(seen.members(self._falls), **self._fallen)
-        return seen.members(slice(0, self._falls.start)), falls
+        assert seen.truth is not None
+        net, floor = self._net, energy_floor(self._net, self._resolution, self._stiffness)
+        told = [""] * seen.batch
+        with np.errstate(over="ignore", invalid="ignore"):
+            for play in self._falls.tolist():
+                energy = contacts(seen, play, 0.0, float(net[play]))[1]
+                if grows(energy, floor[play]):
+                    ratio = largest_ratio(energy, floor[play])
+                    told[play] = (
+                        f"a contact with the wall had {ratio:.3g} times the energy of any before"
+                    )
+            held = seen.truth.energy - net[:, None] * seen.truth.handle
+            moving = seen.truth.energy[:, 0]
+            gained: FloatArray = np.max(held[:, self._until :], axis=1) - held[:, 0]
+            more = self._called & ~(gained <= GROWTH * moving + floor)
+            for play in np.flatnonzero(more).tolist():
+                ratio = 1 + gained[play] / moving[play]
+                told[play] = f"it is left with {ratio:.3g} times the energy it began with"
+        return seen, told
 
 
-def _each(trials: Sequence[FloatArray], conditions: Sequence[Condition]) -> FloatArray:
-    """One value a trial and controller, the same in every condition, shape (members,)."""
-    return np.repeat(np.stack(trials)[:, None], len(conditions), axis=1).ravel()
-
-
-def _laws(controller: Controller, conditions: Sequence[Condition], sizes: Sizes) -> Controller:
-    """The controllers in turn for every trial and condition, as one batch."""
-    batch, calls = sizes.batch, round(_CALLED * sizes.played)
-    laws = controller.members(np.tile(np.arange(batch), len(_TRIALS) * len(conditions)))
-    gate = np.tile(np.repeat([each.gate for each in conditions], batch), len(_TRIALS))
-    beside = tuple(replace(each, gate=gate, calls=calls) for each in laws.beside)
-    return replace(laws, beside=beside)
-
-
-def _rigs(conditions: Sequence[Condition], batch: int) -> Rig:
-    """The devices, each for every controller in turn, once a trial, as one batch."""
-    places = np.tile(np.repeat(np.arange(len(conditions)), batch), len(_TRIALS))
-    return Rig.batch_of([each.rig for each in conditions]).members(places)
-
-
-def _hands(conditions: Sequence[Condition], batch: int) -> Hand:
-    """The hands likewise."""
-    columns = {
-        field.name: [float(np.asarray(getattr(each.hand, field.name))) for each in conditions]
-        for field in fields(Hand)
-    }
+def _hands(hands: Sequence[Hand]) -> Hand:
+    """Hands, each of one member, as one batch."""
     return Hand(
-        **{name: np.tile(np.repeat(one, batch), len(_TRIALS)) for name, one in columns.items()}
+        **{
+            field.name: np.array([float(np.asarray(getattr(each, field.name))) for each in hands])
+            for field in fields(Hand)
+        }
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from datasets_synthetic import Controller, Rig, Wall
+from datasets_synthetic import Controller, Rig
 from tests.bench_settings import CLOSE, T, column
 from tests.sampled_bench import SampledBench
 from tests.simulated.experiment import limit_by_experiment
@@ -35,7 +35,7 @@ class Experiment:
     encoder_resolution: ArrayLike = 0.0
     coulomb_friction: ArrayLike = 0.0
     force_limit: ArrayLike = np.inf
-    place: ArrayLike = -np.inf  # of a wall: effects everywhere
+    walls: ArrayLike = 0.0  # 1 where the effects are a wall with its face at zero
     force: ArrayLike = 0.0
     position: ArrayLike = 0.0
 
@@ -47,7 +47,7 @@ def experiments() -> dict[str, Experiment]:
     held = 0.25 * limit
     ringing = np.sqrt(exact / column("mass"))
     strained, face = limit / exact * ringing, held / exact * ringing
-    inside = {"place": 0.0, "force": held, "position": held / exact}
+    inside = {"walls": 1.0, "force": held, "position": held / exact}
     return {
         "linear": Experiment(speed=1.0),
         "encoder": Experiment(speed=100 * counts, encoder_resolution=resolution),
@@ -88,7 +88,7 @@ def apparent(subject: str) -> dict[str, FloatArray]:
             coulomb_friction=values("coulomb_friction"),
             force_limit=values("force_limit"),
         ),
-        Controller(stiffness=1.0, wall=Wall(place=values("place"))),
+        Controller(stiffness=1.0, side=-values("walls").astype(int)),
         raised=("stiffness",),
         between=(exact / 3.1, exact * 32),
         speed=values("speed"),

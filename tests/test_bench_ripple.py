@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from datasets_synthetic import Controller, Hand, Rig, Vibration, Wall
+from datasets_synthetic import Controller, Hand, Rig, Vibration
 from tests.bench_settings import DEVICE, FLEXIBLE, SECOND, T, column, loop_of
 from tests.simulated.experiment import EFFECTS, EffectName
 from tests.simulated.ripple import ripple_by_simulation
@@ -86,6 +86,4 @@ def test_ripple_needs_an_encoder_and_no_wall() -> None:
     with pytest.raises(ValueError, match="give it an encoder_resolution"):
         ripple_by_simulation(Rig(**DEVICE), Controller(damping=5.0))
     with pytest.raises(ValueError, match="a wall gives no force outside"):
-        ripple_by_simulation(
-            replace(Rig(**DEVICE), encoder_resolution=6e-6), Controller(wall=Wall())
-        )
+        ripple_by_simulation(replace(Rig(**DEVICE), encoder_resolution=6e-6), Controller(side=-1))

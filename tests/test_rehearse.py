@@ -10,7 +10,8 @@ import pytest
 
 from datasets_synthetic import Controller, Rehearsal, Rig
 from identification import SlopeRange, quantity
-from tests.exported import tuned
+from tests.entered_scenes import made
+from tests.exported import FADE, tuned
 from tune import SafeProfile
 from tune.cli.rehearse import refuse_restless
 
@@ -34,25 +35,54 @@ def profile_with(**device: Any) -> SafeProfile:
     return tuned().model_copy(update={"elements": elements, "device": changed})
 
 
+def rows(law: Controller, moment: int) -> list[dict[str, float]]:
+    """What each element of a moment plays, as far as it plays anything."""
+    columns = law.rows(np.array([moment]))
+    count = len(columns["stiffness"])
+    parts = [{name: float(row[k, 0]) for name, row in columns.items()} for k in range(count)]
+    return [part for part in parts if part["stiffness"] or part["damping"] or part["mass"]]
+
+
 def test_every_moment_is_played_with_its_walls_and_its_fades() -> None:
-    """Wall, cup, rubber, and the wall with each of them."""
+    """Wall, cup, rubber, and the wall with either."""
     profile = profile_with()
-    names = [set(moment) for moment in profile.moments()]
     _, law, _ = rehearsed(profile)
-    size = {name: element.stiffness for name, element in profile.elements.items()}
-    cup, fade = profile.elements["cup"].mass, profile.elements["cup"].fade_time
-    assert fade >= 0.1
-    assert law.size() == len(names)
-    wall, spring, fading = law.beside
-    assert [each.one_sided for each in law.beside] == [True, False, False]
-    there = {each: np.array([each in moment for moment in names]) for each in size}
-    for element, name, wanted in (
-        (wall, "stiffness", size["wall"] * there["wall"]),
-        (spring, "stiffness", size["rubber"] * there["rubber"]),
-        (fading, "mass", cup * there["cup"]),
-        (fading, "fade_time", fade * there["cup"]),
-    ):
-        np.testing.assert_array_equal(getattr(element, name), wanted)
+    level = profile.elements["wall"].force_level
+    wall = {"stiffness": 500.0, "damping": 10.0, "mass": 0.0, "side": -1.0, "level": level}
+    cup = {"mass": profile.elements["cup"].mass, "level": np.inf, "side": 0.0}
+    cup |= {"stiffness": 0.0, "damping": 0.0, "fade_time": FADE}
+    rubber = {"stiffness": 700.0, "damping": 0.0, "mass": 0.0, "side": 0.0}
+    rubber["level"] = profile.elements["rubber"].force_level
+    played = [[wall], [cup], [rubber], [wall, cup], [wall, rubber]]
+    assert law.size() == len(profile.moments()) == len(played)
+    for moment, parts in enumerate(played):
+        plain = {"fade_time": 0.0, "place": 0.0}
+        assert rows(law, moment) == [plain | part for part in parts]
+    assert law.calls is not None
+    assert law.calls.taps == profile.certificate.longest_tap
+
+
+def test_walls_are_met_with_one_on_the_other_side_as_near_as_it_may_stand() -> None:
+    """None that is apart from what is met with it; alike ones touch, others leave both leads."""
+    sizes = {
+        "wall": (2000.0, 20.0, 0.0),
+        "wall 2": (1000.0, 20.0, 0.0),
+        "wall 3": (500.0, 10.0, 0.0),
+        "cup": (0.0, 0.0, 1.0),
+    }
+    apart = (("wall 2", "cup"), ("wall", "wall 2"))
+    profile = made("homerehab", sizes, apart=apart, speed=0.3)
+    _, law, _ = rehearsed(profile)
+    facing = {
+        moment: [(part["stiffness"], part["place"]) for part in rows(law, k) if part["side"] > 0]
+        for k, moment in enumerate(profile.moments())
+    }
+    assert facing.pop(("wall",)) == [(500.0, pytest.approx(-0.3 * (0.01 + 0.02)))]
+    assert facing.pop(("wall 2",)) == [(500.0, 0.0)]
+    assert facing.pop(("wall 3",)) == [(2000.0, pytest.approx(-0.009))]
+    assert facing.pop(("wall", "cup")) == [(500.0, pytest.approx(-0.009))]
+    assert facing.pop(("wall 3", "cup")) == [(2000.0, pytest.approx(-0.009))]
+    assert facing == {("cup",): []}
 
 
 def test_corners_of_the_box_are_played_with_the_extra_delay() -> None:
@@ -77,7 +107,8 @@ def test_slopes_of_friction_and_its_stiffness_are_among_the_devices_played() -> 
     assert [each.stiffness[0] for each in options["others"]] == [0, 0, 0, 200.0]
 
 
-def test_what_no_moment_has_is_not_played() -> None:
-    wall = tuned().elements["wall"]
-    _, law, _ = rehearsed(tuned().model_copy(update={"elements": {"wall": wall}, "together": ()}))
-    assert len(law.beside) == 1
+def test_what_is_in_no_moment_costs_nothing() -> None:
+    rubber = tuned().elements["rubber"]
+    one = {"elements": {"rubber": rubber}, "together": ()}
+    _, law, _ = rehearsed(tuned().model_copy(update=one))
+    assert law.size() == len(law.beside) == 1

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from datasets_synthetic import Clock, Element, Faults, Hand, Wall, log_text
+from datasets_synthetic import Clock, Faults, Hand, log_text
 from identification import LogRefusedError, Trajectory, UsageError
 from tests.closed_loop_logs import AXIS, BENCHES, STYLUS, Bench, T, said, verdicts
 from tests.commands import haptune
@@ -117,10 +117,7 @@ def test_an_overdamped_element_is_judged_by_its_slow_pole_alone() -> None:
 
 
 def test_outside_of_a_one_sided_wall_nothing_is_claimed() -> None:
-    K, B, M = (0.5 * size for size in STYLUS.elements["wall"])
-    wall = Element(stiffness=K, damping=B, mass=M, one_sided=True)
-    # The handle flies out of the wall.
-    left = STYLUS.log("wall", 0.0, wall=Wall(), beside=(wall,))
+    left = STYLUS.log("wall", 0.5, side=-1)  # the handle flies out of the wall
     log = STYLUS.log("wall", 0.5)
     again = replace(log, force=np.where(log.position > 0, log.force, 0.0))  # and comes back
     for one_sided in (left, again):

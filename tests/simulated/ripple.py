@@ -52,7 +52,7 @@ def ripple_by_simulation(
     """
     if np.any(rig.encoder_resolution == 0):
         raise ValueError(f"{rig.name} reads its position exactly: give it an encoder_resolution")
-    if controller.wall is not None:
+    if np.any(controller.side):
         raise ValueError("a wall gives no force outside: leave it out to measure its ripple inside")
     hand = hand or Hand()
     batch = max(rig.batch, controller.size(), *hand.sizes())

@@ -19,7 +19,7 @@ _SLOWEST, _FASTEST = 0.5, 5.0
 #: Points of Simpson's rule between them, an odd number.
 _POINTS = 2001
 #: A stated number may differ from the recomputed one by this part: it is printed with four digits.
-_AGREE = 2e-3
+_AGREE = 1e-3
 #: A device without damping is given this part of its mass over a second to compare with.
 _FOOT = 0.01
 #: Less felt of an effect than this part of it counts as this.

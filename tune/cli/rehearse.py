@@ -6,69 +6,26 @@ the simulator, which shares no algebra with anything that tunes or certifies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from datasets_synthetic import Controller, Element, Hand, Rig
     from tune.documents.profile import Design, ElementProfile
 
+    #: An element, the side to which it pushes and its place.
+    _Part = tuple[ElementProfile, int, float]
+
 #: Amplitude of force that may last, in ripple limits: the peak of three rms of a sinusoid. Within a
 #: count the encoder keeps a frictionless device moving for ever.
 _LASTING = 3 * 2**0.5
 #: Moments played in one run: a step of a batch costs little more than one of a single device until
 #: there are some hundred members, and each moment is some three dozen.
-_AT_ONCE = 8
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Part:
-    """Effects that act as one: K, N/m (N·m/rad); B, N·s/m (N·m·s/rad); M, kg (kg·m²).
-
-    Attributes:
-        level: of the clamp of a spring, N (N·m).
-        fade_time: s, 0 for what is switched.
-    """
-
-    stiffness: float = 0.0
-    damping: float = 0.0
-    mass: float = 0.0
-    level: float = float("inf")
-    fade_time: float = 0.0
-
-    @classmethod
-    def sum_of(cls, elements: Sequence[ElementProfile]) -> _Part:
-        """Elements without a spring together; what fades as fast as the fastest of them."""
-        return cls(
-            damping=sum(each.damping for each in elements),
-            mass=sum(each.mass for each in elements),
-            fade_time=min((each.fade_time for each in elements), default=0.0),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Moment:
-    """The elements that are felt at once.
-
-    Attributes:
-        name: of them all.
-        walls: each that pushes only.
-        springs: each other with a spring.
-        damping: all that is damping only.
-        fading: all that fades and has no spring.
-    """
-
-    name: str
-    walls: tuple[_Part, ...]
-    springs: tuple[_Part, ...]
-    damping: _Part
-    fading: _Part
-
-    @property
-    def silent(self) -> bool:
-        """Whether nothing acts."""
-        return not (self.walls or self.springs) and self.damping == self.fading == _Part()
+_AT_ONCE = 12
+#: Walls whose lead times differ by less, in parts, are alike: one clamp of one signal.
+_ALIKE = 1e-9
 
 
 def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
@@ -86,14 +43,17 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
 
     rig = rig_of(design.device)
     others = _other_rigs(design, rig)
-    moments = [_moment(design, names) for names in design.moments()]
-    felt = [each for each in moments if not each.silent]
+    felt = [
+        names
+        for names in design.moments()
+        if any(design.elements[name].sizes() != "nothing" for name in names)
+    ]
+    runs = -(-len(felt) // _AT_ONCE)
     vetoes: list[str] = []
-    for first in range(0, len(felt), _AT_ONCE):
-        part = felt[first : first + _AT_ONCE]
-        what = f"{part[0].name}{' and others' if part[1:] else ''}"
-        count = f"({first // _AT_ONCE + 1} of {-(-len(felt) // _AT_ONCE)})"
-        say(f"rehearsing {what} in simulation {count}")
+    for run in range(runs):
+        part = felt[run::runs]
+        what = f"{' + '.join(part[0])}{' and others' if part[1:] else ''}"
+        say(f"rehearsing {what} in simulation ({run + 1} of {runs})")
         found = rehearse(
             rig,
             _law(design, part),
@@ -101,8 +61,9 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
             others=others,
             force_allowed=_LASTING * design.ripple_limit,
         )
-        for moment, each in zip(part, found, strict=True):
-            vetoes += [f"{moment.name}: rehearsal: {trial.reason}" for trial in each.vetoes[:1]]
+        for names, each in zip(part, found, strict=True):
+            told = [f"{' + '.join(names)}: rehearsal: {trial.reason}" for trial in each.vetoes]
+            vetoes += told[:1]
     if vetoes:
         raise CheckFailedError(tuple(vetoes))
 
@@ -127,53 +88,17 @@ def _other_rigs(design: Design, rig: Rig) -> list[Rig]:
     return found
 
 
-def _moment(design: Design, names: tuple[str, ...]) -> _Moment:
-    chosen = [design.elements[name] for name in names]
-    springs = [(each.one_sided, _spring(each)) for each in chosen if each.stiffness]
-    others = [each for each in chosen if not each.stiffness]
-    return _Moment(
-        name=" + ".join(names),
-        walls=tuple(part for one_sided, part in springs if one_sided),
-        springs=tuple(part for one_sided, part in springs if not one_sided),
-        damping=_Part.sum_of([each for each in others if not each.fades]),
-        fading=_Part.sum_of([each for each in others if each.fades]),
-    )
-
-
-def _spring(element: ElementProfile) -> _Part:
-    return _Part(
-        stiffness=element.stiffness,
-        damping=element.damping,
-        mass=element.mass,
-        level=element.force_level,
-        fade_time=element.fade_time,
-    )
-
-
-def _law(design: Design, moments: Sequence[_Moment]) -> Controller:
+def _law(design: Design, moments: Sequence[tuple[str, ...]]) -> Controller:
     """The elements as the simulator plays them, one member a moment."""
-    from datasets_synthetic import Controller
+    from datasets_synthetic import Calls, Controller
 
-    columns = [
-        (True, _column([each.walls[place : place + 1] for each in moments]))
-        for place in range(max(len(each.walls) for each in moments))
-    ]
-    columns += [
-        (False, _column([each.springs[place : place + 1] for each in moments]))
-        for place in range(max(len(each.springs) for each in moments))
-    ]
-    columns += [
-        (False, _column([(getattr(each, kind),) for each in moments]))
-        for kind in ("damping", "fading")
-        if any(getattr(each, kind) != _Part() for each in moments)
-    ]
+    certified = {frozenset(names) for names in design.moments()}
+    played = [_parts(design, names, certified) for names in moments]
     loop = design.loop
     infinite = float("inf")
     return Controller(
-        beside=tuple(
-            replace(element, one_sided=one_sided, quiet=_longest_tap(design))
-            for one_sided, element in columns
-        ),
+        beside=tuple(_column(column) for column in zip_longest(*played)),
+        calls=Calls(taps=_longest_tap(design)),
         velocity_filter_hz=loop.velocity_filter_hz or infinite,
         acceleration_filter_hz=loop.acceleration_filter_hz or infinite,
         velocity_filter_order=loop.velocity_filter_order,
@@ -183,19 +108,50 @@ def _law(design: Design, moments: Sequence[_Moment]) -> Controller:
     )
 
 
-def _column(parts: Sequence[tuple[_Part, ...]]) -> Element:
+def _parts(
+    design: Design, names: tuple[str, ...], certified: Collection[frozenset[str]]
+) -> list[_Part]:
+    """The elements of a moment, and a wall on the other side, as near as it may stand."""
+    walls = [name for name in names if name in design.walls]
+    others = frozenset(names).difference(walls)
+    parts = [(design.elements[name], -1 if name in walls else 0, 0.0) for name in names]
+    facing = [
+        name
+        for name in design.elements
+        if walls
+        and name in design.walls.difference(walls)
+        and others | {name} in certified
+        and not any({name, wall} == set(pair) for wall in walls for pair in design.apart)
+    ]
+    for name in facing[:1]:
+        leads = [_corridor(design.elements[wall], design.elements[name]) for wall in walls]
+        parts.append((design.elements[name], 1, -max(leads)))
+    return parts
+
+
+def _corridor(wall: ElementProfile, other: ElementProfile) -> float:
+    """The narrowest between two walls that is certified, m (rad): none where they are alike."""
+    here, there = (each.damping / each.stiffness for each in (wall, other))
+    if abs(here - there) <= _ALIKE * max(here, there):
+        return 0.0
+    return here * wall.motion.speed + there * other.motion.speed
+
+
+def _column(parts: Sequence[_Part | None]) -> Element:
     """One part of each moment, or none of it, as one element of the batch."""
     import numpy as np
 
     from datasets_synthetic import Element
 
-    rows = [part[0] if part else _Part() for part in parts]
-    return Element(
-        **{
-            name: np.array([getattr(each, name) for each in rows], dtype=np.float64)
-            for name in ("stiffness", "damping", "mass", "level", "fade_time")
-        }  # pyright: ignore[reportArgumentType]
-    )
+    rows = [(0.0, 0.0, 0.0, np.inf, 0.0, 0, 0.0)] * len(parts)
+    for row, part in enumerate(parts):
+        if part is not None:
+            one, side, place = part
+            sizes = one.stiffness, one.damping, one.mass
+            rows[row] = (*sizes, one.force_level or np.inf, one.fade_time, side, place)
+    columns = np.array(rows, dtype=np.float64).T
+    names = ("stiffness", "damping", "mass", "level", "fade_time", "side", "place")
+    return Element(**dict(zip(names, columns, strict=True)))  # pyright: ignore[reportArgumentType]
 
 
 def _longest_tap(design: Design) -> int:

@@ -103,9 +103,14 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/certificate/switched.py",
-        f"{_EDGES} -k false_multiplier",
+        f"{_EDGES} -k 'false_multiplier or largest_sets'",
         ("gain of a multiplier against the margin", "if not gain >= margin.gain or", "if"),
         ("extra delay of a multiplier", " or extra != margin.extra_delay_samples:", ":"),
+        (
+            "moments that are part of no other",
+            "if not any(each < other for other in moments)]",
+            "if each == moments[0]]",
+        ),
         (
             "a held multiplier without a hand",
             "if (multiplier is None) == bool(own):",
@@ -153,7 +158,7 @@ FAULTS: tuple[Fault, ...] = (
             "found.failures += rendering_failures(design, moment[0], setting)",
             "pass",
         ),
-        ("clamps that may be reached", "if is_clamped(design, moment):", "if not moment:"),
+        ("clamps that may be reached", "if moment in clamped:", "if not moment:"),
         ("delays that are judged", "if longest > _LONGEST_DELAY:", "if longest > 1e9:"),
         ("a device that is pushed away", "    refuse_unbalanced(design.device)\n", ""),
     ),

@@ -107,19 +107,16 @@ def prove_absolute(
                 theta, mechanism_of(merged, terms[:sides]), channels, claim.gain, steady
             )
             # What is not straight comes from products: by the squares of the factors' slopes.
-            bent = np.nan_to_num(
-                [np.abs(each.slopes / each.centre) for each in factors], posinf=1e3
-            )
+            bent = [np.abs(each.slopes / each.centre) for each in factors]
+            bent = np.nan_to_num(bent, posinf=1e3)
             shares = np.sum(bent**2, axis=0) + _TINY
         pull[symbols] = np.abs(condition.slopes.real) + condition.real * shares / shares.sum(axis=0)
         return real_lower_bound(condition) > 0, pull
 
     proof = decide(begun, examine, most_cells)
     if proof.doubt is not None:
-        place = merged.point(proof.doubt[:-1, 0], float(proof.doubt[-1, 0]))
-        raise ValueError(
-            f"the condition could not be shown at {place.words()}, {proof.cells} cells"
-        )
+        place = merged.point(proof.doubt[:-1, 0], float(proof.doubt[-1, 0])).words()
+        raise ValueError(f"the condition could not be shown at {place}, {proof.cells} cells")
     return proof.cells
 
 
@@ -164,9 +161,7 @@ def _determinant(
     seen, bottom = plant.numerator, plant.denominator
     for level, setting in steady:
         bottom = bottom + seen * (s * rate_of(theta, plant.half_sinc, step, setting)) * level
-    sizes: list[AffineForm] = []
-    products: list[AffineForm] = []
-    apart: list[AffineForm] = []
+    sizes, products, apart = (list[AffineForm]() for _ in range(3))
     for setting, channel in channels:
         size = setting.stiffness or setting.damping
         rate = one * 0.0 + rate_of(theta, plant.half_sinc, step, setting) * (1 / size)

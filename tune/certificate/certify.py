@@ -24,7 +24,7 @@ from tune.certificate.point import setting_of
 from tune.certificate.refusal import refuse_unbalanced
 from tune.certificate.region import Region, regions_of
 from tune.certificate.rendered import rendering_failures
-from tune.certificate.switched import is_clamped, judge_levels, judge_switched
+from tune.certificate.switched import clamped_moments, judge_levels, judge_switched
 from tune.certificate.worst_point import WorstCase
 from tune.documents.certified import (
     AbsoluteStability,
@@ -91,6 +91,7 @@ def certify(
         )
     found = _Findings([])
     interior: dict[str, Literal["proved"]] = {}
+    clamped = clamped_moments(design)
     played = [
         (moment, setting)
         for moment in design.moments()
@@ -107,7 +108,7 @@ def certify(
             continue
         try:
             found.cells += judge_levels(design, moment, regions, most_cells or MOST_CELLS)
-            if is_clamped(design, moment):
+            if moment in clamped:
                 proved, cells = judge_switched(design, moment, regions, witnesses or {}, most_cells)
                 found.absolute[" + ".join(moment)] = proved
                 found.cells += cells

@@ -12,7 +12,7 @@ from tune.certificate.passivity import damping_for_passivity
 from tune.certificate.point import Setting, setting_of
 from tune.certificate.region import regions_of
 from tune.certificate.rendered import excess_over_request
-from tune.certificate.switched import is_clamped, judge_switched
+from tune.certificate.switched import clamped_moments, judge_switched
 from tune.certificate.worst_point import worst_points
 from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
 from tune.documents.errors import CheckFailedError
@@ -185,8 +185,8 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
         if element.one_sided and (least < 0 or most > (element.lead or 0.0)):
             return
     else:
-        moments = [moment for moment in design.moments() if name in moment]
-        if any(_breaks(grown, moment, word) for moment in moments):
+        every = clamped_moments(grown) if word == "saturation" else design.moments()
+        if any(_breaks(grown, moment, word) for moment in every if name in moment):
             return
         device = design.device.simultaneous_box()
         lowest = {"mass": device.mass[0], "damping": device.damping[0]}.get(effect, 0.0)
@@ -210,11 +210,10 @@ def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
         asked = {"gain": design.margin.gain}
         known = {} if seal is None else seal.absolute_stability or {}
         stated = {name: each.model_copy(update=asked) for name, each in known.items()}
-        if is_clamped(design, moment):
-            try:
-                judge_switched(design, moment, regions_of(design), stated, _FEW_CELLS)
-            except CheckFailedError:
-                return True
+        try:
+            judge_switched(design, moment, regions_of(design), stated, _FEW_CELLS)
+        except CheckFailedError:
+            return True
         return False
     if word == "ripple":
         ripple = None if meets_wall(design, moment) else ripple_of(design, setting)

@@ -34,6 +34,18 @@ def is_clamped(design: Design, moment: tuple[str, ...]) -> bool:
     return any(each.stiffness and (each.one_sided or each.cut) for each in chosen)
 
 
+def clamped_moments(design: Design) -> tuple[tuple[str, ...], ...]:
+    """Moments with a clamp that may be reached and are part of no other such moment.
+
+    What is proved of them covers their parts: a clamp that never pushes is nondecreasing, what is
+    switched may stay off, and what fades may be at nothing.
+    """
+    played = {name for name in design.elements if setting_of(design, (name,))}
+    moments = [played.intersection(each) for each in design.moments() if is_clamped(design, each)]
+    largest = [each for each in moments if not any(each < other for other in moments)]
+    return tuple(each for each in design.moments() if set(each) in largest)
+
+
 def judge_switched(
     design: Design,
     moment: tuple[str, ...],
@@ -43,12 +55,7 @@ def judge_switched(
 ) -> tuple[AbsoluteStability, int]:
     """What a moment is proved for in every region, by stated multipliers, and cells looked at.
 
-    Args:
-        design: whose clamps may be reached.
-        moment: elements felt together.
-        regions: of device and hand.
-        witnesses: multipliers and gain of this moment among them.
-        most_cells: budget where less would be asked for instead; None for all that may help.
+    The budget of cells is for where less would be asked for instead; None for all that may help.
 
     Raises:
         CheckFailedError: it is not proved.
@@ -100,11 +107,7 @@ def judge_levels(
     fill the convex hull of those where each level is 0 or 1. Alone an element goes through smaller
     gains of itself; a moment with a clamp that may be reached is proved at any level of each.
 
-    Args:
-        design: whose margin is to be kept.
-        moment: elements felt together, proved stable at their full levels like every part of them.
-        regions: of device and hand.
-        most_cells: budget for each.
+    The moment and each part of it are proved stable at their full levels before.
 
     Raises:
         CheckFailedError: it is not proved.

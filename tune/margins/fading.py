@@ -8,13 +8,13 @@ as a pendulum does from a string drawn in and let out. In the same coordinates a
 
 and a hand that enters and leaves decides l. What pumps most goes to and fro between two levels and
 waits at each for part of a half swing: the eigenvalues of one such period tell whether it grows.
-One file: a loop whose level moves, and the wave that pumps it most.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,8 @@ _STOPS = (0, 1, 2, 4, 8, 12, 16)
 _WAITS = 8
 #: rad, how far from whole half turns a period is looked at.
 _NEAR = np.linspace(-0.12, 0.12, 13)
-#: s, the first fade looked at, the ratio of each to the next, and the longest. Where turning at low
-#: levels asks for more, the device hardly loses anything, and these waves are no guide to others.
+#: s, the first fade looked at, the ratio of each to the next, and the longest: of turns at any
+#: level, which guide no further where they ask for more, and of going all the way.
 _FIRST, _RATIO, _LONGEST, _LONGEST_WHOLE = 0.05, 2**0.5, 1.0, 5.0
 #: An eigenvalue of a period this far beyond the circle grows; less is the rounding of a double one.
 _GROWS = 1e-6
@@ -51,7 +51,8 @@ def shortest_fade(
 ) -> float:
     """Shortest fade, s, at which no wave of the level was found to make any loop grow.
 
-    It is necessary, not sufficient: waves of other shapes are not looked at.
+    It is necessary, not sufficient: waves of other shapes are not looked at. 0.05 s at least; inf
+    where none up to 1 s, or 5 s all the way, is slow enough.
 
     Args:
         places: ways the device may be.
@@ -59,9 +60,6 @@ def shortest_fade(
         beside: K, B and M of what does not fade, N/m, N·s/m and kg.
         fading: of what does, at its full level.
         whole: whether the level always goes all the way; else it may turn at other levels too.
-
-    Returns:
-        0.05 s at least; inf where none up to 1 s, or 5 s all the way, is slow enough.
     """
     loops = [
         FadedLoop.of(place, filters, beside, fading)
@@ -80,13 +78,9 @@ def shortest_fade(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FadedLoop:
-    """x[k+1] = (still + level·more)·x[k], each of shape (states, states).
+    """x[k+1] = (still + level·more)·x[k], each of shape (states, states); sample time in s.
 
-    Attributes:
-        still: the loop without what fades.
-        more: what it adds at its full level.
-        sample_time: s.
-        grounded: whether a spring of device or law binds the place at some level.
+    It is grounded where a spring of device or law binds the place at some level.
     """
 
     still: FloatArray
@@ -99,13 +93,9 @@ class FadedLoop:
         """The estimates follow every reading; only what is made of them has a level."""
         step = place.sample_time
         plant = SampledLoop.of(place, filters, (1.0, 0.0, 0.0))
-        size = len(plant.read)
-        command = plant.command
+        size, command = len(plant.read), plant.command
         enter = (plant.pushed - plant.free) @ command / (command @ command)
-        estimates = [
-            law_states(filters, step, 0.0, 1.0, 0.0),
-            law_states(filters, step, 0.0, 0.0, 1.0),
-        ]
+        estimates = [law_states(filters, step, 0.0, *only) for only in ((1.0, 0.0), (0.0, 1.0))]
         total = size + sum(len(each.update) for each in estimates)
         still = np.zeros((total, total))
         still[:size, :size] = plant.free
@@ -119,8 +109,7 @@ class FadedLoop:
             row[start:end] = each.command
             row[:size] = each.direct * plant.read
             start = end
-        drive = np.zeros(total)
-        drive[:size] = enter
+        drive = np.append(enter, np.zeros(total - size))
         return cls(
             still=still + np.outer(drive, np.array(beside) @ rows),
             more=np.outer(drive, np.array(fading) @ rows),
@@ -132,15 +121,12 @@ class FadedLoop:
         """Transitions at some levels, shape (levels, states, states)."""
         return self.still + level[:, None, None] * self.more
 
+    @np.errstate(over="ignore", invalid="ignore")
     def grows(self, fade: float, stops: Sequence[int]) -> bool:
         """Whether some wave between two stops, as fast as a fade of so many seconds, pumps.
 
         A loop that is unstable at some level overflows, which is growth.
         """
-        with np.errstate(over="ignore", invalid="ignore"):
-            return self._grows(fade, stops)
-
-    def _grows(self, fade: float, stops: Sequence[int]) -> bool:
         count = max(1, int(fade / self.sample_time / _STEPS))
         middles = (np.arange(_STEPS) + 0.5) / _STEPS
         each = self.at(middles)
@@ -150,11 +136,9 @@ class FadedLoop:
         turns = {stop: _turn(matrix) for stop, matrix in held.items()}
         for place, low in enumerate(stops):
             up = down = np.eye(len(self.still))
-            before = low
-            for high in stops[place + 1 :]:
+            for before, high in pairwise(stops[place:]):
                 for step in steps[before:high]:
                     up, down = step @ up, down @ step
-                before = high
                 both, fades = (turns[low], turns[high]), 2 * float(turned[low:high].sum())
                 for first, last in _waits(both, fades):
                     periods = down @ _held(held[high], last) @ up @ _held(held[low], first)
@@ -180,12 +164,8 @@ def _turn(matrix: FloatArray) -> float:
 def _waits(turns: tuple[float, float], fades: float) -> list[tuple[Spans, Spans]]:
     """Pairs of waits in samples at a low and a high level, the longest half a swing at each.
 
-    Evenly, and close to those with which a period turns the swing by whole half turns: where little
-    is lost only a narrow band of periods pumps.
-
-    Args:
-        turns: angle a sample at either level, rad.
-        fades: angle over both ways, rad.
+    Evenly, and close to those with which a period turns the swing by whole half turns, of so many
+    radians a sample at either level and over both ways: where little is lost few periods pump.
     """
     evenly = [
         np.unique(np.linspace(0, np.pi / turn if turn else 0, _WAITS).astype(np.int64))

@@ -121,7 +121,7 @@ def _proposed(
 
 def _witnesses(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
     """What proves the moments that are one-sided, by their elements."""
-    found = _proved(task.scene, solutions)
+    found = _proved(solutions)
     if not found:
         return {}
     from tune.optimisation.saturation import witness_of
@@ -141,11 +141,14 @@ def _of_effect(
     return {each: tuple(name for name in each if name in there) for each in scene.subsets()}
 
 
-def _proved(scene: Scene, solutions: Sequence[Solution]) -> AllFound:
-    """The gains of all moments that must be absolutely stable."""
+def _proved(solutions: Sequence[Solution]) -> AllFound:
+    """The gains of moments that must be absolutely stable, and are part of no other."""
     found = {names: one for solved in solutions for names, one in solved.absolute.items()}
-    moments = _of_effect(scene, solutions)
-    return {each: found[part] for each, part in moments.items() if part in found}
+    if not found:
+        return found
+    from tune.optimisation.saturation import largest_sets
+
+    return {names: found[names] for names in largest_sets(found)}
 
 
 def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
@@ -200,7 +203,7 @@ def design_of(
         for each, part in _of_effect(scene, solutions).items()
         if part in found
     ]
-    absolute = _proved(scene, solutions)
+    absolute = _proved(solutions)
     elements = {
         name: element_profile(device, scene, solved, name, margins, absolute, task.slack)
         for solved, own in zip(solutions, groups(scene), strict=True)

@@ -24,7 +24,8 @@ from tune.optimisation.problem import Problem
 from tune.optimisation.unknown import Unknown
 
 if TYPE_CHECKING:
-    from tune.optimisation.saturation import AllFound, ProvedGain
+    from tune.documents.certified import AbsoluteStability
+    from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]
 
@@ -83,7 +84,7 @@ class Solution:
     method: str = "as given"
     disagreement: float = 0.0
     unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
-    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "ProvedGain"])
+    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "AbsoluteStability"])
     stepped_back: frozenset[int] = frozenset()
     clash: tuple[str, str] | None = None
 

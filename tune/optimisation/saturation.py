@@ -5,16 +5,15 @@ Sizes are found by linear limits; here each sum is given the multipliers that pr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import groupby, product
+from collections.abc import Iterable, Mapping
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
-from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.scene import Margin
 from tune.optimisation.problem import ROOM, Moment, Problem
 from tune.optimisation.zames_falb import find_multiplier
@@ -27,80 +26,53 @@ FloatArray = NDArray[np.float64]
 _SHAVED, _MOST_GAIN = 2e-2, 1000.0
 #: Parts of the gain that is asked for, at which a multiplier is looked for in turn.
 _PARTS = (1.02, 1.0, 0.9, 0.7, 0.4)
-#: Digits to which B/K and M/K agree where clamps act on one signal.
-_ALIKE = 9
+#: Digits to which B/K and M/K agree where clamps act on one signal, and those of a weight.
+_ALIKE, _DIGITS = 9, 6
 #: Taps of less than these parts of the largest of their channel are left out, if so much of the
-#: gain is kept.
-_FAINT, _KEPT = (0.3, 0.1, 0.03, 0.01, 1e-3, 0.0), 0.99
-#: Slope of a tap of one sample, as a part of that of all of them.
-_FIRST_TAP = (0.03, 3e-3, 3e-4)
-#: Digits of a weight.
-_DIGITS = 6
+#: gain is kept; slopes of a tap of one sample, as parts of that of all of them.
+_FAINT, _KEPT, _FIRST_TAP = (0.3, 0.03, 1e-3, 0.0), 0.99, (0.03, 1e-3)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProvedGain:
-    """The gain that was found for a moment, and the multipliers that give it.
-
-    Attributes:
-        gain: for the worst loop, free or held; 0 where none was found.
-        free: for loops whose position nothing holds; None where there are none.
-        held: for the others.
-    """
-
-    gain: float
-    free: Multiplier | None = None
-    held: Multiplier | None = None
-
-
-#: By the elements of each moment that must be absolutely stable.
-AllFound = Mapping[tuple[str, ...], ProvedGain]
+#: Gains that were found, 0 for none, by the elements of moments that must be absolutely stable.
+AllFound = Mapping[tuple[str, ...], AbsoluteStability]
 
 
 def prove_moments(problem: Problem, sizes: FloatArray, known: AllFound | None = None) -> AllFound:
-    """`search_gain` of every moment that must be absolutely stable.
+    """`search_gain` of every moment that must be absolutely stable and is part of no other.
 
     Sizes have shape (unknowns,), SI units; what is known is of others.
     """
     known = known or {}
+    moments = {each.elements: each for each in problem.moments if each.absolute}
     return {
-        moment.elements: search_gain(problem, moment, sizes, known.get(moment.elements))
-        for moment in problem.moments
-        if moment.absolute
+        names: search_gain(problem, moments[names], sizes, known.get(names))
+        for names in largest_sets(moments)
     }
 
 
-def _members(moment: Moment) -> set[int]:
-    return {index for members in moment.members for index in members}
+def largest_sets(moments: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Those that are part of no other: what proves one proves its parts."""
+    sets = {frozenset(each): each for each in moments}
+    return [names for each, names in sets.items() if not any(each < other for other in sets)]
 
 
 def search_gain(
-    problem: Problem, moment: Moment, sizes: FloatArray, known: ProvedGain | None = None
-) -> ProvedGain:
+    problem: Problem, moment: Moment, sizes: FloatArray, known: AbsoluteStability | None = None
+) -> AbsoluteStability:
     """The gain up to which a moment is absolutely stable at every corner and delay of the margin.
 
-    Args:
-        problem: loops and margin.
-        moment: with a clamp.
-        sizes: of the unknowns, shape (unknowns,).
-        known: multipliers of other sizes, which may do.
+    Sizes have shape (unknowns,); what is known are multipliers of others, which may do.
     """
-    if not problem.region.box.damping[0] > 0:
-        return ProvedGain(gain=0.0)
+    margin, box, least = problem.margin, problem.region.box, problem.proved_gain
     parts, steady = nonlinearities(problem, moment, sizes)
-    least = problem.proved_gain
     # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
-    gains = [problem.margin.gain * (1 + 2 * ROOM) if steady else _MOST_GAIN]
+    gains = [margin.gain * (1 + 2 * ROOM) if steady else _MOST_GAIN]
     multipliers: dict[bool, Multiplier | None] = {}
-    box = problem.region.box
-    late = box.delay[1] / box.sample_time[0] + problem.margin.extra_delay_samples
-    for loop in problem.loops.between(problem.margin.extra_delay_samples):
+    late = box.delay[1] / box.sample_time[0] + margin.extra_delay_samples
+    for loop in problem.loops.between(margin.extra_delay_samples) if box.damping[0] > 0 else ():
         responses = Responses.of(loop, steady)
-        multiplier, gain = None, 0.0
-        if known is not None:
-            multiplier = known.held if loop.grounded else known.free
-        if multiplier is not None:
-            gain = _least_gain(responses, parts, multiplier)
+        multiplier = known and (known.held if loop.grounded else known.free)
+        gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
         for part in () if gain >= least else _PARTS:
             multiplier = find_multiplier(responses, parts, part * least, late)
             if multiplier is not None:
@@ -109,7 +81,13 @@ def search_gain(
                 break
         gains.append(gain)
         multipliers[loop.grounded] = multiplier
-    return ProvedGain(gain=min(gains), free=multipliers.get(False), held=multipliers.get(True))
+    return AbsoluteStability(
+        gain=min(gains) if multipliers else 0.0,
+        extra_delay_samples=float(margin.extra_delay_samples),
+        free=multipliers.get(False),
+        held=multipliers.get(True),
+        covers=(),
+    )
 
 
 def _least_gain(responses: Responses, parts: Nonlinearities, multiplier: Multiplier) -> float:
@@ -159,46 +137,32 @@ def nonlinearities(
     clamps: dict[tuple[float, float], tuple[tuple[str, ...], float]] = {}
     steady: list[Effects] = []
     damping = 0.0
-    order = sorted(_members(moment))
-    order.sort(key=lambda i: moment.elements.index(problem.unknowns[i].element))
-    for name, own in groupby(order, key=lambda i: problem.unknowns[i].element):
-        values = {
-            problem.unknowns[i].effect: problem.unknowns[i].sign * float(sizes[i]) for i in own
-        }
-        if "stiffness" in values:
+    values: dict[str, dict[EffectName, float]] = {name: {} for name in moment.elements}
+    for index in {index for members in moment.members for index in members}:
+        unknown = problem.unknowns[index]
+        values[unknown.element][unknown.effect] = unknown.sign * float(sizes[index])
+    for name, own in values.items():
+        K, B, M = (own.get(effect, 0.0) for effect in EFFECT_NAMES)
+        if K:
             # Clamps of one signal are one clamp.
-            K, B, M = (values.get(effect, 0.0) for effect in EFFECT_NAMES)
             signal = (round_to_digits(B / K, _ALIKE), round_to_digits(M / K, _ALIKE))
             names, stiffness = clamps.get(signal, ((), 0.0))
             clamps[signal] = (*names, name), stiffness + K
-        elif "mass" in values or values["damping"] < 0:
-            gain = problem.margin.gain
-            steady.append(Effects(**{effect: gain * value for effect, value in values.items()}))
+        elif M or B < 0:
+            steady.append(Effects(**{e: problem.margin.gain * v for e, v in own.items()}))
         else:
-            damping += values["damping"]
-    found = tuple(
-        (
-            " + ".join(names),
-            Effects(stiffness=K, damping=K * lead or None, mass=K * inertia or None),
-        )
-        for (lead, inertia), (names, K) in clamps.items()
+            damping += B
+    found = (
+        (" + ".join(names), Effects(stiffness=K, damping=K * lead or None, mass=K * lag or None))
+        for (lead, lag), (names, K) in clamps.items()
     )
-    return Nonlinearities(clamps=found, damping=damping), tuple(steady)
+    return Nonlinearities(clamps=tuple(found), damping=damping), tuple(steady)
 
 
-def witness_of(found: ProvedGain, margin: Margin, slack: float) -> AbsoluteStability:
-    """What is claimed of a moment: multipliers, and the gain to three decimals downwards.
+def witness_of(found: AbsoluteStability, margin: Margin, slack: float) -> AbsoluteStability:
+    """What is claimed of a moment: what was found, with its gain to three decimals downwards.
 
-    Args:
-        found: for it.
-        margin: that is kept.
-        slack: part of a margin beyond it that is not claimed.
+    It is at least that of the margin; a part of what is beyond it, the slack, is not claimed.
     """
     gain = float(np.floor(found.gain * (1 - max(_SHAVED, slack)) * 1000) / 1000)
-    return AbsoluteStability(
-        gain=max(gain, margin.gain),
-        extra_delay_samples=float(margin.extra_delay_samples),
-        free=found.free,
-        held=found.held,
-        covers=(),
-    )
+    return found.model_copy(update={"gain": max(gain, margin.gain)})

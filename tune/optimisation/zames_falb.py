@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import round_to_digits
 from tune.documents.certified import Channel, Multiplier, Tap
-from tune.stability.absolute import Nonlinearities, difference_at
+from tune.stability.absolute import Nonlinearities, difference_at, is_peak
 from tune.stability.responses import Responses
 
 if TYPE_CHECKING:
@@ -27,17 +26,16 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-Indices = NDArray[np.intp]
 
 #: Delays of the taps, samples: all of the short ones, then each so many times the one before, up to
 #: so many times the delay of the loop, or to this many.
 _SHORT, _RATIO, _DELAYS, _LONG = 8, 1.3, 6, 31
 #: Of the points of the grid the first program sees one in so many.
-_SEEN = 12
+_SEEN = 128
 #: Programs at most.
-_ROUNDS = 4
-#: Weights below this part of the largest are none; digits of the others.
-_NOTHING, _DIGITS = 1e-9, 8
+_ROUNDS = 6
+#: Weights below this part of the largest are none.
+_NOTHING = 1e-9
 
 
 def find_multiplier(
@@ -62,17 +60,14 @@ def find_multiplier(
         if weights is None:
             return None
         matrices = np.tensordot(weights, table, axes=1)
-        values = np.asarray(np.linalg.eigvalsh(matrices), dtype=np.float64)
-        least: FloatArray = values[:, 0].reshape(responses.position.shape)
-        short = _dips(least)
+        values: FloatArray = np.asarray(np.linalg.eigvalsh(matrices), dtype=np.float64)
+        least = values[:, 0].reshape(responses.position.shape)
+        short = np.flatnonzero(is_peak(-least) & (least <= 0))
         if not short.size:
             break
         seen = np.union1d(seen, short)
-    return (
-        None
-        if weights is None
-        else _multiplier(weights, owners, parts, grounded=responses.grounded)
-    )
+    assert weights is not None
+    return _multiplier(weights, owners, parts, grounded=responses.grounded)
 
 
 def _ladder(delay_samples: float) -> list[int]:
@@ -91,16 +86,13 @@ def _table(
     point the matrices are turned and scaled alike, so that none of their directions is small in all
     of them: near θ = 0 that in which two clamps push against each other is.
     """
-    loops = [gain * loop for loop in parts.loops(responses)]
-    size = len(loops)
-    angle = np.broadcast_to(responses.angle, loops[0].shape)
+    loops = gain * parts.loops(responses)
+    size, angle = len(loops), np.broadcast_to(responses.angle, loops.shape[1:])
     tables: list[ComplexArray] = []
     owners: list[tuple[int, int]] = []
     for channel in range(size):
-        clamp = channel < len(parts.clamps)
-        taps = ladder if clamp else []
-        constants = (0,) if responses.grounded or not clamp else ()
-        for tap in (*constants, *taps):
+        taps = (0, *ladder) if responses.grounded else ladder
+        for tap in taps if channel < len(parts.clamps) else (0,):
             factor = difference_at(tap, angle) if tap else np.ones(angle.shape)
             matrix = np.zeros((*angle.shape, size, size), dtype=np.complex128)
             matrix[..., channel, :] = (factor * loops[channel])[..., None]
@@ -114,14 +106,6 @@ def _table(
     return np.einsum("pji,vpjk,pkl->vpil", np.conj(scale), table, scale, optimize=True), owners
 
 
-def _dips(least: FloatArray) -> Indices:
-    """Where each loop has least and less than nothing to spare; places in all (loops, points)."""
-    edge = np.full((len(least), 1), np.inf)
-    padded = np.hstack([edge, least, edge])
-    dips = (least <= padded[:, :-2]) & (least <= padded[:, 2:]) & (least <= 0)
-    return np.flatnonzero(dips)
-
-
 def _slopes(
     responses: Responses, parts: Nonlinearities, owners: list[tuple[int, int]]
 ) -> FloatArray:
@@ -129,22 +113,16 @@ def _slopes(
 
     Where nothing holds the position, no others prove two clamps there. Shape (rows, unknowns).
     """
-    count = 0 if responses.grounded else len(parts.clamps)
-    each = np.array([parts.sizes[owner] / max(parts.sizes) * tap for owner, tap in owners])
-    channel = np.array([owner for owner, _ in owners])
-    return np.array(
-        [np.where(channel == 0, each, 0) - np.where(channel == i, each, 0) for i in range(1, count)]
-    ).reshape(-1, len(owners))
+    count = 1 if responses.grounded else len(parts.clamps)
+    each = [parts.sizes[owner] / max(parts.sizes) * tap for owner, tap in owners]
+    own = np.eye(len(parts.sizes))[:, [owner for owner, _ in owners]]
+    return (own[:1] - own[1:count]) * each
 
 
 def _program(table: ComplexArray, slopes: FloatArray) -> FloatArray | None:
-    """Weights that sum to one with which the least eigenvalue of all points is largest.
+    """Weights that sum to one with which the least eigenvalue of a table is largest, if above 0.
 
-    None where it is not above 0.
-
-    Args:
-        table: matrices, shape (unknowns, points, n, n).
-        slopes: rows that the weights make zero, shape (rows, unknowns).
+    They make every row of slopes zero.
     """
     import clarabel
     from scipy.sparse import csc_matrix
@@ -184,24 +162,15 @@ def _cone_rows(table: ComplexArray) -> tuple[clarabel.Cone | None, FloatArray, F
         first, second, across = table[..., 0, 0].real, table[..., 1, 1].real, table[..., 0, 1]
         rows = np.stack([first + second, first - second, 2 * across.real, 2 * across.imag], axis=-1)
         return clarabel.SecondOrderConeT(4), rows.reshape(count, -1), np.array([2.0, 0, 0, 0])
-    upper = np.concatenate([table.real, -table.imag], axis=-1)
-    lower = np.concatenate([table.imag, table.real], axis=-1)
-    whole = np.concatenate([upper, lower], axis=-2)
+    whole = np.block([[table.real, -table.imag], [table.imag, table.real]])
     column, row = np.tril_indices(2 * size)
     scaled = whole[..., row, column] * np.where(row == column, 1.0, np.sqrt(2))
-    return (
-        clarabel.PSDTriangleConeT(2 * size),
-        scaled.reshape(count, -1),
-        np.where(row == column, 1.0, 0.0),
-    )
+    cone = clarabel.PSDTriangleConeT(2 * size)
+    return cone, scaled.reshape(count, -1), np.where(row == column, 1.0, 0.0)
 
 
 def _multiplier(
-    weights: FloatArray,
-    owners: list[tuple[int, int]],
-    parts: Nonlinearities,
-    *,
-    grounded: bool,
+    weights: FloatArray, owners: list[tuple[int, int]], parts: Nonlinearities, *, grounded: bool
 ) -> Multiplier:
     """Weights as channels: rows were in units of each channel's own size.
 
@@ -213,11 +182,8 @@ def _multiplier(
     least = _NOTHING * float(scaled.max())
     channels: list[Channel] = []
     for index, name in enumerate(parts.names):
-        mine = {
-            tap: round_to_digits(float(weight), _DIGITS)
-            for (owner, tap), weight in zip(owners, scaled, strict=True)
-            if owner == index and weight > least
-        }
+        own = [w * (owner == index) for (owner, _), w in zip(owners, scaled, strict=True)]
+        mine = {tap: float(w) for (_, tap), w in zip(owners, own, strict=True) if w > least}
         constant = mine.pop(0, 0.0)
         taps = tuple(Tap(samples=tap, weight=weight) for tap, weight in mine.items())
         channels.append(Channel(name=name, constant=constant, taps=taps))

@@ -45,34 +45,22 @@ class Nonlinearities:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the channels, as a certificate gives them."""
-        return (*(name for name, _ in self.clamps), *(("damping",) if self.damping else ()))
+        return (*(name for name, _ in self.clamps), *["damping"] * bool(self.damping))
 
     @property
     def sizes(self) -> tuple[float, ...]:
         """sᵢ of the channels: K of a clamp, B of what is switched."""
         springs = (float(np.asarray(effects.stiffness)) for _, effects in self.clamps)
-        return (*springs, *((self.damping,) if self.damping else ()))
+        return (*springs, *[self.damping] * bool(self.damping))
 
-    def loops(self, responses: Responses) -> list[ComplexArray]:
-        """sᵢ·oᵢ·G of each channel, each of shape (loops, points)."""
+    def loops(self, responses: Responses) -> ComplexArray:
+        """sᵢ·oᵢ·G of each channel, shape (channels, loops, points)."""
         laws = [effects for _, effects in self.clamps]
         laws += [Effects(damping=self.damping)] if self.damping else []
-        estimates = (
-            np.ones_like(responses.position),
-            responses.velocity,
-            responses.acceleration,
-        )
-        return [
-            responses.position
-            * sum(
-                scale[:, None] * float(value) * estimate
-                for scale, value, estimate in zip(
-                    responses.scales, effects.arrays(), estimates, strict=True
-                )
-                if value is not None
-            )
-            for effects in laws
-        ]
+        sizes = np.array([[v or 0.0 for v in effects.arrays()] for effects in laws], dtype=float)
+        parts = (np.ones_like(responses.position), responses.velocity, responses.acceleration)
+        estimates = responses.scales[:, :, None] * np.stack(parts)
+        return responses.position * np.tensordot(sizes, estimates, axes=1)
 
 
 def absolute_gain(
@@ -80,13 +68,8 @@ def absolute_gain(
 ) -> FloatArray:
     """Largest g such that the condition holds for all of a sum times any gain in (0, g].
 
-    Args:
-        responses: of the loops.
-        parts: the nonlinearities of the sum.
-        multiplier: with a channel for each of them, in their order.
-
-    Returns:
-        Of shape (loops,); inf where nothing bounds it.
+    The multiplier has a channel for each part, in their order. Shape (loops,); inf where nothing
+    bounds it.
     """
     inverse = _inverse_gain(responses, parts, multiplier)
     angle = np.broadcast_to(responses.angle, inverse.shape)
@@ -104,17 +87,17 @@ def absolute_gain(
         return np.where(most > 0, 1 / most, np.inf)
 
 
+def is_peak(values: FloatArray) -> NDArray[np.bool_]:
+    """Where rows of values, (loops, points), are no less than on either side."""
+    padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
+    return (values >= padded[:, :-2]) & (values >= padded[:, 2:])
+
+
 def _around_peaks(inverse: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(lower, upper) neighbours of the highest peaks of each loop, (loops, peaks)."""
-    edge = np.full((len(inverse), 1), -np.inf)
-    padded = np.hstack([edge, inverse, edge])
-    peak = (inverse >= padded[:, :-2]) & (inverse >= padded[:, 2:])
-    order = np.argsort(np.where(peak, inverse, -np.inf), axis=1)[:, -_PEAKS:]
-    last = inverse.shape[1] - 1
-    return (
-        np.take_along_axis(angle, np.maximum(order - 1, 0), axis=1),
-        np.take_along_axis(angle, np.minimum(order + 1, last), axis=1),
-    )
+    order = np.argsort(np.where(is_peak(inverse), inverse, -np.inf), axis=1)[:, -_PEAKS:]
+    low, high = np.maximum(order - 1, 0), np.minimum(order + 1, inverse.shape[1] - 1)
+    return np.take_along_axis(angle, low, axis=1), np.take_along_axis(angle, high, axis=1)
 
 
 def _inverse_gain(
@@ -122,32 +105,24 @@ def _inverse_gain(
 ) -> FloatArray:
     """1/g of each loop at each point: the largest eigenvalue of -D^(-½)·C·D^(-½)."""
     loops = parts.loops(responses)
-    values = [
-        multiplier_at(channel, responses.angle) / (size * _slope(channel, responses.grounded))
-        for channel, size in zip(multiplier.channels, parts.sizes, strict=True)
-    ]
+    angle = np.broadcast_to(responses.angle, loops.shape[1:])
+    values = np.stack(
+        [
+            multiplier_at(channel, angle) / (size * _slope(channel, responses.grounded))
+            for channel, size in zip(multiplier.channels, parts.sizes, strict=True)
+        ]
+    )
     with np.errstate(all="ignore"):
-        products = [value * loop for value, loop in zip(values, loops, strict=True)]
+        products = values * loops
         if len(products) == 1:
             found = -products[0].real / values[0].real
         else:
-            roots = [np.sqrt(value.real) for value in values]
-            matrix = np.stack(
-                [
-                    np.stack(
-                        [
-                            -(row + np.conj(column)) / (2 * left * right)
-                            for column, right in zip(products, roots, strict=True)
-                        ],
-                        axis=-1,
-                    )
-                    for row, left in zip(products, roots, strict=True)
-                ],
-                axis=-2,
-            )
-            good = np.all(np.isfinite(matrix), axis=(-2, -1), keepdims=True)
-            found = np.linalg.eigvalsh(np.where(good, matrix, 0))[..., -1]
-            found = np.where(np.squeeze(good, (-2, -1)), found, np.inf)
+            roots = np.sqrt(values.real)
+            sums = products[:, None] + np.conj(products)
+            matrix = np.moveaxis(-sums / (2 * roots[:, None] * roots), (0, 1), (-2, -1))
+            good = np.all(np.isfinite(matrix), axis=(-2, -1))
+            found = np.linalg.eigvalsh(np.where(good[..., None, None], matrix, 0))[..., -1]
+            found = np.where(good, found, np.inf)
     return np.where(np.isnan(found), np.inf, found)
 
 

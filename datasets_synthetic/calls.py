@@ -1,7 +1,7 @@
 """What a program asks of elements while they play, and what may change while they do.
 
-Leaving is always safe, and so is less: they take effect at once. A spring is entered where it gives
-no force, and acts with more force only after it gave none for a while. What fades, fades, but not
+Leaving is always safe, and so is less: they take effect at once. A spring rests where it is
+entered, and acts with more force only after it gave none for a while. What fades, fades, but not
 while a wall pushes. A damper alone is switched at any moment.
 """
 
@@ -91,6 +91,7 @@ class Transitions:
         "_random",
         "_rest",
         "_sample",
+        "_side",
         "_source",
         "_spring",
         "_stiffness",
@@ -124,9 +125,10 @@ class Transitions:
             fade: change of a level in a sample, 1 where nothing fades.
         """
         batch = stiffness.shape[1]
-        self._stiffness = np.where(stiffness, stiffness, 1.0)
+        self._stiffness = stiffness
         self._rest, self._bounds = rest, bounds
-        self._spring, self._walls, self._place = stiffness > 0, side != 0, rest.copy()
+        self._spring, self._walls, self._side = stiffness > 0, side != 0, side
+        self._place = rest.copy()
         fades = fade < 1
         self._fade, self._fades = fade, fades if fades.any() else None
         self._taps, self._until = calls.taps, calls.until
@@ -170,8 +172,8 @@ class Transitions:
         if asked is not before:
             entering = self._spring & (asked > 0) & (before == 0) & (self._level == 0)
             if np.count_nonzero(entering):
-                law = np.where(entering, 0.0, law)
                 self._enter(entering, reading, moving)
+                law = np.where(entering, self._clamped(reading, moving, self._rest), law)
         np.copyto(self._busy, k, where=law != 0)
         quiet = self._busy <= k - self._taps
         if self._moved is not None and np.count_nonzero(self._moved & (law == 0)):
@@ -189,17 +191,18 @@ class Transitions:
         return law * level
 
     def _enter(self, entering: Mask, reading: FloatArray, moving: FloatArray) -> None:
-        """Each rests where it gives no force; a wall at its face, where it gives none there."""
-        stays = self._walls & (self._at_face(reading, moving) == 0)
-        here = np.where(stays, self._place, reading + moving / self._stiffness)
-        np.copyto(self._rest, here, where=entering)
-        np.copyto(self._met, self._sample, where=entering)
+        """Each rests where the device is; a wall at its face, if the device is not behind it."""
+        stays = self._walls & ~(self._side * (self._place - reading) > 0)
+        clear = self._clamped(reading, moving, self._place) == 0
+        np.copyto(self._rest, np.where(stays, self._place, reading), where=entering)
+        np.copyto(self._met, self._sample - clear, where=entering)
         np.copyto(self._busy, self._sample - 1, where=entering)
         self._look()
 
     def _return(self, quiet: Mask, reading: FloatArray, moving: FloatArray) -> None:
         """Walls that would have given no force for a while are at their faces again."""
-        np.copyto(self._met, self._sample, where=self._at_face(reading, moving) != 0)
+        at_face = self._clamped(reading, moving, self._place)
+        np.copyto(self._met, self._sample, where=at_face != 0)
         back = quiet & (self._met <= self._sample - self._taps)
         np.copyto(self._rest, self._place, where=back & self._walls)
         self._look()
@@ -209,9 +212,9 @@ class Transitions:
         moved = self._walls & (self._rest != self._place)
         self._moved = moved if moved.any() else None
 
-    def _at_face(self, reading: FloatArray, moving: FloatArray) -> FloatArray:
-        """Each clamp where it was asked for to be."""
-        law = self._stiffness * (reading - self._place) + moving
+    def _clamped(self, reading: FloatArray, moving: FloatArray, rest: FloatArray) -> FloatArray:
+        """Each clamp as it is where it rests there."""
+        law = self._stiffness * (reading - rest) + moving
         return np.minimum(np.maximum(law, self._bounds[0]), self._bounds[1])
 
     def _called(self, reading: FloatArray, law: FloatArray) -> FloatArray:

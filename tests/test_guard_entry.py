@@ -113,9 +113,10 @@ def entered_without_a_blow(scene: Played, name: str) -> None:
     shallow = np.abs(run.place) <= depth_of(scene.profile, name)
     assert np.abs(run.force).max() <= device.force_limit.peak
     assert np.abs(run.force[shallow]).max() <= 1.02 * stated_sum(scene.profile, name) + 2 * counts
-    # Springs begin with none, and are a period deeper in the next; a fade has come two periods far.
+    # A wall begins with none, and is a period deeper in the next, what else has a damper with its
+    # force; a fade has come two periods far.
     cut_off = scene.profile.loop.velocity_filter_hz or math.inf
-    new = 1 - math.exp(-2 * math.pi * cut_off * step) if element.stiffness else 1.0
+    new = 1 - math.exp(-2 * math.pi * cut_off * step) if element.one_sided else 1.0
     slows = device.damping.value / device.mass.value * speed
     blow = (element.stiffness * step + abs(element.damping) * new) * speed
     blow += abs(element.mass) * slows

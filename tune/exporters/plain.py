@@ -22,7 +22,7 @@ LAW = (
     "is not: it gets there over fade_time, s, if there is one, and not while one that is one_sided "
     "pushes; else it falls at once, and with stiffness it rises only as the element is entered or "
     "after taps samples in a row without force. With stiffness an element that is entered rests "
-    "where u = 0; one that is one_sided only if it would push, and after taps samples without "
+    "at y; one that is one_sided only if y is behind its face, and after taps samples without "
     "force at its face there again. No face or rest moves under force. What acts at once, what "
     "fades out included, is one of moments; with one_sided elements on both sides it is one "
     "without those of either side, and their faces do not overlap and, where damping/stiffness "

@@ -98,11 +98,10 @@ class Element:
         enters = asked > 0.0 and not self.wanted and self.level == 0.0
         at_face, u = self._clamped(axis, self.face), self._clamped(axis, self.rest)
         if enters and self.spring:
-            moving = self.damping * axis.velocity.now + self.mass * axis.acceleration.now
-            stays = self.one_sided and at_face == 0.0
-            self.rest = self.face if stays else axis.last + moving / self.stiffness
+            inside = self.side * (self.face - axis.last)
+            self.rest = self.face if self.one_sided and not inside > 0.0 else axis.last
             self.quiet = self.clear = 0
-            u = 0.0
+            u = self._clamped(axis, self.rest)
         self.quiet = min(self.quiet + 1, taps) if u == 0.0 else 0
         self.clear = min(self.clear + 1, taps) if at_face == 0.0 else 0
         if self.one_sided and self.clear >= taps:

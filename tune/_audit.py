@@ -19,9 +19,7 @@ from tune.documents.profile import Contact, Design
 from tune.documents.scene import MarginName, Scene
 from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
-from tune.margins.limit_cycles import LimitCycle, limit_cycle
 from tune.margins.margins import LoopMargins, margins_of
-from tune.margins.quantised_passivity import QuantisedPassivity, quantised_passivity
 from tune.optimisation._optimise import SLACK, design_of
 from tune.optimisation.delays import SizedMoment, extra_delays
 from tune.optimisation.faults import Fault, faults_of
@@ -60,9 +58,6 @@ class Audit:
         ripple: of the force, N rms; None without an encoder resolution or where it is unstable.
         vibration: of the handle, m rms; None likewise.
         felt: the same in thresholds of a hand, above 1 it is felt; linear axes only.
-        quantised: whether friction keeps the device passive with its encoder; None without one.
-        cycle: the swing that encoder, friction and delay sustain; None where there is none, where
-            it is not looked for (vibration modes, no encoder) or the loop is unstable.
         wall: what a free device meets that runs into these gains as a wall that only pushes; at
             the speed of the default motion.
         jumps: force that one count of the encoder causes through each effect, N.
@@ -80,8 +75,6 @@ class Audit:
     ripple: float | None
     vibration: float | None
     felt: float | None
-    quantised: QuantisedPassivity | None
-    cycle: LimitCycle | None
     wall: Contact
     jumps: dict[str, float]
     faults: tuple[Fault, ...]
@@ -174,8 +167,6 @@ def audit(
         ripple=noise,
         vibration=vibration,
         felt=thresholds,
-        quantised=quantised_passivity(device, felt, filters),
-        cycle=limit_cycle(device, felt, filters) if stable else None,
         wall=_wall(problem, design),
         jumps=_jumps(device, felt, filters),
         faults=faults,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -36,7 +35,6 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
     """(what, seen, needed) of everything that was computed."""
     from tune._audit import ELEMENT
     from tune.cli.contacts import contact_words, jitter_words
-    from tune.cli.friction_rows import friction_rows
     from tune.cli.tables import further_delay
     from tune.documents.units import UNITS
 
@@ -85,7 +83,6 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
         ("as a wall that only pushes, a free device", words, "-")
         for words in contact_words(wall, units, f"{speed:g} {units['speed']}")
     ]
-    rows += friction_rows(found, units)
     if margins is not None:
         disk = margins.disk
         passive = margins.passivity
@@ -145,8 +142,6 @@ def audit_details(found: Audit) -> dict[str, object]:
         "one_count": found.jumps,
         "wall": found.wall.model_dump(mode="json"),
         "speed": design.elements[ELEMENT].motion.speed,
-        "passive_with_encoder": found.quantised and asdict(found.quantised),
-        "limit_cycle": found.cycle and asdict(found.cycle),
         "slowest_decay": number(margins and margins.decay),
         "damping_ratio": number(margins and margins.damping_ratio),
         "phase_margin_degrees": number(margins and margins.phase),

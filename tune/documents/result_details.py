@@ -164,8 +164,6 @@ class AuditDetails(Details, total=False):
     one_count: dict[str, float]
     wall: dict[str, Any]
     speed: float
-    passive_with_encoder: dict[str, Any] | None
-    limit_cycle: dict[str, Any] | None
     slowest_decay: float | None
     damping_ratio: float | None
     phase_margin_degrees: float | None

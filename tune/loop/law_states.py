@@ -11,9 +11,6 @@ from tune.loop.filters import Filters
 
 FloatArray = NDArray[np.float64]
 
-#: Samples of an answer to a pulse at most, and the part of it that is left when it has died away.
-_LONGEST_PULSE, _DIED_AWAY = 200_000, 1e-9
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawStates:
@@ -65,29 +62,6 @@ def law_states(filters: Filters, T: float, K: float, B: float, M: float) -> LawS
         command=np.eye(1, size - 1)[0],
         direct=float(top[0]),
     )
-
-
-def law_pulses(
-    filters: Filters, sample_time: float, values: tuple[float, float, float]
-) -> FloatArray:
-    """Force of a law after a reading of 1 m among readings of 0, N/m, until it has died away.
-
-    The answer has shape (samples,).
-
-    Args:
-        filters: of velocity and acceleration.
-        sample_time: T, s.
-        values: K, B and M, N/m, N·s/m and kg.
-    """
-    law = law_states(filters, sample_time, *values)
-    answers, state = [law.direct], law.drive
-    largest = float(np.abs(state).max(initial=0.0))
-    while len(answers) < _LONGEST_PULSE and float(np.abs(state).max(initial=0.0)) > (
-        _DIED_AWAY * largest
-    ):
-        answers.append(float(law.command @ state))
-        state = law.update @ state
-    return np.array(answers)
 
 
 def _smoothed(

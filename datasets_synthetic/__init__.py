@@ -9,27 +9,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from datasets_synthetic.bouncing import Bounces, bounce
-    from datasets_synthetic.bundle import bundled_path, log_text
     from datasets_synthetic.calls import Calls
-    from datasets_synthetic.clock import Clock
-    from datasets_synthetic.controller import Controller, Element, Servo
-    from datasets_synthetic.devices import named_rig, rig_of
-    from datasets_synthetic.excitation import Excitation, fit_to_limits, multisine
-    from datasets_synthetic.faults import Faults
-    from datasets_synthetic.hand import Hand
-    from datasets_synthetic.recording import Recording, Truth
+    from datasets_synthetic.device import Rig, Vibration, named_rig, rig_of
+    from datasets_synthetic.disturbances import Clock, Faults, Hand
+    from datasets_synthetic.ending import Bounces, bounce
+    from datasets_synthetic.law import Controller, Element, Servo
     from datasets_synthetic.rehearsal import Rehearsal, Trial, rehearse
-    from datasets_synthetic.rig import Rig
     from datasets_synthetic.scenarios import (
         SCENARIOS,
+        Excitation,
         Scenario,
+        bundled_path,
+        fit_to_limits,
+        log_text,
+        multisine,
         run,
         run_batch,
         scenario_named,
     )
-    from datasets_synthetic.simulation import simulate
-    from datasets_synthetic.vibration import Vibration
+    from datasets_synthetic.simulation import Recording, Truth, simulate
 
 __all__ = [
     "SCENARIOS",
@@ -64,21 +62,15 @@ __all__ = [
 ]
 
 _HOMES = {
-    "bouncing": "Bounces bounce",
-    "bundle": "bundled_path log_text",
     "calls": "Calls",
-    "clock": "Clock",
-    "controller": "Controller Element Servo",
-    "devices": "named_rig rig_of",
-    "excitation": "Excitation fit_to_limits multisine",
-    "faults": "Faults",
-    "hand": "Hand",
-    "recording": "Recording Truth",
+    "device": "Rig Vibration named_rig rig_of",
+    "disturbances": "Clock Faults Hand",
+    "ending": "Bounces bounce",
+    "law": "Controller Element Servo",
     "rehearsal": "Rehearsal Trial rehearse",
-    "rig": "Rig",
-    "scenarios": "SCENARIOS Scenario run run_batch scenario_named",
-    "simulation": "simulate",
-    "vibration": "Vibration",
+    "scenarios": "SCENARIOS Excitation Scenario bundled_path fit_to_limits log_text multisine run"
+    " run_batch scenario_named",
+    "simulation": "Recording Truth simulate",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

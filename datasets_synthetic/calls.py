@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.batch_values import choose_members, per_member
+from datasets_synthetic.device import choose_members, per_member
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

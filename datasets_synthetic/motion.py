@@ -1,27 +1,87 @@
-"""Continuous motion of a mass with friction under a held force, in a field or free.
+"""Motion of a rigid device in continuous time, between samples and through reversals.
 
-The law is m·dv/dt = u - b·v - Fc·sign(v) - field(x), dx/dt = v, with u constant over one step and b
-and Fc each with a value for v > 0 and one for v < 0; a mass at rest stays there while the pull
-u - field(x) does not exceed the friction of its own sense. It is integrated by the classical
-fourth-order Runge-Kutta method, never by a closed form, so that the simulator shares no algebra
-with what it is used to test.
-
-Local error: with h the step and p the larger of b/m and the natural frequency of the field, one
-step misses the velocity it gains by a relative |h·p|⁴/120, and behaves like a device whose b (or
-whose frequency) is wrong by that fraction. One file: one step of the integration, with its stops
-and reversals.
+Forces by position, friction that sticks and slips, the delay that splits each sample, and the steps
+of integration with their error.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.field import Field
-
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """Resisting force k·q + gs·sin q + gc·cos q per unit mass; each array shape (batch,).
+
+    Attributes:
+        stiffness: k/m, 1/s².
+        sine: gs/m, m/s² (rad/s²).
+        cosine: gc/m, m/s² (rad/s²).
+        curved: whether any sine or cosine is there.
+    """
+
+    stiffness: FloatArray
+    sine: FloatArray
+    cosine: FloatArray
+    curved: bool
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        mass: FloatArray,
+        stiffness: FloatArray,
+        gravity_sine: FloatArray,
+        gravity_cosine: FloatArray,
+    ) -> Field | None:
+        """The field of a batch of devices: kg, N/m, N, N, each shape (batch,); None if all zero."""
+        curved = bool(np.any(gravity_sine) or np.any(gravity_cosine))
+        if not curved and not np.any(stiffness):
+            return None
+        return cls(
+            stiffness=stiffness / mass,
+            sine=gravity_sine / mass,
+            cosine=gravity_cosine / mass,
+            curved=curved,
+        )
+
+    def at(self, position: FloatArray) -> FloatArray:
+        """Resisting force per unit mass, m/s², at these positions (m), shape (..., batch)."""
+        spring = self.stiffness * position
+        if not self.curved:
+            return spring
+        return spring + self.sine * np.sin(position) + self.cosine * np.cos(position)
+
+    def stored(self, position: FloatArray) -> FloatArray:
+        """Energy per unit mass, m²/s², at these positions (m), shape (..., batch); zero at zero."""
+        spring = 0.5 * self.stiffness * position**2
+        if not self.curved:
+            return spring
+        return spring + self.sine * (1 - np.cos(position)) + self.cosine * np.sin(position)
+
+    def members(self, which: NDArray[np.intp]) -> Field:
+        """The field of these members, shape (members,)."""
+        return Field(
+            stiffness=self.stiffness[which],
+            sine=self.sine[which],
+            cosine=self.cosine[which],
+            curved=self.curved,
+        )
+
+    def fastest(self) -> FloatArray:
+        """Largest natural frequency anywhere, 1/s, shape (batch,).
+
+        No slope of the field exceeds its square.
+        """
+        return np.sqrt(np.abs(self.stiffness) + np.hypot(self.sine, self.cosine))
+
 
 #: Largest |h·p| of one step: relative error of the effective damping 0.02⁴/120 = 1.3e-9, a
 #: thousand times below what a log of any length can tell.
@@ -261,3 +321,172 @@ def _turn(
     drive, rate, _, slips = _slipping(stopped, pull, drag)
     rest = (step - instant) * slips
     return stopped + _runge_kutta(stopped[0], stopped[1], drive, rate, drag.field, rest)
+
+
+#: A delay within this fraction of a sample of a whole number of samples counts as that number:
+#: 0.003/0.001 is not 3 in binary.
+_WHOLE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A part of every sample interval over which the acting force is constant.
+
+    Attributes:
+        lag: samples between the command that acts and now, shape (batch,).
+        steps: number of integration steps.
+        step: length of one, s, shape (batch,).
+    """
+
+    lag: NDArray[np.int64]
+    steps: int
+    step: FloatArray
+
+
+def pieces(
+    delay: FloatArray, sample_time: FloatArray, rate: FloatArray, largest_step: float
+) -> Iterator[Piece]:
+    """The older command up to the instant the newer one arrives, then the newer one.
+
+    Args:
+        delay: s, shape (batch,); the part beyond whole samples sets the instant of arrival.
+        sample_time: T, s, shape (batch,).
+        rate: b/m, 1/s, shape (batch,).
+        largest_step: largest |step·rate| of one integration step, without unit.
+    """
+    whole = np.floor(delay / sample_time + _WHOLE).astype(np.int64)
+    arrival = delay - whole * sample_time
+    arrival = np.where(arrival <= _WHOLE * sample_time, 0.0, arrival)
+    for lag, duration in ((whole + 1, arrival), (whole, sample_time - arrival)):
+        if np.any(duration > 0):
+            steps = steps_needed(duration, rate, largest_step)
+            yield Piece(lag=lag, steps=steps, step=duration / steps)
+
+
+class Encoder:
+    """Positions rounded to whole counts, half to even; exact where the resolution is zero."""
+
+    __slots__ = ("_count", "_exact")
+
+    def __init__(self, resolution: FloatArray) -> None:
+        """Resolution in m (rad), shape (batch,)."""
+        exact = resolution == 0
+        self._exact = exact if exact.any() else None
+        self._count = np.where(exact, 1.0, resolution)
+
+    def read(self, position: FloatArray) -> FloatArray:
+        """The readings of these positions, m (rad), shape (batch,)."""
+        rounded = np.rint(position / self._count) * self._count
+        return rounded if self._exact is None else np.where(self._exact, position, rounded)
+
+
+#: A command that arrives within this fraction of a sample of a stamp arrives at it: sums of
+#: steps carry rounding.
+_AT_ONCE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A part of one sample interval over which the acting force is constant.
+
+    Attributes:
+        place: where in the flat list of commands (row by row, one member after the other) the
+            force of each member stands, shape (batch,).
+        steps: number of integration steps.
+        step: length of one, s, shape (batch,); zero for a member that has no such part.
+        kind: parts of the same kind have the same steps; None where every part differs.
+    """
+
+    place: NDArray[np.int64]
+    steps: int
+    step: FloatArray
+    kind: int | None = None
+
+
+class Timetable(Protocol):
+    """The parts of every sample interval."""
+
+    @property
+    def lead(self) -> int:
+        """Rows of zero force before the first command."""
+        ...
+
+    def parts(self, sample: int) -> Sequence[Part]:
+        """The parts of the interval that starts at this sample."""
+        ...
+
+
+class EvenTimetable:
+    """Every interval alike: the older command up to the arrival of the newer one, then that."""
+
+    __slots__ = ("_batch", "_first", "lead")
+
+    def __init__(
+        self, delay: FloatArray, sample_time: FloatArray, rate: FloatArray, largest_step: float
+    ) -> None:
+        """Delay and sample time in s, rate in 1/s, each shape (batch,)."""
+        self._batch = delay.size
+        found = tuple(pieces(delay, sample_time, rate, largest_step))
+        self.lead = max(int(piece.lag.max()) for piece in found)
+        members = np.arange(self._batch) + self.lead * self._batch
+        self._first = [
+            (members - piece.lag * self._batch, piece.steps, piece.step) for piece in found
+        ]
+
+    def parts(self, sample: int) -> Sequence[Part]:
+        """The parts of the interval that starts at this sample."""
+        gone = sample * self._batch
+        return [
+            Part(place=first + gone, steps=steps, step=step, kind=kind)
+            for kind, (first, steps, step) in enumerate(self._first)
+        ]
+
+
+class UnevenTimetable:
+    """Intervals that differ: the command of stamp j acts from stamp j + delay to the next one."""
+
+    __slots__ = ("_place", "_step", "_steps", "lead")
+
+    def __init__(
+        self, delay: FloatArray, stamps: FloatArray, rate: FloatArray, largest_step: float
+    ) -> None:
+        """Delay in s and rate in 1/s, shape (batch,); stamps in s, shape (n, batch)."""
+        samples, batch = stamps.shape
+        self.lead = 1
+        ends = np.concatenate((stamps[1:], 2 * stamps[-1:] - stamps[-2:-1]))
+        found = [
+            _acting(stamps[:, member], ends[:, member], float(delay[member]))
+            for member in range(batch)
+        ]
+        most = max(command.shape[0] for command, _ in found)
+        rows = np.zeros((most, samples, batch), dtype=np.int64)
+        durations = np.zeros((most, samples, batch))
+        for member, (command, duration) in enumerate(found):
+            rows[: command.shape[0], :, member] = command + self.lead
+            durations[: duration.shape[0], :, member] = duration
+        self._place: NDArray[np.int64] = rows * batch + np.arange(batch, dtype=np.int64)
+        self._steps = [steps_needed(part, rate, largest_step) for part in durations]
+        self._step = durations / np.array(self._steps)[:, None, None]
+
+    def parts(self, sample: int) -> Sequence[Part]:
+        """The parts of the interval that starts at this sample."""
+        return [
+            Part(place=place[sample], steps=steps, step=step[sample])
+            for place, steps, step in zip(self._place, self._steps, self._step, strict=True)
+        ]
+
+
+def _acting(
+    starts: FloatArray, ends: FloatArray, delay: float
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Command that acts (-1: none yet) and for how long (s), each shape (parts, n), one member."""
+    arrivals = np.concatenate(([-np.inf], starts + delay, [np.inf]))  # of command j at place j + 1
+    at_once = _AT_ONCE * (ends - starts)
+    first = np.searchsorted(arrivals, starts + at_once, side="right") - 1
+    last = np.searchsorted(arrivals, ends - at_once, side="left") - 1
+    part = np.arange(int(np.max(last - first)) + 1)[:, None]
+    acting = np.minimum(first + part, last)
+    begins = np.where(part == 0, starts, np.maximum(arrivals[acting], starts))
+    finishes = np.where(acting == last, ends, arrivals[acting + 1])
+    there = first + part <= last
+    return acting - 1, np.where(there, finishes - begins, 0.0)

@@ -1,25 +1,376 @@
 """Standard trials of controllers on a simulated device: does it settle, and if not, why.
 
-What is played is in plays.py; here it is judged. One file: one verdict on each trial, and what it
-is read from.
+All run in one batch, with the quantiser, friction, delay, force limit, modes and lag of the device.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.controller import Controller
-from datasets_synthetic.ending import Allowed, Ending, Verdict, endings
-from datasets_synthetic.hand import Hand
-from datasets_synthetic.plays import KINDS, Condition, Play, TrialName, conditions_of, plays_of
-from datasets_synthetic.rig import Rig
-from datasets_synthetic.trials import Sizes, Trials
+from datasets_synthetic.calls import ADVERSE, NOBODY, RANDOM, Calls
+from datasets_synthetic.device import Rig, per_member
+from datasets_synthetic.disturbances import Hand
+from datasets_synthetic.ending import (
+    GROWTH,
+    Allowed,
+    Ending,
+    Verdict,
+    contacts,
+    endings,
+    energy_floor,
+    grows,
+    largest_ratio,
+)
+from datasets_synthetic.law import Controller
+from datasets_synthetic.simulation import Recording, Simulation
+
+TrialName = Literal[
+    "release",
+    "push",
+    "sustained push",
+    "small start",
+    "wall",
+    "near wall",
+    "damper at random",
+    "damper against it",
+    "calls at random",
+    "calls against it",
+]
+
+#: Part of the most force that springs or the device give with which the handle is pushed, ...
+_PUSH = 0.5
+#: ... and where it is pushed beyond that.
+_BEYOND = 1.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kind:
+    """What one trial begins with, the same for all devices.
+
+    Attributes:
+        reaches: start, in long displacements; into a wall above zero.
+        nears: start, in short displacements.
+        walks: whether it begins at a walk: where no spring pulls, nothing else would move.
+        pulse: of a push that is released, part of the most force that is given.
+        falls: whether it falls into a wall, or through where elements are entered.
+        caller: NOBODY, RANDOM or ADVERSE.
+        dampers: whether that is all that is called.
+    """
+
+    reaches: float = 0.0
+    nears: float = 0.0
+    walks: bool = False
+    pulse: float = 0.0
+    falls: bool = False
+    caller: int = NOBODY
+    dampers: bool = False
+
+    @property
+    def called(self) -> bool:
+        """Whether elements are entered, left and scaled."""
+        return self.caller != NOBODY and not self.dampers
+
+
+KINDS: dict[TrialName, Kind] = {
+    "release": Kind(reaches=1.0),
+    "push": Kind(pulse=_PUSH),
+    "sustained push": Kind(pulse=_BEYOND),
+    "small start": Kind(nears=1.0, walks=True),
+    "wall": Kind(reaches=-1.0, falls=True),
+    "near wall": Kind(nears=-1.0, falls=True),
+    "damper at random": Kind(nears=-1.0, caller=RANDOM, dampers=True),
+    "damper against it": Kind(nears=-1.0, caller=ADVERSE, dampers=True),
+    "calls at random": Kind(caller=RANDOM),
+    "calls against it": Kind(caller=ADVERSE),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """A device and the hand on it, in which trials are played.
+
+    Attributes:
+        rig: one device.
+        hand: on it.
+        held: whether there is a hand.
+        other: whether it is another device than the one that is rehearsed on.
+    """
+
+    rig: Rig
+    hand: Hand
+    held: bool
+    other: bool = False
+
+    @property
+    def rubbing(self) -> bool:
+        """Whether the device has its Coulomb friction."""
+        return bool(self.rig.coulomb_friction[0] > 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Play:
+    """One trial of one controller in one condition.
+
+    Attributes:
+        name: of the trial.
+        member: of the batch of controllers.
+        place: of the condition among all of them.
+        moving: whether elements come and go.
+    """
+
+    name: TrialName
+    member: int
+    place: int
+    moving: bool
+
+
+def conditions_of(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[Condition]:
+    """With friction, if there is any, and without; each hands off and, if a hand is given, held.
+
+    Other devices are played without friction.
+    """
+    bare = [_oiled(each) for each in (rig, *others)]
+    hands = [(Hand(), False)] + ([] if hand is None else [(hand, True)])
+    own = [rig, bare[0]] if rig.coulomb_friction[0] > 0 else bare[:1]
+    return [
+        Condition(rig=some, hand=on, held=held, other=other)
+        for rigs, other in ((own, False), (bare[1:], True))
+        for some in rigs
+        for on, held in hands
+    ]
+
+
+def _oiled(rig: Rig) -> Rig:
+    """The device without Coulomb friction."""
+    return replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0)
+
+
+def plays_of(controller: Controller, conditions: Sequence[Condition], batch: int) -> list[Play]:
+    """Every trial of each controller, those in which elements come and go last.
+
+    A program calls where there is nobody else and no friction. Dampers alone are switched beside
+    springs, on the device that is rehearsed on.
+    """
+    rows = controller.rows(np.arange(batch))
+    dampers = (rows["damping"] > 0) & (rows["stiffness"] == 0) & (rows["mass"] == 0)
+    dampers = np.any(dampers & (rows["fade_time"] == 0), axis=0)
+    chopped, walled = dampers & np.any(rows["stiffness"] > 0, axis=0), np.any(rows["side"], axis=0)
+    plays: list[Play] = []
+    for name, kind in KINDS.items():
+        for place, condition in enumerate(conditions):
+            alone = not (condition.rubbing or condition.held)
+            suits = np.full(batch, alone and bool(controller.beside) if kind.caller else True)
+            if kind.dampers:
+                suits = suits & chopped & (not condition.other)
+            plays += [
+                Play(name=name, member=k, place=place, moving=bool(kind.caller or passes))
+                for k, passes in enumerate(kind.falls & ~walled)
+                if suits[k]
+            ]
+    return sorted(plays, key=lambda each: each.moving)
+
 
 FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Where nothing else is stated a trial goes so many counts from the start, ...
+_REACH = 1000.0
+#: ... and where a few counts are asked for, so many.
+_NEAR = 30.0
+#: Part of the most force that leans on a wall, and with which the handle falls into it.
+_FALL = 0.25
+#: Part of the run after which a push is released, and over which it rises and falls.
+_RELEASE, _RISE = 0.25, 0.05
+#: Part of the run in which a program calls.
+_CALLED = 0.35
+#: Opposite walls stand so many times as far off as a trial goes where it does without them.
+_FAR = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sizes:
+    """How far, how hard and how long; arrays of one value a controller, shape (batch,).
+
+    Attributes:
+        count: of the encoder, m (rad).
+        reach: the long displacement, m (rad).
+        limit: of force, N (N·m).
+        played: samples of a short run.
+    """
+
+    count: FloatArray
+    reach: FloatArray
+    limit: FloatArray
+    played: int
+
+    @classmethod
+    def of(
+        cls,
+        rig: Rig,
+        batch: int,
+        *,
+        reach: float | FloatArray | None,
+        push: float | FloatArray | None,
+        duration: float,
+    ) -> Sizes:
+        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``.
+
+        Reach, m (rad), and push, N (N·m), are numbers or arrays of shape (batch,).
+        """
+        if rig.batch != 1:
+            raise ValueError(f"one device is rehearsed at a time, not {rig.batch}")
+        count = float(rig.encoder_resolution[0])
+        if count == 0 and reach is None:
+            raise ValueError(f"{rig.name} has no encoder_resolution: give it one, or a reach")
+        far = per_member(_REACH * count if reach is None else reach, batch)
+        limit = per_member(float(rig.force_limit[0]) if push is None else push, batch)
+        if not np.all(np.isfinite(limit)):
+            raise ValueError(f"{rig.name} has no force_limit: give it one, or a push")
+        return cls(
+            count=per_member(count, batch) if count > 0 else far / _REACH,
+            reach=far,
+            limit=limit,
+            played=round(duration / float(rig.sample_time[0])),
+        )
+
+    @property
+    def batch(self) -> int:
+        """Number of controllers."""
+        return self.count.size
+
+    @property
+    def called(self) -> int:
+        """Samples in which a program calls."""
+        return round(_CALLED * self.played)
+
+
+class Trials:
+    """Trials of a batch of controllers, played up to some sample and then on.
+
+    Attributes:
+        pushed: whether something pushes to the end, or steady travel is no fault for another
+            reason, shape (plays,).
+    """
+
+    __slots__ = (
+        "_called",
+        "_falls",
+        "_net",
+        "_resolution",
+        "_run",
+        "_stiffness",
+        "_until",
+        "pushed",
+    )
+
+    def __init__(
+        self,
+        controller: Controller,
+        conditions: Sequence[Condition],
+        sizes: Sizes,
+        plays: Sequence[Play],
+        *,
+        samples: int,
+        seeds: Sequence[int],
+    ) -> None:
+        """Ready to start, with so many samples at most."""
+        member = np.array([each.member for each in plays], dtype=np.intp)
+        where = np.array([each.place for each in plays], dtype=np.intp)
+        kinds = [KINDS[each.name] for each in plays]
+
+        def of(name: str) -> FloatArray:
+            return np.array([getattr(kind, name) for kind in kinds], dtype=np.float64)
+
+        rigs = Rig.batch_of([each.rig for each in conditions]).members(where)
+        rows, reach = controller.rows(member), sizes.reach[member]
+        # What springs give where they are cut, or all that the device can.
+        levels = np.sum(np.where(rows["stiffness"] > 0, rows["level"], 0.0), axis=0)
+        limit = np.minimum(sizes.limit[member], np.where(levels > 0, levels, np.inf))
+        near, falls, called = _NEAR * sizes.count[member], of("falls") > 0, of("called") > 0
+        walled: Mask = np.any(rows["side"], axis=0)
+        faced: Mask = np.any(rows["side"] > 0, axis=0)
+        opposite = np.max(np.where(rows["side"] > 0, rows["place"], -np.inf), axis=0)
+        start = of("reaches") * reach + of("nears") * near
+        start = np.where(called, np.where(faced, opposite / 2, -reach), start)
+        # As fast as the fall from there; a few counts are gained at a walk.
+        step = float(rigs.sample_time[0])
+        fast = np.sqrt(2 * _FALL * limit * reach / rigs.mass)
+        speed = np.where(called, fast, of("walks") * near / (_RISE * sizes.played * step))
+        leans = np.where(called, walled & ~faced, walled | falls | (of("dampers") > 0))
+        steady: FloatArray = _FALL * limit * leans
+        part = np.arange(samples) / sizes.played
+        pulse = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
+        self._until, self._called, self._falls = sizes.called, called, np.flatnonzero(falls)
+        self._net, self._stiffness = steady - rigs.force_offset, np.sum(rows["stiffness"], axis=0)
+        self.pushed: Mask = (self._net != 0) | (rigs.stiffness != 0) | called
+        self._resolution = rigs.encoder_resolution
+        laws = controller.members(member)
+        far = np.where(called, rows["place"], -_FAR * reach)
+        places = np.where(rows["side"] > 0, far, rows["place"])
+        # What is no wall rests where a program begins to call.
+        places = np.where(called & (rows["side"] == 0), start, places)
+        elements = tuple(
+            replace(each, place=place) for each, place in zip(laws.elements, places, strict=True)
+        )
+        calls = replace(
+            controller.calls or Calls(),
+            entrance=np.where(falls & ~walled, 0.0, -np.inf),
+            caller=of("caller"),
+            dampers=of("dampers"),
+            until=sizes.called,
+        )
+        self._run = Simulation(
+            rigs,
+            np.zeros(samples),
+            controller=replace(
+                laws, stiffness=0.0, damping=0.0, mass=0.0, beside=elements, calls=calls
+            ),
+            hand=_hands([conditions[each.place].hand for each in plays]),
+            position=start,
+            velocity=speed,
+            push=np.maximum(steady[:, None], (of("pulse") * limit)[:, None] * pulse),
+            watch=True,
+            seed=seeds,
+        )
+
+    def until(self, samples: int) -> tuple[Recording, list[str]]:
+        """All that was recorded up to this many samples, and what grew of each, or nothing."""
+        seen = self._run.until(samples)
+        assert seen.truth is not None
+        net, floor = self._net, energy_floor(self._net, self._resolution, self._stiffness)
+        told = [""] * seen.batch
+        with np.errstate(over="ignore", invalid="ignore"):
+            for play in self._falls.tolist():
+                energy = contacts(seen, play, 0.0, float(net[play]))[1]
+                if grows(energy, floor[play]):
+                    ratio = largest_ratio(energy, floor[play])
+                    told[play] = (
+                        f"a contact with the wall had {ratio:.3g} times the energy of any before"
+                    )
+            held = seen.truth.energy - net[:, None] * seen.truth.handle
+            moving = seen.truth.energy[:, 0]
+            gained: FloatArray = np.max(held[:, self._until :], axis=1) - held[:, 0]
+            more = self._called & ~(gained <= GROWTH * moving + floor)
+            for play in np.flatnonzero(more).tolist():
+                ratio = 1 + gained[play] / moving[play]
+                told[play] = f"it is left with {ratio:.3g} times the energy it began with"
+        return seen, told
+
+
+def _hands(hands: Sequence[Hand]) -> Hand:
+    """Hands, each of one member, as one batch."""
+    return Hand(
+        **{
+            field.name: np.array([float(np.asarray(getattr(each, field.name))) for each in hands])
+            for field in fields(Hand)
+        }
+    )
+
 
 #: What is not at rest in the end is played again, so many times as long: what dies out slowly is
 #: told from what lasts.

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from datasets_synthetic.device import Rig
+from datasets_synthetic.disturbances import Hand
 from datasets_synthetic.dynamics import Loads, RigidDynamics
-from datasets_synthetic.hand import Hand
-from datasets_synthetic.motion import LARGEST_STEP
-from datasets_synthetic.rig import Rig
-from datasets_synthetic.sampling import Encoder
-from datasets_synthetic.timetable import EvenTimetable
+from datasets_synthetic.motion import LARGEST_STEP, Encoder, EvenTimetable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from datasets_synthetic import (
     run_batch,
     simulate,
 )
-from datasets_synthetic.bundle import bundle_texts
+from datasets_synthetic.scenarios import bundle_texts
 from identification import (
     Hardware,
     InvalidInputError,
@@ -203,7 +203,7 @@ def test_bundled_files_are_what_their_scenario_makes() -> None:
     assert sorted(texts) == ["homerehab.csv", "homerehab.hardware.yaml", "homerehab.truth.yaml"]
     for name, text in texts.items():
         assert bundled_path(name).read_text(encoding="utf-8") == text, (
-            f"{name} differs from its scenario: python -m datasets_synthetic.bundle"
+            f"{name} differs from its scenario: python -m datasets_synthetic.scenarios"
         )
 
 

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from datasets_synthetic import Clock, Controller, Faults, Hand, Rig, Vibration, named_rig, simulate
-from datasets_synthetic.devices import rig_of
-from datasets_synthetic.propagation import maps
+from datasets_synthetic.device import rig_of
+from datasets_synthetic.dynamics import maps
 from identification import Device
 from tests.integrated_mechanism import integrated
 from tests.plain_rigs import M, T, rig

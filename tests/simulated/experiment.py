@@ -13,10 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.batch_values import per_member
-from datasets_synthetic.controller import Controller
-from datasets_synthetic.hand import Hand
-from datasets_synthetic.rig import Rig
+from datasets_synthetic.device import Rig, per_member
+from datasets_synthetic.disturbances import Hand
+from datasets_synthetic.law import Controller
 from datasets_synthetic.simulation import simulate
 
 FloatArray = NDArray[np.float64]

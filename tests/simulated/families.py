@@ -14,12 +14,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from datasets_synthetic.clock import Clock
-from datasets_synthetic.controller import Servo
-from datasets_synthetic.excitation import fit_to_limits, multisine
-from datasets_synthetic.faults import Faults
-from datasets_synthetic.hand import Hand
-from datasets_synthetic.rig import Rig
+from datasets_synthetic.device import Rig
+from datasets_synthetic.disturbances import Clock, Faults, Hand
+from datasets_synthetic.law import Servo
+from datasets_synthetic.scenarios import fit_to_limits, multisine
 from datasets_synthetic.simulation import simulate
 from identification import Hardware, InvalidInputError, Trajectory
 from tests.simulated.family import Drive, Family

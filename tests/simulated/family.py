@@ -9,13 +9,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.clock import Clock
-from datasets_synthetic.controller import Servo
-from datasets_synthetic.faults import Faults
-from datasets_synthetic.hand import Hand
-from datasets_synthetic.recording import Recording
-from datasets_synthetic.rig import Rig
-from datasets_synthetic.simulation import simulate
+from datasets_synthetic.device import Rig
+from datasets_synthetic.disturbances import Clock, Faults, Hand
+from datasets_synthetic.law import Servo
+from datasets_synthetic.simulation import Recording, simulate
 from identification import Hardware, Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.excitation import Excitation, fit_to_limits, multisine
-from datasets_synthetic.faults import Faults
-from datasets_synthetic.recording import Recording
-from datasets_synthetic.rig import Rig
-from datasets_synthetic.simulation import simulate
+from datasets_synthetic.device import Rig
+from datasets_synthetic.disturbances import Faults
+from datasets_synthetic.scenarios import Excitation, fit_to_limits, multisine
+from datasets_synthetic.simulation import Recording, simulate
 
 FloatArray = NDArray[np.float64]
 

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.clock import Clock
-from datasets_synthetic.controller import Servo
-from datasets_synthetic.faults import Faults
-from datasets_synthetic.recording import Motion
-from datasets_synthetic.rig import Rig
+from datasets_synthetic.device import Motion, Rig
+from datasets_synthetic.disturbances import Clock, Faults
+from datasets_synthetic.law import Servo
 from datasets_synthetic.simulation import simulate
 from tests.simulated.catalogue.motions import Course, chirp, multisine, point_to_point
 from tests.simulated.catalogue.raw import RawLog

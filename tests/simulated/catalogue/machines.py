@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.clock import Clock
-from datasets_synthetic.controller import Controller
-from datasets_synthetic.faults import Faults
-from datasets_synthetic.hand import Hand
-from datasets_synthetic.rig import Rig
+from datasets_synthetic.device import Rig
+from datasets_synthetic.disturbances import Clock, Faults, Hand
+from datasets_synthetic.law import Controller
 from datasets_synthetic.simulation import simulate
 from tests.simulated.catalogue.motions import Course, multisine
 from tests.simulated.catalogue.raw import RawLog

@@ -1,17 +1,80 @@
-"""Rig: the true parameters of simulated devices."""
+"""Devices as simulation truth: rigid parameters, vibration modes, all of one batch."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from datasets_synthetic.recording import Motion, read_only_copy
-from datasets_synthetic.vibration import Vibration
+from identification import Device, load_device
 
 FloatArray = NDArray[np.float64]
+Motion = Literal["linear", "rotary"]
+
+
+def per_member(values: ArrayLike, batch: int) -> FloatArray:
+    """One value a member, an array of its own, shape (batch,)."""
+    return np.array(np.broadcast_to(np.asarray(values, dtype=np.float64), (batch,)))
+
+
+def read_only_copy(array: FloatArray) -> FloatArray:
+    """A read-only contiguous copy."""
+    copy = np.array(array, order="C")
+    copy.setflags(write=False)
+    return copy
+
+
+def choose_members(values: ArrayLike, which: NDArray[np.intp]) -> FloatArray:
+    """The values of these members; one that all share stays one value.
+
+    Values have shape (batch,) or (1,) or are one number; the answer has shape (members,) or that of
+    the one value.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    return array if array.size == 1 else array[which]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vibration:
+    """One mode of a mechanism that is not rigid; numbers, or arrays of shape (batch,).
+
+    Its coordinate q obeys m·(q'' + 2·z·w·q' + w²·q) = e·Fa - h·Fh, with m the whole mass of the
+    device, Fa the force of the actuator and Fh what the device does to the hand. The encoder reads
+    the rigid coordinate and e·q, the handle is at the rigid coordinate and h·q. A motor m1 with
+    its encoder and a handle m2 on a spring make one mode, e = √(m2/m1) and h = -√(m1/m2).
+
+    Attributes:
+        frequency_hz: w/2π, undamped, Hz.
+        damping_ratio: z, not negative.
+        at_encoder: e, without unit.
+        at_handle: h, without unit.
+    """
+
+    frequency_hz: float | FloatArray
+    damping_ratio: float | FloatArray
+    at_encoder: float | FloatArray
+    at_handle: float | FloatArray
+
+    def __post_init__(self) -> None:
+        if not np.all(np.asarray(self.frequency_hz) > 0):
+            raise ValueError(f"frequency_hz of a mode must be positive, not {self.frequency_hz}")
+        if not np.all(np.asarray(self.damping_ratio) >= 0):
+            raise ValueError(f"damping_ratio must not be negative, not {self.damping_ratio}")
+
+    def sizes(self) -> list[int]:
+        """Number of members each field describes."""
+        return [np.size(getattr(self, name)) for name in _FIELDS]
+
+    def members(self, which: NDArray[np.intp]) -> Vibration:
+        """The mode of these members, shape (members,); a value that all share stays a number."""
+        return Vibration(**{name: choose_members(getattr(self, name), which) for name in _FIELDS})
+
+
+_FIELDS = ("frequency_hz", "damping_ratio", "at_encoder", "at_handle")
+
 
 _POSITIVE = frozenset({"mass", "sample_time", "force_limit"})
 _NOT_NEGATIVE = frozenset({"coulomb_friction", "delay", "encoder_resolution", "current_lag"})
@@ -170,3 +233,42 @@ def _out_of_range(key: str, array: FloatArray) -> NDArray[np.bool_]:
     if key in _POSITIVE:
         return impossible | (array <= 0)
     return impossible | (array < 0) if key in _NOT_NEGATIVE else impossible
+
+
+def rig_of(device: Device) -> Rig:
+    """One rig whose truth is the value of every quantity the device states.
+
+    A device without encoder resolution is read exactly; one without force limit has no limit.
+    """
+    resolution, limit = device.encoder_resolution, device.force_limit
+    return Rig(
+        mass=device.mass.value,
+        damping=device.damping.value,
+        sample_time=device.sample_time.value,
+        coulomb_friction=device.coulomb_friction.value,
+        force_offset=device.force_offset.value,
+        delay=device.delay.value,
+        stiffness=0.0 if device.position_stiffness is None else device.position_stiffness.value,
+        gravity_sine=0.0 if device.gravity is None else device.gravity.sine.value,
+        gravity_cosine=0.0 if device.gravity is None else device.gravity.cosine.value,
+        encoder_resolution=0.0 if resolution is None else resolution.value,
+        force_limit=np.inf if limit is None else limit.peak,
+        current_lag=0.0 if device.current_lag is None else device.current_lag.value,
+        modes=tuple(
+            Vibration(
+                frequency_hz=mode.frequency_hz.value,
+                damping_ratio=mode.damping_ratio.value,
+                at_encoder=mode.at_encoder,
+                at_handle=mode.at_handle,
+            )
+            for mode in device.modes
+        ),
+        name=device.name,
+        axis=device.axis,
+        motion=device.motion,
+    )
+
+
+def named_rig(name: str) -> Rig:
+    """The rig of a named device or device file. Raises InvalidInputError."""
+    return rig_of(load_device(name))

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-#: Tries with more room for the proof of clamps, each so much of what the last one was short of; one
-#: that is short of more than this part of what the one before was does not help.
-_MOST_ROOMS, _LESS_ROOM, _HELPS = 10, 0.7, 0.999
+#: Tries with more room for the proof of clamps, each so much of what the last one was short of, and
+#: so much at least; one that is short of more than this part of the one before does not help.
+_MOST_ROOMS, _LESS_ROOM, _LEAST_ROOM, _HELPS = 10, 0.7, 3e-4, 0.97
 #: A gain as good as none.
 _NO_GAIN = 0.05
 #: Why the damper of a wall goes with its spring.
@@ -202,9 +202,9 @@ def _stepped_back(
     tightest = min(found, key=lambda elements: found[elements].gain)
     for _ in range(_MOST_ROOMS):
         short = problem.proved_gain / max(min(each.gain for each in found.values()), _NO_GAIN)
-        if short <= 1 or short > _HELPS * before:
+        if short <= 1 or short - 1 > _HELPS * (before - 1):
             break
-        room, before = room + _LESS_ROOM * (short - 1), short
+        room, before = room + max(_LESS_ROOM * (short - 1), _LEAST_ROOM), short
         less, other, also = tuned(room)
         if other is None or other.sizes is None or also != dropped:
             break

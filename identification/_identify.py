@@ -1,25 +1,29 @@
-"""The one verb: mass, damping, friction and delay of an axis from its logs, with intervals.
-
-One file: the steps of one verb, in their order.
-"""
+"""Mass, damping, friction and delay of an axis from its logs, and what one log can support."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from identification.device.device import Device, Hardware
-from identification.device.evidence import LogRecord
-from identification.documents.document import as_stored
+from identification.device.device import Device, LogRecord
+from identification.device.hardware import Hardware
+from identification.device.quantities import Quantity
+from identification.documents import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
 from identification.estimators.model import Estimate
+from identification.estimators.noise import encoder_count, position_noise
 from identification.findings import CODES, inspect
+from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting.one_log import LogFit, fit_log
-from identification.readers.sizes import refuse_sizes
-from identification.trajectory import Trajectory
+from identification.trajectory import Motion, Trajectory, refuse_sizes
+
+#: The excited band holds the power of the velocity but for this part at either end.
+_OUTSIDE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,20 +96,20 @@ def identify(
     noticed = [
         tuple(each.of(log.source) for each in inspect(log, hardware)) for log in trajectories
     ]
-    _refuse([finding for found in noticed for finding in found], allow)
+    _refuse(noticed, allow)
     fits = [fit_log(_clocked(log, hardware), hardware, method) for log in trajectories]
     noticed = [
         found + tuple(each.of(fit.trajectory.source) for each in fit.findings)
         for found, fit in zip(noticed, fits, strict=True)
     ]
-    _refuse([finding for found in noticed for finding in found], allow)
-    _refuse_negative_mass(fits, noticed)
+    _refuse(noticed, allow)
+    if any(fit.estimate.value("mass") <= 0 for fit in fits):  # no permission makes a device of it
+        raise LogRefusedError(tuple(finding for found in noticed for finding in found))
 
     from identification.fitting.suggested import unstated_warnings
 
     sources = ", ".join(log.source for log in trajectories)
     missing = tuple(each.of(sources) for each in unstated_warnings(fits, hardware))
-    findings = (*(_lenient(finding) for found in noticed for finding in found), *missing)
     records = [
         LogRecord(
             source=fit.trajectory.source,
@@ -119,13 +123,14 @@ def identify(
         )
         for fit, found in zip(fits, noticed, strict=True)
     ]
+    logs = tuple(  # what was let through warns
+        replace(fit, findings=tuple(replace(each, severity="warning") for each in found))
+        for fit, found in zip(fits, noticed, strict=True)
+    )
     return Identification(
         device=_stored(fits, hardware, records),
-        logs=tuple(
-            replace(fit, findings=tuple(_lenient(finding) for finding in found))
-            for fit, found in zip(fits, noticed, strict=True)
-        ),
-        findings=findings,
+        logs=logs,
+        findings=(*(each for log in logs for each in log.findings), *missing),
     )
 
 
@@ -138,41 +143,29 @@ def _check_request(
     if not trajectories:
         raise UsageError("logs", "none given", "Give at least one log")
     if method not in METHODS:
-        raise UsageError(
-            "--method", f"'{method}' is not available", "Choose from " + ", ".join(METHODS)
-        )
+        problem = f"'{method}' is not available"
+        raise UsageError("--method", problem, "Choose from " + ", ".join(METHODS))
     unknown = sorted(set(allow) - set(CODES))
     if unknown:
-        raise UsageError(
-            "--allow", f"{', '.join(unknown)} is no finding", "Choose from " + ", ".join(CODES)
-        )
+        problem = f"{', '.join(unknown)} is no finding"
+        raise UsageError("--allow", problem, "Choose from " + ", ".join(CODES))
     for name in ("axis", "motion"):
         said = (getattr(log, name) for log in trajectories)
         seen = list(dict.fromkeys(item for item in said if item is not None))
         if len(seen) > 1:
-            raise UsageError(
-                f"--{name}",
-                f"the logs are of {' and '.join(seen)}",
-                f"Give logs of one {name} at a time; each has its own device",
-            )
+            remedy = f"Give logs of one {name} at a time; each has its own device"
+            raise UsageError(f"--{name}", f"the logs are of {' and '.join(seen)}", remedy)
         known = None if hardware is None else getattr(hardware, name)
         if seen and known is not None and known != seen[0]:
-            raise UsageError(
-                f"--{name}",
-                f"the logs are of {seen[0]}, the hardware of {known}",
-                f"Give the logs and the hardware of one {name}",
-            )
+            problem = f"the logs are of {seen[0]}, the hardware of {known}"
+            remedy = f"Give the logs and the hardware of one {name}"
+            raise UsageError(f"--{name}", problem, remedy)
 
 
-def _refuse(findings: Sequence[Finding], allow: Collection[str]) -> None:
+def _refuse(noticed: Sequence[Sequence[Finding]], allow: Collection[str]) -> None:
+    findings = tuple(finding for found in noticed for finding in found)
     if any(each.severity == "refusal" and each.code not in allow for each in findings):
-        raise LogRefusedError(tuple(findings))
-
-
-def _refuse_negative_mass(fits: Sequence[LogFit], noticed: Sequence[Sequence[Finding]]) -> None:
-    """No permission makes a device out of a mass that is not positive."""
-    if any(fit.estimate.value("mass") <= 0 for fit in fits):
-        raise LogRefusedError(tuple(finding for found in noticed for finding in found))
+        raise LogRefusedError(findings)
 
 
 def _stored(
@@ -194,11 +187,6 @@ def _stored(
         ) from None
 
 
-def _lenient(finding: Finding) -> Finding:
-    """A finding that was let through."""
-    return replace(finding, severity="warning")
-
-
 def _moving(log: Trajectory, logs: Sequence[Trajectory], hardware: Hardware | None) -> Trajectory:
     """The log with the motion that the hardware, or else another of the logs, states."""
     stated = [None if hardware is None else hardware.motion, *(each.motion for each in logs)]
@@ -212,3 +200,108 @@ def _clocked(trajectory: Trajectory, hardware: Hardware | None) -> Trajectory:
     if stated is None or isinstance(trajectory.steps, np.ndarray):
         return trajectory
     return replace(trajectory, time=np.arange(len(trajectory)) * stated.value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Examination:
+    """One log and what identify makes of it; SI units, or the rotary ones of Device.
+
+    Attributes:
+        source: where the log comes from.
+        motion: "linear" or "rotary"; None where nobody stated it.
+        samples: number of rows.
+        fitted: rows that mass and damping are told from; None if they are not told.
+        duration: s.
+        sample_time: usual step, s.
+        travel: m, from end to end.
+        peak_speed: m/s, as smooth as noise of position asks for.
+        peak_force: N.
+        count: step of the position, m, if all positions lie on a grid.
+        noise: standard deviation of one position reading, m.
+        band: Hz, lowest and highest frequency of the motion; 1 % of the squared velocity lies below
+            and 1 % above.
+        mass: kg, with its 95 % interval; None if none can be had at all.
+        damping: N·s/m, with its 95 % interval; None if none can be had at all.
+        findings: every one, refusals first; allowed ones are warnings.
+        refused: whether identify refuses the log.
+        found: what identify makes of it, were every finding accepted; None if nothing.
+    """
+
+    source: str
+    motion: Motion | None
+    samples: int
+    fitted: int | None
+    duration: float
+    sample_time: float
+    travel: float
+    peak_speed: float
+    peak_force: float
+    count: float | None
+    noise: float
+    band: tuple[float, float]
+    mass: Quantity | None
+    damping: Quantity | None
+    findings: tuple[Finding, ...]
+    refused: bool
+    found: Identification | None
+
+
+def examine(
+    trajectory: Trajectory,
+    *,
+    hardware: Hardware | None = None,
+    method: Method = "auto",
+    allow: Collection[str] = (),
+) -> Examination:
+    """Look at one log as identify would, and refuse nothing.
+
+    Args:
+        trajectory: the log.
+        hardware: as for identify.
+        method: as for identify.
+        allow: as for identify.
+
+    Raises:
+        UsageError: an unknown method or code, hardware of another axis.
+        InvalidInputError: hardware and log contradict each other, or no numbers of a device.
+    """
+    found: Identification | None = None
+    try:
+        found = identify(trajectory, hardware=hardware, method=method, allow=allow)
+        findings, refused = found.findings, False
+    except LogRefusedError as error:
+        findings, refused = error.findings, True
+        with suppress(LogRefusedError, InvalidInputError):  # then it tells nothing at all
+            found = identify(trajectory, hardware=hardware, method=method, allow=CODES)
+    rows = balance_of(trajectory)
+    time = trajectory.time
+    return Examination(
+        source=trajectory.source,
+        motion=trajectory.motion or (None if hardware is None else hardware.motion),
+        samples=len(trajectory),
+        fitted=None if found is None else found.logs[0].fitted,
+        duration=float(time[-1] - time[0]),
+        sample_time=trajectory.sample_time,
+        travel=float(np.ptp(trajectory.position)),
+        peak_speed=float(np.max(np.abs(rows.velocity))),
+        peak_force=float(np.max(np.abs(trajectory.force))),
+        count=encoder_count(trajectory.position),
+        noise=position_noise(trajectory.position, trajectory.force),
+        band=_band(rows),
+        mass=None if found is None else found.device.mass,
+        damping=None if found is None else found.device.damping,
+        findings=findings,
+        refused=refused,
+        found=found,
+    )
+
+
+def _band(rows: ForceBalance) -> tuple[float, float]:
+    """Frequencies between which the motion has its velocity, Hz."""
+    step = float(np.median(np.diff(rows.time)))
+    velocity = (rows.velocity - np.mean(rows.velocity)) * np.hanning(len(rows))
+    power: NDArray[np.float64] = np.cumsum(np.abs(np.fft.rfft(velocity)) ** 2)
+    frequency = np.fft.rfftfreq(len(rows), step)
+    low = int(np.count_nonzero(power < _OUTSIDE * power[-1]))
+    high = int(np.count_nonzero(power < (1 - _OUTSIDE) * power[-1]))
+    return float(frequency[low]), float(frequency[min(high, frequency.size - 1)])

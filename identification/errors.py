@@ -36,7 +36,17 @@ class IdentificationError(Exception):
     """Base of every error this package raises on purpose."""
 
 
-class InvalidInputError(IdentificationError):
+class _GivenError(IdentificationError):
+    """Something that was given and cannot be taken."""
+
+    def __init__(self, subject: str | PathLike[str], problem: str, remedy: str) -> None:
+        self.subject = fspath(subject)
+        self.problem = problem
+        self.remedy = remedy
+        super().__init__(f"{self.subject}: {problem}. {remedy}")
+
+
+class InvalidInputError(_GivenError):
     """A file or value that cannot be read or does not make sense.
 
     Attributes:
@@ -44,12 +54,6 @@ class InvalidInputError(IdentificationError):
         problem: what is wrong, with the value seen.
         remedy: what to do about it.
     """
-
-    def __init__(self, subject: str | PathLike[str], problem: str, remedy: str) -> None:
-        self.subject = fspath(subject)
-        self.problem = problem
-        self.remedy = remedy
-        super().__init__(f"{self.subject}: {problem}. {remedy}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +93,7 @@ class UnstatedError(InvalidInputError):
         )
 
 
-class UsageError(IdentificationError):
+class UsageError(_GivenError):
     """A request that contradicts itself, such as logs of two axes for one device.
 
     Attributes:
@@ -97,12 +101,6 @@ class UsageError(IdentificationError):
         problem: what is wrong, with the value seen.
         remedy: what to do about it.
     """
-
-    def __init__(self, subject: str, problem: str, remedy: str) -> None:
-        self.subject = subject
-        self.problem = problem
-        self.remedy = remedy
-        super().__init__(f"{subject}: {problem}. {remedy}")
 
 
 class LogRefusedError(IdentificationError):

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import Finding, LogRefusedError
+from identification.errors import Finding, InvalidInputError, LogRefusedError
 
 Motion = Literal["linear", "rotary"]
 FloatArray = NDArray[np.float64]
@@ -23,6 +23,10 @@ _ROUNDING = 0.6
 _FEWEST_DIGITS, _MOST_DIGITS = 0, 7
 #: ... and how far, in digits, double precision may put them off.
 _OFF_DIGIT = 1e-4
+#: Size of any column, and least change of force and position, in SI units: beyond, squares would
+#: not be numbers any more. Micro-manipulators and presses lie many orders inside.
+_LARGEST = 1e12
+_SMALLEST = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,56 +139,63 @@ def _printed_digit(time: FloatArray, step: float) -> float:
 
 def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:
     """Everything that makes the numbers unusable whatever the estimator."""
-    count = len(trajectory)
+
+    def refusal(code: str, seen: str, needed: str, remedy: str) -> Finding:
+        return Finding(code=code, severity="refusal", seen=seen, needed=needed, remedy=remedy)
+
+    count, source = len(trajectory), trajectory.source
     if count < SHORTEST:
-        return (
-            Finding(
-                code="too-short",
-                severity="refusal",
-                seen=f"{trajectory.source} has {count} samples",
-                needed=f"at least {SHORTEST}",
-                remedy="Log for longer.",
-            ),
+        seen = f"{source} has {count} samples"
+        return (refusal("too-short", seen, f"at least {SHORTEST}", "Log for longer."),)
+    bad = {name: np.flatnonzero(~np.isfinite(column)) for name, column in trajectory.columns()}
+    findings = [
+        refusal(
+            "non-finite",
+            f"{rows.size} of {count} values of {name} in {source} are "
+            f"missing or infinite, the first in sample {rows[0]}",
+            "a finite number in every row",
+            "Export the log again, or cut it to the part that is whole.",
         )
-    findings: list[Finding] = []
-    for name, column in trajectory.columns():
-        bad = np.flatnonzero(~np.isfinite(column))
-        if bad.size:
-            findings.append(
-                Finding(
-                    code="non-finite",
-                    severity="refusal",
-                    seen=f"{bad.size} of {count} values of {name} in {trajectory.source} are "
-                    f"missing or infinite, the first in sample {bad[0]}",
-                    needed="a finite number in every row",
-                    remedy="Export the log again, or cut it to the part that is whole.",
-                )
-            )
+        for name, rows in bad.items()
+        if rows.size
+    ]
     if findings:
         return tuple(findings)
-    backward = np.flatnonzero(np.diff(trajectory.time) <= 0)
+    time = trajectory.time
+    backward = np.flatnonzero(np.diff(time) <= 0)
     if backward.size:
         first = int(backward[0])
         findings.append(
-            Finding(
-                code="clock-backward",
-                severity="refusal",
-                seen=f"time does not increase at {backward.size} of {count - 1} steps of "
-                f"{trajectory.source}, first from {trajectory.time[first]:g} s to "
-                f"{trajectory.time[first + 1]:g} s",
-                needed="strictly increasing time in seconds",
-                remedy="Log a monotonic clock, or export with more digits of time.",
+            refusal(
+                "clock-backward",
+                f"time does not increase at {backward.size} of {count - 1} steps of {source}, "
+                f"first from {time[first]:g} s to {time[first + 1]:g} s",
+                "strictly increasing time in seconds",
+                "Log a monotonic clock, or export with more digits of time.",
             )
         )
     findings.extend(
-        Finding(
-            code="constant-column",
-            severity="refusal",
-            seen=f"{name} in {trajectory.source} is {column[0] + 0.0:g} in every row",
-            needed="a column that varies",
-            remedy=f"Name the right column with --{name}, or drive the device while logging.",
+        refusal(
+            "constant-column",
+            f"{name} in {source} is {column[0] + 0.0:g} in every row",
+            "a column that varies",
+            f"Name the right column with --{name}, or drive the device while logging.",
         )
         for name, column in trajectory.columns()
         if name in {"force", "position"} and np.ptp(column) == 0
     )
     return tuple(findings)
+
+
+def refuse_sizes(trajectory: Trajectory) -> None:
+    """Raises InvalidInputError for a column beyond any device, or one that hardly changes."""
+    for name, column in trajectory.columns():
+        low, high = float(np.min(column)), float(np.max(column))
+        largest, change = max(abs(low), abs(high)), high - low
+        if largest > _LARGEST or (name in {"force", "position"} and change < _SMALLEST):
+            raise InvalidInputError(
+                trajectory.source,
+                f"{name} reaches {largest:.3g} and changes by {change:.3g}, outside of "
+                f"{_SMALLEST:g} to {_LARGEST:g}",
+                f"Name the right column with --{name}, and give gains that make it SI",
+            )

@@ -19,8 +19,8 @@ from typing import Any
 import pytest
 
 from identification import InvalidInputError, load_device, load_trajectory
-from identification.documents.yaml_reading import LARGEST_FILE, MOST_EVENTS, load_mapping
-from identification.readers.limits import LONGEST_HEADER, MOST_COLUMNS
+from identification.documents import LARGEST_FILE, MOST_EVENTS, load_mapping
+from identification.readers.tables import LONGEST_HEADER, MOST_COLUMNS
 from tests.thinned import thinned
 from tune.documents.moments import MOST_ELEMENTS, MOST_SUMS, moments_of
 from tune.documents.profile import load_profile

@@ -15,7 +15,7 @@ from identification import (
     load_device,
     load_trajectory,
 )
-from identification.readers.header_units import split_name, unit_named
+from identification.readers.columns import split_name, unit_named
 from tests.commands import haptune
 from tests.plain_table import (
     FORCE,

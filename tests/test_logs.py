@@ -15,7 +15,7 @@ import pytest
 import scipy.io
 
 from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
-from identification.readers.comma_separated import read_csv, read_plain_numbers
+from identification.readers.text import read_csv, read_plain_numbers
 
 ROWS = 300
 TIME = np.arange(ROWS) * 1e-3

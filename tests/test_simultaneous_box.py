@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identification import Covariance, InvalidInputError, Quantity, quantity
-from identification.device.box import widening
+from identification.device.quantities import widening
 from identification.estimators.intervals import NORMAL_95
 from tests.bare_device import BEYOND, device
 

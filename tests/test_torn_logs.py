@@ -14,7 +14,7 @@ import pytest
 import scipy.io
 
 from identification import InvalidInputError, LogRefusedError, load_trajectory
-from identification.readers.limits import MOST_SAMPLES
+from identification.readers.columns import MOST_SAMPLES
 from tests.packed_logs import (
     FORCE,
     GOOD,

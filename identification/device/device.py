@@ -1,13 +1,12 @@
-"""Device: one axis of a haptic device, hardware plus what was identified.
-
-One file: the keys of one file.
-"""
+"""Device: one axis of a haptic device, hardware plus what was identified and from what."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from os import PathLike
+from os import PathLike, fspath
+from os.path import exists, isfile
+from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -19,43 +18,32 @@ from pydantic import (
     model_validator,
 )
 
-from identification.device.box import (
-    BOX_CONFIDENCE,
-    Box,
-    widen_interval,
-    widen_positive_interval,
-    widening,
-)
-from identification.device.evidence import Covariance, LogRecord
-from identification.device.friction import ByDirection, SlopeRange, UnmodelledForce
 from identification.device.hardware import (
+    FACTS,
     MOST_MODES,
     SHORTEST_STEP,
+    Day,
+    Fact,
     ForceLimit,
-    Hardware,
+    Label,
     Mode,
+    missing_of,
+    question,
 )
-from identification.device.nameplate import Day, Label
-from identification.device.quantities import AnyQuantity, PositiveQuantity, Quantity, quantity
-from identification.device.stated import FACTS, Fact, missing_of, question
-from identification.documents.document import Document
+from identification.device.quantities import (
+    BOX_CONFIDENCE,
+    LARGEST,
+    AnyQuantity,
+    Box,
+    PositiveQuantity,
+    Quantity,
+    quantity,
+    widen_interval,
+    widening,
+)
+from identification.documents import Document, load_document
+from identification.errors import InvalidInputError
 from identification.trajectory import Motion
-
-__all__ = [
-    "Box",
-    "ByDirection",
-    "Covariance",
-    "Device",
-    "ForceLimit",
-    "Gravity",
-    "Hardware",
-    "LogRecord",
-    "Mode",
-    "Quantity",
-    "SlopeRange",
-    "UnmodelledForce",
-    "quantity",
-]
 
 #: kg (kg·m²): a milligram at a lever of a millimetre.
 LIGHTEST = 1e-12
@@ -64,6 +52,98 @@ _WHERE = (
     "State them in hardware.yaml and identify with it, or in device.yaml, without 'source: log' "
     "and no longer listed under 'missing':"
 )
+#: Devices that come with haptune.
+_FOLDER = Path(__file__).parent / "named"
+
+Kind = Literal["drag", "falling", "place", "position", "memory"]
+#: What each kind is called in a sentence.
+KINDS: dict[Kind, str] = {
+    "drag": "drag that grows faster than speed",
+    "falling": "friction that falls with speed (Stribeck)",
+    "place": "damping that depends on position",
+    "position": "a force of position (cogging, a cable's pull)",
+    "memory": "friction with a memory (presliding, cables)",
+}
+
+
+class ByDirection(Document):
+    """A quantity that differs with the direction of motion.
+
+    Attributes:
+        forward: while the velocity is positive.
+        backward: while the velocity is negative.
+    """
+
+    forward: AnyQuantity
+    backward: AnyQuantity
+
+
+class SlopeRange(Document):
+    """Least and largest slope of a force: of friction over speed, or of a spring over position."""
+
+    low: float = Field(ge=-LARGEST, le=LARGEST)
+    high: float = Field(ge=-LARGEST, le=LARGEST)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> SlopeRange:
+        if self.low > self.high:
+            raise ValueError(f"needs low <= high, not {self.low:g} and {self.high:g}")
+        return self
+
+
+class UnmodelledForce(Document):
+    """A kind of force that a log shows and the model of the device lacks.
+
+    Attributes:
+        kind: as in KINDS.
+        share: its rms over the rms of the force.
+    """
+
+    kind: Kind
+    share: float = Field(ge=0)
+
+    @property
+    def words(self) -> str:
+        """The kind in a sentence."""
+        return KINDS[self.kind]
+
+    @property
+    def rises(self) -> bool:
+        """Whether it rises with speed, so that its slopes are all that a loop feels of it."""
+        return self.kind == "drag"
+
+
+class Covariance(Document):
+    """Joint covariance of everything identified together, in the units of the device."""
+
+    parameters: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    degrees_of_freedom: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _square(self) -> Covariance:
+        size = len(self.parameters)
+        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
+            raise ValueError(f"matrix must be {size} x {size}, one row for each parameter")
+        if any(self.matrix[i][i] < 0 for i in range(size)):
+            raise ValueError("matrix has a negative variance")
+        return self
+
+
+class LogRecord(Document):
+    """One log the device was identified from, and what was let through.
+
+    ``read_as`` tells how a file that is no plain table in SI units was understood.
+    """
+
+    source: str
+    digest: str
+    samples: int
+    method: str
+    findings: tuple[str, ...] = ()
+    allowed: tuple[str, ...] = ()
+    unmodelled_forces: tuple[UnmodelledForce, ...] = ()
+    read_as: str = ""
 
 
 class Gravity(Document):
@@ -242,6 +322,7 @@ class Device(Document):
             count = max(count, len(self.covariance.parameters))
             freedom = self.covariance.degrees_of_freedom
         factor = widening(count, freedom, confidence)
+        mass = self.mass
         dampings = [self.damping]
         if self.damping_by_direction is not None:
             dampings += [self.damping_by_direction.forward, self.damping_by_direction.backward]
@@ -249,7 +330,10 @@ class Device(Document):
         if self.damping_slope is not None:
             ranges.append((self.damping_slope.low, self.damping_slope.high))
         return Box(
-            mass=widen_positive_interval(self.mass, factor),
+            mass=(
+                mass.value * (mass.low / mass.value) ** factor,
+                mass.value * (mass.high / mass.value) ** factor,
+            ),
             damping=(min(low for low, _ in ranges), max(high for _, high in ranges)),
             sample_time=(self.sample_time.low, self.sample_time.high),
             delay=(self.delay.low, self.delay.high),
@@ -284,3 +368,20 @@ class Device(Document):
             yield self.position_stiffness
         if self.gravity is not None:
             yield from (self.gravity.sine, self.gravity.cosine)
+
+
+def named_devices() -> tuple[str, ...]:
+    """Names of the devices that come with haptune."""
+    return tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
+
+
+def load_device(reference: str | PathLike[str]) -> Device:
+    """A device from a file, or a named one. Raises InvalidInputError."""
+    name, path = fspath(reference), Path(reference)
+    # The function of os.path also takes names that no file can have.
+    if name in named_devices() and not isfile(path):  # noqa: PTH113
+        path = _FOLDER / f"{name}.yaml"
+    elif path.suffix == "" and not exists(path):  # noqa: PTH110
+        problem = "is neither a file nor a named device"
+        raise InvalidInputError(reference, problem, f"Named devices: {', '.join(named_devices())}")
+    return load_document(Device, path)

@@ -1,22 +1,79 @@
-"""Hardware: what is known of an axis before a log is taken, the modes of its mechanism too."""
+"""What a person states of an axis before a log is taken, and the question for what is missing.
+
+A log shows no unit, no force limit and no encoder: a force in mN changes every parameter by one
+factor and no residual. These facts come from a person or a data sheet, or nothing is certified.
+"""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import datetime
+from collections.abc import Collection, Mapping
+from os import PathLike, fspath
+from typing import Annotated, Any, Literal, cast, get_args
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
-from identification.device.nameplate import Day, Label
 from identification.device.quantities import LARGEST, AnyQuantity, PositiveQuantity, Source
-from identification.documents.document import Document
+from identification.documents import Document
+from identification.errors import Unstated, UnstatedError
 from identification.trajectory import Motion
 
+#: Characters of a name; more is a text.
+_LONGEST = 120
 #: s: a loop of 10 MHz.
 SHORTEST_STEP = 1e-7
 #: Modes that one axis may state; each adds two to the degree of the loop.
 MOST_MODES = 4
 #: A participation beyond it belongs to another choice of the rigid mass.
-LARGEST_PARTICIPATION = 100.0
+_LARGEST_PARTICIPATION = 100.0
+
+Fact = Literal["motion", "sample_time", "delay", "encoder_resolution", "force_limit"]
+#: In the order in which they are asked for.
+FACTS: tuple[Fact, ...] = get_args(Fact)
+
+#: What to write for each. Numbers stand beside what they are right for, so that nobody takes over
+#: those of another device.
+_WRITE: dict[Fact, str] = {
+    "motion": "motion: linear (kg, N·s/m, N, m) or motion: rotary (kg·m², N·m·s/rad, N·m, rad)",
+    "sample_time": "sample_time: the period of the control loop in s, such as 0.001 for a loop of "
+    "1 kHz, whatever the log was written with",
+    "delay": "delay: s from command to measurement, 0 where there is none, such as 0.001 for one "
+    "sample of a loop of 1 kHz; {value: …, low: …, high: …} where it is not exact",
+    "encoder_resolution": "encoder_resolution: one count at the handle in m (rad), such as "
+    "0.000767 rad for 8192 counts a turn without a gear",
+    "force_limit": "force_limit: {continuous: …, peak: …} of the actuator at the handle in N (N·m) "
+    "by its data sheet, such as {continuous: 14.0, peak: 28.0} for 14 N for long and 28 N for a "
+    "moment",
+}
+#: What a log suggests, filled in with its numbers.
+_HINT: dict[Fact, str] = {
+    "sample_time": "the log steps by {value:.6g} s",
+    "delay": "the log allows {low:.4g} to {high:.4g} s",
+    "encoder_resolution": "the finest reading of position in the log is {value:.4g}",
+    "force_limit": "the largest force in the log is {peak:.4g}; if that is not N (N·m) but volts, "
+    "amperes or mN, identify again with --force-gain, N (N·m) per unit of the column",
+}
+
+
+def _one_line(raw: object) -> object:
+    if isinstance(raw, int | float):
+        raise ValueError("put it in quotes; a number loses its leading zeros")
+    if isinstance(raw, str) and not (raw.strip() and raw.isprintable()):
+        raise ValueError("give one line of text, or leave the key out")
+    return raw
+
+
+def _iso_date(raw: object) -> object:
+    try:
+        return datetime.date.fromisoformat(str(raw)).isoformat()
+    except ValueError:
+        raise ValueError("give a date as year-month-day, such as 2026-11-22") from None
+
+
+#: One line of text.
+Label = Annotated[str, BeforeValidator(_one_line), Field(max_length=_LONGEST)]
+#: A day as year-month-day (ISO 8601).
+Day = Annotated[str, BeforeValidator(_iso_date), Field(json_schema_extra={"format": "date"})]
 
 
 def _handle_may_be_left_out(schema: dict[str, Any]) -> None:
@@ -41,8 +98,8 @@ class Mode(Document):
 
     frequency_hz: PositiveQuantity
     damping_ratio: PositiveQuantity
-    at_encoder: float = Field(ge=-LARGEST_PARTICIPATION, le=LARGEST_PARTICIPATION)
-    at_handle: float = Field(ge=-LARGEST_PARTICIPATION, le=LARGEST_PARTICIPATION)
+    at_encoder: float = Field(ge=-_LARGEST_PARTICIPATION, le=_LARGEST_PARTICIPATION)
+    at_handle: float = Field(ge=-_LARGEST_PARTICIPATION, le=_LARGEST_PARTICIPATION)
 
     @model_validator(mode="before")
     @classmethod
@@ -119,3 +176,64 @@ class Hardware(Document):
         if self.delay is not None and self.delay.low < 0:
             raise ValueError(f"delay must not be negative, not {self.delay.low:g} s")
         return self
+
+
+def missing_of(content: Mapping[str, object]) -> tuple[Fact, ...]:
+    """The facts that the content of a device file does not state, in the order of FACTS.
+
+    Missing is what stands under ``missing``, what is absent, and what has ``source: log``; but a
+    delay of a log counts as stated if its interval is no wider than a sample. What somebody assumed
+    is stated as that. A file without ``missing`` that has facts of a log was identified before they
+    were marked, when an axis that nobody asked about was called linear: there motion is missing.
+    """
+    listed = content.get("missing")
+    named = cast("Collection[str]", listed) if isinstance(listed, tuple | list) else ()
+    found = {fact for fact in FACTS if fact in named or content.get(fact) is None}
+    for fact in ("sample_time", "encoder_resolution", "force_limit"):
+        if _part(content.get(fact), "source") == "log":
+            found |= {fact} if "missing" in content or not content.get("logs") else {fact, "motion"}
+    if not _tells_delay(content):
+        found.add("delay")
+    return tuple(fact for fact in FACTS if fact in found)
+
+
+def _tells_delay(content: Mapping[str, object]) -> bool:
+    delay, step = content.get("delay"), content.get("sample_time")
+    if _part(delay, "source") != "log":
+        return True
+    value = _part(delay, "value")
+    ends = [_part(delay, name) for name in ("low", "high")]
+    low, high = (value if end is None else end for end in ends)
+    width = _part(step, "value") if _part(step, "value") is not None else step
+    if not all(isinstance(each, int | float) for each in (low, high, width)):
+        return True  # what is no number is refused as that
+    return cast("float", high) - cast("float", low) <= cast("float", width)
+
+
+def _part(item: object, name: str) -> object:
+    """One entry of a quantity, as it stands in a file or as a document."""
+    if isinstance(item, Mapping):
+        return cast("Mapping[str, object]", item).get(name)
+    return getattr(item, name, None)
+
+
+def question(
+    subject: str | PathLike[str],
+    missing: Collection[Fact],
+    content: Mapping[str, object],
+    where: str,
+) -> UnstatedError:
+    """The error that asks for all facts missing at once, and hints at what comes from a log."""
+    facts = tuple(
+        Unstated(key=fact, write=_WRITE[fact], hint=_hint(fact, content.get(fact)))
+        for fact in FACTS
+        if fact in missing
+    )
+    return UnstatedError(fspath(subject), facts, where)
+
+
+def _hint(fact: Fact, item: object) -> str:
+    if fact not in _HINT or _part(item, "source") != "log":
+        return ""
+    numbers = {name: _part(item, name) for name in ("value", "low", "high", "peak")}
+    return _HINT[fact].format(**numbers)

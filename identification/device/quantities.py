@@ -1,9 +1,12 @@
-"""Quantity: a number with its interval, and how it stands in a file."""
+"""A number with its interval, and the simultaneous region that several of them span."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, cast
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, cast, get_args
 
 from pydantic import (
     AfterValidator,
@@ -13,10 +16,18 @@ from pydantic import (
     model_validator,
 )
 
-from identification.documents.document import Document
+from identification.documents import Document
+from identification.errors import InvalidInputError
+from identification.estimators.intervals import NORMAL_95
 
 #: No quantity of a device comes near it in SI units; beyond, formulas overflow.
 LARGEST = 1e9
+#: Probability that the simultaneous box holds every identified quantity.
+BOX_CONFIDENCE = 0.999
+#: Degrees of freedom from which Hotelling's T² is χ² to six digits.
+_MANY = 1e6
+#: Precision of its distributions, more than twice that of a number.
+_BITS = 128
 
 Source = Literal["hardware", "log", "assumed"]
 
@@ -76,12 +87,8 @@ def _in_file(number: dict[str, Any], description: str) -> WithJsonSchema:
                 {
                     "type": "object",
                     "properties": {
-                        "value": number,
-                        "low": number,
-                        "high": number,
-                        "source": {
-                            "anyOf": [{"enum": ["hardware", "log", "assumed"]}, {"type": "null"}]
-                        },
+                        **dict.fromkeys(("value", "low", "high"), number),
+                        "source": {"anyOf": [{"enum": [*get_args(Source)]}, {"type": "null"}]},
                     },
                     "required": ["value"],
                     "additionalProperties": False,
@@ -124,4 +131,70 @@ def quantity(
         low=value if low is None else low,
         high=value if high is None else high,
         source=source,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """Simultaneous region of what is not known exactly; each entry (low, high), SI units.
+
+    Attributes:
+        mass: kg.
+        damping: N·s/m.
+        sample_time: s.
+        delay: s.
+        position_stiffness: slope of the device's own force by position, N/m: of k·q, and of
+            gravity its steepest, of either sign.
+    """
+
+    mass: tuple[float, float]
+    damping: tuple[float, float]
+    sample_time: tuple[float, float]
+    delay: tuple[float, float]
+    position_stiffness: tuple[float, float] = (0.0, 0.0)
+
+
+@cache
+def widening(count: int, freedom: float, confidence: float) -> float:
+    """Factor from the half-width of a 95 % interval of one of ``count`` quantities to their box.
+
+    The box bounds the joint confidence ellipsoid: Hotelling's T² with ``freedom`` degrees of
+    freedom, χ² where they are many or infinite. T²/(T² + freedom) is beta distributed (Anderson, An
+    Introduction to Multivariate Statistical Analysis, 2003, section 5.2). Halved to the last bit in
+    digits to spare; scipy.special, which has such quantiles, takes longer to load than a spring to
+    be certified. Raises InvalidInputError for no more degrees of freedom than quantities.
+    """
+    from flint import arb, ctx
+
+    if not freedom > count:
+        raise InvalidInputError(
+            "covariance",
+            f"degrees_of_freedom is {freedom:g} for {count} parameters",
+            "Identify from a longer log",
+        )
+    ball: Any = arb  # its stubs lack the special functions
+
+    def is_below(square: float) -> bool:
+        half = ball(count) / 2
+        if freedom > _MANY:
+            found = (ball(square) / 2).gamma_lower(half, 1)
+        else:
+            rest = (ball(freedom) - count + 1) / 2
+            found = (ball(square) / (ball(square) + freedom)).beta_lower(half, rest, 1)
+        return bool(found < confidence)
+
+    with ctx.workprec(_BITS):
+        low, high = 0.0, 1.0
+        while is_below(high):
+            low, high = high, 2 * high
+        while low < (middle := (low + high) / 2) < high:
+            low, high = (middle, high) if is_below(middle) else (low, middle)
+    return math.sqrt(high) / NORMAL_95
+
+
+def widen_interval(quantity: Quantity, factor: float) -> tuple[float, float]:
+    """(low, high) of an interval widened about its value."""
+    return (
+        quantity.value - factor * (quantity.value - quantity.low),
+        quantity.value + factor * (quantity.high - quantity.value),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from identification.device.device import Hardware
+from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate

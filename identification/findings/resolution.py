@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.device.device import Hardware
+from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.noise import finest_reading
 from identification.trajectory import Trajectory

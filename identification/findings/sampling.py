@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device.device import Hardware
+from identification.device.hardware import Hardware
 from identification.errors import Finding, InvalidInputError
 from identification.estimators.zero_order_hold import LOST
 from identification.findings.force_balance import balance_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device.device import Hardware
+from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.noise import finest_reading
 from identification.estimators.running_extremes import running_maximum, running_range

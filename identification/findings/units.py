@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device.device import Hardware
+from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.noise import encoder_count, position_noise
 from identification.trajectory import Motion, Trajectory

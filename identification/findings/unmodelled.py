@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from identification.device.friction import SlopeRange, UnmodelledForce
+from identification.device.device import SlopeRange, UnmodelledForce
 from identification.errors import Finding
 from identification.estimators.model import Estimate
 from identification.trajectory import Trajectory

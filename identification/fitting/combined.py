@@ -13,12 +13,11 @@ from identification.device.device import (
     Covariance,
     Device,
     Gravity,
-    Hardware,
     LogRecord,
-    Quantity,
-    quantity,
+    SlopeRange,
 )
-from identification.device.friction import SlopeRange
+from identification.device.hardware import Hardware
+from identification.device.quantities import Quantity, quantity
 from identification.estimators.intervals import quantile
 from identification.fitting.one_log import LogFit
 from identification.fitting.suggested import (

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.device.device import ForceLimit, Hardware, Quantity, quantity
+from identification.device.hardware import ForceLimit, Hardware
+from identification.device.quantities import Quantity, quantity
 from identification.errors import Finding
 from identification.estimators.intervals import NORMAL_95
 from identification.estimators.noise import finest_reading

@@ -17,7 +17,7 @@ from identification.device.quantities import (
     Quantity,
     quantity,
 )
-from identification.documents.document import Document
+from identification.documents import Document
 from identification.trajectory import SHORTEST, Motion
 
 #: Rows of the longest force planned: three minutes at 1 kHz. A simulation steps through all of

@@ -11,11 +11,15 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from identification.device.box import BOX_CONFIDENCE, widen_interval, widening
-from identification.device.device import Device
-from identification.device.known_devices import load_device, named_devices
-from identification.device.quantities import Quantity, quantity
-from identification.documents.document import load_document, parse_document, to_mapping
+from identification.device.device import Device, load_device, named_devices
+from identification.device.quantities import (
+    BOX_CONFIDENCE,
+    Quantity,
+    quantity,
+    widen_interval,
+    widening,
+)
+from identification.documents import load_document, parse_document, to_mapping
 from identification.errors import InvalidInputError
 from identification.planning.response import step_response
 from identification.planning.spec import ABOVE_FRICTION, FEWEST_RAMPS, ExcitationSpec

@@ -1,9 +1,11 @@
-"""Which columns of a file are what, and the sentences about columns that are not there."""
+"""The columns of a log: which of a file they are, their units, and what makes them SI."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,16 +14,67 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError
-from identification.readers.header_units import WORDS, split_name, unit_named
+from identification.trajectory import Motion
 
 FloatArray = NDArray[np.float64]
 
+#: Over five hours at 1 kHz; more tells nothing new of one axis. 160 MB a column.
+MOST_SAMPLES = 20_000_000
 #: Column names listed in a message at most; a wrong file may have thousands.
 _MOST_NAMED = 20
 #: Characters of a file's own text quoted in a message at most.
 _LONGEST_QUOTE = 40
 #: The column a table may have without being asked for it.
 _DEFAULT_REFERENCE = "reference"
+#: A gain this part off the unit in the name contradicts it: 0.0174533 is degrees, 0.0175 is not.
+_SAME = 1e-4
+#: A unit in brackets, or behind a slash between spaces; digits alone count elements of an array.
+_BRACKETED = re.compile(r"^(?P<stem>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
+_SLASHED = re.compile(r"^(?P<stem>.*\S)\s+/\s+(?P<unit>\S+)$")
+_SUFFIXED = re.compile(r"^(?P<stem>.+?)[_ ](?P<unit>[^_ ]+)$")
+#: Characters; nobody writes a unit behind more.
+_LONGEST_NAME = 200
+#: Words for the columns besides their own names.
+_WORDS = {
+    "time": frozenset({"time", "t", "timestamp"}),
+    "force": frozenset({"force", "torque"}),
+    "position": frozenset({"position", "pos", "angle"}),
+    "reference": frozenset({"reference"}),
+}
+#: What says nothing in SI without a number of the device.
+_OF_DEVICE = "A mA amp amps ampere amperes V mV volt volts count counts tick ticks inc digit digits"
+#: Units by role, motion and size in s, N (N·m) or m (rad).
+_SIZES: dict[str, dict[Motion | None, dict[float | None, str]]] = {
+    "time": {
+        None: {
+            1.0: "s sec second seconds",
+            1e-3: "ms msec millisecond milliseconds",
+            1e-6: "us usec microsecond microseconds",
+            1e-9: "ns nsec nanosecond nanoseconds",
+        }
+    },
+    "force": {
+        None: {None: _OF_DEVICE},
+        "linear": {1.0: "N newton newtons", 1e-3: "mN", 1e3: "kN"},
+        "rotary": {1.0: "Nm", 1e-2: "Ncm", 1e-3: "mNm Nmm", 1e3: "kNm"},
+    },
+    "position": {
+        None: {None: _OF_DEVICE},
+        "linear": {
+            1.0: "m metre metres meter meters",
+            1e-2: "cm",
+            1e-3: "mm millimetre millimetres millimeter millimeters",
+            1e-6: "um micron microns",
+            0.0254: "inch inches",
+        },
+        "rotary": {
+            1.0: "rad radian radians",
+            1e-3: "mrad",
+            math.pi / 180: "deg degree degrees °",
+            2 * math.pi: "rev revs turn turns revolutions",
+        },
+    },
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,22 +152,15 @@ def column_names(
 ) -> dict[str, str]:
     """Role (time, force, position and perhaps reference) to the column's name in the file.
 
-    Args:
-        path: the file, for the message.
-        columns: what the user asked for.
-        present: what the file has.
-        table: the file is one table of equally long columns, so that a column named ``reference``
-            belongs to the log.
-
-    Raises:
-        InvalidInputError: names the file does not have, with those it has; several columns that
-            may be meant.
+    In a ``table`` of equally long columns other words for the roles count where the user gave no
+    name, and one named ``reference`` belongs to the log. Raises InvalidInputError for columns that
+    are not there, with those that are, and where several may be meant.
     """
     asked = {"time": columns.time, "force": columns.force, "position": columns.position}
     if columns.reference is not None or table:
         asked["reference"] = columns.reference or _DEFAULT_REFERENCE
     found = {
-        role: column_for(path, role, name, present, words=table) for role, name in asked.items()
+        role: _column_for(path, role, name, present, words=table) for role, name in asked.items()
     }
     if columns.reference is None and found.get("reference") is None:
         found.pop("reference", None)
@@ -148,30 +194,16 @@ def _suggested(present: Sequence[str], missing: Sequence[str]) -> str:
     return f", perhaps {' '.join(in_order)}"
 
 
-def column_for(
+def _column_for(
     path: Path, role: str, asked: str, present: Sequence[str], *, words: bool
 ) -> str | None:
-    """The column of a role: of the name asked for, of that with a unit, or of another word for it.
-
-    Args:
-        path: the file, for the message.
-        role: "time", "force", "position" or "reference".
-        asked: name the user gave, or the role itself.
-        present: names in the file.
-        words: whether other words for the role count where the user gave no name.
-
-    Returns:
-        A name in the file; None if there is none.
-
-    Raises:
-        InvalidInputError: several columns may be meant.
-    """
+    """The column of the name asked for, of that with a unit, or of another word for the role."""
     if asked in present:
         return asked
     stems = {name: split_name(role, name)[0] for name in present}
     found = [name for name, stem in stems.items() if stem == asked]
     if not found and words and asked == role and role != "reference":
-        found = [name for name, stem in stems.items() if stem.casefold() in WORDS[role]]
+        found = [name for name, stem in stems.items() if stem.casefold() in _WORDS[role]]
     if len(found) > 1:
         raise InvalidInputError(
             path,
@@ -188,6 +220,188 @@ def quote(text: str) -> str:
     return printable if len(printable) <= _LONGEST_QUOTE else printable[:_LONGEST_QUOTE] + "…"
 
 
-def first_words(error: BaseException) -> str:
-    """A library's complaint in one line short enough to print, with the kind of error."""
-    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
+@contextmanager
+def refused_as(path: Path, kind: str, remedy: str, *panics: type[BaseException]) -> Generator[None]:
+    """Refuse a file whose library raises anything: a damaged one trips the parser anywhere."""
+    try:
+        yield
+    except InvalidInputError:
+        raise
+    except (Exception, *panics) as error:  # noqa: BLE001
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise InvalidInputError(path, f"is not a readable {kind} ({said})", remedy) from None
+
+
+def refuse_long(path: Path, samples: int) -> None:
+    """Raises InvalidInputError for more samples than a log may have."""
+    if samples > MOST_SAMPLES:
+        problem = f"holds or claims {samples} samples, more than the {MOST_SAMPLES} that are read"
+        raise InvalidInputError(path, problem, "Cut the log to a shorter part")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Unit:
+    """A unit as written, its size in SI and its motion; None where these depend on the device."""
+
+    text: str
+    size: float | None
+    motion: Motion | None
+
+
+_UNITS = {
+    role: {
+        text: _Unit(text=text, size=size, motion=motion)
+        for motion, sizes in motions.items()
+        for size, texts in sizes.items()
+        for text in texts.split()
+    }
+    for role, motions in _SIZES.items()
+}
+_UNITS["reference"] = _UNITS["position"]
+
+
+def unit_named(role: str, text: str) -> _Unit | None:
+    """The unit of a role that a text means, brackets or none; None where it is no known one."""
+    plain = re.sub(r"[\s·⋅*.^\[\]()-]", "", text).replace("µ", "u").replace("μ", "u")
+    known = _UNITS[role]
+    # Case tells mN from MN; words may begin with a capital letter.
+    return known.get(plain) or (known.get(plain.lower()) if len(plain) > 3 else None)
+
+
+def split_name(role: str, name: str) -> tuple[str, str | None]:
+    """Name of a column without its unit, and the text of the unit; None where it has none.
+
+    Text in brackets is a unit whether it is known or not; behind ``_``, a space or a slash only a
+    known one, and one of a single letter only behind a word for the role.
+    """
+    if len(name) > _LONGEST_NAME:
+        return name, None
+    found = _BRACKETED.match(name)
+    if found:
+        text = found["square"] if found["square"] is not None else found["round"]
+        text = text.strip()
+        return (name, None) if not text or text.isdigit() else (found["stem"], text)
+    found = _SLASHED.match(name) or _SUFFIXED.match(name)
+    if found is None or unit_named(role, found["unit"]) is None:
+        return name, None
+    if len(found["unit"]) == 1 and found["stem"].casefold() not in _WORDS[role]:
+        return name, None
+    return found["stem"], found["unit"]
+
+
+def gain_option(role: str) -> str:
+    """The option that gives the gain of a role."""
+    return f"--{'position' if role == 'reference' else role}-gain"
+
+
+def gain_given(role: str, columns: LogColumns) -> float | None:
+    """The gain of a role that a person gave."""
+    return {
+        "time": columns.time_gain,
+        "force": columns.force_gain,
+        "position": columns.position_gain,
+        "reference": columns.position_gain,
+    }[role]
+
+
+def conversion_of(
+    path: Path, reading: Reading, columns: LogColumns, motion: Motion | None
+) -> tuple[dict[str, float], frozenset[str], tuple[str, ...]]:
+    """What makes columns SI: gains given, else units in their names.
+
+    Returns:
+        By role, what the column is multiplied with; of "force" and "position", those whose unit a
+        person or the file stated; what was understood from names, in words.
+
+    Raises:
+        InvalidInputError: a unit that is not known, that depends on the device, that is not of the
+            axis's motion, or that contradicts the gain given.
+    """
+    names = reading.names
+    units = {
+        role: None if role == "time" and reading.in_seconds else _unit_of(path, role, name, columns)
+        for role, name in names.items()
+    }
+    _refuse_two_motions(path, names, units, columns, motion)
+    gains: dict[str, float] = {}
+    notes: list[str] = []
+    for role, name in names.items():
+        unit, given = units[role], gain_given(role, columns)
+        if given is not None:
+            _refuse_contradiction(path, role, name, unit, given, motion)
+        named = unit.size if unit else None
+        gains[role] = given if given is not None else 1.0 if named is None else named
+        if role == "reference" and given is None and unit is None:
+            gains[role] = gains["position"]
+        if unit is not None or name != getattr(columns, role):
+            words = f"{role} from '{quote(name)}'"
+            notes.append(words + (f" times {gains[role]:.6g}" if gains[role] != 1 else ""))
+    known = {role for role in ("force", "position") if role in names and units[role] is not None}
+    return gains, columns.stated_units | known, tuple(notes)
+
+
+def _si(role: str) -> str:
+    return {"time": "s", "force": "N (N·m)"}.get(role, "m (rad)")
+
+
+def _unit_of(path: Path, role: str, name: str, columns: LogColumns) -> _Unit | None:
+    """The unit in a column's name; None if it has none, or one that a gain makes known."""
+    text = split_name(role, name)[1]
+    if text is None:
+        return None
+    unit = unit_named(role, text)
+    if gain_given(role, columns) is not None or (unit is not None and unit.size is not None):
+        return unit
+    kind = "is no unit of it that is known" if unit is None else "depends on the device"
+    how = ""
+    if role == "force" and unit is not None and unit.text.lower() in {"a", "ma", "amp", "ampere"}:
+        how = ", torque constant times transmission"
+    problem = f"column '{quote(name)}' states its unit as '{quote(text)}', which {kind}"
+    remedy = f"Add {gain_option(role)} X: {_si(role)} per unit of the column{how}"
+    raise InvalidInputError(path, problem, remedy)
+
+
+def _refuse_contradiction(
+    path: Path, role: str, name: str, unit: _Unit | None, given: float, motion: Motion | None
+) -> None:
+    """Refuse a gain that is not the size of the unit in the name, whichever its sign.
+
+    Between angles and a linear axis, or the other way round, lies a transmission: any gain may be.
+    """
+    if unit is None or unit.size is None or abs(abs(given) / unit.size - 1) <= _SAME:
+        return
+    if motion is not None and unit.motion not in {None, motion}:
+        return
+    option = gain_option(role)
+    raise InvalidInputError(
+        path,
+        f"column '{quote(name)}' states its unit as '{unit.text}', {unit.size:.6g} {_si(role)}, "
+        f"and {option} {given:g} contradicts it",
+        f"Leave out {option}, give {math.copysign(unit.size, given):.6g}, or rename the "
+        "column if its unit is wrong",
+    )
+
+
+def _refuse_two_motions(
+    path: Path,
+    names: Mapping[str, str],
+    units: Mapping[str, _Unit | None],
+    columns: LogColumns,
+    motion: Motion | None,
+) -> None:
+    """Refuse a unit of another motion than the axis's, or than that of the other column."""
+    meant = motion
+    for role, unit in units.items():
+        kind = None if unit is None or gain_given(role, columns) is not None else unit.motion
+        if unit is None or kind is None:
+            continue
+        if meant is not None and kind != meant:
+            who = "the axis is" if motion is not None else "another column's unit is"
+            raise InvalidInputError(
+                path,
+                f"column '{quote(names[role])}' is in {unit.text}, a unit of {kind} motion, and "
+                f"{who} {meant}",
+                f"Add {gain_option(role)} X, {_si(role)} per {unit.text} through the transmission, "
+                "or state the right motion in the hardware file",
+            )
+        meant = kind

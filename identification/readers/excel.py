@@ -16,19 +16,24 @@ from identification.readers.columns import (
     LogColumns,
     Reading,
     column_names,
-    first_words,
     quote,
+    refuse_long,
+    refused_as,
 )
-from identification.readers.layout import MOST_BETWEEN, Layout, find_layout, named_by, roles_of
-from identification.readers.limits import MOST_COLUMNS, refuse_long
+from identification.readers.tables import (
+    MOST_ABOVE,
+    MOST_BETWEEN,
+    MOST_COLUMNS,
+    Layout,
+    find_layout,
+    named_by,
+    roles_of,
+)
 
-#: Rows among which the header of a sheet is looked for.
-_MOST_ABOVE = 200
 #: Empty rows in a row; a cell far away makes a million of them.
 _MOST_EMPTY = 1000
 #: Where workbooks count days from.
 _START = datetime(1900, 1, 1)
-_Row = tuple[Any, ...]
 
 
 def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
@@ -45,35 +50,21 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
             'Install it with python -m pip install "haptune[excel]", or export the sheet as CSV',
         ) from None
     reader: Any = openpyxl
-    try:
+    with refused_as(path, "Excel workbook", "Save it again as .xlsx, or export the sheet as CSV"):
         book = reader.load_workbook(BytesIO(content), read_only=True, data_only=True)
-        found = [
-            (name, layout)
-            for name, layout in ((s.title, _layout(path, s, columns)) for s in book.worksheets)
-            if layout is not None
-        ]
+        layouts = [(sheet.title, _layout(path, sheet, columns)) for sheet in book.worksheets]
+        found = [(name, layout) for name, layout in layouts if layout is not None]
         if not found:
             raise _no_table(path, book, columns)
         if len(found) > 1:
             names = ", ".join(f"'{quote(name)}'" for name, _ in found[:10])
-            raise InvalidInputError(
-                path,
-                f"has several sheets with the columns of a log: {names}",
-                "Keep one of them in the file",
-            )
+            problem = f"has several sheets with the columns of a log: {names}"
+            raise InvalidInputError(path, problem, "Keep one of them in the file")
         name, layout = found[0]
         return _reading(path, book[name], layout, alone=len(book.worksheets) == 1)
-    except InvalidInputError:
-        raise
-    except Exception as error:  # noqa: BLE001  # a damaged file trips the parser anywhere
-        raise InvalidInputError(
-            path,
-            f"is not a readable Excel workbook ({first_words(error)})",
-            "Save it again as .xlsx, or export the sheet as CSV",
-        ) from None
 
 
-def _rows(path: Path, sheet: Any) -> Iterator[_Row]:
+def _rows(path: Path, sheet: Any) -> Iterator[tuple[Any, ...]]:
     """Rows of values, however far down cells claim to stand."""
     sheet.reset_dimensions()
     empty = 0
@@ -93,12 +84,8 @@ def _rows(path: Path, sheet: Any) -> Iterator[_Row]:
         yield row
 
 
-def _texts(row: _Row) -> tuple[str, ...]:
-    """Cells of a row as a header and units are looked for in them; numbers stay numbers."""
-    return tuple(_text(cell) for cell in row)
-
-
 def _text(cell: Any) -> str:
+    """A cell as a header and units are looked for in it; moments look like numbers."""
     if cell is None:
         return ""
     if isinstance(cell, (datetime, time, timedelta)):
@@ -108,9 +95,9 @@ def _text(cell: Any) -> str:
 
 def _layout(path: Path, sheet: Any, columns: LogColumns) -> Layout | None:
     """Where the log stands on a sheet; None if it does not."""
-    first = islice(_rows(path, sheet), _MOST_ABOVE + MOST_BETWEEN + 1)
-    rows = [_texts(row) for row in first]
-    for header, row in enumerate(rows[:_MOST_ABOVE]):
+    first = islice(_rows(path, sheet), MOST_ABOVE + MOST_BETWEEN + 1)
+    rows = [tuple(map(_text, row)) for row in first]
+    for header, row in enumerate(rows[:MOST_ABOVE]):
         if roles_of(path, row, columns) is not None:
             below = rows[header + 1 : header + 2 + MOST_BETWEEN]
             return find_layout(path, rows[: header + 1], below, columns)
@@ -120,8 +107,8 @@ def _layout(path: Path, sheet: Any, columns: LogColumns) -> Layout | None:
 def _no_table(path: Path, book: Any, columns: LogColumns) -> InvalidInputError:
     """Why no sheet holds a log: what the first rows that look like headers name."""
     for sheet in book.worksheets:
-        for row in islice(_rows(path, sheet), _MOST_ABOVE):
-            names = [name for name in named_by(_texts(row)) if name]
+        for row in islice(_rows(path, sheet), MOST_ABOVE):
+            names = [name for name in named_by(tuple(map(_text, row))) if name]
             if len(names) > 1:
                 try:
                     column_names(path, columns, names, table=True)
@@ -139,12 +126,10 @@ def _no_table(path: Path, book: Any, columns: LogColumns) -> InvalidInputError:
 def _reading(path: Path, sheet: Any, layout: Layout, *, alone: bool) -> Reading:
     """The columns of a log whose place is known."""
     places = layout.places
-    rows = islice(_rows(path, sheet), layout.first, None)
     cells: dict[str, list[Any]] = {role: [] for role in places}
-    for row in rows:
-        chosen = {role: row[place] if place < len(row) else None for role, place in places.items()}
-        for role, cell in chosen.items():
-            cells[role].append(cell)
+    for row in islice(_rows(path, sheet), layout.first, None):
+        for role, place in places.items():
+            cells[role].append(row[place] if place < len(row) else None)
     while cells["time"] and all(column[-1] is None for column in cells.values()):
         for column in cells.values():
             column.pop()

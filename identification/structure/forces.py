@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device.friction import Kind
+from identification.device.device import Kind
 from identification.estimators.low_pass import width_of
 from identification.estimators.regression import Regression
 from identification.estimators.zero_order_hold import HeldColumn

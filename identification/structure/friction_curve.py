@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device.friction import Kind, SlopeRange, UnmodelledForce
+from identification.device.device import Kind, SlopeRange, UnmodelledForce
 from identification.estimators.intervals import NORMAL_95
 from identification.estimators.regression import Regression
 from identification.structure.collinearity import scale_to_unit_rms

@@ -1,7 +1,4 @@
-"""Bags of ROS 2 (MCAP): columns are fields of messages, rows are messages of one stamp.
-
-One file: one kind of file, from its bytes to columns.
-"""
+"""Bags of ROS 2 (MCAP): columns are fields of messages, rows are messages of one stamp."""
 
 from __future__ import annotations
 
@@ -19,10 +16,10 @@ from identification.readers.columns import (
     FloatArray,
     LogColumns,
     Reading,
-    first_words,
     quote,
+    refuse_long,
+    refused_as,
 )
-from identification.readers.limits import refuse_long
 
 #: Bytes that one chunk may unfold to; recorders write some megabytes.
 _LARGEST_CHUNK = 500_000_000
@@ -46,6 +43,14 @@ class _Field:
     parts: tuple[tuple[str, int | None], ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Messages:
+    """What the messages of one topic hold: when each was stamped, ns, and values by role."""
+
+    stamps: list[int]
+    values: dict[str, list[Any]]
+
+
 def read_mcap(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role, named TOPIC/FIELD such as /joint_states/position[0].
 
@@ -65,21 +70,14 @@ def read_mcap(path: Path, content: bytes, columns: LogColumns) -> Reading:
             "is a bag of ROS 2, and mcap and mcap-ros2-support, which read it, are not installed",
             'Install them with python -m pip install "haptune[ros]", or export the topic as CSV',
         ) from None
-    try:
+    remedy = "Recover it (mcap recover), or export the topic as CSV"
+    with refused_as(path, "bag of ROS 2", remedy):
         reader: Any = make_reader(BytesIO(content), decoder_factories=[DecoderFactory()])
         topics = _topics(path, reader)
         fields = _fields(path, columns, topics)
         if columns.time not in {_HEADER, *_RECORDED}:
             fields["time"] = _field(path, "time", columns.time, topics)
         return _joined(path, _read(path, reader, fields, columns.time), columns)
-    except InvalidInputError:
-        raise
-    except Exception as error:  # noqa: BLE001  # a damaged file trips the parser anywhere
-        raise InvalidInputError(
-            path,
-            f"is not a readable bag of ROS 2 ({first_words(error)})",
-            "Recover it (mcap recover), or export the topic as CSV",
-        ) from None
 
 
 def _topics(path: Path, reader: Any) -> dict[str, str]:
@@ -107,7 +105,8 @@ def _fields(path: Path, columns: LogColumns, topics: Mapping[str, str]) -> dict[
         asked["reference"] = columns.reference
     unnamed = [role for role, name in asked.items() if name == role]
     if unnamed:
-        listed = ", ".join(f"{quote(name)} ({kind})" for name, kind in _some(topics))
+        some = sorted(topics.items())[:_MOST_LISTED]
+        listed = ", ".join(f"{quote(name)} ({kind})" for name, kind in some)
         options = " ".join(f"--{role} TOPIC/FIELD" for role in unnamed)
         raise InvalidInputError(
             path,
@@ -118,22 +117,16 @@ def _fields(path: Path, columns: LogColumns, topics: Mapping[str, str]) -> dict[
     return {role: _field(path, role, name, topics) for role, name in asked.items()}
 
 
-def _some(topics: Mapping[str, str]) -> Sequence[tuple[str, str]]:
-    return sorted(topics.items())[:_MOST_LISTED]
-
-
 def _field(path: Path, role: str, name: str, topics: Mapping[str, str]) -> _Field:
     """The field that TOPIC/FIELD names. Raises InvalidInputError."""
     slashed = name if name.startswith("/") else f"/{name}"
     topic = max((each for each in topics if slashed.startswith(f"{each}/")), key=len, default="")
     found = [_PART.fullmatch(part) for part in slashed[len(topic) + 1 :].split("/")]
     if not topic or None in found:
-        listed = ", ".join(quote(each) for each, _ in _some(topics))
-        raise InvalidInputError(
-            path,
-            f"has no field '{quote(name)}'; its topics are {listed or 'none'}",
-            f"Name topic and field, such as --{role} /joint_states/position[0]",
-        )
+        listed = ", ".join(quote(each) for each in sorted(topics)[:_MOST_LISTED])
+        problem = f"has no field '{quote(name)}'; its topics are {listed or 'none'}"
+        remedy = f"Name topic and field, such as --{role} /joint_states/position[0]"
+        raise InvalidInputError(path, problem, remedy)
     return _Field(
         topic=topic,
         parts=tuple(
@@ -142,14 +135,6 @@ def _field(path: Path, role: str, name: str, topics: Mapping[str, str]) -> _Fiel
             if part is not None
         ),
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Messages:
-    """What the messages of one topic hold: when each was stamped, ns, and values by role."""
-
-    stamps: list[int]
-    values: dict[str, list[Any]]
 
 
 def _read(path: Path, reader: Any, fields: Mapping[str, _Field], when: str) -> dict[str, _Messages]:
@@ -187,11 +172,8 @@ def _read(path: Path, reader: Any, fields: Mapping[str, _Field], when: str) -> d
         refuse_long(path, len(kept.stamps))
     missing = [topic for topic in topics if topic not in found]
     if missing:
-        raise InvalidInputError(
-            path,
-            f"has no messages of {quote(missing[0])}",
-            "Record them, or name another topic",
-        )
+        problem = f"has no messages of {quote(missing[0])}"
+        raise InvalidInputError(path, problem, "Record them, or name another topic")
     return found
 
 
@@ -235,11 +217,9 @@ def _value(path: Path, field: _Field, message: Any) -> Any:
         return found
     if isinstance(found, bool) or not isinstance(found, (int, float)):
         what = f"{len(_items(found))} values" if _items(found) else "no number"
-        raise InvalidInputError(
-            path,
-            f"field '{quote(field.parts[-1][0])}' of {quote(field.topic)} holds {what}",
-            "Name a field of one number, with its index in brackets where there are several",
-        )
+        problem = f"field '{quote(field.parts[-1][0])}' of {quote(field.topic)} holds {what}"
+        remedy = "Name a field of one number, with its index in brackets where there are several"
+        raise InvalidInputError(path, problem, remedy)
     return found
 
 
@@ -262,8 +242,11 @@ def _joined(path: Path, found: Mapping[str, _Messages], columns: LogColumns) -> 
         for role, column in each.values.items():
             numbers = [column[k] for k in rows]
             if role == "time":
+                # Since the first, as clocks count from 1970; stamps become seconds.
                 in_seconds = hasattr(numbers[0], "nanosec")
-                numbers = _since_first(numbers, in_seconds=in_seconds)
+                counted = [_nanoseconds(stamp) for stamp in numbers] if in_seconds else numbers
+                size = _NANOSECONDS if in_seconds else 1
+                numbers = [(moment - counted[0]) / size for moment in counted]
             values[role] = np.array(numbers, dtype=np.float64)
     if "time" not in values:
         topic, first = next(iter(found.items()))
@@ -276,14 +259,6 @@ def _joined(path: Path, found: Mapping[str, _Messages], columns: LogColumns) -> 
     lost = most - len(together)
     notes = (f"{lost} of {most} messages without a partner left out",) if lost else ()
     return Reading(values=values, names=names, notes=notes, in_seconds=in_seconds)
-
-
-def _since_first(moments: Sequence[Any], *, in_seconds: bool) -> list[Any]:
-    """Stamps as seconds, numbers as they are, since the first: clocks count from 1970."""
-    if not in_seconds:
-        return [moment - moments[0] for moment in moments]
-    counted = [_nanoseconds(moment) for moment in moments]
-    return [(each - counted[0]) / _NANOSECONDS for each in counted]
 
 
 def _joint(field: _Field, message: Any) -> str | None:

@@ -16,7 +16,7 @@ from tests.guard import Guard, built, enter, push
 from tests.thinned import thinned
 from tune import SafeProfile, Scene, optimise
 from tune.exporters import export
-from tune.exporters.largest_change import largest_change
+from tune.exporters.law import largest_change
 
 ELEMENTS = [(device, name) for device, scene in SCENES.items() for name in scene]
 #: Periods before an element is reached.

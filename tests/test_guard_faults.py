@@ -10,7 +10,7 @@ from tests.exported import changed, tuned
 from tests.guard import Enter, Guard, Push, Reply, built, enter, push
 from tune.certificate.elements import inconsistent
 from tune.exporters import export
-from tune.exporters.largest_change import largest_change
+from tune.exporters.law import largest_change
 
 WALL, CUP, RUBBER = 1, 2, 4
 #: Rubber that rests at 0 and is stretched to this place by the third period, m, and its force, N.

@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune._audit import Audit, audit
     from tune._what_if import Alternative, what_if
     from tune.certificate.check import CheckReport, check
-    from tune.comparison.compare import Change, Comparison, compare
+    from tune.comparison import Change, Comparison, compare
     from tune.documents.effects import Effects
     from tune.documents.errors import (
         CheckFailedError,
@@ -115,7 +115,7 @@ __all__ = [
 #: optimise): once loaded, it would take the function's place.
 _HOMES = {
     "_audit": "Audit audit",
-    "comparison.compare": "Change Comparison compare",
+    "comparison": "Change Comparison compare",
     "_what_if": "Alternative what_if",
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",

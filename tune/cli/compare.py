@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from identification import Device, Motion
-    from tune.comparison.compare import Change, Comparison, Interval
+    from tune.comparison import Change, Comparison, Interval
     from tune.documents.profile import SafeProfile
 
 #: Unit of each quantity of a device, by the name it has in a table of units.
@@ -48,7 +48,7 @@ def compare(
     """What changed beyond both intervals; ends with 6 if the old profile no longer holds."""
 
     def action(session: Session) -> None:
-        from tune.comparison.compare import compare as compared
+        from tune.comparison import compare as compared
         from tune.documents.errors import CheckFailedError
 
         first, second = _load(old), _load(new)

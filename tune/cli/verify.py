@@ -118,7 +118,7 @@ def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
     from rich.table import Table
 
     from tune.verification import advise
-    from tune.verification.elements import moments_of
+    from tune.verification.outcome import moments_of
 
     targets = None if element is None else moments_of(safe, element)
     with session.progress() as say:

@@ -9,13 +9,12 @@ from collections.abc import Callable
 from typing import Literal, get_args
 
 from tune.documents.profile import SafeProfile
-from tune.exporters.c_guard import c_files
-from tune.exporters.chai3d import chai3d_files
+from tune.exporters.data import plain_files, ros2_files
+from tune.exporters.guard import c_files, chai3d_files
 from tune.exporters.law import fade_step
-from tune.exporters.plain import plain_files
-from tune.exporters.ros2 import ros2_files
+from tune.exporters.text import NOT_A_SAFETY_FUNCTION
 
-__all__ = ["TARGETS", "Target", "export"]
+__all__ = ["NOT_A_SAFETY_FUNCTION", "TARGETS", "Target", "export"]
 
 Target = Literal["ros2", "c", "chai3d", "json"]
 TARGETS: tuple[Target, ...] = get_args(Target)

@@ -8,7 +8,7 @@ from importlib.resources import files
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, cast
 
-from tune.exporters.heading import NOT_A_SAFETY_FUNCTION
+from tune.exporters import NOT_A_SAFETY_FUNCTION
 from tune.presentation.surface import Surface
 
 if TYPE_CHECKING:

@@ -1,36 +1,89 @@
 """What to play so that a log tells of an element whether it keeps its margin: the least gain.
 
-Each trial predicts what a log would show of the mode, finds the loops it would allow, and judges
-the margin on them, as a verification does.
+A play is from where to let go, or how fast to push, and how long to log. Each trial predicts what
+a log would show of the mode, finds the loops it would allow, and judges the margin on them, as a
+verification does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from identification import Device, quantity
 from tune.certificate.refusal import refuse_unbalanced
+from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
+from tune.documents.scene import DEFAULT_MOTION
 from tune.loop.filters import filters_of
-from tune.verification.consistent_loops import ConsistentLoops, MeasuredMode, Modes
-from tune.verification.elements import effects_of, moment_in_words, moments_of, scale_effects
-from tune.verification.margins_kept import MarginJudge
-from tune.verification.motion_outcomes import DECAY_TOLERANCE, frequency_tolerance
-from tune.verification.plays import Play, plan_play
-from tune.verification.prediction import Prediction, predict
+from tune.verification.delay import ConsistentLoops, MarginJudge, Modes
+from tune.verification.motion import (
+    DECAY_TOLERANCE,
+    MeasuredMode,
+    Prediction,
+    binding_stiffness,
+    predict,
+)
+from tune.verification.outcome import (
+    Moment,
+    effects_of,
+    moment_in_words,
+    moments_of,
+    scale_effects,
+)
 
 #: Gains that are tried, the least first.
-GAINS = (0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
+_GAINS = (0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
 #: Other elements that are tried where an element's own motion does not tell.
 _MOST_OTHERS = 5
 #: Half-width of the measured frequency and decay as they are usually found, relative.
 _USUAL_HALF = 0.02
 #: Planning looks at whole samples of delay.
 _STEP = 1.0
+
+#: Turning points that make a decay known, and how large a swing must be, part of the displacement.
+_TURNS, _CLEAR = 3, 0.03
+#: Half-cycles after which motion that hardly decays is logged no longer.
+_MOST_SWINGS = 40
+#: Displacements that are tried, in penetrations of the element.
+_DEEPER = (1.0, 2.0, 3.0, 4.0, 6.0)
+#: Time constants until motion without swings is over, and rest that is logged after it, s.
+_SETTLED, _REST = 5.0, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Play:
+    """One log to take.
+
+    Attributes:
+        moment: elements to play.
+        gain: to play them at.
+        displacement: from which to let go, m (rad); None where a push is needed.
+        speed: of the push, m/s (rad/s); None where a displacement is needed.
+        duration: to log, s.
+    """
+
+    moment: Moment
+    gain: float
+    displacement: float | None
+    speed: float | None
+    duration: float
+
+    def words(self, motion: str) -> str:
+        """An instruction, for a "linear" or "rotary" axis."""
+        length = "mm" if motion == "linear" else "mrad"
+        begin = (
+            f"let go {1e3 * self.displacement:.3g} {length} from rest"
+            if self.displacement is not None
+            else f"pushed to {self.speed:.3g} {'m' if motion == 'linear' else 'rad'}/s"
+        )
+        return (
+            f"play {moment_in_words(self.moment)} at gain {self.gain:g}, {begin}, "
+            f"for {self.duration:.3g} s"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +96,7 @@ class Advice:
         why: what is wrong with playing the moment itself; "" where that tells.
     """
 
-    moment: tuple[str, ...]
+    moment: Moment
     play: Play | None
     why: str
 
@@ -62,7 +115,7 @@ class Advice:
 
 def advise(
     profile: Design,
-    targets: tuple[tuple[str, ...], ...] | None = None,
+    targets: tuple[Moment, ...] | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[Advice, ...]:
     """What to play for each moment, its own motion before that of other elements.
@@ -97,12 +150,12 @@ class _Plays:
 
     def __init__(self, profile: Design) -> None:
         self._profile = profile
-        self._planned: dict[tuple[tuple[str, ...], float], tuple[Play | None, str]] = {}
-        self._allowed: dict[tuple[tuple[str, ...], float], tuple[ConsistentLoops, ...]] = {}
-        self._judges: dict[tuple[str, ...], MarginJudge] = {}
+        self._planned: dict[tuple[Moment, float], tuple[Play | None, str]] = {}
+        self._allowed: dict[tuple[Moment, float], tuple[ConsistentLoops, ...]] = {}
+        self._judges: dict[Moment, MarginJudge] = {}
 
     def least(
-        self, player: tuple[str, ...], target: tuple[str, ...], most: float = np.inf
+        self, player: Moment, target: Moment, most: float = np.inf
     ) -> tuple[Play | None, str]:
         """(the play of least gain that tells of the target, why there is none).
 
@@ -111,7 +164,7 @@ class _Plays:
         """
         why = ""
         likely: Play | None = None
-        for gain in GAINS:
+        for gain in _GAINS:
             if gain > most and likely is None:
                 break
             try:
@@ -129,9 +182,9 @@ class _Plays:
             why = "delays that do not keep the margin look the same in its motion"
         return likely, "" if likely is not None else why
 
-    def least_of(self, players: Sequence[tuple[str, ...]], target: tuple[str, ...]) -> Play | None:
+    def least_of(self, players: Sequence[Moment], target: Moment) -> Play | None:
         """The play of least gain among these players, the first of them of any that are equal."""
-        best: dict[tuple[str, ...], Play] = {}
+        best: dict[Moment, Play] = {}
         most = np.inf
         # A spring tells a delay best: what it leaves of the gains need not be looked at.
         for player in sorted(players, key=self._pulls, reverse=True):
@@ -145,30 +198,31 @@ class _Plays:
             default=None,
         )
 
-    def _pulls(self, player: tuple[str, ...]) -> bool:
+    def _pulls(self, player: Moment) -> bool:
         return effects_of(self._profile, player).stiffness is not None
 
-    def _plan(self, player: tuple[str, ...], gain: float) -> tuple[Play | None, str]:
+    def _plan(self, player: Moment, gain: float) -> tuple[Play | None, str]:
         if (player, gain) not in self._planned:
-            self._planned[player, gain] = plan_play(self._profile, player, gain)
+            self._planned[player, gain] = _plan_play(self._profile, player, gain)
         return self._planned[player, gain]
 
-    def _tells(
-        self, player: tuple[str, ...], gain: float, target: tuple[str, ...]
-    ) -> tuple[bool, ...]:
+    def _tells(self, player: Moment, gain: float, target: Moment) -> tuple[bool, ...]:
         """Whether all loops that a log would allow keep the margin of the target.
 
         Of the device at its best estimate, and with the least damping of its interval.
         """
-        profile = self._profile
+        profile, device = self._profile, self._profile.device
         filters = filters_of(profile.loop)
         if (player, gain) not in self._allowed:
             effects = scale_effects(effects_of(profile, player), gain)
             extra = profile.margin.extra_delay_samples
-            modes = Modes(profile.device, filters, effects, extra=extra, step=_STEP)
+            devices = [device]
+            if device.damping.low < device.damping.value:
+                least = quantity(device.damping.low)
+                devices.append(device.model_copy(update={"damping": least}))
+            modes = Modes(device, filters, effects, extra=extra, step=_STEP)
             self._allowed[player, gain] = tuple(
-                modes.allow(_expected(predict(each, profile.loop, effects)))
-                for each in _devices(profile.device)
+                modes.allow(_expected(predict(each, profile.loop, effects))) for each in devices
             )
         if target not in self._judges:
             self._judges[target] = MarginJudge(profile, target)
@@ -176,17 +230,10 @@ class _Plays:
         return tuple(judge.keeps_all((filters,), each) for each in self._allowed[player, gain])
 
 
-def _devices(device: Device) -> Iterator[Device]:
-    """The device at its best estimate, and with the least damping of its interval."""
-    yield device
-    if device.damping.low < device.damping.value:
-        yield device.model_copy(update={"damping": quantity(device.damping.low)})
-
-
 def _expected(prediction: Prediction) -> MeasuredMode:
     """The mode as a log would show it."""
     nominal = prediction.nominal
-    hertz = (frequency_tolerance(prediction) + _USUAL_HALF) * nominal.frequency
+    hertz = (prediction.frequency_tolerance + _USUAL_HALF) * nominal.frequency
     slack = (DECAY_TOLERANCE + _USUAL_HALF) * nominal.decay
     return MeasuredMode(
         frequency=(nominal.frequency - hertz, nominal.frequency + hertz)
@@ -194,3 +241,71 @@ def _expected(prediction: Prediction) -> MeasuredMode:
         else None,
         decay=(nominal.decay - slack, nominal.decay + slack),
     )
+
+
+def _plan_play(profile: Design, moment: Moment, gain: float) -> tuple[Play | None, str]:
+    """(a play of a moment at a gain that shows frequency or decay, why there is none)."""
+    effects = scale_effects(effects_of(profile, moment), gain)
+    prediction = predict(profile.device, profile.loop, effects)
+    if prediction.obstacle is not None:
+        return None, prediction.obstacle
+    motions = [profile.elements[name].motion for name in moment]
+    settled = _SETTLED / prediction.decay[0]
+    displacement: float | None = None
+    speed: float | None = None
+    stiffness = binding_stiffness(profile.device, effects)
+    if not stiffness:
+        speed = max(motion.speed for motion in motions)
+    else:
+        usual = DEFAULT_MOTION[profile.device.motion].penetration or 0.0
+        deep = max(motion.penetration or usual for motion in motions)
+        displacement = _displacement(profile.device, effects, prediction, deep)
+        if displacement is None:
+            return None, "it comes to rest within a swing or two"
+        if prediction.frequency[0] > 0:
+            held = profile.device.coulomb_friction.low / stiffness
+            left = float(np.exp(-prediction.decay[0] / (2 * prediction.frequency[0])))
+            swings = len(_swings(displacement, left, held, _MOST_SWINGS))
+            settled = min(settled, 0.5 * (swings + 1) / prediction.frequency[0])
+    return Play(
+        moment=moment,
+        gain=gain,
+        displacement=displacement,
+        speed=speed,
+        duration=float(np.ceil(2 * (settled + _REST))) / 2,
+    ), ""
+
+
+def _displacement(
+    device: Device, effects: Effects, prediction: Prediction, deep: float
+) -> float | None:
+    """The least displacement with turning points enough, or with none to expect, m."""
+    virtual = 0.0 if effects.stiffness is None else float(np.asarray(effects.stiffness))
+    most = np.inf
+    if device.force_limit is not None and virtual:
+        most = device.force_limit.continuous / virtual
+    held = device.coulomb_friction.high / binding_stiffness(device, effects)
+    low, high = prediction.frequency
+    for start in (part * deep for part in _DEEPER):
+        if start > most:
+            break
+        if high == 0 and held < _CLEAR * start:
+            return start
+        if low > 0:
+            left = float(np.exp(-prediction.decay[1] / (2 * low)))
+            swings = _swings(start, left, held, _TURNS)
+            if len(swings) == _TURNS and swings[-1] > _CLEAR * start:
+                return start
+    return None
+
+
+def _swings(start: float, left: float, held: float, most: int) -> list[float]:
+    """Amplitudes after each half-cycle, from which friction takes twice what it holds, m."""
+    amplitudes: list[float] = []
+    amplitude = start
+    while len(amplitudes) < most:
+        amplitude = (amplitude - held) * left - held
+        if amplitude <= held:
+            break
+        amplitudes.append(amplitude)
+    return amplitudes

@@ -1,6 +1,7 @@
 """The one verb: does a low-gain closed-loop log behave as its profile predicts?
 
-One file: the steps of one verb, in their order.
+Clock and encoder of the log, the law, free motion and delay in their own files, and the force
+ripple of the encoder against the closed form, above the band of motion.
 """
 
 from __future__ import annotations
@@ -8,30 +9,36 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
 from tune.certificate.refusal import refuse_unbalanced
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
+from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design
 from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.loop import Loop
-from tune.verification.clock import check_clock
-from tune.verification.decimal_digits import decimal_digit
-from tune.verification.elements import moments_of
-from tune.verification.measured_cutoffs import MeasuredCutoff, measured_cutoffs
-from tune.verification.measured_delay import MeasuredDelay, judge_delay, unknown_delay
-from tune.verification.measured_law import MeasuredLaw, judge_law
-from tune.verification.measured_motion import MeasuredMotion, judge_motion
-from tune.verification.measured_ripple import judge_ripple
-from tune.verification.outcome import Outcome, unassessed_outcome
-from tune.verification.variants import Log
+from tune.verification.delay import MeasuredDelay, judge_delay, unknown_delay
+from tune.verification.law import Log, MeasuredCutoff, measured_cutoffs, rms
+from tune.verification.measured_law import MeasuredLaw, decimal_digit, judge_law
+from tune.verification.motion import MeasuredMotion, judge_motion
+from tune.verification.outcome import Outcome, moments_of, unassessed_outcome
+
+FloatArray = NDArray[np.float64]
 
 #: Count of the log against the encoder of the device.
 _COUNT_TOLERANCE = 0.02
 #: A grid is seen where neighbouring readings are whole counts apart within this part.
 _ON_GRID = 0.05
+#: A log whose steps differ from the sample time of the profile by more is of another loop.
+_SAMPLE_TIME_TOLERANCE = 0.01
+#: A step this many times the usual one has lost a row, which the filters of the law need.
+_LOST = 1.5
+#: rms of the steps about their mean, as part of it, above which backward differences are not those
+#: of an even clock.
+_MOST_JITTER = 0.05
 #: What the loop of a profile predicts of its motion, and of its slow mode.
 _OF_THE_MOTION = ("frequency", "decay", "ripple")
 _OF_THE_MODE = {"frequency", "decay"}
@@ -42,6 +49,24 @@ _NEEDED = {
     "decay": "frequency or decay of the free motion",
     "delay": "the margin of the profile at every delay the log allows",
 }
+
+#: The band begins at this many times the frequency of the motion, where nothing of it is left.
+_ABOVE_MOTION = 30.0
+#: And not below this part of Nyquist, where it ends; it must be at least that part of it.
+_LOWEST_EDGE, _NARROWEST = 0.03, 0.5
+#: Order of the Butterworth filter, run forwards and backwards.
+_ORDER = 4
+#: Counts a sample: slower, the rounding error is no white noise (docs/theory.md, 6).
+_SLOWEST = 0.5
+#: Rows in motion that are needed; periods of the band's edge left out around a turn, at which
+#: friction jumps, and at the ends: within them what the filter makes of a jump falls below 1e-4.
+_FEWEST_ROWS, _MARGIN = 100, 4.0
+#: Time constants in which the other modes of the loop fall as far.
+_RUNG = 9.0
+#: Places on the upper half of the unit circle for the ripple of the band.
+_PLACES = 4096
+#: Seen against predicted, either way.
+_RIPPLE_TOLERANCE = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,10 +172,8 @@ def verify(
     """
     refuse_unbalanced(profile.device)
     _check_request(profile, trajectory, gain, release)
-    check_clock(profile, trajectory)
-    unit = UNITS[profile.device.motion]["force"]
-    moments = moments_of(profile, element)
-    law = judge_law(profile, moments, trajectory.force, trajectory.position, gain, unit)
+    _check_clock(profile, trajectory)
+    law = judge_law(profile, moments_of(profile, element), trajectory, gain)
     motion: MeasuredMotion | None = None
     cutoffs: tuple[MeasuredCutoff, ...] = ()
     if law.effects is None or law.gain <= 0:
@@ -159,8 +182,16 @@ def verify(
         delay = unknown_delay(why)
     else:
         try:
-            motion = _motion(profile, trajectory, law, law.effects, release)
-            rest = (*motion.outcomes, _ripple(profile, trajectory, law, law.effects, motion, unit))
+            motion = judge_motion(
+                profile.device,
+                law.loop,
+                law.effects,
+                trajectory.position,
+                law.used,
+                _step(trajectory),
+                0 if release is None else int(np.searchsorted(trajectory.time, release)),
+            )
+            rest = (*motion.outcomes, _ripple(profile, trajectory, law.loop, law.effects, motion))
             if law.outcomes[0].verdict == "agrees":
                 log = Log(force=trajectory.force, position=trajectory.position, used=law.used)
                 cutoffs = measured_cutoffs(log, law.loop, law.effects)
@@ -177,13 +208,7 @@ def verify(
         source=trajectory.source,
         elements=law.moment,
         gain=law.gain,
-        outcomes=(
-            _encoder(profile, trajectory),
-            *law.outcomes,
-            *filters,
-            *rest,
-            delay.outcome,
-        ),
+        outcomes=(_encoder(profile, trajectory), *law.outcomes, *filters, *rest, delay.outcome),
         law=law,
         cutoffs=cutoffs,
         motion=motion,
@@ -217,27 +242,52 @@ def _check_request(
         )
 
 
+def _check_clock(profile: Design, trajectory: Trajectory) -> None:
+    """Refuse a log whose rows are not those of the controller's loop."""
+    steps = np.diff(trajectory.time)
+    usual, stated = float(np.median(steps)), profile.loop.sample_time
+    known = profile.device.sample_time
+    low = min(stated, known.low) * (1 - _SAMPLE_TIME_TOLERANCE)
+    high = max(stated, known.high) * (1 + _SAMPLE_TIME_TOLERANCE)
+    long = int(np.count_nonzero(steps > _LOST * usual))
+    jitter = float(np.std(steps) / np.mean(steps))
+    if not low <= usual <= high:
+        code, seen, needed, remedy = (
+            "dropped-samples" if usual > high else "jitter",
+            f"{trajectory.source} steps by {usual * 1e3:.5g} ms",
+            f"the sample time of the profile, {stated * 1e3:.5g} ms",
+            "Log every sample of the control loop, with time in seconds; if the loop runs at "
+            "another rate, correct the device and tune again.",
+        )
+    elif long:
+        code, seen, needed, remedy = (
+            "dropped-samples",
+            f"{trajectory.source} has {long} gaps, the longest {steps.max() * 1e3:.4g} ms",
+            "every sample, since the filters of the law remember all of them",
+            "Log with a real-time thread, or cut the log to a part without gaps.",
+        )
+    elif jitter > _MOST_JITTER:
+        code, seen, needed, remedy = (
+            "jitter",
+            f"the steps of {trajectory.source} vary by {jitter:.2%} rms",
+            f"at most {_MOST_JITTER:.0%}",
+            "Run the controller at a constant rate.",
+        )
+    else:
+        return
+    finding = Finding(
+        code=code,
+        severity="refusal",
+        seen=seen,
+        needed=needed,
+        remedy=remedy,
+        source=trajectory.source,
+    )
+    raise LogRefusedError((finding,))
+
+
 def _step(trajectory: Trajectory) -> float:
     return float(trajectory.time[-1] - trajectory.time[0]) / (len(trajectory) - 1)
-
-
-def _motion(
-    profile: Design,
-    trajectory: Trajectory,
-    law: MeasuredLaw,
-    effects: Effects,
-    release: float | None,
-) -> MeasuredMotion:
-    first = 0 if release is None else int(np.searchsorted(trajectory.time, release))
-    return judge_motion(
-        profile.device,
-        law.loop,
-        effects,
-        trajectory.position,
-        law.used,
-        _step(trajectory),
-        first,
-    )
 
 
 def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
@@ -271,26 +321,95 @@ def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
 def _ripple(
     profile: Design,
     trajectory: Trajectory,
-    law: MeasuredLaw,
+    loop: LoopProfile,
     effects: Effects,
     motion: MeasuredMotion,
-    unit: str,
 ) -> Outcome:
-    if motion.release is None or motion.measured is None or motion.prediction is None:
-        return unassessed_outcome("ripple", "no free motion is seen")
-    known = profile.device.encoder_resolution
+    """The high-frequency part of the force while the handle moves freely, seen and predicted."""
+    from scipy.signal import butter, sosfiltfilt, sosfreqz
+
+    release, measured, known = motion.release, motion.measured, profile.device.encoder_resolution
+    if release is None or measured is None or known is None:
+        moves = release is not None and measured is not None
+        why = "the encoder resolution is not known" if moves else "no free motion is seen"
+        return unassessed_outcome("ripple", why)
+    free = slice(release.first, release.end)
+    force, position = trajectory.force[free], trajectory.position[free]
+    # How fast the motion itself goes, Hz, and its slowest other mode, which rings when friction
+    # turns, 1/s.
     nominal = motion.prediction.nominal
-    free = slice(motion.release.first, motion.release.end)
-    return judge_ripple(
-        Loop.from_parts(profile.device, filters_of(law.loop)),
-        effects,
-        None if known is None else known.value,
-        trajectory.force[free],
-        trajectory.position[free],
-        tuple(turn - motion.release.first for turn in motion.release.turns),
-        _step(trajectory),
-        max(nominal.natural / (2 * np.pi), motion.measured.frequency),
-        nominal.next_decay,
-        decimal_digit(trajectory.force),
-        unit,
+    motion_hertz = max(nominal.natural / (2 * np.pi), measured.frequency)
+    ringing = nominal.next_decay
+    force_digit = decimal_digit(trajectory.force)
+    resolution, sample_time = known.value, _step(trajectory)
+    unit = UNITS[profile.device.motion]["force"]
+    nyquist = 0.5 / sample_time
+    edge = max(_ABOVE_MOTION * motion_hertz, _LOWEST_EDGE * nyquist)
+    if edge > (1 - _NARROWEST) * nyquist:
+        why = f"the motion reaches {motion_hertz:.3g} Hz, no band is above"
+        return unassessed_outcome("ripple", why, reached_hz=motion_hertz)
+    spare = int(max(_MARGIN / edge, _RUNG / ringing) / sample_time) + 1
+    if force.size < 2 * spare + _FEWEST_ROWS:
+        why = f"the handle moves freely for {force.size} rows only"
+        return unassessed_outcome("ripple", why, rows=force.size)
+    sections = butter(_ORDER, edge / nyquist, "highpass", output="sos")
+    turn = (np.arange(_PLACES) + 0.5) * np.pi / _PLACES
+    _, answer = sosfreqz(sections, turn)
+    weight = np.abs(np.asarray(answer)) ** 4  # forwards and backwards
+    built = Loop.from_parts(profile.device, filters_of(loop))
+    power = _force_per_position(built, effects, turn) ** 2
+    predicted = resolution * float(np.sqrt(np.mean(power * weight) / 12))
+    if predicted < force_digit:
+        return unassessed_outcome(
+            "ripple",
+            f"{predicted:.2g} {unit} are predicted, the force is logged to {force_digit:g}",
+            predicted=predicted,
+            force_digit=force_digit,
+        )
+    smooth = position - np.asarray(sosfiltfilt(sections, position))
+    moving = np.abs(np.gradient(smooth)) > _SLOWEST * resolution
+    still = np.flatnonzero(~moving)
+    for row in (*still.tolist(), *(turn - release.first for turn in release.turns)):
+        moving[max(0, row - spare) : row + spare] = False
+    moving[:spare] = moving[-spare:] = False
+    count = int(np.count_nonzero(moving))
+    if count < _FEWEST_ROWS:
+        why = f"the handle moves by half a count a sample or more for {count} rows only"
+        return unassessed_outcome("ripple", why, rows=count)
+    rapid = np.asarray(sosfiltfilt(sections, force), dtype=np.float64)[moving]
+    seen = rms(rapid)
+    agrees = 1 / (1 + _RIPPLE_TOLERANCE) <= seen / predicted <= 1 + _RIPPLE_TOLERANCE
+    return Outcome(
+        check="ripple",
+        verdict="agrees" if agrees else "disagrees",
+        seen=f"{seen:.3g} {unit} rms above {edge:.3g} Hz over {count} rows in motion",
+        predicted=f"{predicted:.3g} {unit} rms in that band",
+        tolerance=f"{_RIPPLE_TOLERANCE:.0%}",
+        numbers={
+            "seen": seen,
+            "above_hz": edge,
+            "rows": count,
+            "predicted": predicted,
+            "tolerance": _RIPPLE_TOLERANCE,
+        },
+        remedy=""
+        if agrees
+        else "Check the resolution of the encoder in the device, and look for noise on the "
+        "position, an uneven clock or a vibration of the mechanism.",
     )
+
+
+def _force_per_position(loop: Loop, effects: Effects, turn: FloatArray) -> FloatArray:
+    """|C/(1 + G·C)| at angles on the unit circle, N/m, shape of ``turn``."""
+    w = 1j * np.tan(turn / 2)
+    parts = loop.transfer
+    law = np.zeros_like(w)
+    for numerator, size in zip(
+        (parts.alpha, parts.beta, parts.gamma), loop.dimensionless_effects(effects), strict=True
+    ):
+        if size is not None:
+            law = law + np.polynomial.polynomial.polyval(w, numerator) * float(size)
+    closed, _ = loop.polynomial(effects)
+    plant = np.polynomial.polynomial.polyval(w, parts.plant_denominator)
+    below = np.polynomial.polynomial.polyval(w, closed)
+    return np.abs(law * plant / below) / float(loop.scales[0])

@@ -1,4 +1,4 @@
-"""Frequency and decay of free motion, measured: one damped mode and the friction that stops it.
+"""Free motion in a log, from the furthest turning point to the last clear one, and its mode.
 
 With a spring the position obeys q̈ + 2σ·q̇ + ω₀²·(q - q₀ + x_f·sign q̇) = 0, where x_f is Coulomb
 friction over stiffness: between two turning points the place of rest is shifted by ±x_f, so the
@@ -6,7 +6,7 @@ envelope falls by 2·x_f in every half-cycle besides its exponential decay. The 
 read from the log, hence everything but σ and ω₀ is linear (B. F. Feeny and J. W. Liang, "A
 decrement method for the simultaneous estimation of Coulomb and viscous friction", Journal of Sound
 and Vibration 195(1), 1996, use the turning points alone). Without a spring speed decays as
-q̈ + σ·q̇ = constant. One file: one fit, with a spring or without.
+q̈ + σ·q̇ = constant.
 """
 
 from __future__ import annotations
@@ -17,9 +17,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.verification.release import Release
-
 FloatArray = NDArray[np.float64]
+
+#: A swing counts if it is larger than this many encoder counts, ...
+_COUNTS = 4.0
+#: ... than this many times the noise of a reading, ...
+_NOISES = 8.0
+#: ... and than this part of the largest deviation from rest.
+_LEAST_SWING = 0.02
+#: A swing larger than the one before it by this factor is a new push.
+_GROWN = 1.05
+#: So many swings, each larger than the one before, are no chance and no hand.
+_GROWING = 5
+#: Rows of motion that are worth looking at.
+_SHORTEST = 50
+#: The last part of the log tells where the handle comes to rest.
+_REST = 0.05
+#: Motion without turning is followed this many times as long as it takes to settle.
+_TAIL = 1.5
+#: Standard deviation of a normal variable over its median modulus.
+_MAD = 1.4826
 
 #: Rows the fit looks at; more of one smooth motion tell no more.
 _MOST_ROWS = 3000
@@ -28,47 +45,124 @@ _BLOCKS, _STUDENT = 10, 2.262
 #: Damping ratios looked through; from the second on, the fast pole is beyond anything logged.
 _DAMPING_RATIOS = (-0.5, 30.0)
 
+#: What the position is a sum of for given nonlinear parameters: (columns with sizes to be found,
+#: shape (rows, count); what is known with its size, m, shape (rows,)).
+_Columns = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+_BOUNDS = (np.array([-np.inf, _DAMPING_RATIOS[0]]), np.array([np.inf, _DAMPING_RATIOS[1]]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Release:
+    """The rows of free motion."""
+
+    first: int  # row at which it begins
+    end: int  # row after its last one
+    turns: tuple[int, ...]  # rows within at which the handle turns, ``first`` not among them
+    deviation: float  # of the first row from rest, m
+    clear: float  # smallest swing that is told from noise and counts, m
+    grows: bool  # whether swing after swing grew until the log ends: there is no free decay
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeMotion:
-    """The mode a log shows.
+    """The mode a log shows, with half-widths of 95 % intervals."""
 
-    Attributes:
-        frequency: damped, Hz; 0 where it does not oscillate.
-        frequency_half: half-width of its 95 % interval, Hz.
-        decay: of the envelope, or of the slowest part where it does not oscillate, 1/s.
-        decay_half: half-width of its 95 % interval, 1/s.
-        friction: x_f, Coulomb friction over stiffness, m; None where the log does not tell it.
-        misfit: rms of what one mode leaves, part of the rms about the mean.
-        fitted: the fit on its rows, m, shape (rows,).
-        rows: those rows of the log, shape (rows,).
-    """
-
-    frequency: float
+    frequency: float  # damped, Hz; 0 where it does not oscillate
     frequency_half: float
-    decay: float
+    decay: float  # of the envelope, or of the slowest part where it does not oscillate, 1/s
     decay_half: float
-    friction: float | None
-    misfit: float
-    fitted: FloatArray
-    rows: NDArray[np.intp]
+    friction: float | None  # x_f, m; None where the log does not tell it
+    misfit: float  # rms of what one mode leaves, part of the rms about the mean
+    fitted: FloatArray  # the fit on its rows, m, shape (rows,)
+    rows: NDArray[np.intp]  # those rows of the log, shape (rows,)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Linear:
-    """What the position is a sum of for given nonlinear parameters.
+def find_release(position: FloatArray, first: int) -> Release | None:
+    """Free motion after row ``first``; None where nothing moves clearly.
 
-    Attributes:
-        columns: with sizes to be found, shape (rows, count).
-        known: with its size, m, shape (rows,).
+    Nothing is free before that row: the stated release, or the last saturated row.
+    """
+    part = position[first:]
+    if part.size < _SHORTEST:
+        return None
+    rest = float(np.median(part[-max(1, round(_REST * part.size)) :]))
+    furthest = float(np.max(np.abs(part - rest)))
+    # Standard deviation of a reading from second differences, of which motion has few; without
+    # noise the least distance of two different readings, one count if the log is of an encoder.
+    noise = float(_MAD * np.median(np.abs(np.diff(position, n=2))) / np.sqrt(6))
+    values = np.unique(position)
+    grain = float(np.min(np.diff(values))) if noise == 0 and values.size > 1 else 0.0
+    clear = max(_COUNTS * grain, _NOISES * noise, _LEAST_SWING * furthest)
+    turns = _turning_points(part, clear)
+    if furthest <= clear or not turns:
+        return None
+    start = max(range(len(turns)), key=lambda i: abs(part[turns[i]] - rest))
+    kept = _decaying(part, turns[start:])
+    # A hand may hold there for long; it has let go where the motion is clear.
+    swing = part[kept[0] : kept[1] if len(kept) > 1 else part.size]
+    begin = kept[0] + int(np.flatnonzero(np.abs(swing - swing[0]) <= clear)[-1])
+    if len(kept) > 1:
+        end = kept[-1] + 1
+    else:
+        near = np.abs(part - rest) < max(clear, _LEAST_SWING * abs(part[begin] - rest))
+        moving = np.flatnonzero(~near[begin:])
+        settled = int(moving[-1]) + 1 if moving.size else 1
+        end = min(part.size, begin + round(_TAIL * settled))
+    return Release(
+        first=first + begin,
+        end=first + end,
+        turns=tuple(first + turn for turn in kept[1:]),
+        deviation=float(part[begin]) - rest,
+        clear=clear,
+        grows=_grows(part, turns, start),
+    )
+
+
+def _turning_points(position: FloatArray, clear: float) -> list[int]:
+    """Rows at which the motion turns by more than ``clear``; the first is where it sets off.
+
+    A turning point that spans several equal readings is in their middle, the first at their end.
     """
 
-    columns: FloatArray
-    known: FloatArray
+    def middle(row: int) -> int:
+        last = row
+        while last + 1 < position.size and position[last + 1] == position[row]:
+            last += 1
+        return (row + last) // 2
+
+    found: list[int] = []
+    low = high = 0
+    rising: bool | None = None
+    for row, place in enumerate(position.tolist()):
+        if place > position[high] or (rising is None and place == position[high]):
+            high = row
+        if place < position[low] or (rising is None and place == position[low]):
+            low = row
+        if rising is not False and position[high] - place > clear:
+            found.append(high if rising is None else middle(high))
+            rising, low = False, row
+        elif rising is not True and place - position[low] > clear:
+            found.append(low if rising is None else middle(low))
+            rising, high = True, row
+    return found
 
 
-_Columns = Callable[[FloatArray], Linear]
-_BOUNDS = (np.array([-np.inf, _DAMPING_RATIOS[0]]), np.array([np.inf, _DAMPING_RATIOS[1]]))
+def _grows(position: FloatArray, turns: list[int], start: int) -> bool:
+    """Whether the furthest turning point ends a row of growing swings, at the end of the log."""
+    swings = np.abs(np.diff(position[turns[: start + 1]]))[-_GROWING:]
+    last = len(turns) - start <= 2
+    return last and swings.size == _GROWING and bool(np.all(np.diff(swings) > 0))
+
+
+def _decaying(position: FloatArray, turns: list[int]) -> list[int]:
+    """The turning points before the swings grow again."""
+    kept = turns[:2]
+    for turn in turns[2:]:
+        before = abs(position[kept[-1]] - position[kept[-2]])
+        if abs(position[turn] - position[kept[-1]]) > _GROWN * before:
+            break
+        kept.append(turn)
+    return kept
 
 
 def measure_sprung(
@@ -122,6 +216,46 @@ def measure_sprung(
     )
 
 
+def measure_unsprung(
+    position: FloatArray, sample_time: float, first: int, end: int, decay: float
+) -> FreeMotion:
+    """Decay of speed of motion that no spring holds, Coulomb friction apart.
+
+    From the row at which the handle is let go to the one after the last in motion; ``decay`` is σ
+    to begin with, 1/s.
+    """
+    time: FloatArray = np.arange(end - first, dtype=np.float64) * sample_time
+    rows = _rows(time.size)
+
+    def columns(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        falling = -np.expm1(-np.exp(theta[0]) * time)
+        parts = np.column_stack([np.ones(time.size), time, falling])
+        return parts[rows], np.zeros(rows.size)
+
+    bounds = (np.array([-np.inf]), np.array([np.inf]))
+    measured = position[first:end][rows]
+    theta = _solve(columns, measured, np.log([decay]), bounds)[0]
+    values = [
+        np.exp(_solve(columns, measured, theta, bounds, left_out=block)[0])
+        for block in range(_BLOCKS)
+    ]
+    fitted, _ = _fitted(columns(theta), measured)
+    return FreeMotion(
+        frequency=0.0,
+        frequency_half=0.0,
+        decay=float(np.exp(theta[0])),
+        decay_half=float(_half_widths(np.array(values))[0]),
+        friction=None,
+        misfit=_misfit(measured, fitted),
+        fitted=fitted,
+        rows=first + rows,
+    )
+
+
+def _rows(count: int) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, count - 1, min(count, _MOST_ROWS)).round().astype(np.intp))
+
+
 def _best(columns: _Columns, measured: FloatArray, starts: list[tuple[float, float]]) -> FloatArray:
     """Nonlinear parameters of the best fit from several starts (ω₀, ζ)."""
     fits = [_solve(columns, measured, np.array([np.log(w), ratio]), _BOUNDS) for w, ratio in starts]
@@ -139,7 +273,7 @@ def _sprung_columns(
     time: FloatArray = np.arange(release.end - release.first, dtype=np.float64) * sample_time
     sense = _friction(position, release)
 
-    def columns(theta: FloatArray) -> Linear:
+    def columns(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         w0, ratio = float(np.exp(theta[0])), float(theta[1])
         parts = [*_second_order(w0, ratio, time), np.ones(time.size)]
         known = np.zeros(rows.size)
@@ -149,55 +283,9 @@ def _sprung_columns(
                 parts.append(answer)
             else:
                 known = friction * answer[rows]
-        return Linear(columns=np.column_stack(parts)[rows], known=known)
+        return np.column_stack(parts)[rows], known
 
     return columns
-
-
-def measure_unsprung(
-    position: FloatArray, sample_time: float, first: int, end: int, decay: float
-) -> FreeMotion:
-    """Decay of speed of motion that no spring holds, Coulomb friction apart.
-
-    Args:
-        position: m, shape (n,).
-        sample_time: s.
-        first: row at which the handle is let go.
-        end: row after the last one in motion.
-        decay: σ to begin with, 1/s.
-    """
-    time: FloatArray = np.arange(end - first, dtype=np.float64) * sample_time
-    rows = _rows(time.size)
-
-    def columns(theta: FloatArray) -> Linear:
-        falling = -np.expm1(-np.exp(theta[0]) * time)
-        parts = np.column_stack([np.ones(time.size), time, falling])
-        return Linear(columns=parts[rows], known=np.zeros(rows.size))
-
-    bounds = (np.array([-np.inf]), np.array([np.inf]))
-    measured = position[first:end][rows]
-    theta = _solve(columns, measured, np.log([decay]), bounds)[0]
-    values = np.array(
-        [
-            np.exp(_solve(columns, measured, theta, bounds, left_out=block)[0])
-            for block in range(_BLOCKS)
-        ]
-    )
-    fitted, _ = _fitted(columns(theta), measured)
-    return FreeMotion(
-        frequency=0.0,
-        frequency_half=0.0,
-        decay=float(np.exp(theta[0])),
-        decay_half=float(_half_widths(values)[0]),
-        friction=None,
-        misfit=_misfit(measured, fitted),
-        fitted=fitted,
-        rows=first + rows,
-    )
-
-
-def _rows(count: int) -> NDArray[np.intp]:
-    return np.unique(np.linspace(0, count - 1, min(count, _MOST_ROWS)).round().astype(np.intp))
 
 
 def _second_order(natural: float, ratio: float, time: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -260,18 +348,21 @@ def _solve(
     scale = float(np.std(measured))
 
     def residual(theta: FloatArray) -> FloatArray:
-        parts = columns(theta)
-        wanted = measured[kept] - parts.known[kept]
-        return (wanted - _projected(parts.columns[kept], wanted)[0]) / scale
+        parts, known = columns(theta)
+        wanted = measured[kept] - known[kept]
+        return (wanted - _projected(parts[kept], wanted)[0]) / scale
 
     solved = least_squares(residual, start, bounds=bounds, x_scale="jac", xtol=1e-10, max_nfev=60)
     return np.asarray(solved.x, dtype=np.float64), float(solved.cost)
 
 
-def _fitted(parts: Linear, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _fitted(
+    parts: tuple[FloatArray, FloatArray], measured: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """(fit, m; sizes of the columns)."""
-    fitted, sizes = _projected(parts.columns, measured - parts.known)
-    return fitted + parts.known, sizes
+    columns, known = parts
+    fitted, sizes = _projected(columns, measured - known)
+    return fitted + known, sizes
 
 
 def _projected(columns: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:

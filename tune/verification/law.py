@@ -3,19 +3,22 @@
 F[k] = -s·(K·y + B·v + M·a) + offset, v and a by the very filters of a profile on the positions of
 the log. The offset is where the spring is relaxed. What the filters remember from before the log,
 or from a contact that reset them, dies away in their own modes; each contact has columns for these,
-so that no row is lost and the state at its start need not be known. One file: columns and fits of
-one regression.
+so that no row is lost and the state at its start need not be known. Cut-offs with which the law
+explains the force as well are the interval that the log tells of a filter.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
 from tune.documents.loop_profile import LoopProfile
+from tune.loop.filters import Filters, filters_of
+from tune.verification.outcome import Outcome
 
 FloatArray = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -31,17 +34,24 @@ _EQUAL = 1e-6
 #: Columns that agree to this part, relative, are one column.
 _SAME = 1e-12
 
+#: χ² of one parameter at 99.9 %: a sum of squares that grows by this many variances rules out.
+_CHI_SQUARE = 10.83
+#: Rows that count as one, for what rounding leaves of slow positions is not white.
+_ALIKE_ROWS = 20.0
+#: Part of the force that is no residual at all.
+_EXACT = 1e-6
+#: The widest interval looked for: this many times below and above the stated cut-off; its ends are
+#: found by so many halvings of the logarithm.
+_WIDEST, _HALVINGS = 8.0, 24
+#: An interval narrower than this part is one cut-off.
+_THE_SAME = 1e-3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
     """Force and the three estimates on the rows used, what offset and old state explain taken out.
 
-    Attributes:
-        force: N, shape (n,).
-        position: m, shape (n,).
-        velocity: m/s, shape (n,).
-        acceleration: m/s², shape (n,).
-        rows: which rows of the log these are, shape (rows of the log,).
+    N, m, m/s and m/s², shape (n,); ``rows`` says which of the log these are.
     """
 
     force: FloatArray
@@ -51,40 +61,114 @@ class Columns:
     rows: Rows
 
     @property
+    def parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What stiffness, damping and mass are multiplied with."""
+        return self.position, self.velocity, self.acceleration
+
+    @property
     def scale(self) -> float:
         """rms of the force that position, velocity and acceleration have to explain, N."""
-        return _rms(self.force)
+        return rms(self.force)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawFit:
-    """What explains the force best.
-
-    Attributes:
-        gain: s, the part of the effects that was played.
-        residual: rms of the force left over, N.
-        left: the force left over on the rows used, N, shape (n,).
-    """
+    """The part of the effects that was played, and the force left over on the rows used, N."""
 
     gain: float
-    residual: float
+    residual: float  # rms, N
     left: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FreeFit:
-    """Stiffness, damping and mass that explain the force best, bound to nothing.
+class Log:
+    """What the law is judged on; rows used are neither saturated nor outside of a one-sided wall.
 
-    Attributes:
-        effects: what was played, single numbers.
-        residual: rms of the force left over, N.
+    N and m, shape (n,).
     """
 
-    effects: Effects
-    residual: float
+    force: FloatArray
+    position: FloatArray
+    used: Rows
+
+    def columns(self, loop: LoopProfile, late: int = 0) -> Columns | None:
+        """The regression of one variant of the law; None where too few rows are left.
+
+        ``late`` is by how many rows the force column lags behind the position it answers.
+        """
+        velocity, acceleration = _estimates(self.position, loop)
+        warm = 2 + abs(late) + (loop.velocity_window_samples or 1)
+        contacts = _contacts(self.used & np.roll(self.used, -late))
+        nuisance, rows = _nuisance(contacts, loop, warm, self.force.size)
+        if np.count_nonzero(rows) < nuisance.shape[1] + _SHORTEST_CONTACT:
+            return None
+        basis = _orthonormal(nuisance[rows])
+
+        def rest(column: FloatArray) -> FloatArray:
+            kept = column[rows]
+            return kept - basis @ (basis.T @ kept)
+
+        return Columns(
+            force=rest(np.roll(self.force, -late)),
+            position=rest(self.position),
+            velocity=rest(velocity),
+            acceleration=rest(acceleration),
+            rows=rows,
+        )
 
 
-def estimates(position: FloatArray, loop: LoopProfile) -> tuple[FloatArray, FloatArray]:
+def fit_scaled(columns: Columns, effects: Effects) -> LawFit:
+    """The one gain at which these effects explain the force best."""
+    played = _force_of(effects, columns.parts)
+    energy = float(played @ played)
+    gain = -float(played @ columns.force) / energy if energy > 0 else 0.0
+    left = columns.force + gain * played
+    return LawFit(gain=gain, residual=rms(left), left=left)
+
+
+def fit_free(columns: Columns) -> tuple[Effects, float]:
+    """(stiffness, damping and mass that explain the force best, bound to nothing; rms left, N)."""
+    parts = np.column_stack(columns.parts)
+    sizes = np.linalg.norm(parts, axis=0)
+    sizes[sizes == 0] = 1.0
+    solution = np.asarray(np.linalg.lstsq(parts / sizes, -columns.force, rcond=None)[0], np.float64)
+    left = columns.force + parts / sizes @ solution
+    K, B, M = (float(each) for each in solution / sizes)
+    return Effects(stiffness=K, damping=B, mass=M), rms(left)
+
+
+def noise_gain(effects: Effects, loop: LoopProfile) -> float:
+    """rms of force per rms of white noise on every position reading, N/m."""
+    # So many samples that every filter has forgotten.
+    cutoffs = [f for f in (loop.velocity_filter_hz, loop.acceleration_filter_hz) if f is not None]
+    slowest = min(cutoffs, default=1 / loop.sample_time) * loop.filter_damping_ratio
+    forgetting = int(8 / (2 * np.pi * slowest * loop.sample_time))
+    knock = np.zeros(8 + (loop.velocity_window_samples or 0) + forgetting)
+    knock[1] = 1.0  # after one row of rest, so that the knock itself is a change
+    return float(np.linalg.norm(_force_of(effects, (knock, *_estimates(knock, loop)))))
+
+
+def rms(values: FloatArray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values * values)))
+
+
+def stretches(rows: Rows) -> list[tuple[int, int]]:
+    """(first, end) of every stretch of true rows, in order."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.view(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _force_of(effects: Effects, parts: tuple[FloatArray, ...]) -> FloatArray:
+    """K·y + B·v + M·a, N."""
+    played = np.zeros_like(parts[0])
+    for size, part in zip(effects.arrays(), parts, strict=True):
+        if size is not None:
+            played = played + size * part
+    return played
+
+
+def _estimates(position: FloatArray, loop: LoopProfile) -> tuple[FloatArray, FloatArray]:
     """(velocity, acceleration) of the control law, from rest at the first reading; m/s, m/s²."""
     from scipy.signal import lfilter
 
@@ -118,96 +202,9 @@ def _low_pass(
     return np.asarray(lfilter([np.sum(denominator)], denominator, signal), dtype=np.float64)
 
 
-def columns_of(
-    force: FloatArray,
-    position: FloatArray,
-    loop: LoopProfile,
-    used: Rows,
-    *,
-    late: int = 0,
-) -> Columns | None:
-    """The regression of one variant of the law.
-
-    Args:
-        force: N, shape (n,).
-        position: m, shape (n,).
-        loop: sample time and filters of the variant.
-        used: rows neither saturated nor outside of a one-sided wall, shape (n,).
-        late: rows by which the force column lags behind the position it answers.
-
-    Returns:
-        None where too few rows are left.
-    """
-    velocity, acceleration = estimates(position, loop)
-    warm = 2 + abs(late) + (loop.velocity_window_samples or 1)
-    answered = np.roll(force, -late)
-    nuisance, rows = _nuisance(_contacts(used & np.roll(used, -late)), loop, warm, force.size)
-    if np.count_nonzero(rows) < nuisance.shape[1] + _SHORTEST_CONTACT:
-        return None
-    basis = _orthonormal(nuisance[rows])
-
-    def rest(column: FloatArray) -> FloatArray:
-        kept = column[rows]
-        return kept - basis @ (basis.T @ kept)
-
-    return Columns(
-        force=rest(answered),
-        position=rest(position),
-        velocity=rest(velocity),
-        acceleration=rest(acceleration),
-        rows=rows,
-    )
-
-
-def fit_scaled(columns: Columns, effects: Effects) -> LawFit:
-    """The one gain at which these effects explain the force best."""
-    played = np.zeros_like(columns.force)
-    parts = (columns.position, columns.velocity, columns.acceleration)
-    for size, part in zip(effects.arrays(), parts, strict=True):
-        if size is not None:
-            played = played + size * part
-    energy = float(played @ played)
-    gain = -float(played @ columns.force) / energy if energy > 0 else 0.0
-    left = columns.force + gain * played
-    return LawFit(gain=gain, residual=_rms(left), left=left)
-
-
-def fit_free(columns: Columns) -> FreeFit:
-    """The stiffness, damping and mass that explain the force best, each for itself."""
-    parts = np.column_stack([columns.position, columns.velocity, columns.acceleration])
-    sizes = np.linalg.norm(parts, axis=0)
-    sizes[sizes == 0] = 1.0
-    solution = np.asarray(np.linalg.lstsq(parts / sizes, -columns.force, rcond=None)[0], np.float64)
-    left = columns.force + parts / sizes @ solution
-    K, B, M = (float(each) for each in solution / sizes)
-    return FreeFit(effects=Effects(stiffness=K, damping=B, mass=M), residual=_rms(left))
-
-
-def noise_gain(effects: Effects, loop: LoopProfile) -> float:
-    """rms of force per rms of white noise on every position reading, N/m."""
-    knock = np.zeros(_memory(loop))
-    knock[1] = 1.0  # after one row of rest, so that the knock itself is a change
-    parts = (knock, *estimates(knock, loop))
-    answer = np.zeros_like(knock)
-    for size, part in zip(effects.arrays(), parts, strict=True):
-        if size is not None:
-            answer = answer + size * part
-    return float(np.linalg.norm(answer))
-
-
-def _memory(loop: LoopProfile) -> int:
-    """Samples after which every filter has forgotten."""
-    cutoffs = [f for f in (loop.velocity_filter_hz, loop.acceleration_filter_hz) if f is not None]
-    slowest = min(cutoffs, default=1 / loop.sample_time) * loop.filter_damping_ratio
-    forgetting = int(8 / (2 * np.pi * slowest * loop.sample_time))
-    return 8 + (loop.velocity_window_samples or 0) + forgetting
-
-
 def _contacts(used: Rows) -> list[tuple[int, int]]:
     """(first, end) of every stretch of rows used, the longest ones, in order."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], used.view(np.int8), [0]])))
-    pairs = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    longest = sorted(pairs, key=lambda pair: pair[0] - pair[1])[:_MOST_CONTACTS]
+    longest = sorted(stretches(used), key=lambda pair: pair[0] - pair[1])[:_MOST_CONTACTS]
     return sorted(pair for pair in longest if pair[1] - pair[0] > _SHORTEST_CONTACT)
 
 
@@ -253,5 +250,71 @@ def _orthonormal(columns: FloatArray) -> FloatArray:
     return left[:, sizes > _SAME * sizes[0]]
 
 
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values * values)))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredCutoff:
+    """The least and the largest cut-off of a low-pass that explain the force as well, Hz."""
+
+    name: str  # "velocity" or "acceleration"
+    stated: float
+    low: float
+    high: float
+
+    @property
+    def outcome(self) -> Outcome:
+        """The interval beside what is stated, which the law was recognised by."""
+        return Outcome(
+            check=f"{self.name} filter",
+            verdict="agrees",
+            seen=f"{self.low:.5g} to {self.high:.5g} Hz",
+            predicted=f"{self.stated:.5g} Hz",
+            tolerance="the law with such a cut-off explains the force as well",
+            numbers={"seen_low": self.low, "seen_high": self.high, "predicted": self.stated},
+        )
+
+
+def measured_cutoffs(log: Log, loop: LoopProfile, effects: Effects) -> tuple[MeasuredCutoff, ...]:
+    """The interval of each cut-off in use, the other one as stated; effects are as played."""
+    columns = log.columns(loop)
+    if columns is None:
+        return ()
+    own = fit_scaled(columns, effects).residual
+    rows = max(columns.force.size / _ALIKE_ROWS, 1.0)
+    most = float(np.hypot(own * np.sqrt(1 + _CHI_SQUARE / rows), _EXACT * columns.scale))
+    found: list[MeasuredCutoff] = []
+    for name, size in (("velocity", effects.damping), ("acceleration", effects.mass)):
+        key = f"{name}_filter_hz"
+        stated: float | None = getattr(loop, key)
+        if size is None or stated is None:
+            continue
+
+        def allowed(hertz: float, key: str = key) -> bool:
+            columns = log.columns(loop.model_copy(update={key: hertz}))
+            return columns is not None and fit_scaled(columns, effects).residual <= most
+
+        nyquist = 0.5 / loop.sample_time
+        low = _end(allowed, stated, stated / _WIDEST)
+        high = _end(allowed, stated, min(stated * _WIDEST, nyquist))
+        found.append(MeasuredCutoff(name=name, stated=stated, low=low, high=high))
+    return tuple(found)
+
+
+def allowed_filters(loop: LoopProfile, cutoffs: tuple[MeasuredCutoff, ...]) -> tuple[Filters, ...]:
+    """The stated filters, and every corner of the intervals of their cut-offs."""
+    every = [filters_of(loop)]
+    for each in cutoffs:
+        if each.high / each.low < 1 + _THE_SAME:
+            continue
+        key = f"{each.name}_filter_hz"
+        ends = [{key: end} for end in (each.low, each.high)]
+        every += [replace(filters, **end) for filters in every for end in ends]
+    return tuple(every)
+
+
+def _end(allowed: Callable[[float], bool], inside: float, outside: float) -> float:
+    """Where allowing ends between a cut-off that is allowed and one far off."""
+    if allowed(outside):
+        return outside
+    for _ in range(_HALVINGS):
+        middle = float(np.sqrt(inside * outside))
+        inside, outside = (middle, outside) if allowed(middle) else (inside, middle)
+    return outside

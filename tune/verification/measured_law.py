@@ -1,33 +1,41 @@
 """Measured control law: does the logged force follow from the positions as the profile says?
 
-One file: one fit of the law, and what it is held to say.
+Where it does not, other laws are tried on the same log, the simplest first: shifted columns, other
+filters, effects that are not scaled alike.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.documents.effects import Effects
+from identification import Trajectory
+from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design
-from tune.verification.decimal_digits import WHOLE, decimal_digit
-from tune.verification.elements import effects_of, moment_in_words, scale_effects
-from tune.verification.explanations import EXPLAINS, MATERIAL_SIZE, Explanation, explain
-from tune.verification.law import LawFit, fit_scaled, noise_gain
-from tune.verification.outcome import Outcome, unassessed_outcome
-from tune.verification.variants import Log
+from tune.documents.units import UNITS
+from tune.verification.law import LawFit, Log, fit_free, fit_scaled, noise_gain, rms, stretches
+from tune.verification.outcome import (
+    Moment,
+    Outcome,
+    effects_of,
+    moment_in_words,
+    scale_effects,
+    unassessed_outcome,
+)
 
 FloatArray = NDArray[np.float64]
+Moments = dict[Moment, Effects]
 
 #: Part of the force that may stay unexplained where no other law explains it better.
 _MISFIT = 0.01
 #: A residual of this part of the force is none: single precision has no more digits.
 _SINGLE = 1e-6
 #: Rounding of slow positions is no white noise; it leaves up to this many times as much.
-_DIGITS = 3.0
+_ROUNDING = 3.0
 #: Elements whose laws fit within this factor of the best fit are told apart by their gain.
 _ALIKE = 1.5
 #: Force at its limit within this part is saturated.
@@ -40,104 +48,123 @@ _OUTSIDE = 0.01
 #: Units in which a position is often logged, as m or rad in one of them.
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "µm": 1e-6, "degrees": np.pi / 180}
 
+#: Digits after the point that are looked for in a column.
+_MOST_DIGITS = 12
+#: Part of a digit by which a printed number may miss a multiple of it, for it was rounded again.
+_WHOLE = 1e-3
+
+#: An explanation explains if it leaves at most this part of what the profile's law leaves.
+_EXPLAINS = 0.2
+#: Explanations within this factor of the best are equally good; the simplest of them is named.
+_EQUALLY_GOOD = 3.0
+#: Effects nearer to one gain than this part are scaled alike.
+_MATERIAL_SIZE = 0.02
+#: Rows by which the force column may be early or late.
+_SHIFTS = (1, -1, 2, -2)
+#: Cut-offs looked through, Hz, up to this part of the sample rate, ...
+_LOWEST, _HIGHEST = 1.0, 0.45
+#: ... first on so many places, then between the best and its neighbours to this part.
+_PLACES, _FINE = 40, 1e-4
+#: Windows of velocity looked through, samples.
+_WINDOWS = range(1, 41)
+#: A cut-off nearer to the profile's than this part is the same to any margin.
+_MATERIAL_CUTOFF = 0.03
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredLaw:
-    """What the controller runs, as far as the log tells.
+    """What the controller runs, as far as the log tells."""
 
-    Attributes:
-        moment: the elements played.
-        loop: filters of the law that was played.
-        effects: as played; None where no law explains the force.
-        gain: part of the profile's effects, by its own law; nan where the law is another.
-        predicted: force of the profile's own law at its best gain, N, nan where not used; (n,).
-        used: rows the law was judged on, shape (n,).
-        outcomes: "law" and "gain".
-    """
-
-    moment: tuple[str, ...]
-    loop: LoopProfile
-    effects: Effects | None
-    gain: float
-    predicted: FloatArray
-    used: NDArray[np.bool_]
-    outcomes: tuple[Outcome, ...]
+    moment: Moment
+    loop: LoopProfile  # filters of the law that was played
+    effects: Effects | None  # as played; None where no law explains the force
+    gain: float  # part of the profile's effects, by its own law; nan where the law is another
+    predicted: FloatArray  # by the profile's own law at its best gain, N, nan where not used; (n,)
+    used: NDArray[np.bool_]  # rows the law was judged on, shape (n,)
+    outcomes: tuple[Outcome, ...]  # "law" and "gain"
 
 
 def judge_law(
-    profile: Design,
-    moments: tuple[tuple[str, ...], ...],
-    force: FloatArray,
-    position: FloatArray,
-    gain: float | None,
-    unit: str,
+    profile: Design, moments: tuple[Moment, ...], trajectory: Trajectory, gain: float | None
 ) -> MeasuredLaw:
-    """Compare the logged force with the law of each moment.
+    """Compare the logged force with the law of each moment that may have been played.
 
-    Args:
-        profile: with the filters and sizes to expect.
-        moments: that may have been played.
-        force: N, shape (n,).
-        position: m, shape (n,).
-        gain: at which it was played, or None where the user did not say.
-        unit: of force.
+    The gain is that at which it was played, or None where the user did not say.
     """
-    log = Log(force=force, position=position, used=rows_of_the_law(profile, force, position))
+    force, position = trajectory.force, trajectory.position
+    log = Log(force=force, position=position, used=_rows_of_the_law(profile, force, position))
     effects = {moment: effects_of(profile, moment) for moment in moments}
+    unseen = MeasuredLaw(
+        moment=moments[0],
+        loop=profile.loop,
+        effects=None,
+        gain=float("nan"),
+        predicted=np.full(force.size, np.nan),
+        used=log.used,
+        outcomes=(),
+    )
     columns = log.columns(profile.loop)
     if columns is None or columns.scale == 0:
         why = f"{np.count_nonzero(log.used)} rows are neither saturated nor outside of the wall"
         outcome = unassessed_outcome("law", why, "Log a longer stretch, or play a lower gain.")
-        return _unseen(
-            profile, moments[0], log, (outcome, unassessed_outcome("gain", "no law is seen"))
-        )
+        return replace(unseen, outcomes=(outcome, unassessed_outcome("gain", "no law is seen")))
     fits = {moment: fit_scaled(columns, each) for moment, each in effects.items()}
-    alike = _alike(fits, gain, _SINGLE * columns.scale)
+    nothing = _SINGLE * columns.scale
+    alike = _alike(fits, gain, nothing)
     moment = alike[0]
     fit = fits[moment]
-    nothing = _SINGLE * columns.scale
     found = None
     if fit.residual > nothing:
         # Also where rounding would explain what is left: a law that leaves far less proves that
         # it was not rounding.
-        found = explain(log, profile.loop, effects, nothing)
+        found = _explain(log, profile.loop, effects, nothing)
         if found is not None and (
-            found.residual > max(nothing, EXPLAINS * fit.residual) or not found.material
+            found.residual > max(nothing, _EXPLAINS * fit.residual) or not found.material
         ):
             found = None
-    rounded = _DIGITS * _digits(profile, force, position, scale_effects(effects[moment], fit.gain))
+    played = scale_effects(effects[moment], fit.gain)
+    rounded = _ROUNDING * _rounding(profile, force, position, played)
     agrees = found is None and fit.residual <= max(rounded, _MISFIT * columns.scale)
+    unit = UNITS[profile.device.motion]["force"]
     outcome = _law_outcome(fit, columns.scale, found, moment, unit, agrees=agrees)
     predicted = np.full(force.size, np.nan)
     predicted[columns.rows] = force[columns.rows] - fit.left
     if found is not None:
-        return MeasuredLaw(
+        return replace(
+            unseen,
             moment=found.moment,
             loop=found.loop,
             effects=found.effects,
-            gain=float("nan"),
             predicted=predicted,
-            used=log.used,
             outcomes=(outcome, unassessed_outcome("gain", "the law is not the profile's")),
         )
     if not agrees:
-        unsaid = (outcome, unassessed_outcome("gain", "no law explains the force"))
-        return _unseen(profile, moment, log, unsaid)
-    return MeasuredLaw(
+        unsaid = unassessed_outcome("gain", "no law explains the force")
+        return replace(unseen, moment=moment, outcomes=(outcome, unsaid))
+    others = {other: fits[other].gain for other in alike[1:]}
+    return replace(
+        unseen,
         moment=moment,
-        loop=profile.loop,
-        effects=scale_effects(effects[moment], fit.gain),
+        effects=played,
         gain=fit.gain,
         predicted=predicted,
-        used=log.used,
-        outcomes=(
-            outcome,
-            _gain_outcome(fit.gain, gain, moment, {other: fits[other].gain for other in alike[1:]}),
-        ),
+        outcomes=(outcome, _gain_outcome(fit.gain, gain, moment, others)),
     )
 
 
-def rows_of_the_law(profile: Design, force: FloatArray, position: FloatArray) -> NDArray[np.bool_]:
+def decimal_digit(column: FloatArray) -> float:
+    """The decimal digit all values are multiples of; 0 where none of the first twelve is.
+
+    The column has shape (rows,), any unit, which the answer shares.
+    """
+    for power in range(_MOST_DIGITS):
+        shifted = column * 10.0**power
+        if np.all(np.abs(shifted - np.rint(shifted)) < _WHOLE):
+            return 10.0**-power
+    return 0.0
+
+
+def _rows_of_the_law(profile: Design, force: FloatArray, position: FloatArray) -> NDArray[np.bool_]:
     """Rows neither at the force limit nor outside of a one-sided wall, shape (n,)."""
     size = np.abs(force)
     largest = float(size.max())
@@ -152,36 +179,33 @@ def rows_of_the_law(profile: Design, force: FloatArray, position: FloatArray) ->
 def _moving(rows: NDArray[np.bool_], position: FloatArray, least: float) -> NDArray[np.bool_]:
     """Those stretches of ``rows`` over which the handle moves by at least ``least``, m."""
     kept = np.zeros(rows.size, dtype=np.bool_)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.view(np.int8), [0]])))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    for first, end in stretches(rows):
         kept[first:end] = np.ptp(position[first:end]) >= least
     return kept
 
 
-def _alike(
-    fits: dict[tuple[str, ...], LawFit], gain: float | None, floor: float
-) -> list[tuple[str, ...]]:
+def _alike(fits: dict[Moment, LawFit], gain: float | None, floor: float) -> list[Moment]:
     """The moments whose laws fit best, the one of the likeliest gain first."""
     least = max(min(fit.residual for fit in fits.values()), floor)
     alike = [moment for moment, fit in fits.items() if fit.residual <= _ALIKE * least]
 
-    def unlikely(moment: tuple[str, ...]) -> float:
+    def unlikely(moment: Moment) -> float:
         seen = fits[moment].gain
         if gain is not None:
             return abs(seen - gain)
-        return 0.0 if 0 < seen <= 1 + MATERIAL_SIZE else abs(seen - 1)
+        return 0.0 if 0 < seen <= 1 + _MATERIAL_SIZE else abs(seen - 1)
 
     return sorted(alike, key=unlikely)
 
 
-def _digits(profile: Design, force: FloatArray, position: FloatArray, effects: Effects) -> float:
+def _rounding(profile: Design, force: FloatArray, position: FloatArray, effects: Effects) -> float:
     """rms of force that rounding to the printed digits explains, N."""
     rounding = decimal_digit(force) / np.sqrt(12)
     resolution = profile.device.encoder_resolution
     digit = decimal_digit(position)
     if resolution is not None and digit > 0:
         counts = position / resolution.value
-        if np.all(np.abs(counts - np.rint(counts)) * resolution.value < WHOLE * digit):
+        if np.all(np.abs(counts - np.rint(counts)) * resolution.value < _WHOLE * digit):
             digit = 0.0  # whole counts, printed exactly
     moved = digit / np.sqrt(12) * noise_gain(effects, profile.loop)
     return float(np.hypot(rounding, moved))
@@ -190,60 +214,44 @@ def _digits(profile: Design, force: FloatArray, position: FloatArray, effects: E
 def _law_outcome(
     fit: LawFit,
     scale: float,
-    found: Explanation | None,
-    moment: tuple[str, ...],
+    found: _Explanation | None,
+    moment: Moment,
     unit: str,
     *,
     agrees: bool,
 ) -> Outcome:
-    left = f"{fit.residual:.2g} {unit} rms of {scale:.3g} {unit} unexplained"
-    predicted = (
-        f"-gain·(K·y + B·v + M·a) of {moment_in_words(moment)} with the filters of the profile"
-    )
-    tolerance = f"{_MISFIT:.0%} unexplained, and no other law that explains it better"
+    seen = f"{fit.residual:.2g} {unit} rms of {scale:.3g} {unit} unexplained"
     numbers = {"seen": fit.residual, "scale": scale, "tolerance": _MISFIT}
-    if agrees:
-        return Outcome(
-            check="law",
-            verdict="agrees",
-            seen=left,
-            predicted=predicted,
-            tolerance=tolerance,
-            numbers=numbers,
-        )
+    remedy = ""
     if found is not None:
-        share = f"{found.residual:.2g} {unit}"
-        return Outcome(
-            check="law",
-            verdict="disagrees",
-            seen=f"{left}; {found.words} ({share} unexplained)",
-            predicted=predicted,
-            tolerance=tolerance,
-            remedy=found.remedy,
-            numbers=numbers | {"unexplained": found.residual},
+        seen += f"; {found.words} ({found.residual:.2g} {unit} unexplained)"
+        remedy = found.remedy
+        numbers["unexplained"] = found.residual
+    elif not agrees:
+        seen += "; no other filter, shift or scaling that was tried explains it"
+        remedy = (
+            "Log the commanded force of the haptic controller alone, with no other force in it, "
+            "beside the position it was computed from, every sample."
         )
     return Outcome(
         check="law",
-        verdict="disagrees",
-        seen=f"{left}; no other filter, shift or scaling that was tried explains it",
-        predicted=predicted,
-        tolerance=tolerance,
-        remedy="Log the commanded force of the haptic controller alone, with no other force in it, "
-        "beside the position it was computed from, every sample.",
+        verdict="agrees" if agrees else "disagrees",
+        seen=seen,
+        predicted=f"-gain·(K·y + B·v + M·a) of {moment_in_words(moment)} with the filters of the "
+        "profile",
+        tolerance=f"{_MISFIT:.0%} unexplained, and no other law that explains it better",
+        remedy=remedy,
         numbers=numbers,
     )
 
 
 def _gain_outcome(
-    seen: float,
-    stated: float | None,
-    moment: tuple[str, ...],
-    others: dict[tuple[str, ...], float],
+    seen: float, stated: float | None, moment: Moment, others: dict[Moment, float]
 ) -> Outcome:
     if stated is None:
-        predicted, agrees = "above 0, at most 1", 0 < seen <= 1 + MATERIAL_SIZE
+        predicted, agrees = "above 0, at most 1", 0 < seen <= 1 + _MATERIAL_SIZE
     else:
-        predicted, agrees = f"{stated:g} as stated", abs(seen / stated - 1) <= MATERIAL_SIZE
+        predicted, agrees = f"{stated:g} as stated", abs(seen / stated - 1) <= _MATERIAL_SIZE
     remedy = ""
     if seen <= 0:
         remedy = (
@@ -255,36 +263,230 @@ def _gain_outcome(
         units = [
             name
             for name, size in _UNITS.items()
-            if any(abs(seen / asked / each - 1) < MATERIAL_SIZE for each in (size, 1 / size))
+            if any(abs(seen / asked / each - 1) < _MATERIAL_SIZE for each in (size, 1 / size))
         ]
-        remedy = "Check the gain, and the units of force and position. "
-        remedy += f"Is one of them in {units[0]}?" if units else ""
+        remedy = "Check the gain, and the units of force and position."
+        remedy += f" Is one of them in {units[0]}?" if units else ""
     same = "".join(f", or {part:.5g} of {moment_in_words(other)}" for other, part in others.items())
     return Outcome(
         check="gain",
         verdict="agrees" if agrees else "disagrees",
         seen=f"{seen:.5g} of {moment_in_words(moment)}{same}",
         predicted=predicted,
-        tolerance=f"{MATERIAL_SIZE:.0%}",
-        remedy=remedy.strip(),
+        tolerance=f"{_MATERIAL_SIZE:.0%}",
+        remedy=remedy,
         numbers={
             "seen": seen,
-            "tolerance": MATERIAL_SIZE,
+            "tolerance": _MATERIAL_SIZE,
             **({} if stated is None else {"predicted": stated}),
             **{f"seen as {moment_in_words(other)}": part for other, part in others.items()},
         },
     )
 
 
-def _unseen(
-    profile: Design, moment: tuple[str, ...], log: Log, outcomes: tuple[Outcome, ...]
-) -> MeasuredLaw:
-    return MeasuredLaw(
-        moment=moment,
-        loop=profile.loop,
-        effects=None,
-        gain=float("nan"),
-        predicted=np.full(log.force.size, np.nan),
-        used=log.used,
-        outcomes=outcomes,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Variant:
+    """One change of the law: what it is in words, what to do about it, whether it matters."""
+
+    words: str
+    remedy: str
+    loop: LoopProfile
+    late: int = 0
+    material: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Explanation:
+    """A law that explains the log: the effects played, its filters, the rms it leaves, N."""
+
+    words: str
+    remedy: str
+    moment: Moment
+    loop: LoopProfile
+    effects: Effects
+    residual: float
+    material: bool
+
+
+def _explain(log: Log, loop: LoopProfile, moments: Moments, nothing: float) -> _Explanation | None:
+    """The simplest of the laws that explain the log best; a residual of ``nothing`` is none."""
+    found: list[_Explanation] = []
+    for variant in _variants(log, loop, moments):
+        columns = log.columns(variant.loop, variant.late)
+        if columns is None:
+            continue
+        fits = {moment: fit_scaled(columns, effects) for moment, effects in moments.items()}
+        moment = min(fits, key=lambda each: fits[each].residual)
+        found.append(
+            _Explanation(
+                words=variant.words,
+                remedy=variant.remedy,
+                moment=moment,
+                loop=variant.loop,
+                effects=scale_effects(moments[moment], fits[moment].gain),
+                residual=fits[moment].residual,
+                material=variant.material,
+            )
+        )
+    found += [each for _, each in sorted(_unscaled(log, loop, moments), key=lambda each: each[0])]
+    if not found:
+        return None
+    least = max(_EQUALLY_GOOD * min(each.residual for each in found), nothing)
+    return next(each for each in found if each.residual <= least)
+
+
+def _unscaled(
+    log: Log, loop: LoopProfile, moments: Moments
+) -> Iterator[tuple[tuple[int, float], _Explanation]]:
+    """Effects of their own sizes, with how far they are from any one gain."""
+    columns = log.columns(loop)
+    if columns is None:
+        return
+    free, residual = fit_free(columns)
+    played = dict(_sizes(free))
+    sums = {
+        name: abs(size) * rms(part)
+        for (name, size), part in zip(played.items(), columns.parts, strict=True)
+    }
+    for moment, effects in moments.items():
+        parts = {name: played[name] / size for name, size in _sizes(effects)}
+        extra = {
+            name: size
+            for name, size in played.items()
+            if name not in parts and not sums[name] < _MATERIAL_SIZE * columns.scale
+        }
+        spread = max(parts.values()) / min(parts.values()) if min(parts.values()) > 0 else np.inf
+        words = ", ".join(f"{name} at {part:.4g} of the profile's" for name, part in parts.items())
+        words += "".join(f", a {name} of {size:.4g} besides" for name, size in extra.items())
+        yield (
+            (len(extra), spread),
+            _Explanation(
+                words=f"the effects are not scaled alike: {words}",
+                remedy="Scale all effects of an element by one gain, and check the unit of each: "
+                "velocity per second, acceleration per second squared.",
+                moment=moment,
+                loop=loop,
+                effects=Effects(
+                    **{name: size for name, size in played.items() if name in {*parts, *extra}}
+                ),
+                residual=residual,
+                material=bool(extra) or abs(spread - 1) > _MATERIAL_SIZE,
+            ),
+        )
+
+
+def _sizes(effects: Effects) -> Iterator[tuple[str, float]]:
+    for name, size in zip(EFFECT_NAMES, effects.arrays(), strict=True):
+        if size is not None:
+            yield name, float(size)
+
+
+def _variants(log: Log, loop: LoopProfile, moments: Moments) -> Iterator[_Variant]:
+    """Every law that is tried with effects scaled alike, the simplest first."""
+    for late in _SHIFTS:
+        side = "late" if late > 0 else "early"
+        yield _Variant(
+            words=f"the force column is {abs(late)} row(s) {side}: each force answers the position "
+            f"logged {abs(late)} row(s) {'before' if late > 0 else 'after'} it",
+            remedy="Log each force beside the position it was computed from; if the controller "
+            "itself uses an older position, add that delay to the device and tune again.",
+            loop=loop,
+            late=late,
+        )
+    run = "Run the filters of the profile, or state those you run in the scene and tune again."
+    damped = any(each.damping is not None for each in moments.values())
+    heavy = any(each.mass is not None for each in moments.values())
+    both: dict[str, object] = {}
+    for name, concerned in (("velocity", damped), ("acceleration", heavy)):
+        if not concerned:
+            continue
+        bare = _bare(name)
+        if any(getattr(loop, key) is not None for key in bare):
+            both |= bare
+            yield _Variant(
+                words=f"{name} is not filtered", remedy=run, loop=loop.model_copy(update=bare)
+            )
+        yield from _other_filters(log, loop, moments, name, run)
+    if damped and heavy:
+        yield _Variant(
+            words="velocity and acceleration are not filtered",
+            remedy=run,
+            loop=loop.model_copy(update=both),
+        )
+        yield _Variant(
+            words="the cut-offs of velocity and acceleration are exchanged",
+            remedy=run,
+            loop=loop.model_copy(
+                update={
+                    "velocity_filter_hz": loop.acceleration_filter_hz,
+                    "acceleration_filter_hz": loop.velocity_filter_hz,
+                }
+            ),
+        )
+
+
+def _bare(name: str) -> dict[str, object]:
+    """What to change for an estimate without a filter."""
+    bare: dict[str, object] = {f"{name}_filter_hz": None}
+    return bare | ({"velocity_window_samples": None} if name == "velocity" else {})
+
+
+def _other_filters(
+    log: Log, loop: LoopProfile, moments: Moments, name: str, remedy: str
+) -> Iterator[_Variant]:
+    """Other cut-offs, orders, dampings and windows of one estimate."""
+    stated: float | None = getattr(loop, f"{name}_filter_hz")
+    own: int = getattr(loop, f"{name}_filter_order")
+
+    def residual(loop: LoopProfile) -> float:
+        columns = log.columns(loop)
+        if columns is None:
+            return np.inf
+        return min(fit_scaled(columns, effects).residual for effects in moments.values())
+
+    for order in (own, 3 - own):
+
+        def with_cutoff(hertz: float, order: int = order) -> LoopProfile:
+            update = {f"{name}_filter_hz": hertz, f"{name}_filter_order": order}
+            return loop.model_copy(update=_bare(name) | update)
+
+        hertz = _best_cutoff(lambda f: residual(with_cutoff(f)), _HIGHEST / loop.sample_time)
+        told = "no filter" if stated is None else f"{stated:.4g} Hz"
+        kind = "" if order == own else f" and order {order} instead of {own}"
+        yield _Variant(
+            words=f"{name} is filtered at {hertz:.4g} Hz{kind}; the profile has {told}",
+            remedy=remedy,
+            loop=with_cutoff(hertz),
+            material=order != own or stated is None or abs(hertz / stated - 1) > _MATERIAL_CUTOFF,
+        )
+    if name == "velocity":
+        windowed = {
+            count: loop.model_copy(
+                update={"velocity_filter_hz": None, "velocity_window_samples": count}
+            )
+            for count in _WINDOWS
+        }
+        count = min(windowed, key=lambda each: residual(windowed[each]))
+        yield _Variant(
+            words=f"velocity is taken over a window of {count} sample(s)",
+            remedy=remedy,
+            loop=windowed[count],
+            material=count != loop.velocity_window_samples,
+        )
+
+
+def _best_cutoff(residual: Callable[[float], float], highest: float) -> float:
+    from scipy.optimize import minimize_scalar
+
+    places = np.geomspace(_LOWEST, highest, _PLACES)
+    values = [residual(float(place)) for place in places]
+    best = int(np.argmin(values))
+    low, high = places[max(best - 1, 0)], places[min(best + 1, _PLACES - 1)]
+
+    def at(logarithm: float) -> float:
+        return residual(float(np.exp(logarithm)))
+
+    found = minimize_scalar(
+        at, bounds=(np.log(low), np.log(high)), method="bounded", options={"xatol": _FINE}
     )
+    return float(np.exp(found.x))

@@ -1,4 +1,4 @@
-"""Outcome: one thing a log was compared on, and whether it is as the profile predicts."""
+"""What a log may be of, the moments of a profile; and outcomes: is it as the profile predicts?"""
 
 from __future__ import annotations
 
@@ -6,7 +6,58 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from identification import UsageError
+from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.profile import Design
+
 Verdict = Literal["agrees", "disagrees", "cannot tell", "not assessed"]
+Moment = tuple[str, ...]
+
+#: Joins the elements of one moment, on the command line and in sentences.
+_AND = "+"
+
+
+def moments_of(profile: Design, element: str | None) -> tuple[Moment, ...]:
+    """Every moment the log may be of: all of them, or the one named "wall" or "wall+water".
+
+    Raises:
+        UsageError: no such element, or elements that are not felt together.
+    """
+    every = profile.moments()
+    told = tuple(
+        moment
+        for moment in every
+        if any(size is not None for size in effects_of(profile, moment).arrays())
+    )
+    if element is None:
+        return told
+    wanted = frozenset(element.split(_AND))
+    found = tuple(moment for moment in every if frozenset(moment) == wanted)
+    if not found or found[0] not in told:
+        known = ", ".join(moment_in_words(moment) for moment in told)
+        problem = "plays nothing" if found else "is not in the profile"
+        raise UsageError("--element", f"'{element[:80]}' {problem}", f"Choose from {known}")
+    return found
+
+
+def effects_of(profile: Design, moment: Moment) -> Effects:
+    """The sum of the effects of a moment; what sums to zero is not there."""
+    sums = {
+        name: sum(float(getattr(profile.elements[each], name)) for each in moment)
+        for name in EFFECT_NAMES
+    }
+    return Effects(**{name: value or None for name, value in sums.items()})
+
+
+def scale_effects(effects: Effects, gain: float) -> Effects:
+    """Effects at a gain; what is not there stays away."""
+    K, B, M = (None if size is None else float(size) * gain for size in effects.arrays())
+    return Effects(stiffness=K, damping=B, mass=M)
+
+
+def moment_in_words(moment: Moment) -> str:
+    """The name of a moment."""
+    return _AND.join(moment)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

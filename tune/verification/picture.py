@@ -1,10 +1,14 @@
-"""Picture of a verification: measured motion in its predicted envelope, force beside its law."""
+"""Picture of a verification: measured motion in its predicted envelope, force beside its law.
+
+Beside them stands each comparison, what is measured above what is predicted.
+"""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false
 
 from __future__ import annotations
 
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,18 +17,30 @@ from numpy.typing import NDArray
 from tune.documents.profile import Design
 from tune.documents.units import UNITS
 from tune.verification.comparison import Verification
-from tune.verification.elements import moment_in_words
-from tune.verification.measured_picture import draw_measured
-from tune.verification.prediction import binding_stiffness
+from tune.verification.motion import binding_stiffness
+from tune.verification.outcome import Verdict, moment_in_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+Range = tuple[float, float]
 
 #: Inches.
 _WIDTH, _HEIGHT = 12.0, 7.5
+_COLORS: dict[Verdict, str] = {
+    "agrees": "tab:green",
+    "disagrees": "tab:red",
+    "cannot tell": "tab:orange",
+    "not assessed": "0.5",
+}
+#: Letters of a line.
+_LETTERS = 74
+#: Height of a comparison, of its name, and of its two bars, in parts of a line of text.
+_BLOCK, _SEEN, _PREDICTED = 4.0, 1.0, 1.75
+#: Room on both sides of the ranges, part of all that they span; and the least of a range.
+_ROOM, _LEAST = 0.25, 0.006
 
 
 def verification_picture(profile: Design, seen: Verification) -> Figure:
@@ -49,7 +65,7 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
     left.set_xlabel("time, s")
     for axes in (above, below, left):
         legend_above(axes)
-    draw_measured(figure.add_subplot(grid[:, 1]), seen)
+    _draw_measured(figure.add_subplot(grid[:, 1]), seen)
     gain = f" at gain {seen.gain:.3g}" if np.isfinite(seen.gain) else ""
     figure.suptitle(
         f"{seen.source}: {moment_in_words(seen.elements)}{gain} on {profile.device.name}",
@@ -93,7 +109,7 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
         trajectory.time[measured.rows], measured.fitted, color="tab:orange", lw=0.8, label="fitted"
     )
     prediction, played = motion.prediction, seen.law.effects
-    if motion.release is None or prediction is None or played is None or not measured.frequency:
+    if motion.release is None or played is None or not measured.frequency:
         return
     free = slice(motion.release.first, motion.release.end)
     since = trajectory.time[free] - trajectory.time[motion.release.first]
@@ -142,3 +158,58 @@ def _envelope(
     if decay == 0:
         return np.maximum(start - rate * since, 0.0)
     return np.maximum((start + rate / decay) * np.exp(-decay * since) - rate / decay, 0.0)
+
+
+def _ranges_of(seen: Verification) -> dict[str, tuple[Range, Range]]:
+    """(seen, predicted) of every comparison that is one of two ranges, by its check."""
+    found: dict[str, tuple[Range, Range]] = {
+        f"{each.name} filter": ((each.low, each.high), (each.stated, each.stated))
+        for each in seen.cutoffs
+    }
+    motion = seen.motion
+    if motion is not None and motion.measured is not None:
+        one, other = motion.measured, motion.prediction
+        for check, value, half, expected in (
+            ("frequency", one.frequency, one.frequency_half, other.frequency),
+            ("decay", one.decay, one.decay_half, other.decay),
+        ):
+            found[check] = ((value - half, value + half), expected)
+    allowed = seen.delay.allowed
+    if allowed is not None and allowed.delays is not None:
+        found["delay"] = (allowed.delays, allowed.stated)
+    return found
+
+
+def _draw_measured(axes: Axes, seen: Verification) -> None:
+    """Every comparison in words; those of two ranges also as bars on one scale."""
+    ranges = _ranges_of(seen)
+    axes.set_axis_off()
+    axes.set_xlim(0, 1)
+    axes.set_ylim(-_BLOCK * max(len(seen.outcomes), 6), 0.6)
+    for place, each in enumerate(seen.outcomes):
+        top, color = -_BLOCK * place, _COLORS[each.verdict]
+        axes.text(0, top, f"{each.check}: {each.verdict}", color=color, fontsize=9, weight="bold")
+        both = None if each.verdict == "not assessed" else ranges.get(each.check)
+        words = (
+            ("", each.seen)
+            if each.verdict == "not assessed"
+            else (f"seen {each.seen}", f"predicted {each.predicted}")
+        )
+        for line, text in zip((_SEEN, _PREDICTED), words, strict=True):
+            axes.text(
+                0, top - line, shorten(text, _LETTERS, placeholder="…"), fontsize=7, va="center"
+            )
+        if both is not None:
+            _draw_ranges(axes, top - _PREDICTED - 0.7, both, color)
+
+
+def _draw_ranges(axes: Axes, y: float, both: tuple[Range, Range], color: str) -> None:
+    """The seen range above the predicted one."""
+    low, high = min(side[0] for side in both), max(side[1] for side in both)
+    room = _ROOM * ((high - low) or abs(high) or 1.0)
+    low, high = low - room, high + room
+    axes.plot([0, 1], [y - 0.2] * 2, color="0.85", lw=0.6)
+    for (start, end), shift, drawn in ((both[0], 0.0, color), (both[1], -0.45, "k")):
+        first, last = ((value - low) / (high - low) for value in (start, end))
+        middle, half = (first + last) / 2, max((last - first) / 2, _LEAST)
+        axes.barh(y + shift, 2 * half, left=middle - half, height=0.4, color=drawn, alpha=0.8, lw=0)

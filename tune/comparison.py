@@ -1,7 +1,8 @@
 """Compare: what changed between two devices or two profiles, and does the old profile still hold.
 
 A quantity counts as changed where the two intervals have no value in common: two 95 % intervals of
-the same truth miss one another in fewer than one comparison of a hundred.
+the same truth miss one another in fewer than one comparison of a hundred. An old profile holds
+where its effects, filters and margin are proved anew over the box of the new device.
 """
 
 from __future__ import annotations
@@ -9,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from identification import Device, Quantity, SlopeRange, UsageError
-from tune.comparison.transfer import certify_on, kept_gain
+from identification import Device, Quantity, SlopeRange, UsageError, as_stored
+from tune.certificate.certify import certify
+from tune.documents.certified import AbsoluteStability
 from tune.documents.effects import EFFECT_NAMES
 from tune.documents.errors import CheckFailedError
-from tune.documents.profile import Design, SafeProfile
+from tune.documents.profile import Design, Margins, SafeProfile
+from tune.documents.scene import LARGEST
 
 #: Quantities of a device in the order of its file.
 _QUANTITIES = (
@@ -28,17 +31,13 @@ _QUANTITIES = (
     "position_stiffness",
 )
 _RANGES = ("damping_slope", "presliding_stiffness")
+#: How closely the gain that is kept is found, as part of the margin.
+_STEP = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval:
-    """A quantity in one of the files, in SI units.
-
-    Attributes:
-        value: the estimate; None where only ends are stated.
-        low: lower end of the 95 %, the value itself where it is exact.
-        high: upper end.
-    """
+    """A quantity of a file with its 95 %, SI units; no value where only ends are stated."""
 
     value: float | None
     low: float
@@ -110,7 +109,7 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
         UsageError: an old device with a new profile, or axes of different motion.
         UnstatedError: facts of the new device that a person has to state before it is judged.
     """
-    before, after = _device_of(old), _device_of(new)
+    before, after = (each if isinstance(each, Device) else each.device for each in (old, new))
     if before.motion != after.motion:
         raise UsageError(
             "OLD NEW",
@@ -125,13 +124,14 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
             )
         return Comparison(kind="devices", changes=changes)
     failures: tuple[str, ...] = ()
-    gain: float | None = old.margin.gain
+    gain = old.margin.gain
+    after.require_stated()
     try:
-        certify_on(old, after)
+        certify(_moved(old, after), witnesses=_witnesses(old, gain))
     except CheckFailedError as error:
         failures = error.failures
-        kept = kept_gain(old, after)
-        gain = kept if kept < gain else None
+        kept = _kept_gain(old, after)
+        gain = kept if kept < old.margin.gain else None
     both = isinstance(new, SafeProfile)
     return Comparison(
         kind="profiles" if both else "profile and device",
@@ -143,8 +143,57 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
     )
 
 
-def _device_of(file: Device | SafeProfile) -> Device:
-    return file if isinstance(file, Device) else file.device
+def _kept_gain(design: SafeProfile, device: Device) -> float:
+    """The gain margin, at most the one asked for, that is proved on another device; 0 for none.
+
+    With the extra delay of the margin, and within a hundredth of it below the largest. Force and
+    ripple are not looked at.
+    """
+    moved = _moved(design, device.model_copy(update={"force_limit": None})).model_copy(
+        update={"ripple_limit": LARGEST}
+    )
+    kept, lost = 0.0, design.margin.gain
+
+    def is_proved(gain: float) -> bool:
+        margin = moved.margin.model_copy(update={"gain": gain})
+        try:
+            certify(moved.model_copy(update={"margin": margin}), witnesses=_witnesses(design, gain))
+        except CheckFailedError:
+            return False
+        return True
+
+    if is_proved(lost):
+        return lost
+    while lost - kept > _STEP * design.margin.gain:
+        middle = (kept + lost) / 2
+        kept, lost = (middle, lost) if is_proved(middle) else (kept, middle)
+    return kept
+
+
+def _witnesses(design: SafeProfile, gain: float) -> dict[str, AbsoluteStability]:
+    """The multipliers of a profile, asked for no more than a gain."""
+    stated = design.certificate.absolute_stability or {}
+    return {name: each.model_copy(update={"gain": gain}) for name, each in stated.items()}
+
+
+def _moved(design: SafeProfile, device: Device) -> Design:
+    """The design on another device, its claims those of its margin and no more.
+
+    What the design states of the device it was made for, such as margins beyond the one asked for
+    and what is felt, is not asked of the other one.
+    """
+    kept = Margins(
+        gain=0.0,
+        extra_delay_samples=float(design.margin.extra_delay_samples),
+        passive=False,
+    )
+    unclaimed = {
+        name: element.model_copy(
+            update={"margins": kept, "ripple": LARGEST, "rendered": None, "perceived_steps": {}}
+        )
+        for name, element in design.elements.items()
+    }
+    return design.model_copy(update={"device": as_stored(device), "elements": unclaimed})
 
 
 def _changes(old: Device, new: Device) -> Iterator[Change]:

@@ -1,0 +1,463 @@
+"""Free motion against the poles of the loop: predicted over the device's box, and judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import Device, quantity
+from tune.documents.effects import Effects
+from tune.documents.loop_profile import LoopProfile
+from tune.loop.filters import filters_of
+from tune.loop.loop import Loop
+from tune.verification.free_motion import (
+    FreeMotion,
+    Release,
+    find_release,
+    measure_sprung,
+    measure_unsprung,
+)
+from tune.verification.outcome import Outcome, unassessed_outcome
+
+FloatArray = NDArray[np.float64]
+Range = tuple[float, float]
+
+#: Imaginary parts below this part of the modulus are rounding: the pole is real.
+_REAL = 1e-9
+#: A pole so near to w = -1, z = 0, is over within a sample: what a delay or a difference leaves.
+_GONE = 1e-6
+#: A mode that decays this many times faster than the slowest is over before anything is measured.
+_MUCH_FASTER = 4.0
+#: Part of the release a second mode of like decay may carry before the motion is no single mode.
+_SECOND_MODE = 0.1
+
+#: Motion of which one mode leaves more than this part is no free motion of this loop.
+_MISFIT = 0.05
+#: Speed below this part of the largest is rest, for motion without a spring.
+_SLOW = 0.03
+#: Rows that free motion without a spring must last.
+_FEWEST_ROWS = 50
+
+#: What the fit of one mode is off by, measured on simulated devices of known poles: frequency by
+#: 1 % and, because friction jumps and one mode does not follow as the loop does, by this part of
+#: the nearness of the other modes; decay by 5 %.
+_FREQUENCY_TOLERANCE, _BY_OTHER_MODES, DECAY_TOLERANCE = 0.01, 0.1, 0.05
+#: An interval wider than this part of what is predicted tells nothing.
+_WIDEST = 0.5
+#: A predicted swing below this many clear ones may stay unseen.
+_CLEARLY = 2.0
+#: Stiffness is looked for as an error of unit where it explains the frequency within this part.
+_UNIT_ERROR = 0.2
+#: Samples of delay that somebody may have overlooked.
+_MOST_SAMPLES = 10
+#: A sensitivity of the decay is read off over this part of the damping.
+_NUDGE = 0.01
+
+_STILL = (
+    "the handle does not move by more than noise and a few counts while the force is neither at "
+    "its limit nor zero outside of a one-sided wall"
+)
+#: What helps where the log cannot tell.
+_LOUDER = "Release the handle from further away, hand off, or play an element with a spring."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slowest:
+    """The mode in which a loop comes to rest."""
+
+    frequency: float  # damped, Hz; 0 where it does not oscillate
+    decay: float  # of its envelope exp(-decay·t), 1/s
+    natural: float  # modulus of the pole, rad/s
+    next_decay: float  # of the slowest among the other modes, 1/s; infinite where there is none
+    nearness: float  # to the other modes: its modulus over the least of theirs
+    others: float  # part of the response to a release that modes of like decay carry, relative
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction:
+    """Slowest mode at the best estimate, and its range over the corners of the device's box."""
+
+    nominal: Slowest
+    frequency: Range  # Hz
+    decay: Range  # 1/s
+    single: bool  # whether one mode, or two real poles, describes the motion at every corner
+
+    @property
+    def frequency_tolerance(self) -> float:
+        """What the fit of one mode may be off by, part of the frequency."""
+        return _FREQUENCY_TOLERANCE + _BY_OTHER_MODES * self.nominal.nearness
+
+    @property
+    def obstacle(self) -> str | None:
+        """Why there is no single mode to compare with."""
+        if self.decay[0] <= 0:
+            return (
+                f"at this gain the loop is predicted to decay by {self.decay[0]:.3g} to "
+                f"{self.decay[1]:.3g} 1/s, so it may not come to rest at all"
+            )
+        if not self.single:
+            return "the loop is predicted to come to rest in several modes of like decay"
+        return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredMode:
+    """What is known of the slow mode, tolerances included; None where nothing is."""
+
+    frequency: Range | None  # Hz
+    decay: Range | None  # 1/s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredMotion:
+    """The free motion and what the loop predicts of it; outcomes are "frequency" and "decay"."""
+
+    release: Release | None  # None where it was not looked for or not found
+    measured: FreeMotion | None
+    prediction: Prediction
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def mode(self) -> MeasuredMode:
+        """Frequency and decay, as far as they were assessed, with intervals and tolerances."""
+        measured, prediction = self.measured, self.prediction
+        if measured is None:
+            return MeasuredMode(frequency=None, decay=None)
+        told = {each.check for each in self.outcomes if each.verdict != "not assessed"}
+        swings = "frequency" in told and self.release is not None and bool(self.release.turns)
+        hertz = prediction.frequency_tolerance * measured.frequency + measured.frequency_half
+        slack = DECAY_TOLERANCE * prediction.nominal.decay + measured.decay_half
+        return MeasuredMode(
+            frequency=(measured.frequency - hertz, measured.frequency + hertz) if swings else None,
+            decay=(measured.decay - slack, measured.decay + slack) if "decay" in told else None,
+        )
+
+
+def predict(device: Device, loop: LoopProfile, effects: Effects) -> Prediction:
+    """The free motion of a device, no hand on it, under effects at the gain they are played."""
+    box = device.simultaneous_box()
+    nominal = slowest(device, loop, effects)
+    names = ("mass", "damping", "sample_time", "delay", "position_stiffness")
+    corners = product(*(sorted(set(getattr(box, name))) for name in names))
+    every = [nominal]
+    for corner in corners:
+        stated = {name: quantity(value) for name, value in zip(names, corner, strict=True)}
+        every.append(slowest(device.model_copy(update=stated), loop, effects))
+    return Prediction(
+        nominal=nominal,
+        frequency=(min(m.frequency for m in every), max(m.frequency for m in every)),
+        decay=(min(m.decay for m in every), max(m.decay for m in every)),
+        single=max(mode.others for mode in every) <= _SECOND_MODE,
+    )
+
+
+def binding_stiffness(device: Device, effects: Effects) -> float:
+    """K and the slope of the device's own force together, N/m; 0 where the position is free."""
+    own = device.slope_at_zero
+    return own if effects.stiffness is None else own + float(np.asarray(effects.stiffness))
+
+
+def slowest(
+    device: Device, loop: LoopProfile, effects: Effects, *, extra_delay_samples: int = 0
+) -> Slowest:
+    """The slowest mode of the loop at the best estimate of a device."""
+    built = Loop.from_parts(device, filters_of(loop), extra_delay_samples=extra_delay_samples)
+    closed, _ = built.polynomial(effects)
+    free = built.has_free_pole(effects)
+    w = np.asarray(np.roots(closed[built.lowest_power(effects) :][::-1]))
+    w = w[np.abs(1 + w) > _GONE].astype(np.complex128)
+    poles = 2 / device.sample_time.value * np.arctanh(w)
+    order = np.argsort(np.abs(poles))
+    w, poles = w[order], poles[order]
+    first = poles[0]
+    oscillates = abs(first.imag) > _REAL * abs(first)
+    if free:
+        # Without a spring one real pole is the decay of speed; anything else is no single mode.
+        weights = np.ones(poles.size)
+    else:
+        spring = np.polynomial.polynomial.polyval(w, built.terms.alpha)
+        slope = np.polynomial.polynomial.polyval(w, np.polynomial.polynomial.polyder(closed))
+        # Residues, but for one factor, of the response to letting go of what springs hold.
+        weights = np.abs(spring / (slope * w * (1 - w)))
+    pair = len(poles) > 1 and not free and poles[1].imag == 0
+    own = 2 if oscillates or pair else 1
+    other_decays = -poles.real[own:]
+    alike = other_decays < _MUCH_FASTER * -first.real
+    return Slowest(
+        frequency=float(abs(first.imag)) / (2 * np.pi) if oscillates else 0.0,
+        decay=-float(first.real),
+        natural=float(abs(first)),
+        next_decay=float(np.min(other_decays, initial=np.inf)),
+        nearness=float(np.max(abs(first) / np.abs(poles[own:]), initial=0.0)),
+        others=float(np.sum(weights[own:][alike]) / np.sum(weights[:own])),
+    )
+
+
+def judge_motion(
+    device: Device,
+    loop: LoopProfile,
+    effects: Effects,
+    position: FloatArray,
+    used: NDArray[np.bool_],
+    sample_time: float,
+    first: int,
+) -> MeasuredMotion:
+    """Compare the free motion of a log with the slowest mode of a loop.
+
+    Args:
+        device: with its intervals.
+        loop: the filters that were run.
+        effects: as played.
+        position: m, shape (n,).
+        used: rows neither saturated nor outside of a one-sided wall, shape (n,).
+        sample_time: of the log, s.
+        first: row before which the motion is not free.
+    """
+    prediction = predict(device, loop, effects)
+    release = find_release(position, first)
+    if release is not None and release.grows:
+        return _growing(release, prediction)
+    if prediction.obstacle is not None:
+        return _unassessed(prediction, prediction.obstacle)
+    if release is not None and not np.all(used[release.first : release.end]):
+        last = int(np.flatnonzero(~used[first:])[-1])
+        release = find_release(position, first + last + 1)
+    if release is None:
+        return _unassessed(prediction, _STILL, _LOUDER)
+    stiffness = binding_stiffness(device, effects)
+    if not stiffness:
+        return _unsprung(position, sample_time, release, prediction)
+    nominal, known = prediction.nominal, device.coulomb_friction
+    measured = measure_sprung(
+        position,
+        sample_time,
+        release,
+        (nominal.natural, nominal.decay),
+        (known.value / stiffness, known.low / stiffness, known.high / stiffness),
+    )
+    if measured.misfit > _MISFIT:
+        return _not_one_mode(measured, release, prediction)
+    return MeasuredMotion(
+        release=release,
+        measured=measured,
+        prediction=prediction,
+        outcomes=(
+            _frequency_outcome(measured, release, prediction, effects, device),
+            _sprung_decay_outcome(measured, len(release.turns), prediction, device, loop, effects),
+        ),
+    )
+
+
+def _unsprung(
+    position: FloatArray, sample_time: float, release: Release, prediction: Prediction
+) -> MeasuredMotion:
+    """Decay of speed after a push, from the fastest row on."""
+    from scipy.ndimage import uniform_filter1d
+
+    width = max(5, round(0.02 / sample_time))
+    speed = np.abs(np.gradient(uniform_filter1d(position, width)))
+    top = int(np.argmax(speed[release.first : release.end])) + release.first
+    slow = np.flatnonzero(speed[top:] < _SLOW * speed[top])
+    end = top + int(slow[0]) if slow.size else position.size
+    no_frequency = unassessed_outcome(
+        "frequency", "nothing holds the position, so nothing oscillates"
+    )
+    if end - top < _FEWEST_ROWS:
+        rows = end - top
+        why = f"the handle moves freely for {rows} rows only"
+        decay = unassessed_outcome("decay", why, _LOUDER, rows=rows)
+        return MeasuredMotion(
+            release=None, measured=None, prediction=prediction, outcomes=(no_frequency, decay)
+        )
+    measured = measure_unsprung(position, sample_time, top, end, prediction.nominal.decay)
+    if measured.misfit > _MISFIT:
+        return _not_one_mode(measured, release, prediction)
+    return MeasuredMotion(
+        release=release,
+        measured=measured,
+        prediction=prediction,
+        outcomes=(no_frequency, _decay_outcome(measured, 0, prediction, "", "")),
+    )
+
+
+def _growing(release: Release, prediction: Prediction) -> MeasuredMotion:
+    low, high = prediction.decay
+    return MeasuredMotion(
+        release=release,
+        measured=None,
+        prediction=prediction,
+        outcomes=(
+            unassessed_outcome("frequency", "the motion grows"),
+            Outcome(
+                check="decay",
+                verdict="disagrees",
+                seen="the swings grow until the log ends",
+                predicted=f"{low:.4g} to {high:.4g} 1/s",
+                tolerance="decay",
+                remedy="Do not raise the gain. Check the sign of force and position, the filters "
+                "and the delay of the controller.",
+                numbers={"predicted_low": low, "predicted_high": high},
+            ),
+        ),
+    )
+
+
+def _not_one_mode(measured: FreeMotion, release: Release, prediction: Prediction) -> MeasuredMotion:
+    why = (
+        f"one damped mode with Coulomb friction leaves {measured.misfit:.1%} of the motion, at "
+        f"most {_MISFIT:.0%} is free motion"
+    )
+    remedy = "Take the hand off, and state with --release when; or cut the log to the free motion."
+    unassessed = _unassessed(prediction, why, remedy)
+    return replace(unassessed, release=release, measured=measured)
+
+
+def _unassessed(prediction: Prediction, why: str, remedy: str = "") -> MeasuredMotion:
+    outcomes = tuple(unassessed_outcome(check, why, remedy) for check in ("frequency", "decay"))
+    return MeasuredMotion(release=None, measured=None, prediction=prediction, outcomes=outcomes)
+
+
+def _frequency_outcome(
+    measured: FreeMotion,
+    release: Release,
+    prediction: Prediction,
+    effects: Effects,
+    device: Device,
+) -> Outcome:
+    """The frequency of the swings, or their absence, against the prediction."""
+    nominal, (low, high) = prediction.nominal.frequency, prediction.frequency
+    value, half, turns = measured.frequency, measured.frequency_half, len(release.turns)
+    if turns == 0:
+        if low == 0:
+            return unassessed_outcome(
+                "frequency", "the motion does not oscillate, which is predicted"
+            )
+        if _swing_back(release, prediction, effects, device) < _CLEARLY * release.clear:
+            why = "the handle does not swing back, and is hardly predicted to"
+            return unassessed_outcome("frequency", why)
+    elif half > _WIDEST * max(nominal, value):
+        why = f"it is seen as {value:.4g} ± {half:.2g} Hz only"
+        return unassessed_outcome("frequency", why, _LOUDER, seen=value, seen_half_width=half)
+    tolerance = prediction.frequency_tolerance
+    agrees = turns > 0 and (
+        value + half >= low * (1 - tolerance) and value - half <= high * (1 + tolerance)
+    )
+    return Outcome(
+        check="frequency",
+        verdict="agrees" if agrees else "disagrees",
+        seen=f"{value:.4g} ± {half:.2g} Hz, {turns} turning points"
+        if turns
+        else "the handle does not swing back",
+        predicted=f"{low:.4g} to {high:.4g} Hz, {nominal:.4g} Hz at best",
+        tolerance=f"{tolerance:.1%} and the interval of the measurement",
+        remedy="" if agrees else _frequency_remedy(measured, turns, prediction, effects),
+        numbers={
+            "turning_points": turns,
+            "predicted": nominal,
+            "predicted_low": low,
+            "predicted_high": high,
+            "tolerance": tolerance,
+            **({"seen": value, "seen_half_width": half} if turns else {}),
+        },
+    )
+
+
+def _swing_back(
+    release: Release, prediction: Prediction, effects: Effects, device: Device
+) -> float:
+    """How far the handle is predicted to swing back after its first overshoot, m.
+
+    Coulomb friction takes from every half-cycle, and holds whatever ends within its reach.
+    """
+    left = float(np.exp(-np.pi * prediction.decay[1] / (2 * np.pi * prediction.frequency[0])))
+    held = device.coulomb_friction.high / binding_stiffness(device, effects)
+    overshoot = (abs(release.deviation) - 2 * held) * left - held
+    return (overshoot - held) * (1 + left)
+
+
+def _frequency_remedy(
+    measured: FreeMotion, turns: int, prediction: Prediction, effects: Effects
+) -> str:
+    natural = float(np.hypot(2 * np.pi * measured.frequency, measured.decay))
+    if turns == 0:
+        return "Check that no hand held the handle, then identify the device again."
+    factor = (prediction.nominal.natural / natural) ** 2
+    virtual = 0.0 if effects.mass is None else float(np.asarray(effects.mass))
+    said = (
+        f"As if the moving mass were {factor:.3g} times the predicted one"
+        + (", the virtual mass included," if virtual else "")
+        + f" or the actuator gave {1 / factor:.3g} times the commanded force. "
+    )
+    for unit, size in (("mm", 1e3), ("cm", 1e2), ("degrees", 180 / np.pi)):
+        if abs(factor * size - 1) < _UNIT_ERROR:
+            return said + f"Is the position in {unit}? Then state it with --position-gain."
+    return said + "Check the units and the force of the actuator, then identify the device again."
+
+
+def _sprung_decay_outcome(
+    measured: FreeMotion,
+    turns: int,
+    prediction: Prediction,
+    device: Device,
+    loop: LoopProfile,
+    effects: Effects,
+) -> Outcome:
+    """The decay of motion about a spring, and what damping or delay would explain it."""
+    unit = "N·m" if device.motion == "rotary" else "N"
+    apart = ""
+    beside: dict[str, float] = {}
+    if measured.friction is not None:
+        friction = measured.friction * binding_stiffness(device, effects)
+        apart = f", besides {friction:.2g} {unit} of Coulomb friction"
+        beside = {"coulomb_friction": friction}
+    missing = measured.decay - prediction.nominal.decay
+    damped = device.model_copy(update={"damping": quantity(device.damping.value * (1 + _NUDGE))})
+    damper = slowest(damped, loop, effects).decay
+    per_damping = (damper - prediction.nominal.decay) / (_NUDGE * device.damping.value or 1.0)
+    late = slowest(device, loop, effects, extra_delay_samples=1).decay
+    per_sample = late - prediction.nominal.decay
+    remedy = "Check for play, a slipping belt or a hand on the handle, then identify again."
+    parts: list[str] = []
+    if per_damping > 0:
+        per_speed = f"{unit}·s/{'rad' if device.motion == 'rotary' else 'm'}"
+        parts.append(f"the damping were {missing / per_damping:+.3g} {per_speed} off")
+    if 0 < missing * per_sample < _MOST_SAMPLES * per_sample**2:
+        parts.append(f"the delay were {missing / per_sample:.2g} sample(s) longer")
+    if parts:
+        remedy += f" As if {' or '.join(parts)}."
+    found = _decay_outcome(measured, turns, prediction, apart, remedy)
+    return replace(found, numbers={**found.numbers, **beside})
+
+
+def _decay_outcome(
+    measured: FreeMotion, turns: int, prediction: Prediction, apart: str, remedy: str
+) -> Outcome:
+    """A measured decay against the prediction; ``apart`` is said besides."""
+    (low, high), nominal = prediction.decay, prediction.nominal.decay
+    value, half = measured.decay, measured.decay_half
+    seen = f"{value:.4g} ± {half:.2g} 1/s{apart}"
+    if not turns and prediction.nominal.frequency > 0:
+        return unassessed_outcome("decay", "the handle comes to rest within half a swing", _LOUDER)
+    numbers = {"seen": value, "seen_half_width": half}
+    if half > _WIDEST * max(nominal, abs(value)):
+        return unassessed_outcome("decay", f"it is seen as {seen} only", _LOUDER, **numbers)
+    slack = DECAY_TOLERANCE * nominal
+    agrees = value + half >= low - slack and value - half <= high + slack
+    return Outcome(
+        check="decay",
+        verdict="agrees" if agrees else "disagrees",
+        seen=seen,
+        predicted=f"{low:.4g} to {high:.4g} 1/s, {nominal:.4g} 1/s at best",
+        tolerance=f"{DECAY_TOLERANCE:.0%} and the interval of the measurement",
+        remedy="" if agrees else remedy or "Identify the device again, with no hand on it.",
+        numbers={
+            **numbers,
+            "predicted": nominal,
+            "predicted_low": low,
+            "predicted_high": high,
+            "tolerance": DECAY_TOLERANCE,
+        },
+    )

@@ -15,7 +15,7 @@ from identification.device.evidence import LogRecord
 from identification.documents.document import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
 from identification.findings import CODES, inspect
 from identification.fitting.one_log import LogFit, fit_log
 from identification.readers.sizes import refuse_sizes

@@ -13,7 +13,7 @@ from identification.device.device import Quantity
 from identification.device.hardware import Hardware
 from identification.errors import Finding, InvalidInputError, LogRefusedError
 from identification.estimators import Method
-from identification.estimators.noise import encoder_count, position_noise
+from identification.estimators.signals import encoder_count, position_noise
 from identification.findings import CODES
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.trajectory import Motion, Trajectory

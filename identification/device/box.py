@@ -9,7 +9,7 @@ from typing import Any
 
 from identification.device.quantities import Quantity
 from identification.errors import InvalidInputError
-from identification.estimators.intervals import NORMAL_95
+from identification.estimators.estimate import NORMAL_95
 
 #: Probability that the simultaneous box holds every identified quantity.
 BOX_CONFIDENCE = 0.999

@@ -4,9 +4,8 @@ White noise on the position and white forces on the device together make the equ
 row by row, a moving average of two terms in independent innovations (the steady Kalman filter:
 Ljung, System Identification, 1999, section 4.3; an ARMAX model whose A is the device). Its two
 coefficients c1, c2 are fitted with p = b/m; what else colours the force (tremor, friction that the
-model misses) is taken out by a filter made from the spectrum of the rest (whitening.py). Without
-unlogged force it is output error, with nothing else least squares; it is consistent in closed loop.
-One file: model, derivatives and shaping of one search.
+model misses) is taken out by a filter made from the spectrum of the rest. Without unlogged force it
+is output error, with nothing else least squares; it is consistent in closed loop.
 """
 
 from __future__ import annotations
@@ -16,17 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.drive import Drive
-from identification.estimators.held_response import Gain, HeldResponse
-from identification.estimators.intervals import spread
-from identification.estimators.least_squares import CUT_OFF_RANGE
-from identification.estimators.linear import solve as solved
-from identification.estimators.linear_filters import causal, recursive
-from identification.estimators.model import Estimate
-from identification.estimators.point_estimate import PointEstimate, complete_estimate
-from identification.estimators.regression import REFINEMENTS, Regression
-from identification.estimators.separable import Solution, physical, solve
-from identification.estimators.whitening import is_coloured, whitener
+from identification.estimators.estimate import Estimate, PointEstimate, complete_estimate, spread
+from identification.estimators.filters import causal, is_coloured, recursive, whitener
+from identification.estimators.least_squares import CUT_OFF_RANGE, REFINEMENTS, Regression
+from identification.estimators.linear import Solution, physical, solve, solve_separable
+from identification.estimators.response import Drive, Gain, HeldResponse
 
 FloatArray = NDArray[np.float64]
 
@@ -231,13 +224,13 @@ def _found(table: Regression, delay: float | None, first: float) -> tuple[_Probl
     mass, damping = table.solve(first)[:2]
     # Where the force follows the position there is next to no mass, and a rate out of all bounds.
     rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
-    best = solve(problem, _start(problem, rate, first))
+    best = solve_separable(problem, _start(problem, rate, first))
     for _ in range(_ROUNDS):
         if not is_coloured(best.residual, either_side=True):
             break
         rows, target = replace(problem, shape=np.ones(1)).at(best.theta)
         problem = replace(problem, shape=whitener(target - best.weights @ rows))
-        best = solve(problem, best.theta)
+        best = solve_separable(problem, best.theta)
     return problem, best
 
 
@@ -268,7 +261,7 @@ def _leaning(table: Regression, problem: _Problem, best: Solution, delay: float)
         return np.zeros(len(model.parameters))
     wider = table.at_cut_off(CUT_OFF_RANGE * table.cut_off.frequency).refined(delay)
     other = replace(problem, drive=Drive.of(table.with_motion(wider.motion), problem.drive.delay))
-    values, _ = physical(solve(other, best.theta), len(model.parameters))
+    values, _ = physical(solve_separable(other, best.theta), len(model.parameters))
     return (values - physical(best, len(model.parameters))[0]) / 2
 
 
@@ -281,7 +274,7 @@ def _start(problem: _Problem, rate: float, delay: float) -> FloatArray:
         theta = least.copy()
         theta[1:3] = _moving_average(corner)
         columns, target = (problem.whitened(each, theta) for each in rows)
-        residual = target - solved(columns.T, target) @ columns
+        residual = target - solve(columns.T, target) @ columns
         trials.append((float(residual @ residual), theta))
     return min(trials, key=lambda trial: trial[0])[1]
 

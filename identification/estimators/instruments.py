@@ -5,8 +5,7 @@ both bias least squares. Instruments are the same columns of a position that doe
 part of the position that a logged reference explains, or, without one, the noise-free device moved
 by the logged force, simulated with the estimate and estimated again until both agree (refined
 instrumental variables: Young, Recursive Estimation and Time-Series Analysis, 2011, chapter 8). The
-simulated ones are valid in open loop only: in closed loop the logged force carries the noise. One
-file: the instruments, logged or simulated, serve one solution.
+simulated ones are valid in open loop only: in closed loop the logged force carries the noise.
 """
 
 from __future__ import annotations
@@ -16,17 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.drive import MOST_SAMPLES, Drive
-from identification.estimators.held_response import Gain, HeldResponse
-from identification.estimators.intervals import spread
+from identification.estimators.estimate import Estimate, PointEstimate, complete_estimate, spread
+from identification.estimators.least_squares import MOST_SAMPLES, Regression
 from identification.estimators.linear import unit_columns
-from identification.estimators.model import Estimate
-from identification.estimators.motion import Motion
-from identification.estimators.point_estimate import PointEstimate, complete_estimate
-from identification.estimators.regression import Regression
-from identification.estimators.rows import Kinematics, of_rows
-from identification.estimators.terms import terms
-from identification.estimators.zero_order_hold import Commands, HeldColumn
+from identification.estimators.motion import Motion, terms
+from identification.estimators.response import Drive, Gain, HeldResponse
+from identification.estimators.signals import Commands, HeldColumn, Kinematics, of_rows
 
 FloatArray = NDArray[np.float64]
 

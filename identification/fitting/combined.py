@@ -19,7 +19,7 @@ from identification.device.device import (
     quantity,
 )
 from identification.device.friction import SlopeRange
-from identification.estimators.intervals import quantile
+from identification.estimators.estimate import quantile
 from identification.fitting.one_log import LogFit
 from identification.fitting.suggested import (
     delay_of,

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.intervals import UNKNOWN_FORCE
+from identification.estimators.estimate import UNKNOWN_FORCE
 
 FloatArray = NDArray[np.float64]
 

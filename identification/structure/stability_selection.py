@@ -5,12 +5,11 @@ unit decides. The log is cut into blocks; the fits with one block left out give 
 the candidates whatever the colour of the residual (resampling.py), and the fits to random halves
 of the blocks show which terms are asked for again and again (stability selection: Meinshausen and
 Bühlmann, Journal of the Royal Statistical Society B 72, 2010, p. 417, in complementary halves:
-Shah and Samworth, ibid. 75, 2013, p. 55). pysindy judges each half (sparse.py), in coordinates in
-which the errors are independent.
+Shah and Samworth, ibid. 75, 2013, p. 55). pysindy judges each half, in coordinates in which the
+errors are independent.
 
 A term is asked for if most halves ask for it, if the whole log does so by a margin that chance
-does not reach, and if it is a noticeable part of the force. One file: one selection, from columns
-to verdicts.
+does not reach, and if it is a noticeable part of the force.
 """
 
 from __future__ import annotations
@@ -21,20 +20,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.structure.collinearity import (
-    ALWAYS,
-    GRAVITY,
-    OFFSET,
-    POSITION,
-    distinguishable_columns,
-    normalise_columns,
-    scale_to_unit_rms,
-)
+from identification.estimators.filters import width_of
+from identification.estimators.least_squares import Regression
+from identification.estimators.signals import HeldColumn
 from identification.structure.resampling import BLOCKS, Resampled, cut_into_blocks
-from identification.structure.sparse import paying_terms
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
+#: Always part of the model, never judged.
+_ALWAYS = ("mass", "damping")
+#: Columns of a constant force and of the position.
+_OFFSET, _POSITION = "force_offset", "position_stiffness"
+#: Stand and fall together: moving the zero of the angle turns one into the other.
+_GRAVITY = ("gravity_sine", "gravity_cosine")
+#: A candidate is judged if at least this part of its column is not made up of mass, damping and
+#: the candidates before it; 2 % lets sine and cosine in from a half range of some 0.7 rad.
+_DISTINCT = 0.02
+#: A position this many times further from zero than its own spread is counted from its middle:
+#: the zero of such an encoder is an accident, and its column would only repeat the offset.
+_FAR = 10.0
+#: Size of the anchor's column and answer: dropping it would cost this much squared, more than any
+#: other term, so pysindy never empties the model and never spends a step on the anchor.
+_ANCHOR = 1e3
 #: Random halves of the log that are looked at, in complementary pairs: frequencies in steps of
 #: 1/20, and pysindy takes some six milliseconds for each.
 HALVES = 20
@@ -45,21 +53,140 @@ HALF_HURDLE = 2.5
 STABLE = 0.7
 #: The whole log must ask with this many standard deviations: about once in 3000 by chance with
 #: Student's t of 59 degrees of freedom, for each of some five candidates.
-HURDLE = 3.8
+_HURDLE = 3.8
 #: A term below this part of the rms force is not asked for however sure it is: amplifiers and
 #: calibrations are no better, and mass and damping hardly notice.
-LEAST_SHARE = 0.01
-
+_LEAST_SHARE = 0.01
 #: Names in the report.
 _WORDS = {
     "coulomb_friction": "Coulomb friction",
-    OFFSET: "a constant force or friction that differs by direction",
-    POSITION: "a force in proportion to position",
+    _OFFSET: "a constant force or friction that differs by direction",
+    _POSITION: "a force in proportion to position",
     "damping_asymmetry": "damping that differs by direction",
     "quadratic_drag": "drag with the square of speed",
-    GRAVITY[0]: "gravity with the sine of the angle",
-    GRAVITY[1]: "gravity with its cosine",
+    _GRAVITY[0]: "gravity with the sine of the angle",
+    _GRAVITY[1]: "gravity with its cosine",
 }
+
+
+def _normalise_columns(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Columns of mean square 1, in which no unit is left; a column of zeros stays zero.
+
+    Each column has shape (rows,), before and after.
+    """
+    counted = dict(columns)
+    if _OFFSET in counted and _POSITION in counted:
+        counted[_POSITION] = _from_its_middle(counted[_POSITION], counted[_OFFSET])
+    return {name: scale_to_unit_rms(column) for name, column in counted.items()}
+
+
+def scale_to_unit_rms(column: FloatArray) -> FloatArray:
+    """A column over its rms, found without overflow whatever the unit.
+
+    The column has shape (rows,), any unit; the answer has the same shape and no unit.
+    """
+    largest = float(np.max(np.abs(column)))
+    if largest == 0:
+        return column
+    moderate = column / largest
+    return moderate / np.sqrt(np.mean(moderate**2))
+
+
+def _distinguishable_columns(
+    table: Mapping[str, FloatArray],
+) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+    """The candidates this motion can tell apart, and the names of those it cannot.
+
+    Each column has shape (rows,) and no unit.
+
+    Args:
+        table: normalised columns, _ALWAYS among them, the simplest candidate first.
+
+    Returns:
+        What stands or falls as one, each a tuple of names: a candidate, or _GRAVITY.
+    """
+    basis = [_rest(table[name], []) for name in _ALWAYS]
+    groups: list[tuple[str, ...]] = []
+    unjudged: list[str] = []
+    pair = tuple(name for name in _GRAVITY if name in table)
+    for name in table:
+        if name in _ALWAYS or name in pair[1:]:
+            continue
+        group = pair if name in pair else (name,)
+        extended = list(basis)
+        for each in group:
+            extended.append(_rest(table[each], extended))
+        if all(np.any(new) for new in extended[len(basis) :]):
+            basis = extended
+            groups.append(group)
+        else:
+            unjudged += group
+    return groups, tuple(unjudged)
+
+
+def _from_its_middle(position: FloatArray, constant: FloatArray) -> FloatArray:
+    """The position less its mean, if that is _FAR away; a constant that rests where it does."""
+    length = float(constant @ constant)
+    middle = float(position @ constant) / length if length > 0 else 0.0
+    centred = position - middle * constant
+    spread = float(np.linalg.norm(centred))
+    return centred if abs(middle) * np.sqrt(length) > _FAR * spread else position
+
+
+def _rest(column: FloatArray, basis: Sequence[FloatArray]) -> FloatArray:
+    """Unit vector of what is left of a column beside orthonormal ones; zero if below _DISTINCT."""
+    length = float(np.linalg.norm(column))
+    left = column
+    # Twice, because the first pass leaves rounding errors along the basis.
+    for _ in range(2):
+        for unit in basis:
+            left = left - (unit @ left) * unit
+    remaining = float(np.linalg.norm(left))
+    return left / remaining if remaining > _DISTINCT * length else np.zeros_like(column)
+
+
+def paying_terms(whitened: FloatArray, answers: FloatArray, price: float) -> BoolArray:
+    """Which terms each answer asks for, by stepwise sparse regression.
+
+    pysindy's SSR (Boninsegna, Nüske, Clementi, Journal of Chemical Physics 148, 2018, 241723)
+    drops one term after the other, always the one that is missed least, and keeps the model with
+    the least χ² + price · terms on the way.
+
+    Args:
+        whitened: shape (rows, p), columns of the terms in rows whose errors are independent with
+            variance 1, so that a rise of the squared residual is the χ² of what was dropped.
+        answers: shape (rows, r), the same rows of r data sets.
+        price: the rise of χ² a term must be worth, a squared number of standard deviations.
+
+    Returns:
+        Shape (r, p).
+    """
+    from pysindy import SSR
+    from sklearn import config_context
+
+    rows, count = whitened.shape
+    # Columns of unit norm for the solver's sake. pysindy always keeps one term: the anchor, which
+    # stands for mass and damping.
+    columns = np.zeros((rows + 1, count + 1))
+    columns[:rows, :count] = whitened / np.linalg.norm(whitened, axis=0)
+    columns[rows, count] = 1.0
+    anchor = _ANCHOR + np.linalg.norm(answers, axis=0)
+    anchored = np.vstack((answers, anchor))
+    # Without a charge of its own pysindy notes the squared residual of every model on the way. Its
+    # own charge counts coefficients that are not zero, so a term whose coefficient happens to be
+    # exactly zero would come free, and the model that holds it would be the best.
+    search = SSR(alpha=0.0, kappa=0.0, criteria="model_residual", max_iter=count + 1, unbias=False)
+    charges = price * np.arange(count, -1, -1, dtype=np.float64)
+    chosen = np.zeros((answers.shape[1], count), dtype=bool)
+    # scikit-learn, on which pysindy rests, would spend half of the time on checking arguments.
+    with config_context(skip_parameter_validation=True):
+        for index, answer in enumerate(anchored.T):
+            search.fit(columns, answer[:, None])
+            best = int(np.argmin(np.add(search.err_history_, charges)))
+            # pysindy 2.1 overwrites the coefficients of the first model, the one with every term,
+            # while it drops terms.
+            chosen[index] = best == 0 or search.history_[best][0, :count] != 0
+    return chosen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,8 +257,8 @@ def suggest(
             missing, too few rows, or no force.
     """
     _check(columns, force)
-    table = normalise_columns(columns)
-    groups, unjudged = distinguishable_columns(table)
+    table = _normalise_columns(columns)
+    groups, unjudged = _distinguishable_columns(table)
     if not groups:
         return Structure(
             asked=(), verdicts={}, unjudged=unjudged, sentences=tuple(_sentences({}, unjudged))
@@ -139,8 +266,8 @@ def suggest(
     places = iter(range(len(table)))
     terms = [_Term(names=group, members=tuple(next(places) for _ in group)) for group in groups]
     names = [name for group in groups for name in group]
-    matrix = np.stack([table[name] for name in (*ALWAYS, *names)], axis=1)
-    fits = cut_into_blocks(matrix, scale_to_unit_rms(force), nuisance=len(ALWAYS))
+    matrix = np.stack([table[name] for name in (*_ALWAYS, *names)], axis=1)
+    fits = cut_into_blocks(matrix, scale_to_unit_rms(force), nuisance=len(_ALWAYS))
     terms, passed, doubt = _one_law_of_position(terms, fits)
     frequency = _frequencies(terms, fits, halves, seed)
     kept = _kept([term for term in terms if frequency[term.names] >= STABLE], fits)
@@ -154,7 +281,7 @@ def suggest(
         for term in terms
     }
     sentences = list(_sentences(verdicts, unjudged))
-    if doubt and any(term.names == (POSITION,) for term in kept):
+    if doubt and any(term.names == (_POSITION,) for term in kept):
         sentences.append("gravity would explain the force in proportion to position about as well")
     return Structure(
         asked=tuple(name for term in kept for name in term.names),
@@ -165,9 +292,9 @@ def suggest(
 
 
 def _check(columns: Mapping[str, FloatArray], force: FloatArray) -> None:
-    missing = [name for name in ALWAYS if name not in columns]
+    missing = [name for name in _ALWAYS if name not in columns]
     if missing:
-        raise ValueError(f"columns must hold {' and '.join(ALWAYS)}; {missing[0]} is missing")
+        raise ValueError(f"columns must hold {' and '.join(_ALWAYS)}; {missing[0]} is missing")
     # With fewer a block could not tell the terms apart.
     needed = BLOCKS * (len(columns) + 1)
     if force.ndim != 1 or force.size < needed:
@@ -189,14 +316,14 @@ def _one_law_of_position(
     Over a small range the two are alike; gravity, which is richer, must explain more by as much as
     a term must be worth.
     """
-    position = next((term for term in terms if term.names == (POSITION,)), None)
-    gravity = next((term for term in terms if term.names == GRAVITY), None)
+    position = next((term for term in terms if term.names == (_POSITION,)), None)
+    gravity = next((term for term in terms if term.names == _GRAVITY), None)
     if position is None or gravity is None:
         return terms, (), False
     gain = _worth(gravity, terms, fits) - _worth(position, terms, fits)
-    passed = position if gain > HURDLE**2 else gravity
+    passed = position if gain > _HURDLE**2 else gravity
     rest = [term for term in terms if term != passed]
-    return rest, passed.names, bool(abs(gain) <= HURDLE**2)
+    return rest, passed.names, bool(abs(gain) <= _HURDLE**2)
 
 
 def _frequencies(
@@ -240,9 +367,9 @@ def _kept(terms: Sequence[_Term], fits: Resampled) -> list[_Term]:
     while kept:
         weakest = min(kept, key=lambda term: _worth(term, kept, fits))
         smallest = min(kept, key=lambda term: _share(term, kept, fits))
-        if _worth(weakest, kept, fits) < HURDLE**2:
+        if _worth(weakest, kept, fits) < _HURDLE**2:
             kept.remove(weakest)
-        elif _share(smallest, kept, fits) < LEAST_SHARE:
+        elif _share(smallest, kept, fits) < _LEAST_SHARE:
             kept.remove(smallest)
         else:
             break
@@ -273,4 +400,64 @@ def _sentences(
 
 
 def _plain(names: tuple[str, ...]) -> str:
-    return "gravity" if names == GRAVITY else " and ".join(_WORDS.get(n, n) for n in names)
+    return "gravity" if names == _GRAVITY else " and ".join(_WORDS.get(n, n) for n in names)
+
+
+def structure_of(table: Regression, delay: float, *, rotary: bool, seed: int = 0) -> Structure:
+    """Which terms one log asks for beyond mass and damping.
+
+    Args:
+        table: its regression, prepared with Coulomb friction in the model, which settles the
+            direction of motion and where the device stands.
+        delay: s, command to force.
+        rotary: whether gravity may go with sine and cosine of the position.
+        seed: of the random halves.
+    """
+    return suggest(candidate_columns(table, rotary=rotary), table.force(delay), seed=seed)
+
+
+def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArray]:
+    """Every term of the equation of motion by its name, the simplest first, each shape (rows,).
+
+    Where the device stands still every column is zero, as static friction takes up the rest.
+
+    Args:
+        table: the regression of one log.
+        rotary: whether to offer sine and cosine of the position.
+    """
+    signals, motion = table.signals, table.motion
+    position = signals.position
+
+    def held(values: FloatArray) -> FloatArray:
+        return table.filtered(HeldColumn.constant(values * motion.moving, signals.steps))
+
+    def between(samples: FloatArray) -> FloatArray:
+        return held((samples[1:] + samples[:-1]) / 2)
+
+    columns = {
+        "mass": table.columns[0],
+        "damping": table.columns[1],
+        "force_offset": held(np.ones_like(signals.speed)),
+        "coulomb_friction": table.filtered(motion.direction),
+        "position_stiffness": between(position),
+        # The direction is a smooth one, so noise of the velocity is not rectified.
+        "damping_asymmetry": held(motion.direction.mean() * signals.speed),
+    }
+    if rotary:
+        columns["gravity_sine"] = between(np.sin(position))
+        columns["gravity_cosine"] = between(np.cos(position))
+    columns["quadratic_drag"] = held(np.abs(smooth_speed(table)) * signals.speed)
+    return columns
+
+
+def smooth_speed(table: Regression) -> FloatArray:
+    """Velocity of each interval, smooth enough that its square is not mostly noise.
+
+    The answer has shape (n - 1,), m/s (rad/s).
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    width = width_of(table.cut_off.frequency) / table.signals.step
+    return np.asarray(
+        gaussian_filter1d(table.signals.speed, width, mode="nearest"), dtype=np.float64
+    )

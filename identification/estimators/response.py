@@ -1,4 +1,4 @@
-"""Zero-order-hold response of a mass with viscous damping, exact for any rate p = b/m.
+"""Zero-order-hold response of a mass with damping, exact for any rate p = b/m, and its drive.
 
 Every response comes with its exact derivative by p, from the φ-functions one order higher.
 """
@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.linear_filters import recursive
-from identification.estimators.zero_order_hold import HeldColumn
+from identification.estimators.filters import recursive
+from identification.estimators.least_squares import MOST_SAMPLES, Regression
+from identification.estimators.signals import Commands, HeldColumn, Signals, mean_step
 
 FloatArray = NDArray[np.float64]
 
@@ -20,6 +21,11 @@ FloatArray = NDArray[np.float64]
 _SERIES_BELOW = 0.5
 #: Terms of the series: 0.5^16/18! is below the last bit.
 _TERMS = 18
+#: Fastest |p| searched, per sample: there nothing of a motion is left after one, and no log tells a
+#: faster one. A bound that a device may reach would be taken for its rate.
+_FASTEST = 50.0
+#: Fastest growth searched, per log: e^50 exceeds any travel.
+_GROWTH = 50.0
 
 
 def phi(delta: float | FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -193,3 +199,65 @@ def accumulate_decay(
     for index, column in enumerate(added):
         rows[index, 1:] = column
     return recursive(rows, -np.concatenate(([0.0], decay)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """Inputs of one log; the delay is given, or one more nonlinear parameter.
+
+    Attributes:
+        commands: forces as logged.
+        terms: columns of the terms beside mass and damping.
+        moving: 1, or 0 where the device stands, shape (n - 1,).
+        steps: of the log, s: one number, or shape (n - 1,).
+        delay: s, or None if it is fitted.
+    """
+
+    commands: Commands
+    terms: tuple[HeldColumn, ...]
+    moving: FloatArray
+    steps: float | FloatArray
+    delay: float | None
+
+    @classmethod
+    def of(cls, table: Regression, delay: float | None) -> Drive:
+        """Inputs as a prepared regression knows them."""
+        return cls(
+            commands=table.signals.commands,
+            terms=table.held_terms(table.motion),
+            moving=table.motion.moving,
+            steps=table.signals.steps,
+            delay=delay,
+        )
+
+    @classmethod
+    def bare(cls, signals: Signals, delay: float | None) -> Drive:
+        """The force alone, as if the device never stood."""
+        return cls(
+            commands=signals.commands,
+            terms=(),
+            moving=np.ones(signals.speed.size),
+            steps=signals.steps,
+            delay=delay,
+        )
+
+    def inputs(self, delay: float) -> tuple[HeldColumn, ...]:
+        """Force, then the terms, where they act."""
+        return (self.commands.after(delay).times(self.moving), *self.terms)
+
+    def slope_by_delay(self, device: HeldResponse, delay: float) -> Gain:
+        """What the force adds in each interval, differentiated by its delay."""
+        force = self.commands.after(delay)
+        later = device.slope_by_delay(force, float(self.commands.value[0]))
+        return Gain(velocity=later.velocity * self.moving, distance=later.distance * self.moving)
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """p searched, 1/s."""
+        step = mean_step(self.steps)
+        return -_GROWTH / step / self.moving.size, _FASTEST / step
+
+    @property
+    def delays(self) -> tuple[float, float]:
+        """Delays searched, s."""
+        return 0.0, MOST_SAMPLES * mean_step(self.steps)

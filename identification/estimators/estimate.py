@@ -1,4 +1,4 @@
-"""Covariance that survives coloured residuals, and 95 % intervals.
+"""What every estimator is asked (Model) and what it answers (Estimate), with 95 % intervals.
 
 Residuals of a friction fit are never white: on a real axis the ordinary formula s²(XᵀX)⁻¹ is
 several times too small. Here the log is cut into consecutive blocks and each left out in turn
@@ -7,35 +7,37 @@ the CR3 covariance of MacKinnon and White, Journal of Econometrics 29, 1985, p. 
 correlation inside a block, and however unevenly the blocks excite the device, it is in there.
 In white noise it is a little wide (the unbiased CR2 by 3 to 10 % narrower), which an encoder's
 rounding needs: as the device turns, it is correlated from block to block. With instruments, whose
-blocks tell far less evenly, leaving out is up to twice too wide, and CR2 it is. One file: all kinds
-of covariance here share their blocks.
+blocks tell far less evenly, leaving out is up to twice too wide, and CR2 it is.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.linear import symmetric_inverse
-
-if TYPE_CHECKING:
-    # Estimators import this module.
-    from identification.estimators.model import Estimate
+from identification.estimators.filters import whiteness
+from identification.estimators.linear import explained_share, symmetric_inverse
 
 FloatArray = NDArray[np.float64]
 
+Gravity = Literal["none", "proportional", "pendulum"]
+_OF_GRAVITY: dict[Gravity, tuple[str, ...]] = {
+    "none": (),
+    "proportional": ("position_stiffness",),
+    "pendulum": ("gravity_sine", "gravity_cosine"),
+}
 #: Half-width of the 95 % interval of a normal variable, in standard deviations.
 NORMAL_95 = 1.959963984540054
 #: At most this many blocks: with 60, the t quantile is within 2 % of the normal one, and each
 #: block of a usual log still outlasts the filter and the correlation of its residual many times.
 MOST_BLOCKS = 60
 #: At least this many blocks: fewer leave no degrees of freedom for a simultaneous region.
-FEWEST_BLOCKS = 8
+_FEWEST_BLOCKS = 8
 #: Correlation is looked for between sums over this many parts of a log at most, ...
-FINEST_PARTS = 1024
+_FINEST_PARTS = 1024
 #: ... of this many rows at least.
 _SHORTEST_PART = 2
 #: Forces between samples, turning points read from a measured motion and the solver itself are good
@@ -45,6 +47,117 @@ UNKNOWN_FORCE = 5e-6
 _SINGULAR = 1e-12
 #: ... and at all.
 _NOTHING = 1e-30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Model:
+    """Which terms stand beside mass and damping in the equation of motion.
+
+    m·q̈ + b·q̇ + a·(|q̇| - s) + Fc·sign(q̇) + f0 + k·q + gs·sin(q) + gc·cos(q) = F(t - delay).
+
+    Attributes:
+        coulomb: Coulomb friction Fc is estimated; otherwise it is zero.
+        offset: a constant force f0 is estimated; otherwise it is zero.
+        directional: friction differs by direction: damping is b + a forward and b - a backward, and
+            Coulomb friction Fc ± (f0 - a·s). With s, the mean speed of the log, f0 stays the
+            offset at that speed. Needs ``coulomb`` and ``offset``.
+        gravity: "proportional" adds k·q, "pendulum" adds gs·sin(q) + gc·cos(q), q in rad.
+    """
+
+    coulomb: bool = True
+    offset: bool = True
+    directional: bool = False
+    gravity: Gravity = "none"
+
+    def __post_init__(self) -> None:
+        if self.directional and not (self.coulomb and self.offset):
+            raise ValueError("direction-dependent friction needs coulomb and offset as well")
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of every vector and matrix of an Estimate."""
+        names = ["mass", "damping"]
+        names += ["coulomb_friction"] if self.coulomb else []
+        names += ["force_offset"] if self.offset else []
+        names += ["damping_asymmetry"] if self.directional else []
+        return (*names, *self.of_gravity)
+
+    @property
+    def of_gravity(self) -> tuple[str, ...]:
+        """Names of the parameters of gravity."""
+        return _OF_GRAVITY[self.gravity]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One method's answer for one log; SI units, or the rotary ones of Device.
+
+    Attributes:
+        method: its name on the command line.
+        model: the terms estimated.
+        delay: s, command to force: as given, or as fitted.
+        delay_deviation: standard deviation of a fitted delay, s; None if it was given.
+        values: shape (p,), in the order of ``model.parameters``.
+        covariance: shape (p, p), robust against coloured residuals (intervals.py).
+        degrees_of_freedom: of the covariance, for Student's t and Hotelling's T².
+        residual: shape (rows,), in ``residual_unit``.
+        residual_unit: "force" (filtered, N) or "position" (m).
+        explained: share of the fitted signal's mean square that the model explains, at most 1.
+        condition: condition number of the unit-norm columns.
+        inflation: shape (p,): variance inflation of each parameter by the other columns.
+        mean_speed: s of the model, m/s; 0 where friction does not differ by direction.
+        leaning: shape (p,): what choices of the method move the estimate by, such as half of the
+            difference between half and twice the cut-off; one more standard deviation, in the
+            covariance. None where there is no such choice.
+        open_loop_only: whether forces that were not logged would bias the fitted delay if they
+            came back through a controller.
+        notes: sentences on choices made on the way, such as the cut-off.
+    """
+
+    method: str
+    model: Model
+    delay: float
+    values: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: float
+    residual: FloatArray
+    residual_unit: str
+    explained: float
+    condition: float
+    inflation: FloatArray
+    delay_deviation: float | None = None
+    mean_speed: float = 0.0
+    leaning: FloatArray | None = None
+    open_loop_only: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of ``values``."""
+        return self.model.parameters
+
+    @property
+    def whiteness(self) -> float:
+        """Distance of the residual's cumulated spectrum from white noise, 0 to 1."""
+        return whiteness(self.residual)
+
+    def value(self, name: str) -> float:
+        """The estimate of one parameter; 0 for a term the model leaves out."""
+        if name not in self.parameters:
+            return 0.0
+        return float(self.values[self.parameters.index(name)])
+
+    def deviation(self, name: str) -> float:
+        """Standard deviation of one parameter; 0 for a term the model leaves out."""
+        if name not in self.parameters:
+            return 0.0
+        index = self.parameters.index(name)
+        return float(np.sqrt(max(self.covariance[index, index], 0.0)))
+
+    def combined(self, **weights: float) -> tuple[float, float]:
+        """Value and standard deviation of a weighted sum of parameters, absent ones being zero."""
+        known = np.array([weights.get(name, 0.0) for name in self.parameters])
+        return float(known @ self.values), float(np.sqrt(max(known @ self.covariance @ known, 0.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +194,7 @@ def correlation_length(sums: FloatArray) -> float:
     return float(1 + 2 * np.sum(correlation[1:end]))
 
 
-def block_edges(columns: FloatArray, residual: FloatArray) -> NDArray[np.intp]:
+def _block_edges(columns: FloatArray, residual: FloatArray) -> NDArray[np.intp]:
     """Where to cut a log into blocks, each at least as long as the scores are correlated.
 
     Args:
@@ -92,12 +205,12 @@ def block_edges(columns: FloatArray, residual: FloatArray) -> NDArray[np.intp]:
         Row at which each block begins, and the number of rows, shape (blocks + 1,).
     """
     rows = residual.size
-    parts = int(np.clip(rows // _SHORTEST_PART, 1, FINEST_PARTS))
+    parts = int(np.clip(rows // _SHORTEST_PART, 1, _FINEST_PARTS))
     starts = np.linspace(0, rows, parts + 1).astype(np.intp)[:-1]
     longest = max(
         correlation_length(np.add.reduceat(column * residual, starts)) for column in columns
     )
-    count = int(np.clip(parts // max(longest, 1.0), FEWEST_BLOCKS, MOST_BLOCKS))
+    count = int(np.clip(parts // max(longest, 1.0), _FEWEST_BLOCKS, MOST_BLOCKS))
     return np.linspace(0, rows, count + 1).astype(np.intp)
 
 
@@ -120,7 +233,7 @@ def spread(
     """
     tests = columns if instruments is None else instruments
     norms, sizes = _norms(columns), _norms(tests)
-    edges = block_edges(tests[:keep] / sizes[:keep, None], residual)
+    edges = _block_edges(tests[:keep] / sizes[:keep, None], residual)
     count, shape = edges.size - 1, np.outer(sizes, norms)
     normal, right = np.empty((count, *shape.shape)), np.empty((count, norms.size))
     for index, (i, j) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
@@ -206,3 +319,73 @@ def quantile(estimate: Estimate, confidence: float = 0.95) -> float:
     from scipy.special import stdtrit
 
     return float(stdtrit(estimate.degrees_of_freedom, (1 + confidence) / 2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointEstimate:
+    """A point estimate: values without intervals.
+
+    Attributes:
+        values: of the parameters, shape (p,).
+        delay: s, given or fitted.
+        signal: what was to be explained, shape (rows,).
+        residual: what was not, shape (rows,).
+    """
+
+    values: FloatArray
+    delay: float
+    signal: FloatArray
+    residual: FloatArray
+
+    @property
+    def explained(self) -> float:
+        """Share of the mean square of the signal that is not in the residual."""
+        return explained_share(self.signal, self.residual)
+
+
+def complete_estimate(
+    method: str,
+    model: Model,
+    point: PointEstimate,
+    around: Spread,
+    *,
+    fitted: bool,
+    unit: Literal["force", "position"],
+    mean_speed: float,
+    notes: tuple[str, ...],
+    leaning: FloatArray | None = None,
+) -> Estimate:
+    """The Estimate of one fit.
+
+    Args:
+        method: its name on the command line.
+        model: the terms estimated.
+        point: values, delay and residual.
+        around: their covariance, followed by that of the delay if it was fitted.
+        fitted: whether the delay was fitted.
+        unit: of the residual.
+        mean_speed: s of the model, m/s.
+        notes: on choices made on the way.
+        leaning: one more standard deviation of every parameter, shape (p,), or None.
+    """
+    size = point.values.size
+    covariance = around.covariance[:size, :size]
+    if leaning is not None:
+        covariance = covariance + np.outer(leaning, leaning)
+    return Estimate(
+        method=method,
+        model=model,
+        delay=point.delay,
+        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
+        values=point.values,
+        covariance=covariance,
+        degrees_of_freedom=around.degrees_of_freedom,
+        residual=point.residual,
+        residual_unit=unit,
+        explained=point.explained,
+        condition=around.condition,
+        inflation=around.inflation[:size],
+        mean_speed=mean_speed,
+        leaning=leaning,
+        notes=notes,
+    )

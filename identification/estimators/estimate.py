@@ -162,27 +162,16 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """Covariance of a linear (or linearised) fit and what it rests on.
+    """Covariance of a linear (or linearised) fit and what it rests on."""
 
-    Attributes:
-        covariance: shape (p, p), in the units of the parameters.
-        degrees_of_freedom: blocks less one.
-        condition: condition number of the unit-norm columns.
-        inflation: shape (p,), variance inflation factors of the parameters.
-    """
-
-    covariance: FloatArray
-    degrees_of_freedom: float
-    condition: float
-    inflation: FloatArray
+    covariance: FloatArray  # shape (p, p), in the units of the parameters
+    degrees_of_freedom: float  # blocks less one
+    condition: float  # condition number of the unit-norm columns
+    inflation: FloatArray  # shape (p,), variance inflation factors of the parameters
 
 
 def correlation_length(sums: FloatArray) -> float:
-    """Parts over which a series is correlated: the sum of its autocorrelation to the first zero.
-
-    Args:
-        sums: shape (parts,), mean near zero.
-    """
+    """Parts over which sums are correlated: their autocorrelation, summed to its first zero."""
     count = sums.size
     spectrum = np.fft.rfft(sums, 1 << int(np.ceil(np.log2(2 * count))))
     covariance = np.fft.irfft(np.abs(spectrum) ** 2)[: count // 2]
@@ -195,15 +184,7 @@ def correlation_length(sums: FloatArray) -> float:
 
 
 def _block_edges(columns: FloatArray, residual: FloatArray) -> NDArray[np.intp]:
-    """Where to cut a log into blocks, each at least as long as the scores are correlated.
-
-    Args:
-        columns: shape (p, rows).
-        residual: shape (rows,).
-
-    Returns:
-        Row at which each block begins, and the number of rows, shape (blocks + 1,).
-    """
+    """Rows at which to cut a log into blocks, none shorter than the scores are correlated."""
     rows = residual.size
     parts = int(np.clip(rows // _SHORTEST_PART, 1, _FINEST_PARTS))
     starts = np.linspace(0, rows, parts + 1).astype(np.intp)[:-1]
@@ -224,12 +205,9 @@ def spread(
 ) -> Spread:
     """Block-jackknife covariance of the first ``keep`` parameters of a least-squares fit.
 
-    Args:
-        columns: shape (p, rows): regressors, or the Jacobian of a nonlinear fit.
-        residual: shape (rows,).
-        keep: how many leading parameters are wanted; the others are nuisance.
-        signal: shape (rows,): what the logged force contributes; UNKNOWN_FORCE of it is in doubt.
-        instruments: shape (p, rows): what the residual was made orthogonal to, if not the columns.
+    Columns are regressors, or the Jacobian of a nonlinear fit, shape (p, rows); instruments are
+    what the residual was made orthogonal to, if not the columns. The signal is what the logged
+    force contributes: UNKNOWN_FORCE of it is in doubt.
     """
     tests = columns if instruments is None else instruments
     norms, sizes = _norms(columns), _norms(tests)
@@ -272,10 +250,7 @@ def spread(
 def _left_out(whole: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
     """What the fit loses by leaving out each block, -(A - A_i)⁺ c_i, shape (blocks, p).
 
-    Args:
-        whole: A, shape (p, p), the sum of the blocks.
-        blocks: A_i, shape (blocks, p, p), symmetric.
-        right: c_i, what each block makes of the residual, shape (blocks, p).
+    A is the sum of the symmetric blocks A_i; c_i, on the right, what each makes of the residual.
     """
     count = len(blocks)
     lost = np.einsum("ijk,ik->ij", _inverse(whole - blocks), right)
@@ -323,69 +298,14 @@ def quantile(estimate: Estimate, confidence: float = 0.95) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointEstimate:
-    """A point estimate: values without intervals.
+    """A point estimate: values without intervals."""
 
-    Attributes:
-        values: of the parameters, shape (p,).
-        delay: s, given or fitted.
-        signal: what was to be explained, shape (rows,).
-        residual: what was not, shape (rows,).
-    """
-
-    values: FloatArray
-    delay: float
-    signal: FloatArray
-    residual: FloatArray
+    values: FloatArray  # of the parameters, shape (p,)
+    delay: float  # s, given or fitted
+    signal: FloatArray  # what was to be explained, shape (rows,)
+    residual: FloatArray  # what was not, shape (rows,)
 
     @property
     def explained(self) -> float:
         """Share of the mean square of the signal that is not in the residual."""
         return explained_share(self.signal, self.residual)
-
-
-def complete_estimate(
-    method: str,
-    model: Model,
-    point: PointEstimate,
-    around: Spread,
-    *,
-    fitted: bool,
-    unit: Literal["force", "position"],
-    mean_speed: float,
-    notes: tuple[str, ...],
-    leaning: FloatArray | None = None,
-) -> Estimate:
-    """The Estimate of one fit.
-
-    Args:
-        method: its name on the command line.
-        model: the terms estimated.
-        point: values, delay and residual.
-        around: their covariance, followed by that of the delay if it was fitted.
-        fitted: whether the delay was fitted.
-        unit: of the residual.
-        mean_speed: s of the model, m/s.
-        notes: on choices made on the way.
-        leaning: one more standard deviation of every parameter, shape (p,), or None.
-    """
-    size = point.values.size
-    covariance = around.covariance[:size, :size]
-    if leaning is not None:
-        covariance = covariance + np.outer(leaning, leaning)
-    return Estimate(
-        method=method,
-        model=model,
-        delay=point.delay,
-        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
-        values=point.values,
-        covariance=covariance,
-        degrees_of_freedom=around.degrees_of_freedom,
-        residual=point.residual,
-        residual_unit=unit,
-        explained=point.explained,
-        condition=around.condition,
-        inflation=around.inflation[:size],
-        mean_speed=mean_speed,
-        leaning=leaning,
-        notes=notes,
-    )

@@ -52,12 +52,8 @@ def overlap_save(
     """Rows with a full set of neighbours, shape (..., n) to (..., n - k + 1).
 
     Each block of rows is convolved in a circle and what wrapped around is left out (overlap-save:
-    Oppenheim and Schafer, Discrete-Time Signal Processing, section 8.7.3).
-
-    Args:
-        columns: shape (..., n).
-        kernel: shape (k,), k at most n; the first weight is that of the newest row.
-        spectra: of this kernel, by length of block; what is not there is added.
+    Oppenheim and Schafer, Discrete-Time Signal Processing, section 8.7.3). The first weight of the
+    kernel is that of the newest row; its spectra are kept by length of block.
     """
     rows, lost = columns.shape[-1], kernel.size - 1
     block = min(_quick(rows), _quick(max(_SHORTEST_BLOCK, _KERNELS * kernel.size)))
@@ -85,11 +81,7 @@ def recursive(rows: FloatArray, *past: FloatArray | float) -> FloatArray:
     """y with y[k] + past[0]·y[k - 1] + past[1]·y[k - 2] + … = rows[k], nothing before the first.
 
     A triangular system with a few diagonals, solved as such: it knows no growth that would have to
-    be divided out.
-
-    Args:
-        rows: shape (n,) or (columns, n).
-        past: one weight for each row back: a number, or its value at each row, shape (n,).
+    be divided out. Each weight is a number, or its value at each row.
     """
     from scipy.linalg.lapack import dtbtrs
 
@@ -108,14 +100,7 @@ def _quick(least: int) -> int:
 
 
 def gaussian(width: float, step: float) -> FloatArray:
-    """Symmetric Gaussian weights that sum to 1, odd in number.
-
-    The weights have shape (2k + 1,) and no unit.
-
-    Args:
-        width: standard deviation, s; 0 gives the single weight 1.
-        step: distance of two weights, s.
-    """
+    """Symmetric Gaussian weights that sum to 1, odd in number, for a standard deviation in s."""
     half = int(np.ceil(REACH * width / step))
     if half == 0:
         return np.ones(1)
@@ -133,16 +118,12 @@ def width_of(cut_off: float) -> float:
 class LowPass:
     """Zero-phase Gaussian filter without start or end effects.
 
-    Its output is a weighted mean of input rows, so an equation that holds for every row holds
-    for the filtered rows exactly; rows without a full set of neighbours are not returned.
-
-    Attributes:
-        kernel: weights, shape (2·half + 1,).
-        spectra: of the kernel, by length of block.
+    Its output is a weighted mean of input rows, so an equation that holds for every row holds for
+    the filtered rows exactly; rows without a full set of neighbours are not returned.
     """
 
-    kernel: FloatArray
-    spectra: Spectra = field(default_factory=Spectra)
+    kernel: FloatArray  # weights, shape (2·half + 1,)
+    spectra: Spectra = field(default_factory=Spectra)  # of the kernel, by length of block
 
     @classmethod
     def at(cls, cut_off: float, step: float) -> LowPass:
@@ -166,11 +147,7 @@ class LowPass:
         return self(np.pad(column, half, mode="reflect", reflect_type="odd"))
 
     def noise_gains(self, step: float) -> tuple[float, float]:
-        """Variance of filtered second and central differences per variance of the readings.
-
-        Args:
-            step: between readings, s; the gains are 1/s⁴ and 1/s².
-        """
+        """Variance of filtered second and central differences per variance of the readings."""
         second = np.convolve(self.kernel, [1.0, -2.0, 1.0]) / step**2
         central = np.convolve(self.kernel, [0.5, 0.0, -0.5]) / step
         return float(second @ second), float(central @ central)
@@ -195,10 +172,8 @@ def whiteness(residual: FloatArray) -> float:
     """Largest distance of the cumulated periodogram from the straight line of white noise.
 
     0 is white, 1 is all power at one end of the spectrum (Bartlett's test: Bartlett, An
-    Introduction to Stochastic Processes, 1966, section 9.3.2; chance alone exceeds 1.63/√(n/2)
-    once in a hundred times).
-
-    The residual has shape (rows,), any unit; the distance has none.
+    Introduction to Stochastic Processes, 1966, section 9.3.2; chance alone exceeds 1.63/√(n/2) once
+    in a hundred times).
     """
     power = np.abs(np.fft.rfft(residual)[1:]) ** 2
     total = float(np.sum(power))
@@ -211,13 +186,10 @@ def whiteness(residual: FloatArray) -> float:
 def is_coloured(residual: FloatArray, *, either_side: bool = False) -> bool:
     """Whether the level of any octave differs from the mean by more than chance and than matters.
 
-    Octaves, because what tells damping stands in the lowest few of a thousand lines.
-
-    Args:
-        residual: shape (rows,), any unit.
-        either_side: an octave that is too quiet counts as well, beyond what a fit of a few
-            parameters takes out of it by itself. It makes no interval wrong, but mass and damping
-            could be read more sharply there. Else only an excess counts.
+    Octaves, because what tells damping stands in the lowest few of a thousand lines. With either
+    side, an octave that is too quiet counts as well, beyond what a fit of a few parameters takes
+    out of it by itself: it makes no interval wrong, but mass and damping could be read more sharply
+    there.
     """
     from scipy.special import chdtri
 
@@ -247,8 +219,6 @@ def whitener(residual: FloatArray) -> FloatArray:
     The cepstrum of the smoothed spectrum, folded to positive times, is that of the minimum-phase
     response of this spectrum (Kolmogorov; Oppenheim and Schafer, Discrete-Time Signal Processing,
     section 13.5).
-
-    The residual has shape (rows,), any unit; the taps have shape (taps,) and no unit.
     """
     from scipy.fft import irfft, rfft
 

@@ -9,23 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import (
-    Estimate,
-    Model,
-    PointEstimate,
-    complete_estimate,
-    spread,
-)
+from identification.estimators.estimate import Estimate, Model, PointEstimate, Spread, spread
 from identification.estimators.filters import REACH, LowPass, width_of
 from identification.estimators.linear import unit_columns
 from identification.estimators.motion import Motion, measured_motion, others, refine_motion, terms
 from identification.estimators.signals import (
     FIRST,
     HeldColumn,
+    Kinematics,
     Signals,
     even_taps,
     of_rows,
@@ -79,30 +75,18 @@ _ROUGH = 1 << 13
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutOff:
-    """A cut-off and why.
+    """A cut-off and why."""
 
-    Attributes:
-        frequency: Hz.
-        noise_share: share of noise in the power of the filtered acceleration, if looked at.
-        reason: what set it, if it was chosen from a log.
-    """
-
-    frequency: float
-    noise_share: float = 0.0
-    reason: str = "low-pass as given"
+    frequency: float  # Hz
+    reason: str = "low-pass as given"  # what set it, if it was chosen from a log
 
 
 def choose_cut_off(acceleration: FloatArray, step: float, noise: float) -> CutOff:
     """The highest cut-off at which noise of the position reading still does no harm.
 
-    The lower the cut-off, the less noise in the acceleration; the higher, the more of the motion
-    is used. Both powers are read from the log: noise is white in position, so its acceleration
-    grows with ω⁴.
-
-    Args:
-        acceleration: unfiltered, of each inner sample, m/s², shape (rows,).
-        step: mean sample time, s.
-        noise: standard deviation of one position reading, m.
+    The lower the cut-off, the less noise in the acceleration; the higher, the more of the motion is
+    used. Both powers are read from the log: noise is white in position, so its acceleration grows
+    with ω⁴.
     """
     middle = max(0, (acceleration.size - _LONGEST) // 2)
     part = acceleration[middle : middle + _LONGEST]
@@ -129,12 +113,7 @@ def choose_cut_off(acceleration: FloatArray, step: float, noise: float) -> CutOf
     enough = _HEADROOM * float(frequency[reached])
     if enough < chosen:
         chosen, why = max(enough, lowest), "where the motion has its power"
-        index = int(np.argmin(np.abs(candidates - chosen)))
-    return CutOff(
-        frequency=chosen,
-        noise_share=float(share[index]),
-        reason=f"low-pass at {chosen:.3g} Hz, set by {why}",
-    )
+    return CutOff(frequency=chosen, reason=f"low-pass at {chosen:.3g} Hz, set by {why}")
 
 
 def _passed(frequency: FloatArray, candidates: FloatArray, powers: FloatArray) -> FloatArray:
@@ -153,31 +132,21 @@ def _passed(frequency: FloatArray, candidates: FloatArray, powers: FloatArray) -
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regression:
-    """The filtered columns of one log.
+    """The filtered columns of one log."""
 
-    Attributes:
-        signals: the log.
-        model: which columns.
-        known: first sample whose interval feels only logged forces.
-        motion: direction and standstill the friction columns were made from.
-        cut_off: of the filter, and why there.
-        low_pass: the filter.
-        columns: filtered acceleration, velocity and other terms, in the order of the model's
-            parameters, shape (p, rows).
-        mean_speed: s of the model, m/s.
-        logged: force as it was sent, filtered, shape (n - 2·half,); empty if steps are uneven.
-        filtered_forces: N by delay, s: the last made for this standstill, shape (rows,) each.
-    """
-
-    signals: Signals
-    model: Model
-    known: int
-    motion: Motion
-    cut_off: CutOff
-    low_pass: LowPass
+    signals: Signals  # the log
+    model: Model  # which columns
+    known: int  # first sample whose interval feels only logged forces
+    motion: Motion  # direction and standstill the friction columns were made from
+    cut_off: CutOff  # of the filter, and why there
+    low_pass: LowPass  # the filter
+    #: filtered acceleration, velocity and other terms, in the order of the model's parameters,
+    #: shape (p, rows)
     columns: FloatArray
-    mean_speed: float
+    mean_speed: float  # s of the model, m/s
+    #: force as it was sent, filtered, shape (n - 2·half,); empty if steps are uneven
     logged: FloatArray
+    #: N by delay, s: the last made for this standstill, shape (rows,) each
     filtered_forces: dict[float, FloatArray] = field(default_factory=dict[float, FloatArray])
 
     @classmethod
@@ -223,12 +192,9 @@ class Regression:
 
     def at_cut_off(self, frequency: float) -> Regression:
         """This regression at another cut-off, Hz, its direction of motion as it is."""
+        cut_off = CutOff(frequency=frequency)
         return Regression.of(
-            self.signals,
-            self.model,
-            self.motion,
-            cut_off=CutOff(frequency=frequency),
-            known=self.known,
+            self.signals, self.model, self.motion, cut_off=cut_off, known=self.known
         )
 
     def knowing(self, delay: float) -> Regression:
@@ -238,9 +204,13 @@ class Regression:
             self.signals, self.model, self.motion, cut_off=self.cut_off, known=known
         )
 
-    def held_terms(self, motion: Motion) -> tuple[HeldColumn, ...]:
-        """The terms beside mass and damping, unfiltered, for a direction of motion."""
-        return terms(self.model, motion, self.signals.position, self.signals.steps).columns
+    def unfiltered(self, position: FloatArray, motion: Motion) -> FloatArray:
+        """Columns of another position and direction of motion before the filter."""
+        steps = self.signals.steps
+        rows = Kinematics.of(position - np.mean(position), steps)
+        beside = terms(self.model, motion, position, steps).columns
+        triangles = [of_rows(each.triangle()) for each in beside]
+        return np.stack((rows.acceleration, rows.velocity, *triangles))
 
     def _with_terms(self) -> Regression:
         found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
@@ -342,20 +312,9 @@ class Regression:
 
 
 def prepare(
-    trajectory: Trajectory,
-    model: Model,
-    delay: float,
-    *,
-    refine: bool = True,
+    trajectory: Trajectory, model: Model, delay: float, *, refine: bool = True
 ) -> Regression:
-    """The regression of one log.
-
-    Args:
-        trajectory: the log; time stamps are used as they are.
-        model: which terms to estimate.
-        delay: s; the force can later be had with any delay up to this one.
-        refine: settle the direction of motion at this delay.
-    """
+    """The regression of one log, whose force can be had with any delay up to the one given, s."""
     signals = Signals.of(trajectory)
     acceleration = signals.kinematics.acceleration
     chosen = choose_cut_off(acceleration, signals.step, signals.noise)
@@ -369,6 +328,41 @@ def prepare(
     return table.refined(delay) if refine else table
 
 
+def complete_estimate(
+    method: str,
+    table: Regression,
+    found: PointEstimate,
+    around: Spread,
+    *,
+    fitted: bool,
+    unit: Literal["force", "position"],
+    notes: Sequence[str],
+    leaning: FloatArray | None = None,
+) -> Estimate:
+    """The Estimate of one fit, whose covariance ends with the delay if that was fitted."""
+    size = found.values.size
+    covariance = around.covariance[:size, :size]
+    if leaning is not None:
+        covariance = covariance + np.outer(leaning, leaning)
+    return Estimate(
+        method=method,
+        model=table.model,
+        delay=found.delay,
+        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
+        values=found.values,
+        covariance=covariance,
+        degrees_of_freedom=around.degrees_of_freedom,
+        residual=found.residual,
+        residual_unit=unit,
+        explained=found.explained,
+        condition=around.condition,
+        inflation=around.inflation[:size],
+        mean_speed=table.mean_speed,
+        leaning=leaning,
+        notes=tuple(notes),
+    )
+
+
 def point(table: Regression, delay: float) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     force, values = table.force(delay), table.solve(delay)
@@ -379,13 +373,7 @@ def point(table: Regression, delay: float) -> PointEstimate:
 def fit(table: Regression, delay: float) -> Estimate:
     """Mass, damping and friction by filtered least squares.
 
-    Args:
-        table: with at least as many known intervals as the delay needs.
-        delay: s, command to force; a fraction of a sample is honoured.
-
-    Returns:
-        Estimate with the residual in force, filtered; its notes state the cut-off and what mass
-        and damping become at half and at twice of it.
+    Notes state the cut-off, and what mass and damping become at half and at twice of it.
     """
     found = point(table, delay)
     force, residual = found.signal, found.residual
@@ -394,8 +382,6 @@ def fit(table: Regression, delay: float) -> Estimate:
         table.at_cut_off(factor * table.cut_off.frequency).solve(delay)
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
     )
-    # What depends on the filter is an error of the model, which blocks of one log do not show.
-    leaning = (high - low) / 2
     notes = (
         table.cut_off.reason,
         f"at half the cut-off mass is {low[0]:.5g} and damping {low[1]:.5g}",
@@ -403,29 +389,24 @@ def fit(table: Regression, delay: float) -> Estimate:
     )
     return complete_estimate(
         "least-squares",
-        table.model,
+        table,
         found,
         around,
         fitted=False,
         unit="force",
-        mean_speed=table.mean_speed,
         notes=notes,
-        leaning=leaning,
+        # What depends on the filter is an error of the model, which blocks of one log do not show.
+        leaning=(high - low) / 2,
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delay:
-    """A delay read from a log.
+    """A delay read from a log."""
 
-    Attributes:
-        value: s.
-        deviation: standard deviation, s.
-        residuals: root mean square of the filtered residual at 0, 1, ... whole samples, N.
-    """
-
-    value: float
-    deviation: float
+    value: float  # s
+    deviation: float  # standard deviation, s
+    #: root mean square of the filtered residual at 0, 1, ... whole samples, N.
     residuals: tuple[float, ...]
 
 
@@ -433,11 +414,8 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
     """The delay, 0 to MOST_SAMPLES samples, at which least squares leaves the smallest residual.
 
     Delaying a force and adding damping look alike in a log of a single frequency; then the
-    deviation is large, and so becomes the interval of the damping (prepared.py).
-
-    Args:
-        trajectory: the log.
-        table: its regression, with as many known intervals as the longest delay needs.
+    deviation is large, and so becomes the interval of the damping. The regression has as many known
+    intervals as the longest delay needs.
     """
     step = table.signals.step
     grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE

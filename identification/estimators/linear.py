@@ -8,7 +8,7 @@ stays in columns; what is solved is as small as the parameters.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -49,9 +49,7 @@ def solve(columns: FloatArray, right: FloatArray) -> FloatArray:
 def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArray:
     """Pseudo-inverses of symmetric matrices by their eigenvalues, shape (..., p, p).
 
-    Args:
-        matrices: shape (..., p, p).
-        nothing: eigenvalues below this part of the largest, in size, carry nothing but rounding.
+    Eigenvalues below ``nothing`` times the largest, in size, carry nothing but rounding.
     """
     values, vectors = np.linalg.eigh(matrices)
     sizes = np.abs(values)
@@ -61,10 +59,7 @@ def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArra
 
 
 def explained_share(signal: FloatArray, residual: FloatArray) -> float:
-    """Share of the mean square of a signal that is not in the residual; 0 without a signal.
-
-    Both are of shape (rows,) and of one unit; the share has none.
-    """
+    """Share of the mean square of a signal that is not in the residual; 0 without a signal."""
     power = float(signal @ signal)
     return 1 - float(residual @ residual) / power if power > 0 else 0.0
 
@@ -74,10 +69,8 @@ def gauss_newton(
 ) -> tuple[FloatArray, float]:
     """The Gauss-Newton step of a fit, and what it gains in units of the variance of a residual.
 
-    Args:
-        slopes: derivative of the fit by each parameter, shape (k, rows).
-        residual: what the fit leaves, shape (rows,).
-        nothing: directions this much weaker than the strongest carry nothing but rounding.
+    Slopes are by each parameter, shape (k, rows); directions weaker than ``nothing`` times the
+    strongest carry nothing but rounding.
     """
     normal = slopes @ slopes.T
     size = np.sqrt(np.diag(normal))
@@ -111,27 +104,18 @@ class Separable(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Solution:
-    """The best fit found.
+    """The best fit found, or the linear solve at one θ."""
 
-    Attributes:
-        theta: nonlinear parameters, shape (k,).
-        weights: linear parameters, shape (q,).
-        columns: X at theta, shape (q, rows).
-        slopes: derivative of the fit by theta, shape (k, rows).
-        target: y, shape (rows,).
-        residual: y - Xᵀw, shape (rows,).
-        converged: whether the search ended because steps became short.
-    """
-
-    theta: FloatArray
-    weights: FloatArray
-    columns: FloatArray
-    slopes: FloatArray
-    target: FloatArray
-    residual: FloatArray
-    converged: bool
+    theta: FloatArray  # nonlinear parameters, shape (k,)
+    weights: FloatArray  # linear parameters, shape (q,)
+    columns: FloatArray  # X at theta, shape (q, rows)
+    target: FloatArray  # y, shape (rows,)
+    residual: FloatArray  # y - Xᵀw, shape (rows,)
+    inverse: FloatArray  # of the products of columns, shape (q, q)
+    slopes: FloatArray  # derivative of the fit by theta, shape (k, rows); of a trial none
+    converged: bool = False  # whether the search ended because steps became short
 
     @property
     def cost(self) -> float:
@@ -139,71 +123,37 @@ class Solution:
         return float(self.residual @ self.residual)
 
 
-@dataclass(frozen=True, slots=True)
-class _Linear:
-    """The linear solve at one θ."""
-
-    columns: FloatArray
-    target: FloatArray
-    inverse: FloatArray
-    weights: FloatArray
-    residual: FloatArray
-
-    @property
-    def cost(self) -> float:
-        return float(self.residual @ self.residual)
-
-    def project(self, right: FloatArray) -> FloatArray:
-        """Weights that fit other right-hand sides, shape (..., rows) to (..., q)."""
-        return (right @ self.columns.T) @ self.inverse
-
-
 def solve_separable(problem: Separable, start: FloatArray) -> Solution:
-    """Minimise ‖y - Xᵀ(θ)·w‖² over θ and w, from a start that may be rough.
-
-    The start has shape (parameters,), in the units of θ.
-    """
-    theta = np.clip(start, *problem.bounds)
-    best = _linear(problem, theta)
-    converged = False
-    slopes = problem.slopes(theta, best.weights, best.residual)
+    """Minimise ‖y - Xᵀ(θ)·w‖² over θ and w, from a start that may be rough."""
+    best = _with_slopes(problem, _linear(problem, np.clip(start, *problem.bounds)))
     for _ in range(_MOST_STEPS):
-        across = slopes - best.project(slopes) @ best.columns
-        move, gain = gauss_newton(across, best.residual, _NOTHING)
+        along = (best.slopes @ best.columns.T) @ best.inverse
+        move, gain = gauss_newton(best.slopes - along @ best.columns, best.residual, _NOTHING)
         if gain <= _CONVERGED**2:
-            converged = True
-            break
-        found = _improved(problem, theta, move, best.cost)
+            return replace(best, converged=True)
+        found = _improved(problem, best, move)
         if found is None:
             break
-        theta, best = found
-        slopes = problem.slopes(theta, best.weights, best.residual)
-    return Solution(
-        theta=theta,
-        weights=best.weights,
-        columns=best.columns,
-        slopes=slopes,
-        target=best.target,
-        residual=best.residual,
-        converged=converged,
-    )
+        best = _with_slopes(problem, found)
+    return best
 
 
-def _improved(
-    problem: Separable, theta: FloatArray, move: FloatArray, cost: float
-) -> tuple[FloatArray, _Linear] | None:
+def _with_slopes(problem: Separable, found: Solution) -> Solution:
+    return replace(found, slopes=problem.slopes(found.theta, found.weights, found.residual))
+
+
+def _improved(problem: Separable, best: Solution, move: FloatArray) -> Solution | None:
     """The longest of ever shorter steps that makes the fit better; None if there is none."""
     for halving in range(_MOST_HALVINGS):
-        trial = np.clip(theta + move / 2**halving, *problem.bounds)
-        if not problem.allowed(trial):
-            continue
-        found = _linear(problem, trial)
-        if found.cost < cost:
-            return trial, found
+        trial = np.clip(best.theta + move / 2**halving, *problem.bounds)
+        if problem.allowed(trial):
+            found = _linear(problem, trial)
+            if found.cost < best.cost:
+                return found
     return None
 
 
-def _linear(problem: Separable, theta: FloatArray) -> _Linear:
+def _linear(problem: Separable, theta: FloatArray) -> Solution:
     columns, target = problem.at(theta)
     gram = columns @ columns.T
     size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
@@ -214,22 +164,14 @@ def _linear(problem: Separable, theta: FloatArray) -> _Linear:
     for _ in range(_REPEATS):
         weights = weights + inverse @ (columns @ residual)
         residual = target - weights @ columns
-    return _Linear(columns, target, inverse, weights, residual)
+    return Solution(theta, weights, columns, target, residual, inverse, np.empty(0))
 
 
 def physical(best: Solution, count: int) -> tuple[FloatArray, FloatArray]:
     """Parameters m, b, terms of a solution in p = θ[0] and weights 1/m, -terms/m, and its Jacobian.
 
     The chain rule is taken in the columns, so a covariance computed from them is already that of
-    the physical parameters.
-
-    Args:
-        best: its first ``count - 1`` weights are those of force and terms.
-        count: number of parameters.
-
-    Returns:
-        values, shape (count,), and derivatives of the fit by them, then by the other θ and the
-        other weights, shape (count + nuisance, rows).
+    the physical parameters. The Jacobian goes on with the other θ and the other weights.
     """
     inverse = float(best.weights[0])
     if abs(inverse) < _LIGHTEST:

@@ -35,13 +35,9 @@ _SHORTEST_START = 3
 
 
 def running_maximum(column: FloatArray, width: int) -> FloatArray:
-    """Largest of the ``width`` samples about each one, fewer at the ends; shape (n,) to (n,).
+    """Largest of the ``width`` samples about each one, fewer at the ends; an odd number of them.
 
     Maxima of two neighbouring spans make one of twice the span, so the cost goes with log(width).
-
-    Args:
-        column: shape (n,).
-        width: samples, odd.
     """
     outside = np.full(width // 2, -np.inf)
     largest, span = np.concatenate((outside, column, outside)), 1
@@ -72,10 +68,7 @@ class Motion:
 
     @classmethod
     def always(cls, intervals: int, steps: float | FloatArray) -> Motion:
-        """A device without friction never stands still; its direction does not matter.
-
-        Steps, in s, are one number, or have shape (intervals,).
-        """
+        """A device without friction, shape (intervals,): it never stands still."""
         ones = np.ones(intervals)
         return cls(direction=HeldColumn.constant(ones, steps), moving=ones)
 
@@ -89,14 +82,7 @@ class Motion:
 def measured_motion(
     position: FloatArray, steps: float | FloatArray, *, noise: float, bend: float
 ) -> Motion:
-    """Direction and standstill from the position alone.
-
-    Args:
-        position: m, shape (n,).
-        steps: of the log, s: one number, or shape (n - 1,).
-        noise: standard deviation of one reading, m.
-        bend: typical acceleration, m per sample².
-    """
+    """Direction and standstill from the position alone, given its bend in m per sample²."""
     width = _WIDEST
     if bend > 0:
         # Variance of the derivative of a Gaussian kernel of width s: σ²/(4·√π·s³).
@@ -123,21 +109,11 @@ def refine_motion(
 ) -> Motion:
     """Direction and standstill with the model's help.
 
-    The velocity is the model's, integrated from the force, plus the smoothed difference between
-    the measured and the model's velocity: slow parts come from the measurement, the bend at a
-    reversal from the model. Both pass through the same filter, so nothing is shifted. A device
-    that comes to rest while the force cannot overcome friction stands until it can.
-
-    Args:
-        motion: direction and standstill as known so far.
-        smoothed: measured mean velocity of each interval through the filter, m/s, shape (n - 1,).
-        pull: mean over each interval of the force less all terms but damping and Coulomb
-            friction, N, shape (n - 1,).
-        steps: of the log, s: one number, or shape (n - 1,).
-        low_pass: the filter.
-        mass: as estimated so far, kg, positive.
-        damping: as estimated so far, N·s/m.
-        friction: Coulomb friction as estimated so far, N, positive.
+    The velocity is the model's, integrated from the force, plus the smoothed difference between the
+    measured and the model's velocity: slow parts come from the measurement, the bend at a reversal
+    from the model. Both pass through the same filter, so nothing is shifted. A device that comes to
+    rest while the force cannot overcome friction stands until it can. The pull is the mean force
+    over each interval less all terms but damping and Coulomb friction.
     """
     net = motion.moving * (pull - friction * motion.direction.mean() - damping * smoothed)
     mobility = steps / mass
@@ -166,13 +142,8 @@ def _rest(
 ) -> FloatArray:
     """Part of each interval, at its end, in which static friction holds the device; shape (n - 1,).
 
-    Rest begins when the speed is used up, and lasts until the pull exceeds friction.
-
-    Args:
-        velocity: at the start of each interval, m/s.
-        pull: force less offset, N.
-        friction: N.
-        mobility: length of the intervals over mass, s/kg.
+    Rest begins when the speed is used up, and lasts until the pull exceeds friction. Mobility is
+    the length of an interval over mass, s/kg.
     """
     stuck = np.abs(pull) < friction
     first = stuck & ~np.concatenate(([False], stuck[:-1]))
@@ -273,15 +244,10 @@ def _dwelling(position: FloatArray, noise: float, bend: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terms:
-    """Columns in the order of ``model.parameters[2:]``, zero where the device stands.
+    """Columns in the order of ``model.parameters[2:]``, zero where the device stands."""
 
-    Attributes:
-        columns: force per unit of parameter, n - 1 intervals each.
-        mean_speed: s of the model, m/s; 0 where friction does not differ by direction.
-    """
-
-    columns: tuple[HeldColumn, ...]
-    mean_speed: float
+    columns: tuple[HeldColumn, ...]  # force per unit of parameter, n - 1 intervals each
+    mean_speed: float  # s of the model, m/s; 0 where friction does not differ by direction
 
 
 def terms(model: Model, motion: Motion, position: FloatArray, steps: float | FloatArray) -> Terms:
@@ -289,12 +255,6 @@ def terms(model: Model, motion: Motion, position: FloatArray, steps: float | Flo
 
     Terms that depend on speed or position are taken as their mean over each interval: what they
     change inside of it moves the device by a part (ωT)²/12 of their own effect.
-
-    Args:
-        model: which columns.
-        motion: direction and standstill.
-        position: m, shape (n,).
-        steps: of the log, s: one number, or shape (n - 1,).
     """
     moving = motion.moving
     columns = [motion.direction] if model.coulomb else []
@@ -319,15 +279,7 @@ def others(
     steps: float | FloatArray,
     values: Mapping[str, float],
 ) -> FloatArray:
-    """Mean over each interval of all terms but Coulomb friction, as if nothing stood, N.
-
-    Args:
-        model: which terms.
-        motion: direction of motion; that it may stand is left out.
-        position: m, shape (n,).
-        steps: of the log, s.
-        values: of the parameters by name.
-    """
+    """Mean over each interval of all terms but Coulomb friction, as if nothing stood, N."""
     columns = terms(model, motion.released(), position, steps).columns
     total = np.zeros(motion.moving.size)
     for name, held in zip(model.parameters[2:], columns, strict=True):

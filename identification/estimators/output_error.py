@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import Estimate, PointEstimate, complete_estimate, spread
+from identification.estimators.estimate import Estimate, PointEstimate, spread
 from identification.estimators.filters import is_coloured, recursive, whiteness
-from identification.estimators.least_squares import Regression
+from identification.estimators.least_squares import Regression, complete_estimate
 from identification.estimators.linear import (
     physical,
     solve_separable,
@@ -60,18 +60,9 @@ _LONG = 1 << 14
 def process_noise_covariance(
     jacobian: FloatArray, residual: FloatArray, keep: int, *, mass: float, rate: float, step: float
 ) -> FloatArray:
-    """What the force adds to the covariance of a least-squares fit of positions.
+    """What a white force adds to the covariance of a fit of positions, shape (keep, keep).
 
-    Args:
-        jacobian: shape (p, rows).
-        residual: shape (rows,), m (rad).
-        keep: how many leading parameters are wanted.
-        mass: kg (kg·m²).
-        rate: b/m, 1/s.
-        step: mean time between rows, s.
-
-    Returns:
-        shape (keep, keep), in the units of the parameters; zeros where no such force is seen.
+    The rate is b/m; where no such force is seen, nothing is added.
     """
     rows = residual.size
     parts = min(rows, _PARTS)
@@ -105,13 +96,7 @@ class _Pushed:
 
 
 def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> float:
-    """The likeliest variance of a force held for one part each.
-
-    Args:
-        columns: what the fit has taken up, shape (p, parts).
-        residual: shape (parts,).
-        pushed: positions from forces.
-    """
+    """The likeliest variance of a force held for one part each, beside columns the fit took up."""
     parts = residual.size
     line = np.arange(1, min(_LINES, parts // 2) + 1)[:, None]
     lines = np.cos(np.pi * line * (np.arange(parts) + 0.5) / parts)
@@ -134,12 +119,7 @@ def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> flo
 
 
 def _directions(rows: FloatArray, power: float) -> FloatArray:
-    """Orthonormal rows that span the same, shape (rank, parts).
-
-    Args:
-        rows: shape (count, parts).
-        power: sum of squares of a row of which nothing was taken away.
-    """
+    """Orthonormal rows of the same span; ``power`` is that of a row that lost nothing."""
     powers, mixed = np.linalg.eigh(rows @ rows.T)
     strong = powers > _ROUNDING * power
     return (mixed[:, strong] / np.sqrt(powers[strong])).T @ rows
@@ -155,39 +135,29 @@ class _Acting(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Problem:
-    """Position of one log as a separable model in θ = (p,) or (p, delay).
+    """Position of one log as a separable model in θ = (p,) or (p, delay)."""
 
-    Attributes:
-        drive: inputs.
-        position: measured, about its mean, m, shape (n,).
-        known: first sample after intervals that feel only logged forces; what happens before is
-            in q0 and v0.
-        last: what acted at the last θ looked at, by its bytes.
-    """
-
-    drive: Drive
-    position: FloatArray
+    drive: Drive  # inputs
+    position: FloatArray  # measured, about its mean, m, shape (n,)
+    #: first sample after intervals that feel only logged forces; what happens before is in q0 and
+    #: v0
     known: int
+    #: what acted at the last θ looked at, by its bytes
     last: dict[bytes, _Acting] = field(default_factory=dict[bytes, _Acting])
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        ranges = [self.drive.rates, *([self.drive.delays] if self.drive.delay is None else [])]
-        low, high = np.array(ranges).T
-        return low, high
+        return self.drive.bounds()
 
     def allowed(self, theta: FloatArray) -> bool:
         return bool(np.all(np.isfinite(theta)))
-
-    def _delay(self, theta: FloatArray) -> float:
-        return float(theta[1]) if self.drive.delay is None else self.drive.delay
 
     def _acting(self, theta: FloatArray) -> _Acting:
         """Slopes are asked for at the θ that columns were made for last."""
         key = theta.tobytes()
         if key not in self.last:
             device = HeldResponse.at(float(theta[0]), self.drive.steps)
-            inputs = self.drive.inputs(self._delay(theta))
+            inputs = self.drive.inputs(self.drive.delay_of(theta))
             self.last.clear()
             self.last[key] = _Acting(device, inputs, tuple(device.gain(held) for held in inputs))
         return self.last[key]
@@ -216,8 +186,8 @@ class _Problem:
         gain = Gain(velocity=velocity, distance=distance)
         slopes = [device.position_slope(speed, gain)[self.known :]]
         if self.drive.delay is None:
-            later = device.position(self.drive.slope_by_delay(device, self._delay(theta)))[0]
-            slopes.append(weights[0] * later[self.known :])
+            later = self.drive.slope_by_delay(device, self.drive.delay_of(theta))
+            slopes.append(weights[0] * device.position(later)[0][self.known :])
         return np.stack(slopes)
 
 
@@ -227,18 +197,7 @@ def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Poin
 
 
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
-    """Mass, damping and friction by output error.
-
-    Args:
-        table: gives the start and the direction of motion; it has at least as many known
-            intervals as the delay needs.
-        delay: s, command to force, a fraction of a sample is honoured; None fits it, from 0 to
-            MOST_SAMPLES samples.
-        start: where the search for the delay begins, s.
-
-    Returns:
-        Estimate with the residual in position.
-    """
+    """Mass, damping and friction by output error; the residual is in position."""
     found = _found(table, delay, start if delay is None else delay)
     best, size, fitted = _point(table, found, delay), len(table.model.parameters), delay is None
     values, jacobian, residual = best.values, found.jacobian, found.residual
@@ -252,15 +211,9 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         step=table.signals.step,
     )
     around = replace(around, covariance=around.covariance + drift)
+    notes = () if found.converged else ("the search ended before it settled",)
     return complete_estimate(
-        "output-error",
-        table.model,
-        best,
-        around,
-        fitted=fitted,
-        unit="position",
-        mean_speed=table.mean_speed,
-        notes=() if found.converged else ("the search ended before it settled",),
+        "output-error", table, best, around, fitted=fitted, unit="position", notes=notes
     )
 
 

@@ -51,10 +51,7 @@ LAST = 2
 
 
 def encoder_count(position: FloatArray) -> float | None:
-    """The step all changes of position are multiples of, m; None if there is no such step.
-
-    The position has shape (n,), m (rad).
-    """
+    """The step all changes of position are multiples of, m; None if there is no such step."""
     key = id(position)
     if key in _counts:
         return _counts[key]
@@ -110,11 +107,8 @@ def position_noise(
     """Standard deviation of one position reading, m, taken as white, rounding included.
 
     Read from the highest frequencies of the second difference, where a held force moves a device
-    least; what follows the force even there is taken out first. Never below Δ/√12 of the
-    encoder's count Δ (Widrow: rounding noise of a signal that crosses counts).
-
-    Position (m or rad) and force (N or N·m) have shape (n,), the steps shape (n - 1,) or one value,
-    s.
+    least; what follows the force even there is taken out first. Never below Δ/√12 of the encoder's
+    count Δ (Widrow: rounding noise of a signal that crosses counts).
     """
     if isinstance(steps, np.ndarray) or not (_unchanging(position) and _unchanging(force)):
         return _noise_of(position, force, steps)
@@ -155,8 +149,6 @@ def finest_reading(position: FloatArray, force: FloatArray) -> float:
 
     If noise exceeds the rounding of that count, or there is no count, the count whose rounding
     would be as large as the noise.
-
-    Position (m or rad) and force (N or N·m) have shape (n,).
     """
     count = encoder_count(position)
     equivalent = float(np.sqrt(12.0)) * position_noise(position, force)
@@ -167,20 +159,14 @@ def finest_reading(position: FloatArray, force: FloatArray) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldColumn:
-    """A column that is constant over each interval but for jumps.
+    """A column that is constant over each interval but for jumps."""
 
-    Attributes:
-        steps: length of the intervals, s: one number, or shape (n - 1,).
-        level: value at the start of each interval, shape (n - 1,).
-        change: size of each jump, shape (j,); none if empty.
-        left: time from each jump to the end of its interval, s: one number, or shape (j,).
-        interval: interval of each jump, shape (j,); None means one jump in every interval.
-    """
-
-    steps: float | FloatArray
-    level: FloatArray
-    change: FloatArray
+    steps: float | FloatArray  # length of the intervals, s: one number, or shape (n - 1,)
+    level: FloatArray  # value at the start of each interval, shape (n - 1,)
+    change: FloatArray  # size of each jump, shape (j,); none if empty
+    #: time from each jump to the end of its interval, s: one number, or shape (j,)
     left: float | FloatArray
+    #: interval of each jump, shape (j,); None means one jump in every interval
     interval: IndexArray | None
 
     @classmethod
@@ -247,25 +233,20 @@ class HeldColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Commands:
-    """The forces a controller sent during one log.
+    """The forces a controller sent during one log."""
 
-    Attributes:
-        steps: length of the intervals of the log, s: one number, or shape (n - 1,).
-        value: N, shape (c,); with even steps one for each of the n samples.
-        sent: when each was sent, s after the first sample, shape (c,); None with even steps.
-    """
-
+    #: length of the intervals of the log, s: one number, or shape (n - 1,)
     steps: float | FloatArray
-    value: FloatArray
+    value: FloatArray  # N, shape (c,); with even steps one for each of the n samples
+    #: when each was sent, s after the first sample, shape (c,); None with even steps
     sent: FloatArray | None
 
     @classmethod
     def of(cls, force: FloatArray, steps: float | FloatArray) -> Commands:
         """Commands of a log: row k was sent at t[k] and is held until the next is sent.
 
-        Forces, in N, have shape (n,); steps, in s, are one number, or have shape (n - 1,). A step
-        LOST times the median or more has lost rows. The controller sent forces there that nobody
-        wrote down; they are taken to lie on the straight line between their neighbours.
+        A step LOST times the median or more has lost rows. The controller sent forces there that
+        nobody wrote down; they are taken to lie on the straight line between their neighbours.
         """
         if not isinstance(steps, np.ndarray):
             return cls(steps=steps, value=force, sent=None)
@@ -326,15 +307,10 @@ class Commands:
 
 
 def even_taps(delay: float, step: float) -> tuple[int, tuple[float, float, float]]:
-    """How a triangle sees a force that is held evenly and delayed (Held.triangle).
+    """How a triangle sees a force that is held evenly and delayed (HeldColumn.triangle).
 
-    Args:
-        delay: s.
-        step: s.
-
-    Returns:
-        Whole samples of the delay, and the weights of the force sent so long before the sample,
-        one sample earlier and two earlier.
+    Whole samples of the delay, and the weights of the force sent so long before the sample, one
+    sample earlier and two earlier.
     """
     whole, fraction = _split(delay, step)
     left = 1 - fraction / step
@@ -342,10 +318,7 @@ def even_taps(delay: float, step: float) -> tuple[int, tuple[float, float, float
 
 
 def mean_step(steps: float | FloatArray) -> float:
-    """Mean length of the intervals of a log, s.
-
-    The steps have shape (n - 1,), s, or are one value for all.
-    """
+    """Mean length of the intervals of a log, s."""
     return float(np.mean(steps)) if isinstance(steps, np.ndarray) else steps
 
 
@@ -356,10 +329,7 @@ def _split(delay: float, step: float) -> tuple[int, float]:
 
 
 def unknown_intervals(steps: float | FloatArray, delay: float) -> int:
-    """How many intervals at the start of a log feel forces from before it.
-
-    The steps have shape (n - 1,), s, or are one value for all; the delay is in s.
-    """
+    """How many intervals at the start of a log feel forces from before it."""
     if not isinstance(steps, np.ndarray):
         return int(np.ceil(delay / steps - _HARDLY))
     return int(np.searchsorted(np.cumsum(steps), delay)) + 1 if delay > 0 else 0
@@ -374,12 +344,7 @@ class Kinematics:
 
     @classmethod
     def of(cls, position: FloatArray, steps: float | FloatArray) -> Kinematics:
-        """Rows of a position.
-
-        Args:
-            position: m, shape (n,).
-            steps: of the log, s: one number, or shape (n - 1,).
-        """
+        """Rows of a position."""
         step = mean_step(steps)
         bend = np.diff(np.diff(position) / steps)
         # Mean position of an interval: the chord less what the motion bends away from it.
@@ -392,36 +357,23 @@ class Kinematics:
 
 
 def of_rows(triangles: FloatArray) -> FloatArray:
-    """Those of n - 2 triangles that have a row of kinematics.
-
-    The triangles have shape (n - 2,), the answer has the shape (n - 4,) of the kinematics, in the
-    unit of the triangles.
-    """
+    """Those of n - 2 triangles that have a row of kinematics, shape (n - 4,)."""
     return triangles[FIRST - 1 : triangles.size - LAST + 1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signals:
-    """What every estimator reads of one log.
+    """What every estimator reads of one log."""
 
-    Attributes:
-        steps: length of the intervals, s: one number if the log is even, else shape (n - 1,).
-        step: their mean, s.
-        position: m, shape (n,).
-        commands: forces as logged.
-        speed: mean velocity of each interval, m/s, shape (n - 1,).
-        kinematics: rows of acceleration and velocity.
-        noise: standard deviation of one position reading, m.
-        reference: logged set-point, m, shape (n,); None if there is none, or it never moves.
-    """
-
+    #: length of the intervals, s: one number if the log is even, else shape (n - 1,)
     steps: float | FloatArray
-    step: float
-    position: FloatArray
-    commands: Commands
-    speed: FloatArray
-    kinematics: Kinematics
-    noise: float
+    step: float  # their mean, s
+    position: FloatArray  # m, shape (n,)
+    commands: Commands  # forces as logged
+    speed: FloatArray  # mean velocity of each interval, m/s, shape (n - 1,)
+    kinematics: Kinematics  # rows of acceleration and velocity
+    noise: float  # standard deviation of one position reading, m
+    #: logged set-point, m, shape (n,); None if there is none, or it never moves
     reference: FloatArray | None
 
     @classmethod

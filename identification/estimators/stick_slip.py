@@ -47,44 +47,30 @@ _NOTHING = 1e-13
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Path:
-    """A simulated motion.
+    """A simulated motion."""
 
-    Attributes:
-        motion: direction and standstill.
-        forward: whether each interval begins forward, shape (n - 1,).
-        speed: velocity at each sample, m/s, shape (n,).
-        kept: factor on what a device keeps of a small change of velocity in each interval: 1,
-            ρ where it turns, 0 where it stands or comes to rest, shape (n - 1,).
-    """
-
-    motion: Motion
-    forward: BoolArray
-    speed: FloatArray
+    motion: Motion  # direction and standstill
+    forward: BoolArray  # whether each interval begins forward, shape (n - 1,)
+    speed: FloatArray  # velocity at each sample, m/s, shape (n,)
+    #: factor on what a device keeps of a small change of velocity in each interval: 1, ρ where it
+    #: turns, 0 where it stands or comes to rest, shape (n - 1,)
     kept: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Direction:
-    """One direction of motion.
+    """One direction of motion."""
 
-    Attributes:
-        device: p = b/m in this direction on the grid of the log.
-        free: velocity if all forces but Coulomb friction acted with this p, from rest, shape (n,).
-        left: part left of a velocity after 1, 2, … even steps, shape (_TABLE,), else empty.
-        lost: velocity that a unit deceleration takes in that time, s, shape (_TABLE,).
-    """
-
-    device: HeldResponse
+    device: HeldResponse  # p = b/m in this direction on the grid of the log
+    #: velocity if all forces but Coulomb friction acted with this p, from rest, shape (n,)
     free: FloatArray
+    #: part left of a velocity after 1, 2, … even steps, shape (_TABLE,), else empty
     left: FloatArray
-    lost: FloatArray
+    lost: FloatArray  # velocity that a unit deceleration takes in that time, s, shape (_TABLE,)
 
     @classmethod
     def of(cls, device: HeldResponse, free: FloatArray) -> Direction:
-        """With tables for even steps, which spare an exponential for each turn.
-
-        The free velocity has shape (n,).
-        """
+        """With tables for even steps, which spare an exponential for each turn."""
         if isinstance(device.steps, np.ndarray):
             return cls(device=device, free=free, left=np.empty(0), lost=np.empty(0))
         left, lost = _decay(device.rate, device.steps * np.arange(1.0, _TABLE + 1))
@@ -93,10 +79,7 @@ class Direction:
     def after(
         self, age: FloatArray, at: int, begin: int, end: int
     ) -> tuple[FloatArray, FloatArray]:
-        """``left`` and ``lost`` from sample ``at`` to each of ``begin`` to ``end``.
-
-        The age of each sample, in s, has shape (n,), both answers have shape (end - begin,).
-        """
+        """``left`` and ``lost`` from sample ``at`` to each of ``begin`` to ``end``; ages in s."""
         if end - at <= self.left.size:
             since = slice(begin - at - 1, end - at - 1)
             return self.left[since], self.lost[since]
@@ -112,18 +95,7 @@ def path(
     friction: float,
     start: float,
 ) -> Path:
-    """Simulate a log.
-
-    The pull has shape (n - 1,), one value an interval.
-
-    Args:
-        forward: q̇ > 0.
-        backward: q̇ < 0; the same where friction does not differ by direction.
-        pull: mean over each interval of all forces but damping and Coulomb friction, N.
-        mass: kg, positive.
-        friction: N, positive.
-        start: velocity at the first sample, m/s.
-    """
+    """Simulate a log under the mean over each interval of all forces but damping and friction."""
     count = pull.size
     steps = np.broadcast_to(np.asarray(forward.device.steps), pull.shape)
     age = np.concatenate(([0.0], np.cumsum(steps)))
@@ -190,11 +162,7 @@ def _decay(rate: float, since: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _next_turn(way: Direction, speed: FloatArray, age: FloatArray, at: int, resisted: float) -> int:
-    """Fill in the speed from one sample on up to the end of the interval in which it changes sign.
-
-    Returns:
-        That interval, or the number of intervals if there is none.
-    """
+    """Fill in the speed up to the end of the interval in which it changes sign, and return that."""
     count = speed.size - 1
     excess = speed[at] - way.free[at]
     begin, length = at + 1, _LOOK
@@ -214,21 +182,15 @@ def _next_turn(way: Direction, speed: FloatArray, age: FloatArray, at: int, resi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionFit:
-    """A fit of the simulated to the measured position.
+    """A fit of the simulated to the measured position."""
 
-    Attributes:
-        values: m, b, terms, then the delay if it is fitted, then nuisance; shape
-            (parameters + nuisance,).
-        jacobian: derivative of the position by parameters, delay, start velocity and position,
-            shape (parameters + nuisance, rows).
-        residual: m, shape (rows,).
-        converged: whether the search ended because steps became short.
-    """
-
+    #: m, b, terms, then the delay if it is fitted, then nuisance; shape (parameters + nuisance,)
     values: FloatArray
+    #: derivative of the position by parameters, delay, start velocity and position, shape
+    #: (parameters + nuisance, rows)
     jacobian: FloatArray
-    residual: FloatArray
-    converged: bool
+    residual: FloatArray  # m, shape (rows,)
+    converged: bool  # whether the search ended because steps became short
 
     @property
     def cost(self) -> float:
@@ -238,21 +200,14 @@ class PositionFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Simulated:
-    """One simulation: everything its derivatives need.
+    """One simulation: everything its derivatives need."""
 
-    Attributes:
-        values: see Turns.fit.
-        ways: the device forward and backward; one alone where friction is the same.
-        inputs: force, then the terms beside damping, where they act.
-        along: the path.
-        residual: m, shape (rows,).
-    """
-
-    values: FloatArray
+    values: FloatArray  # see Turns.fit.
+    #: the device forward and backward; one alone where friction is the same
     ways: tuple[HeldResponse, ...]
-    inputs: tuple[HeldColumn, ...]
-    along: Path
-    residual: FloatArray
+    inputs: tuple[HeldColumn, ...]  # force, then the terms beside damping, where they act
+    along: Path  # the path
+    residual: FloatArray  # m, shape (rows,)
 
     @property
     def cost(self) -> float:
@@ -268,21 +223,13 @@ class _Simulated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionProblem:
-    """The output-error problem of one log with Coulomb friction.
+    """The output-error problem of one log with Coulomb friction."""
 
-    Attributes:
-        signals: of the log.
-        model: with Coulomb friction.
-        drive: the force; its delay is None if it is fitted.
-        known: first sample after intervals that feel only logged forces.
-        mean_speed: s of the model, m/s.
-    """
-
-    signals: Signals
-    model: Model
-    drive: Drive
-    known: int
-    mean_speed: float
+    signals: Signals  # of the log
+    model: Model  # with Coulomb friction
+    drive: Drive  # the force; its delay is None if it is fitted
+    known: int  # first sample after intervals that feel only logged forces
+    mean_speed: float  # s of the model, m/s
 
     def part(self, samples: int) -> FrictionProblem:
         """The problem of the first samples alone."""
@@ -292,9 +239,7 @@ class FrictionProblem:
     def fit(self, start: FloatArray) -> PositionFit | None:
         """The best fit; None if friction or mass vanish at the start.
 
-        Args:
-            start: m, b, terms, the delay if it is fitted, start velocity, start position; shape
-                (parameters + nuisance,).
+        A start is m, b, terms, the delay if it is fitted, start velocity, start position.
         """
         best = self._simulated(start)
         if best is None:

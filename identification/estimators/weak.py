@@ -19,10 +19,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import Estimate, PointEstimate, complete_estimate, spread
+from identification.estimators.estimate import Estimate, PointEstimate, spread
 from identification.estimators.filters import width_of
-from identification.estimators.least_squares import MOST_SAMPLES, Regression
-from identification.estimators.motion import terms
+from identification.estimators.least_squares import MOST_SAMPLES, Regression, complete_estimate
 from identification.estimators.signals import FIRST, LAST, HeldColumn, Kinematics, of_rows
 
 if TYPE_CHECKING:
@@ -109,12 +108,9 @@ def bands(*matrices: csr_array) -> FloatArray:
 def bump_weights(place: FloatArray, deviation: float) -> csr_array:
     """Weights of the rows of a log in each test function, shape (functions, rows).
 
-    Test function j is (1 - ((t - c[j])/h)²)^_EXPONENT for |t - c[j]| < h. Those at the ends of a
-    log are cut off there: any weighted sum of rows is exact. The weights of each sum to 1.
-
-    Args:
-        place: time of each row, s, shape (rows,).
-        deviation: standard deviation of a test function, as of a bell curve, s.
+    Test function j is (1 - ((t - c[j])/h)²)^_EXPONENT for |t - c[j]| < h, its standard deviation
+    given as of a bell curve, s. Those at the ends of a log are cut off there: any weighted sum of
+    rows is exact. The weights of each sum to 1.
     """
     from scipy.sparse import csr_array
 
@@ -135,32 +131,20 @@ def bump_weights(place: FloatArray, deviation: float) -> csr_array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operators:
-    """What test functions read of each position, shape (functions, n) each.
+    """What test functions read of each position, shape (functions, n) each."""
 
-    Attributes:
-        acceleration: 1/s².
-        velocity: 1/s.
-        place: of position itself, 1.
-    """
-
-    acceleration: csr_array
-    velocity: csr_array
-    place: csr_array
+    acceleration: csr_array  # 1/s²
+    velocity: csr_array  # 1/s
+    place: csr_array  # of position itself, 1
 
     @classmethod
     def of(
         cls, weights: csr_array, steps: float | FloatArray, samples: int, known: int
     ) -> Operators:
-        """Operators of a log.
+        """Operators of a log, from weights of its rows after the first ``known``.
 
         The rows are asked for their own coefficients: each reads _READ neighbours, so as many
         positions that are 1 at every _READ-th sample show them all.
-
-        Args:
-            weights: of rows from ``known`` on.
-            steps: of the log, s: one number, or shape (n - 1,).
-            samples: n.
-            known: first row used.
         """
         from scipy.sparse import csr_array
 
@@ -183,71 +167,35 @@ class Operators:
         return cls(acceleration=made[0], velocity=made[1], place=made[2])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class _Solution:
-    """Parameters and what they were solved from, whitened.
+    """Parameters and what they were solved from, whitened."""
 
-    Attributes:
-        values: shape (p,).
-        delay: s.
-        corner: frequency below which unlogged forces rule, Hz.
-        columns: shape (q, functions); q is p, or p + 1 if the delay is fitted.
-        instruments: what the residual is orthogonal to, shape (q, functions).
-        force: without unit, shape (functions,).
-        residual: without unit, shape (functions,).
-        unlikeliness: -2 log of the likelihood, but for a constant.
-        settled: whether the last step was short.
-    """
-
-    values: FloatArray
-    delay: float
-    corner: float
-    columns: FloatArray
-    instruments: FloatArray
-    force: FloatArray
-    residual: FloatArray
-    unlikeliness: float
-    settled: bool
-
-    @classmethod
-    def first(cls, values: FloatArray, delay: float) -> _Solution:
-        """A start from values of shape (p,)."""
-        nothing = np.empty(0)
-        return cls(
-            values=values,
-            delay=delay,
-            corner=0.0,
-            columns=nothing,
-            instruments=nothing,
-            force=nothing,
-            residual=nothing,
-            unlikeliness=np.inf,
-            settled=False,
-        )
+    values: FloatArray  # shape (p,)
+    delay: float  # s
+    corner: float  # frequency below which unlogged forces rule, Hz
+    columns: FloatArray  # shape (q, functions); q is p, or p + 1 if the delay is fitted
+    instruments: FloatArray  # what the residual is orthogonal to, shape (q, functions)
+    force: FloatArray  # without unit, shape (functions,)
+    residual: FloatArray  # without unit, shape (functions,)
+    unlikeliness: float  # -2 log of the likelihood, but for a constant
+    settled: bool  # whether the last step was short
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _TestedRows:
-    """The tested rows of one log.
+    """The tested rows of one log."""
 
-    Attributes:
-        table: prepared regression.
-        weights: test functions, shape (functions, rows).
-        passes: which parameters pass noise of the position on, shape (k,).
-        operators: what test functions read of each position, per unit of those parameters.
-        bands: covariance of noise of unit variance through every two of them, then of the rows
-            themselves; lower band form, shape (k(k + 1)/2 + 1, band + 1, functions).
-        columns: shape (p, functions).
-        fits_delay: whether the delay is one more parameter.
-    """
-
-    table: Regression
-    weights: csr_array
-    passes: IndexArray
+    table: Regression  # prepared regression
+    weights: csr_array  # test functions, shape (functions, rows)
+    passes: IndexArray  # which parameters pass noise of the position on, shape (k,)
+    #: what test functions read of each position, per unit of those parameters
     operators: tuple[csr_array, ...]
+    #: covariance of noise of unit variance through every two of them, then of the rows themselves;
+    #: lower band form, shape (k(k + 1)/2 + 1, band + 1, functions)
     bands: FloatArray
-    columns: FloatArray
-    fits_delay: bool
+    columns: FloatArray  # shape (p, functions)
+    fits_delay: bool  # whether the delay is one more parameter
 
     @classmethod
     def of(cls, table: Regression, deviation: float, *, fits_delay: bool) -> _TestedRows:
@@ -362,12 +310,8 @@ def _passing(table: Regression, found: Operators) -> tuple[IndexArray, tuple[csr
 
 def _columns(table: Regression, weights: csr_array, position: FloatArray) -> FloatArray:
     """Every term of the model under test functions for a position, shape (p, functions)."""
-    steps, known = table.signals.steps, table.known
-    rows = Kinematics.of(position - np.mean(position), steps)
-    others = terms(table.model, table.motion, position, steps).columns
-    columns = [rows.acceleration, rows.velocity]
-    columns += [of_rows(each.triangle()) for each in others]
-    return np.stack([weights @ each[known:] for each in columns])
+    columns = table.unfiltered(position, table.motion)
+    return np.stack([weights @ each[table.known :] for each in columns])
 
 
 def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
@@ -380,16 +324,7 @@ def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Poin
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
     """Mass, damping and friction by the weak form.
 
-    Args:
-        table: gives the start and the direction of motion; it has at least as many known
-            intervals as the delay needs.
-        delay: s, command to force; a fraction of a sample is honoured. None fits it, from 0 to
-            MOST_SAMPLES samples.
-        start: where the search for the delay begins, s.
-
-    Returns:
-        Estimate with the residual in force, whitened by its covariance and scaled to the root mean
-        square of the tested rows.
+    The residual is a force, whitened and scaled to the root mean square of the tested rows.
     """
     frequency = _half_power(table)
     tested = _TestedRows.of(table, width_of(frequency), fits_delay=delay is None)
@@ -410,28 +345,18 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         notes.append("the delay is right in open loop only")
     if not best.settled:
         notes.append("the solutions did not settle")
+    best_point, fitted = _point(tested, best), delay is None
     found = complete_estimate(
-        "weak",
-        table.model,
-        _point(tested, best),
-        around,
-        fitted=delay is None,
-        unit="force",
-        mean_speed=table.mean_speed,
-        notes=tuple(notes),
+        "weak", table, best_point, around, fitted=fitted, unit="force", notes=notes
     )
     return replace(found, open_loop_only=open_loop_only)
 
 
 def _found(tested: _TestedRows, frequency: float, first: float) -> _Solution:
-    """The likeliest solution, from least squares at a first delay on.
-
-    Args:
-        tested: rows under test functions.
-        frequency: half-power frequency of those, Hz.
-        first: delay, s.
-    """
-    best = _Solution.first(tested.table.solve(first), first)
+    """The likeliest solution, from least squares at a first delay on."""
+    nothing = np.empty(0)
+    start = tested.table.solve(first)
+    best = _Solution(start, first, 0.0, nothing, nothing, nothing, nothing, np.inf, settled=False)
     for _ in range(_CHOICES):
         trials = [tested.improved(best, corner * frequency) for corner in _CORNERS]
         best = min(trials, key=lambda trial: trial.unlikeliness)

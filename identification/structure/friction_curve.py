@@ -26,14 +26,17 @@ from identification.device.friction import Kind, SlopeRange, UnmodelledForce
 from identification.estimators.estimate import NORMAL_95
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
-from identification.structure.resampling import BLOCKS, BlockSums, least_norm, sums_of
 from identification.structure.stability_selection import (
+    BLOCKS,
     HALF_HURDLE,
     HALVES,
     STABLE,
+    BlockSums,
+    least_norm,
     paying_terms,
     scale_to_unit_rms,
     smooth_speed,
+    sums_of,
 )
 
 FloatArray = NDArray[np.float64]
@@ -74,15 +77,7 @@ _SOFTEST = 0.01
 
 
 def stop_operators(position: FloatArray, widths: Sequence[float]) -> FloatArray:
-    """Stretch of each spring over its width, -1 to 1, from rest at the first sample.
-
-    Args:
-        position: m, shape (n,).
-        widths: m, positive; how far each spring stretches before it yields.
-
-    Returns:
-        Shape (widths, n).
-    """
+    """Stretch of each spring over its width, -1 to 1, from rest at the first sample."""
     moves = np.diff(position).tolist()
     courses: list[FloatArray] = []
     for width in widths:
@@ -96,13 +91,9 @@ def stop_operators(position: FloatArray, widths: Sequence[float]) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Forces:
-    """The kinds of force of one log.
+    """The kinds of force of one log."""
 
-    Attributes:
-        table: its regression, direction of motion settled.
-    """
-
-    table: Regression
+    table: Regression  # its regression, direction of motion settled
 
     @cached_property
     def fastest(self) -> float:
@@ -121,9 +112,8 @@ class _Forces:
     def slopes(self, kind: Kind) -> FloatArray:
         """What each column of a kind adds to the slope of friction over speed, N·s/m a unit.
 
-        Returns:
-            Shape (speeds and places, columns); rest is the first row, and one row of zeros stands
-            for a kind that is no static function of speed, or one that falls.
+        One row each of the speeds and places, rest first; one row of zeros stands for a kind that
+        is no static function of speed, or one that falls.
         """
         if kind == "drag":
             speed = np.linspace(0.0, 1.0, _SPEEDS)
@@ -137,8 +127,7 @@ class _Forces:
     def stiffnesses(self) -> FloatArray:
         """What each column of memory adds to the stiffness before sliding, N/m a unit.
 
-        Returns:
-            Shape (states, columns): all springs yield, then the widest holds, then one more each.
+        One row a state: all springs yield, then the widest holds, then one more each.
         """
         travel = float(np.ptp(self.table.signals.position))
         springs = 1 / (np.array(_WIDTHS) * travel)
@@ -178,39 +167,24 @@ def _waves(place: FloatArray, count: int) -> Iterator[FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionCurve:
-    """Friction as one log shows it, where it is not constant damping and Coulomb friction.
+    """Friction as one log shows it, where it is not constant damping and Coulomb friction."""
 
-    Attributes:
-        found: kinds of force, the largest first.
-        slope: of friction over speed, from rest to ``fastest``.
-        fastest: speed seen, m/s.
-        presliding: stiffness of friction with a memory while it holds, N/m, above zero; None
-            where there is none.
-        mass: kg, with the kinds in the regression.
-        mass_deviation: standard deviation of it, kg.
-    """
-
-    found: tuple[UnmodelledForce, ...]
-    slope: SlopeRange
-    fastest: float
+    found: tuple[UnmodelledForce, ...]  # kinds of force, the largest first
+    slope: SlopeRange  # of friction over speed, from rest to ``fastest``
+    fastest: float  # speed seen, m/s
+    #: stiffness of friction with a memory while it holds, N/m, above zero; None where there is none
     presliding: SlopeRange | None
-    mass: float
-    mass_deviation: float
+    mass: float  # kg, with the kinds in the regression
+    mass_deviation: float  # standard deviation of it, kg
 
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Least squares with some kinds beside the model.
+    """Least squares with some kinds beside the model."""
 
-    Attributes:
-        values: coefficients of the model and the kinds, SI units.
-        covariance: of them.
-        places: where those of each kind stand.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    places: Mapping[Kind, slice]
+    values: FloatArray  # coefficients of the model and the kinds, SI units
+    covariance: FloatArray  # of them
+    places: Mapping[Kind, slice]  # where those of each kind stand
 
     def weighted(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted sums of the coefficients, and how far each may be off."""
@@ -220,19 +194,12 @@ class _Fit:
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """All columns of one log in blocks, mean squares 1.
+    """All columns of one log in blocks, mean squares 1."""
 
-    Attributes:
-        sums: of the columns.
-        base: columns of the model.
-        members: columns of each kind.
-        scales: unit of each column over that of the answer.
-    """
-
-    sums: BlockSums
-    base: list[int]
-    members: Mapping[Kind, list[int]]
-    scales: FloatArray
+    sums: BlockSums  # of the columns
+    base: list[int]  # columns of the model
+    members: Mapping[Kind, list[int]]  # columns of each kind
+    scales: FloatArray  # unit of each column over that of the answer
 
     def chosen(self, kinds: Sequence[Kind]) -> list[int]:
         return self.base + [each for kind in kinds for each in self.members[kind]]
@@ -270,10 +237,8 @@ class _Table:
 def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> FrictionCurve | None:
     """Kinds of friction that one log shows beyond its model; None if there is none.
 
-    Args:
-        table: its regression, direction of motion settled, with Coulomb friction in the model.
-        delay: s, command to force.
-        seed: of the random halves.
+    The direction of motion is settled, with Coulomb friction in the model; the seed is of the
+    halves.
     """
     forces = _Forces(table)
     columns = forces.columns()

@@ -2,7 +2,7 @@
 
 It never gives mass or damping. Every column is brought to unit mean square, so that no
 unit decides. The log is cut into blocks; the fits with one block left out give the covariance of
-the candidates whatever the colour of the residual (resampling.py), and the fits to random halves
+the candidates whatever the colour of the residual, and the fits to random halves
 of the blocks show which terms are asked for again and again (stability selection: Meinshausen and
 Bühlmann, Journal of the Royal Statistical Society B 72, 2010, p. 417, in complementary halves:
 Shah and Samworth, ibid. 75, 2013, p. 55). pysindy judges each half, in coordinates in which the
@@ -16,14 +16,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.estimate import UNKNOWN_FORCE
 from identification.estimators.filters import width_of
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
-from identification.structure.resampling import BLOCKS, Resampled, cut_into_blocks
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -43,6 +44,12 @@ _FAR = 10.0
 #: Size of the anchor's column and answer: dropping it would cost this much squared, more than any
 #: other term, so pysindy never empties the model and never spends a step on the anchor.
 _ANCHOR = 1e3
+#: Blocks a log is cut into: a block of a usual log outlasts the filter many times, and the
+#: covariance of seven candidates needs several times their number.
+BLOCKS = 60
+#: Correlation of neighbouring blocks above this is taken as this: beyond it sixty blocks cannot
+#: tell a slow disturbance from a constant.
+MOST_CORRELATED = 0.9
 #: Random halves of the log that are looked at, in complementary pairs: frequencies in steps of
 #: 1/20, and pysindy takes some six milliseconds for each.
 HALVES = 20
@@ -70,10 +77,7 @@ _WORDS = {
 
 
 def _normalise_columns(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Columns of mean square 1, in which no unit is left; a column of zeros stays zero.
-
-    Each column has shape (rows,), before and after.
-    """
+    """Columns of mean square 1, in which no unit is left; a column of zeros stays zero."""
     counted = dict(columns)
     if _OFFSET in counted and _POSITION in counted:
         counted[_POSITION] = _from_its_middle(counted[_POSITION], counted[_OFFSET])
@@ -81,10 +85,7 @@ def _normalise_columns(columns: Mapping[str, FloatArray]) -> dict[str, FloatArra
 
 
 def scale_to_unit_rms(column: FloatArray) -> FloatArray:
-    """A column over its rms, found without overflow whatever the unit.
-
-    The column has shape (rows,), any unit; the answer has the same shape and no unit.
-    """
+    """A column over its rms, found without overflow whatever the unit."""
     largest = float(np.max(np.abs(column)))
     if largest == 0:
         return column
@@ -97,13 +98,8 @@ def _distinguishable_columns(
 ) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
     """The candidates this motion can tell apart, and the names of those it cannot.
 
-    Each column has shape (rows,) and no unit.
-
-    Args:
-        table: normalised columns, _ALWAYS among them, the simplest candidate first.
-
-    Returns:
-        What stands or falls as one, each a tuple of names: a candidate, or _GRAVITY.
+    Columns are normalised, the simplest candidate first. What stands or falls as one is a tuple of
+    names: a candidate, or _GRAVITY.
     """
     basis = [_rest(table[name], []) for name in _ALWAYS]
     groups: list[tuple[str, ...]] = []
@@ -146,20 +142,12 @@ def _rest(column: FloatArray, basis: Sequence[FloatArray]) -> FloatArray:
 
 
 def paying_terms(whitened: FloatArray, answers: FloatArray, price: float) -> BoolArray:
-    """Which terms each answer asks for, by stepwise sparse regression.
+    """Which terms each answer asks for, by stepwise sparse regression, shape (answers, terms).
 
-    pysindy's SSR (Boninsegna, Nüske, Clementi, Journal of Chemical Physics 148, 2018, 241723)
-    drops one term after the other, always the one that is missed least, and keeps the model with
-    the least χ² + price · terms on the way.
-
-    Args:
-        whitened: shape (rows, p), columns of the terms in rows whose errors are independent with
-            variance 1, so that a rise of the squared residual is the χ² of what was dropped.
-        answers: shape (rows, r), the same rows of r data sets.
-        price: the rise of χ² a term must be worth, a squared number of standard deviations.
-
-    Returns:
-        Shape (r, p).
+    pysindy's SSR (Boninsegna, Nüske, Clementi, Journal of Chemical Physics 148, 2018, 241723) drops
+    one term after the other, always the one that is missed least, and keeps the model with the
+    least χ² + price · terms on the way. Rows have independent errors with variance 1, so a rise of
+    the squared residual is the χ² of what was dropped.
     """
     from pysindy import SSR
     from sklearn import config_context
@@ -190,51 +178,170 @@ def paying_terms(whitened: FloatArray, answers: FloatArray, price: float) -> Boo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """On one candidate; sine and cosine of gravity share theirs.
+class Resampled:
+    """Coefficients of the candidates, of the whole log and of parts."""
 
-    Attributes:
-        asked: whether the log asks for it.
-        frequency: part of the halves of the log that ask for it, 0 to 1.
-        share: its rms over the rms of the force, in the model of the terms asked for and itself.
-        deviations: standard deviations that leaving it out of that model costs.
+    coefficients: FloatArray  # shape (p,), of the candidates, all in
+    covariance: FloatArray  # shape (p, p), by leaving out one block in turn
+    #: shape (p, p), W with WᵀW = covariance⁻¹: in W·coefficients errors are independent
+    root: FloatArray
+    gram: FloatArray  # shape (p, p), mean products of the candidates' columns
+    normals: FloatArray  # shape (blocks, q, q), nuisance first
+    rights: FloatArray  # shape (blocks, q)
+
+    def halves(self, count: int, seed: int) -> FloatArray:
+        """Coefficients of random halves of the blocks, complementary in pairs, shape (count, p)."""
+        generator = np.random.default_rng(seed)
+        blocks = len(self.normals)
+        middle = blocks // 2
+        parts: list[NDArray[np.intp]] = []
+        for _ in range((count + 1) // 2):
+            order = generator.permutation(blocks)
+            parts += [order[:middle], order[middle:]]
+        nuisance = self.rights.shape[1] - self.coefficients.size
+        return np.stack(
+            [
+                least_norm(self.normals[part].sum(axis=0), self.rights[part].sum(axis=0))[nuisance:]
+                for part in parts[:count]
+            ]
+        )
+
+    def only(self, members: list[int]) -> tuple[FloatArray, float]:
+        """The fit with some candidates only: coefficients, shape (len(members),), and the rise χ².
+
+        Generalised least squares from the fit with all of them.
+        """
+        target = self.root @ self.coefficients
+        if not members:
+            return np.empty(0), float(target @ target)
+        columns = self.root[:, members]
+        fitted = least_norm(columns, target)
+        missed = target - columns @ fitted
+        return fitted, float(missed @ missed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockSums:
+    """Normal equations of consecutive blocks, from which any columns are fitted at once."""
+
+    normals: FloatArray  # shape (blocks, q, q)
+    rights: FloatArray  # shape (blocks, q)
+    rows: int  # of the whole log
+    square: float  # sum of squares of the answer
+
+    def fit(self, members: list[int]) -> tuple[FloatArray, FloatArray]:
+        """Least squares on some columns: coefficients, shape (p,), and covariance, (p, p).
+
+        The covariance is that of leaving out one block in turn, whatever the colour of the
+        residual, plus that of a force nobody knows.
+        """
+        normals = self.normals[:, members][:, :, members]
+        rights = self.rights[:, members]
+        whole = normals.sum(axis=0)
+        fitted = least_norm(whole, rights.sum(axis=0))
+        scores = rights - normals @ fitted
+        # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
+        shifts = (_inverse(whole - normals) @ scores[:, :, None])[:, :, 0]
+        floor = UNKNOWN_FORCE**2 * self.rows * _inverse(whole)
+        return fitted, _long_run(shifts) + floor
+
+    def resampled(self, members: list[int], *, nuisance: int) -> Resampled:
+        """The fit of some columns and of its parts; the first few are no candidates."""
+        fitted, covariance = self.fit(members)
+        normals, rights = self.normals[:, members][:, :, members], self.rights[:, members]
+        return Resampled(
+            coefficients=fitted[nuisance:],
+            covariance=covariance[nuisance:, nuisance:],
+            root=_root_of_inverse(covariance[nuisance:, nuisance:]),
+            gram=normals.sum(axis=0)[nuisance:, nuisance:] / self.rows,
+            normals=normals,
+            rights=rights,
+        )
+
+    def left(self, members: list[int]) -> float:
+        """Mean square of the answer that least squares on some columns leaves over."""
+        right = self.rights[:, members].sum(axis=0)
+        whole = self.normals.sum(axis=0)[np.ix_(members, members)]
+        return max(0.0, self.square - float(least_norm(whole, right) @ right)) / self.rows
+
+
+def sums_of(columns: FloatArray, answer: FloatArray) -> BlockSums:
+    """Normal equations of BLOCKS blocks, of columns and an answer of mean square 1."""
+    edges = np.linspace(0, answer.size, BLOCKS + 1).astype(int).tolist()
+    return BlockSums(
+        normals=np.stack([columns[i:j].T @ columns[i:j] for i, j in pairwise(edges)]),
+        rights=np.stack([columns[i:j].T @ answer[i:j] for i, j in pairwise(edges)]),
+        rows=answer.size,
+        square=float(answer @ answer),
+    )
+
+
+def _long_run(shifts: FloatArray) -> FloatArray:
+    """Covariance of a sum of shifts that are correlated from block to block, shape (q, q).
+
+    Bartlett's weights (Newey and West, Econometrica 55, 1987, p. 703) up to the distance that is
+    best for a first-order process (Andrews, Econometrica 59, 1991, p. 834).
     """
+    blocks = len(shifts)
+    power = np.sum(shifts * shifts, axis=0)
+    crossed = np.sum(shifts[1:] * shifts[:-1], axis=0)
+    correlation = float(np.max(crossed / np.where(power > 0, power, 1.0)))
+    correlation = min(max(correlation, 0.0), MOST_CORRELATED)
+    memory = 4 * correlation**2 / (1 - correlation**2) ** 2
+    reach = int(1.1447 * (memory * blocks) ** (1 / 3))
+    total = shifts.T @ shifts
+    for distance in range(1, reach + 1):
+        later = shifts[distance:].T @ shifts[:-distance]
+        total += (1 - distance / (reach + 1)) * (later + later.T)
+    return (blocks - 1) / blocks * total
 
-    asked: bool
-    frequency: float
+
+def least_norm(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Least-squares solution of least norm; a half of a log may lack a term altogether."""
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
+
+
+def _inverse(normal: FloatArray) -> FloatArray:
+    """Pseudo-inverse of symmetric matrices, shape (..., q, q)."""
+    return np.asarray(np.linalg.pinv(normal, hermitian=True), dtype=np.float64)
+
+
+def _root_of_inverse(covariance: FloatArray) -> FloatArray:
+    """W with WᵀW the inverse of a covariance."""
+    deviations = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(deviations, deviations))
+    return (vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))).T / deviations
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """On one candidate; sine and cosine of gravity share theirs."""
+
+    asked: bool  # whether the log asks for it
+    frequency: float  # part of the halves of the log that ask for it, 0 to 1
+    #: its rms over the rms of the force, in the model of the terms asked for and itself
     share: float
-    deviations: float
+    deviations: float  # standard deviations that leaving it out of that model costs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Structure:
-    """What the log asks for beyond mass and damping.
+    """What the log asks for beyond mass and damping."""
 
-    Attributes:
-        asked: names of the terms asked for, in the order of the columns.
-        verdicts: on each candidate judged, by its name.
-        unjudged: candidates that this motion cannot tell from mass, damping and the other terms,
-            and the one of position and gravity that explains less.
-        sentences: for the report.
-    """
-
-    asked: tuple[str, ...]
-    verdicts: Mapping[str, Verdict]
+    asked: tuple[str, ...]  # names of the terms asked for, in the order of the columns
+    verdicts: Mapping[str, Verdict]  # on each candidate judged, by its name
+    #: candidates that this motion cannot tell from mass, damping and the other terms, and the one
+    #: of position and gravity that explains less
     unjudged: tuple[str, ...]
-    sentences: tuple[str, ...]
+    sentences: tuple[str, ...]  # for the report
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Term:
-    """What stands or falls as one: a candidate, or sine and cosine of gravity.
+    """What stands or falls as one: a candidate, or sine and cosine of gravity."""
 
-    Attributes:
-        names: of its columns.
-        members: their places among the candidates.
-    """
-
-    names: tuple[str, ...]
-    members: tuple[int, ...]
+    names: tuple[str, ...]  # of its columns
+    members: tuple[int, ...]  # their places among the candidates
 
 
 def suggest(
@@ -242,15 +349,9 @@ def suggest(
 ) -> Structure:
     """Terms the log asks for.
 
-    Args:
-        columns: every term of the equation of motion by its name, filtered alike; each shape
-            (rows,) in a unit of its own. "mass" and "damping" are in the model anyhow; the others
-            are candidates, the simplest first: of two that the motion cannot tell apart, the first
-            is judged. "gravity_sine" and "gravity_cosine" are one candidate, and take the place
-            of "position_stiffness" where they explain the log better.
-        force: N (N·m), shape (rows,), filtered as the columns are.
-        seed: of the random halves.
-        halves: how many random halves.
+    Mass and damping are in the model anyhow; the other columns are candidates, the simplest first:
+    of two that the motion cannot tell apart, the first is judged. Sine and cosine of gravity are
+    one candidate, and take the place of "position_stiffness" where they explain the log better.
 
     Raises:
         ValueError: columns that are not finite or not of the force's shape, mass or damping
@@ -267,7 +368,8 @@ def suggest(
     terms = [_Term(names=group, members=tuple(next(places) for _ in group)) for group in groups]
     names = [name for group in groups for name in group]
     matrix = np.stack([table[name] for name in (*_ALWAYS, *names)], axis=1)
-    fits = cut_into_blocks(matrix, scale_to_unit_rms(force), nuisance=len(_ALWAYS))
+    sums, every = sums_of(matrix, scale_to_unit_rms(force)), list(range(matrix.shape[1]))
+    fits = sums.resampled(every, nuisance=len(_ALWAYS))
     terms, passed, doubt = _one_law_of_position(terms, fits)
     frequency = _frequencies(terms, fits, halves, seed)
     kept = _kept([term for term in terms if frequency[term.names] >= STABLE], fits)
@@ -406,12 +508,8 @@ def _plain(names: tuple[str, ...]) -> str:
 def structure_of(table: Regression, delay: float, *, rotary: bool, seed: int = 0) -> Structure:
     """Which terms one log asks for beyond mass and damping.
 
-    Args:
-        table: its regression, prepared with Coulomb friction in the model, which settles the
-            direction of motion and where the device stands.
-        delay: s, command to force.
-        rotary: whether gravity may go with sine and cosine of the position.
-        seed: of the random halves.
+    The regression was prepared with Coulomb friction, which settles the direction of motion and
+    where the device stands; gravity may go with sine and cosine of a rotary position.
     """
     return suggest(candidate_columns(table, rotary=rotary), table.force(delay), seed=seed)
 
@@ -420,10 +518,6 @@ def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArra
     """Every term of the equation of motion by its name, the simplest first, each shape (rows,).
 
     Where the device stands still every column is zero, as static friction takes up the rest.
-
-    Args:
-        table: the regression of one log.
-        rotary: whether to offer sine and cosine of the position.
     """
     signals, motion = table.signals, table.motion
     position = signals.position
@@ -451,10 +545,7 @@ def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArra
 
 
 def smooth_speed(table: Regression) -> FloatArray:
-    """Velocity of each interval, smooth enough that its square is not mostly noise.
-
-    The answer has shape (n - 1,), m/s (rad/s).
-    """
+    """Velocity of each interval, smooth enough that its square is not mostly noise."""
     from scipy.ndimage import gaussian_filter1d
 
     width = width_of(table.cut_off.frequency) / table.signals.step

@@ -23,7 +23,7 @@ from benchmarks.servo_peers import multiple_shooting, one_filter, output_error, 
 from benchmarks.situations import DELAY, SITUATIONS, TRUTH, Situation, bound_of, logs_of
 from identification import Hardware, Trajectory, identify, quantity
 from identification.estimators import ESTIMATORS
-from identification.estimators.model import Model
+from identification.estimators.estimate import Model
 from identification.fitting.prepared_log import PreparedLog
 
 FloatArray = NDArray[np.float64]

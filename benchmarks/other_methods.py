@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Trajectory
-from identification.estimators.model import Model
+from identification.estimators.estimate import Model
 
 FloatArray = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from identification.device.quantities import Quantity
 from identification.documents import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
-from identification.estimators.model import Estimate
-from identification.estimators.noise import encoder_count, position_noise
+from identification.estimators.estimate import Estimate
+from identification.estimators.signals import encoder_count, position_noise
 from identification.findings import CODES, inspect
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting.one_log import LogFit, fit_log

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from identification import Trajectory, quantity
-from identification.estimators.model import Estimate, Model
+from identification.estimators.estimate import Estimate, Model
 from identification.fitting.prepared_log import PreparedLog
 
 

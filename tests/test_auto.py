@@ -14,7 +14,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from identification import Trajectory, identify
-from identification.estimators.intervals import quantile
+from identification.estimators.estimate import quantile
 from identification.fitting.one_log import LogFit, fit_log
 from tests.simulated.families import FAMILIES, POSE_FACTORS, family_named, poses
 from tests.thinned import thinned

@@ -13,7 +13,7 @@ import pytest
 from benchmarks.history import append, last_ratios, slower
 from benchmarks.section import Cell, Section, ahead_of, at_the_front, sentences
 from benchmarks.situations import DELAY, SITUATIONS, TRUTH, bound_of, logs_of
-from identification.estimators.model import Model
+from identification.estimators.estimate import Model
 from tests.estimates import estimate_by
 
 ROOT = Path(__file__).parents[1]

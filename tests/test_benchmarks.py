@@ -11,7 +11,7 @@ from benchmarks.servo_peers import multiple_shooting, one_filter, output_error, 
 from benchmarks.servo_section import Method, servo_family
 from datasets_synthetic import Rig, multisine, simulate
 from identification import Trajectory
-from identification.estimators.model import Model
+from identification.estimators.estimate import Model
 from tests.estimates import estimate_by
 from tests.thinned import thinned
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification import Trajectory
 from identification.estimators import ESTIMATORS
-from identification.estimators.model import Model
+from identification.estimators.estimate import Model
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.thinned import thinned

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identification import Hardware, Trajectory, quantity
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
 from identification.findings.cross_validation import cut_off_sensitivity
 from identification.findings.force_balance import balance_of
 from identification.findings.inertia import inertia, inertia_of

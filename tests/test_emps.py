@@ -18,9 +18,8 @@ from identification import (
     quantity,
 )
 from identification.estimators import least_squares
-from identification.estimators.intervals import half_width
-from identification.estimators.model import Model
-from identification.estimators.regression import prepare
+from identification.estimators.estimate import Model, half_width
+from identification.estimators.least_squares import prepare
 
 LOG = Path(__file__).parents[2] / "shared/data/emps/DATA_EMPS.mat"
 pytestmark = pytest.mark.skipif(

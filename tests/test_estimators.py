@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 
 from identification import Trajectory
 from identification.estimators import ESTIMATORS, least_squares
-from identification.estimators.cut_off import CutOff, choose_cut_off
-from identification.estimators.delay import Delay, find_delay
-from identification.estimators.drive import MOST_SAMPLES
-from identification.estimators.intervals import correlation_length, half_width, spread
-from identification.estimators.low_pass import LowPass
-from identification.estimators.model import Model
-from identification.estimators.noise import encoder_count, finest_reading, position_noise
-from identification.estimators.regression import prepare
-from identification.estimators.rows import Signals
-from identification.estimators.whitening import whiteness
+from identification.estimators.estimate import Model, correlation_length, half_width, spread
+from identification.estimators.filters import LowPass, whiteness
+from identification.estimators.least_squares import (
+    MOST_SAMPLES,
+    CutOff,
+    Delay,
+    choose_cut_off,
+    find_delay,
+    prepare,
+)
+from identification.estimators.signals import Signals, encoder_count, finest_reading, position_noise
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.thinned import thinned

@@ -12,7 +12,7 @@ from identification import (
     ExcitationSpec,
     plan_excitation,
 )
-from identification.estimators.model import Model
+from identification.estimators.estimate import Model
 from identification.planning.information import NORMAL_95, predict
 from identification.planning.stick_slip import Guess
 from tests.estimates import estimate_by

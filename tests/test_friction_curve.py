@@ -24,8 +24,7 @@ from identification import (
 )
 from identification.fitting.prepared_log import PreparedLog
 from identification.fitting.selection import distinguishable_terms
-from identification.structure.friction_curve import FrictionCurve, friction_curve
-from identification.structure.hysteresis import stop_operators
+from identification.structure.friction_curve import FrictionCurve, friction_curve, stop_operators
 from tests.friction_play import settled
 from tests.simulated.families import FAMILIES
 from tests.simulated.friction_rigs import (

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.intervals import MOST_BLOCKS, spread
+from identification.estimators.estimate import MOST_BLOCKS, spread
 
 Array = NDArray[np.float64]
 

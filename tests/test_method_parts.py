@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.estimators.banded import Covariance, bands
-from identification.estimators.held_response import HeldResponse
+from identification.estimators.filters import is_coloured
 from identification.estimators.linear import gauss_newton
-from identification.estimators.modulating_functions import Operators, bump_weights
-from identification.estimators.rows import FIRST, LAST, Kinematics, of_rows
+from identification.estimators.response import HeldResponse
+from identification.estimators.signals import FIRST, LAST, HeldColumn, Kinematics, of_rows
 from identification.estimators.stick_slip import Direction, path
-from identification.estimators.whitening import is_coloured
-from identification.estimators.zero_order_hold import HeldColumn
+from identification.estimators.weak import BandedCovariance, Operators, bands, bump_weights
 
 STEP = 1e-3
 
@@ -59,7 +57,7 @@ def test_banded_covariance_is_the_dense_one() -> None:
     # On its own the overlap of smooth functions is all but singular.
     dense += 0.01 * np.eye(len(dense))
     banded[0] += 0.01
-    covariance = Covariance.of(banded)
+    covariance = BandedCovariance.of(banded)
     right = np.random.default_rng(2).standard_normal((2, len(dense)))
     white = covariance.whitened(right)
     inverse = np.linalg.inv(dense)

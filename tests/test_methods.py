@@ -12,7 +12,7 @@ import pytest
 from datasets_synthetic import Clock, Faults, Rig, fit_to_limits, multisine, simulate
 from identification import Trajectory
 from identification.estimators import ESTIMATORS
-from identification.estimators.model import Estimate, Model
+from identification.estimators.estimate import Estimate, Model
 from tests.estimates import estimate_by
 from tests.simulated.families import family_named
 from tests.thinned import thinned

@@ -8,7 +8,7 @@ import pytest
 
 from identification import Covariance, InvalidInputError, Quantity, quantity
 from identification.device.quantities import widening
-from identification.estimators.intervals import NORMAL_95
+from identification.estimators.estimate import NORMAL_95
 from tests.bare_device import BEYOND, device
 
 

@@ -15,10 +15,14 @@ from numpy.typing import NDArray
 
 from datasets_synthetic import Rig, Servo, simulate
 from identification import Trajectory
-from identification.estimators.model import Model
-from identification.estimators.regression import Regression, prepare
-from identification.structure.candidates import candidate_columns, structure_of
-from identification.structure.stability_selection import Structure, suggest
+from identification.estimators.estimate import Model
+from identification.estimators.least_squares import Regression, prepare
+from identification.structure.stability_selection import (
+    Structure,
+    candidate_columns,
+    structure_of,
+    suggest,
+)
 from tests.axes_with_terms import KnownAxis, known_axes
 
 FloatArray = NDArray[np.float64]
@@ -278,7 +282,7 @@ def test_the_seed_decides_the_halves_and_nothing_else() -> None:
 
 def test_pysindy_is_loaded_only_when_asked() -> None:
     code = (
-        "import sys, identification.structure.candidates\n"
+        "import sys, identification.structure.stability_selection\n"
         "sys.exit(', '.join({'pysindy', 'sklearn'} & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -11,9 +11,18 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import Trajectory
-from identification.estimators.held_response import HeldResponse, phi
-from identification.estimators.rows import FIRST, LAST, Kinematics, Signals, of_rows
-from identification.estimators.zero_order_hold import LOST, Commands, HeldColumn, unknown_intervals
+from identification.estimators.response import HeldResponse, phi
+from identification.estimators.signals import (
+    FIRST,
+    LAST,
+    LOST,
+    Commands,
+    HeldColumn,
+    Kinematics,
+    Signals,
+    of_rows,
+    unknown_intervals,
+)
 from tests.thinned import thinned
 
 Array = NDArray[np.float64]

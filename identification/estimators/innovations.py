@@ -4,9 +4,8 @@ White noise on the position and white forces on the device together make the equ
 row by row, a moving average of two terms in independent innovations (the steady Kalman filter:
 Ljung, System Identification, 1999, section 4.3; an ARMAX model whose A is the device). Its two
 coefficients c1, c2 are fitted with p = b/m; what else colours the force (tremor, friction that the
-model misses) is taken out by a filter made from the spectrum of the rest (whitening.py). Without
-unlogged force it is output error, with nothing else least squares; it is consistent in closed loop.
-One file: model, derivatives and shaping of one search.
+model misses) is taken out by a filter made from the spectrum of the rest. Without unlogged force it
+is output error, with nothing else least squares; it is consistent in closed loop.
 """
 
 from __future__ import annotations
@@ -16,17 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.drive import Drive
-from identification.estimators.held_response import Gain, HeldResponse
-from identification.estimators.intervals import spread
-from identification.estimators.least_squares import CUT_OFF_RANGE
-from identification.estimators.linear import solve as solved
-from identification.estimators.linear_filters import causal, recursive
-from identification.estimators.model import Estimate
-from identification.estimators.point_estimate import PointEstimate, complete_estimate
-from identification.estimators.regression import REFINEMENTS, Regression
-from identification.estimators.separable import Solution, physical, solve
-from identification.estimators.whitening import is_coloured, whitener
+from identification.estimators.estimate import Estimate, PointEstimate, spread
+from identification.estimators.filters import causal, is_coloured, recursive, whitener
+from identification.estimators.least_squares import (
+    CUT_OFF_RANGE,
+    REFINEMENTS,
+    Regression,
+    complete_estimate,
+)
+from identification.estimators.linear import Solution, physical, solve, solve_separable
+from identification.estimators.response import Drive, Gain, HeldResponse
 
 FloatArray = NDArray[np.float64]
 
@@ -46,34 +44,21 @@ _SETTLED = 1e-2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Problem:
-    """Innovations of one log as a separable model in θ = (p, c1, c2) or (p, c1, c2, delay).
+    """Innovations of one log as a separable model in θ = (p, c1, c2) or (p, c1, c2, delay)."""
 
-    Attributes:
-        drive: inputs.
-        position: about its mean, m, shape (n,).
-        known: first row that feels only logged forces.
-        shape: taps of a filter that whitens what C leaves coloured, leading 1.
-    """
-
-    drive: Drive
-    position: FloatArray
-    known: int
-    shape: FloatArray
+    drive: Drive  # inputs
+    position: FloatArray  # about its mean, m, shape (n,)
+    known: int  # first row that feels only logged forces
+    shape: FloatArray  # taps of a filter that whitens what C leaves coloured, leading 1
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        ranges = [self.drive.rates, (-2.0, 2.0), (-1.0, 1.0)]
-        ranges += [self.drive.delays] if self.drive.delay is None else []
-        low, high = np.array(ranges).T
-        return low, high
+        return self.drive.bounds((-2.0, 2.0), (-1.0, 1.0))
 
     def allowed(self, theta: FloatArray) -> bool:
         """The moving average has a stable inverse (Jury's triangle)."""
         first, second = theta[1:3]
         return bool(second < 1 - _INSIDE and abs(first) < 1 + second + _INSIDE)
-
-    def _delay(self, theta: FloatArray) -> float:
-        return float(theta[3]) if self.drive.delay is None else self.drive.delay
 
     def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         columns, target = self.rows(theta)
@@ -82,7 +67,7 @@ class _Problem:
     def rows(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Columns and target before the noise model, which do not depend on c1 and c2."""
         device = HeldResponse.at(float(theta[0]), self.drive.steps)
-        inputs = self.drive.inputs(self._delay(theta))
+        inputs = self.drive.inputs(self.drive.delay_of(theta))
         columns = np.zeros((len(inputs) + 2, self.position.size - 2 - self.known))
         for index, held in enumerate(inputs):
             columns[index] = self._scaled(device, _row(device, device.gain(held)))
@@ -93,7 +78,7 @@ class _Problem:
         device = HeldResponse.at(float(theta[0]), self.drive.steps)
         misfit = -_row_of_position(device, self.position)
         slope = -_slope_of_position(device, self.position)
-        inputs = self.drive.inputs(self._delay(theta))
+        inputs = self.drive.inputs(self.drive.delay_of(theta))
         for weight, held in zip(weights, inputs, strict=False):
             gain = device.gain(held)
             misfit += weight * _row(device, gain)
@@ -105,7 +90,7 @@ class _Problem:
         slopes = [self.whitened(by_rate, theta), np.zeros_like(past), np.zeros_like(past)]
         slopes[1][1:], slopes[2][2:] = past[:-1], past[:-2]
         if self.drive.delay is None:
-            later = _row(device, self.drive.slope_by_delay(device, self._delay(theta)))
+            later = _row(device, self.drive.slope_by_delay(device, self.drive.delay_of(theta)))
             slopes.append(self.whitened(weights[0] * self._scaled(device, later), theta))
         return np.stack(slopes)
 
@@ -171,18 +156,7 @@ def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Poin
 
 
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
-    """Mass, damping and friction by a Kalman innovations fit.
-
-    Args:
-        table: gives the start and the direction of motion; it has at least as many known
-            intervals as the delay needs.
-        delay: s, command to force, a fraction of a sample is honoured; None fits it, from 0 to
-            MOST_SAMPLES samples.
-        start: where the search for the delay begins, s.
-
-    Returns:
-        Estimate with the residual, the innovations, in position (m).
-    """
+    """Mass, damping and friction by a Kalman innovations fit; the innovations are in m."""
     first = start if delay is None else delay
     table = _settled(table, first)
     problem, best = _found(table, delay, first)
@@ -199,13 +173,12 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     notes += [] if best.converged else ["the search ended before it settled"]
     return complete_estimate(
         "innovations",
-        table.model,
+        table,
         _point(table, best, delay),
         around,
         fitted=fitted,
         unit="position",
-        mean_speed=table.mean_speed,
-        notes=tuple(notes),
+        notes=notes,
         leaning=_leaning(table, problem, best, first),
     )
 
@@ -231,13 +204,13 @@ def _found(table: Regression, delay: float | None, first: float) -> tuple[_Probl
     mass, damping = table.solve(first)[:2]
     # Where the force follows the position there is next to no mass, and a rate out of all bounds.
     rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
-    best = solve(problem, _start(problem, rate, first))
+    best = solve_separable(problem, _start(problem, rate, first))
     for _ in range(_ROUNDS):
         if not is_coloured(best.residual, either_side=True):
             break
         rows, target = replace(problem, shape=np.ones(1)).at(best.theta)
         problem = replace(problem, shape=whitener(target - best.weights @ rows))
-        best = solve(problem, best.theta)
+        best = solve_separable(problem, best.theta)
     return problem, best
 
 
@@ -268,7 +241,7 @@ def _leaning(table: Regression, problem: _Problem, best: Solution, delay: float)
         return np.zeros(len(model.parameters))
     wider = table.at_cut_off(CUT_OFF_RANGE * table.cut_off.frequency).refined(delay)
     other = replace(problem, drive=Drive.of(table.with_motion(wider.motion), problem.drive.delay))
-    values, _ = physical(solve(other, best.theta), len(model.parameters))
+    values, _ = physical(solve_separable(other, best.theta), len(model.parameters))
     return (values - physical(best, len(model.parameters))[0]) / 2
 
 
@@ -281,7 +254,7 @@ def _start(problem: _Problem, rate: float, delay: float) -> FloatArray:
         theta = least.copy()
         theta[1:3] = _moving_average(corner)
         columns, target = (problem.whitened(each, theta) for each in rows)
-        residual = target - solved(columns.T, target) @ columns
+        residual = target - solve(columns.T, target) @ columns
         trials.append((float(residual @ residual), theta))
     return min(trials, key=lambda trial: trial[0])[1]
 

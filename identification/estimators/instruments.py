@@ -5,28 +5,23 @@ both bias least squares. Instruments are the same columns of a position that doe
 part of the position that a logged reference explains, or, without one, the noise-free device moved
 by the logged force, simulated with the estimate and estimated again until both agree (refined
 instrumental variables: Young, Recursive Estimation and Time-Series Analysis, 2011, chapter 8). The
-simulated ones are valid in open loop only: in closed loop the logged force carries the noise. One
-file: the instruments, logged or simulated, serve one solution.
+simulated ones are valid in open loop only: in closed loop the logged force carries the noise.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.drive import MOST_SAMPLES, Drive
-from identification.estimators.held_response import Gain, HeldResponse
-from identification.estimators.intervals import spread
+from identification.estimators.estimate import Estimate, PointEstimate, spread
+from identification.estimators.least_squares import MOST_SAMPLES, Regression, complete_estimate
 from identification.estimators.linear import unit_columns
-from identification.estimators.model import Estimate
 from identification.estimators.motion import Motion
-from identification.estimators.point_estimate import PointEstimate, complete_estimate
-from identification.estimators.regression import Regression
-from identification.estimators.rows import Kinematics, of_rows
-from identification.estimators.terms import terms
-from identification.estimators.zero_order_hold import Commands, HeldColumn
+from identification.estimators.response import Drive, Gain, HeldResponse
+from identification.estimators.signals import Commands, HeldColumn, of_rows
 
 FloatArray = NDArray[np.float64]
 
@@ -46,48 +41,37 @@ _NUDGE = 0.05
 _UNEXCITED = 1e-6
 
 
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """Where instruments come from."""
+
+    note: str
+    commands: Commands  # forces free of noise, for the slope by the delay
+    columns: Callable[[FloatArray, float], FloatArray]  # from an estimate and its delay, (p, rows)
+
+
 def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     return _found(table, _source(table), delay, start)
 
 
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
-    """Mass, damping and friction by instrumental variables.
+    """Mass, damping and friction by instrumental variables; the residual is a filtered force.
 
-    Args:
-        table: gives the filter, the direction of motion and the reference, which is used if it
-            moves; it has at least as many known intervals as the delay needs.
-        delay: s, command to force; a fraction of a sample is honoured. None fits it, from 0 to
-            MOST_SAMPLES samples.
-        start: where the search for the delay begins, s.
-
-    Returns:
-        Estimate with the residual in force, filtered; its first note says which instruments.
+    The reference makes the instruments if it moves; the first note says which they are.
     """
     source, fitted = _source(table), delay is None
     best = _found(table, source, delay, start)
     size = len(table.model.parameters) + fitted
     around = spread(best.columns, best.residual, size, signal=best.signal, instruments=best.tests)
-    notes = (source.note, table.cut_off.reason)
+    notes = [source.note, table.cut_off.reason]
+    notes += [] if best.settled else ["the instruments did not settle"]
     return complete_estimate(
-        "instruments",
-        table.model,
-        best,
-        around,
-        fitted=fitted,
-        unit="force",
-        mean_speed=table.mean_speed,
-        notes=notes if best.settled else (*notes, "the instruments did not settle"),
+        "instruments", table, best, around, fitted=fitted, unit="force", notes=notes
     )
 
 
-def _source(table: Regression) -> _Simulated | _Referenced:
-    return _Simulated(table) if table.signals.reference is None else _Referenced.of(table)
-
-
-def _found(
-    table: Regression, source: _Simulated | _Referenced, delay: float | None, start: float
-) -> _Solution:
+def _found(table: Regression, source: _Source, delay: float | None, start: float) -> _Solution:
     """The solution that its own instruments no longer move."""
     fits_delay, first = delay is None, start if delay is None else delay
     best = _improved(table, source, table.solve(first), first, fits_delay=fits_delay)
@@ -100,26 +84,15 @@ def _found(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Solution(PointEstimate):
-    """A point estimate and what it was solved from.
+    """A point estimate and what it was solved from."""
 
-    Attributes:
-        columns: shape (q, rows); q is p, or p + 1 if the delay is fitted.
-        tests: instruments, shape (q, rows).
-        settled: whether the last step was short.
-    """
-
-    columns: FloatArray
-    tests: FloatArray
-    settled: bool
+    columns: FloatArray  # shape (q, rows); q is p, or p + 1 if the delay is fitted
+    tests: FloatArray  # instruments, shape (q, rows)
+    settled: bool  # whether the last step was short
 
 
 def _improved(
-    table: Regression,
-    source: _Simulated | _Referenced,
-    values: FloatArray,
-    delay: float,
-    *,
-    fits_delay: bool,
+    table: Regression, source: _Source, values: FloatArray, delay: float, *, fits_delay: bool
 ) -> _Solution:
     """Solved with instruments from the last values and their delay."""
     force, columns = table.force(delay), table.columns
@@ -146,97 +119,57 @@ def _improved(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Simulated:
-    """The noise-free device moved by the logged force."""
-
-    table: Regression
-
-    @property
-    def note(self) -> str:
-        """Where instruments come from."""
-        return "instruments simulated from the logged force, valid in open loop"
-
-    @property
-    def commands(self) -> Commands:
-        """As logged."""
-        return self.table.signals.commands
-
-    def columns(self, values: FloatArray, delay: float) -> FloatArray:
-        """Instruments, shape (p, rows)."""
-        return _columns(self.table, self._position(values, delay))
-
-    def _position(self, values: FloatArray, delay: float) -> FloatArray:
-        """From the start that fits the measured position."""
-        drive = Drive.of(self.table, delay)
-        # A mass that is not positive has no motion to simulate; without damping it is still one.
-        rate = values[1] / values[0] if values[0] > 0 else 0.0
-        device = HeldResponse.at(float(np.clip(rate, *drive.rates)), drive.steps)
-        mass = values[0] if values[0] > 0 else 1.0
-        weights = np.concatenate(([1.0], -values[2:])) / mass
-        nothing = np.zeros(self.table.signals.speed.size)
-        velocity, distance = nothing, nothing
-        for weight, held in zip(weights, drive.inputs(delay), strict=True):
-            gain = device.gain(held)
-            velocity = velocity + weight * gain.velocity
-            distance = distance + weight * gain.distance
-        moved, _ = device.position(Gain(velocity=velocity, distance=distance))
-        coasted, _ = device.position(Gain(velocity=nothing, distance=nothing), start=1.0)
-        starts = np.stack((np.ones(moved.size), coasted), axis=1)
-        missing = self.table.signals.position - moved
-        return moved + starts @ np.linalg.lstsq(starts, missing, rcond=None)[0]
+def _source(table: Regression) -> _Source:
+    """What past values of a logged reference explain, else the noise-free device, simulated."""
+    signals = table.signals
+    if signals.reference is None:
+        return _Source(
+            "instruments simulated from the logged force, valid in open loop",
+            signals.commands,
+            lambda values, delay: _columns(table, _simulated(table, values, delay)),
+        )
+    sent = signals.commands.sent
+    if isinstance(signals.steps, np.ndarray):
+        time = np.concatenate(([0.0], np.cumsum(signals.steps)))
+    else:
+        time = np.arange(signals.position.size) * np.float64(signals.steps)
+    apart = max(_LAG / table.cut_off.frequency, signals.step)
+    lags = np.arange(_LAGS) * np.float64(apart)
+    past = _Past.of(signals.reference, time, time, lags)
+    known = _columns(table, past.explained(signals.position))
+    if sent is not None:
+        past = _Past.of(signals.reference, time, sent, lags)
+    force = replace(signals.commands, value=past.explained(signals.commands.value))
+    return _Source("instruments from the logged reference", force, lambda _values, _delay: known)
 
 
-@dataclass(frozen=True, slots=True)
-class _Referenced:
-    """What past values of the reference explain of the columns and of the force."""
-
-    known: FloatArray
-    commands: Commands
-
-    @classmethod
-    def of(cls, table: Regression) -> _Referenced:
-        """By linear regression over all of the log."""
-        signals = table.signals
-        assert signals.reference is not None
-        time, sent = _stamps(signals.steps, signals.position.size), signals.commands.sent
-        apart = max(_LAG / table.cut_off.frequency, signals.step)
-        lags = np.arange(_LAGS) * np.float64(apart)
-        past = _Past.of(signals.reference, time, time, lags)
-        path = past.explained(signals.position)
-        if sent is not None:
-            past = _Past.of(signals.reference, time, sent, lags)
-        force = past.explained(signals.commands.value)
-        return cls(_columns(table, path), replace(signals.commands, value=force))
-
-    @property
-    def note(self) -> str:
-        """Where instruments come from."""
-        return "instruments from the logged reference"
-
-    def columns(self, values: FloatArray, delay: float) -> FloatArray:
-        """Instruments, shape (p, rows), whatever the estimate."""
-        del values, delay
-        return self.known
-
-
-def _stamps(steps: float | FloatArray, samples: int) -> FloatArray:
-    """Time of each sample, s."""
-    if isinstance(steps, np.ndarray):
-        return np.concatenate(([0.0], np.cumsum(steps)))
-    return np.arange(samples) * np.float64(steps)
+def _simulated(table: Regression, values: FloatArray, delay: float) -> FloatArray:
+    """Position of the noise-free device, from the start that fits the measured one."""
+    drive = Drive.of(table, delay)
+    # A mass that is not positive has no motion to simulate; without damping it is still one.
+    rate = values[1] / values[0] if values[0] > 0 else 0.0
+    device = HeldResponse.at(float(np.clip(rate, *drive.rates)), drive.steps)
+    mass = values[0] if values[0] > 0 else 1.0
+    weights = np.concatenate(([1.0], -values[2:])) / mass
+    nothing = np.zeros(table.signals.speed.size)
+    velocity, distance = nothing, nothing
+    for weight, held in zip(weights, drive.inputs(delay), strict=True):
+        gain = device.gain(held)
+        velocity = velocity + weight * gain.velocity
+        distance = distance + weight * gain.distance
+    moved, _ = device.position(Gain(velocity=velocity, distance=distance))
+    coasted, _ = device.position(Gain(velocity=nothing, distance=nothing), start=1.0)
+    starts = np.stack((np.ones(moved.size), coasted), axis=1)
+    missing = table.signals.position - moved
+    return moved + starts @ np.linalg.lstsq(starts, missing, rcond=None)[0]
 
 
 @dataclass(frozen=True, slots=True)
 class _Past:
-    """Values of a reference some lags before some times, each about its mean and of unit norm.
+    """Values of a reference some lags before some times, each about its mean and of unit norm."""
 
-    Attributes:
-        values: shape (lags, times).
-        inverse: of their products, as far as the reference excites them, shape (lags, lags).
-    """
-
-    values: FloatArray
+    values: FloatArray  # shape (lags, times)
+    #: of their products, as far as the reference excites them, shape (lags, lags)
     inverse: FloatArray
 
     @classmethod
@@ -278,13 +211,8 @@ def _solve(instruments: FloatArray, columns: FloatArray, force: FloatArray) -> F
 
 def _columns(table: Regression, position: FloatArray) -> FloatArray:
     """The columns of the regression with another position in place of the measured one."""
-    signals = table.signals
-    rows = Kinematics.of(position - np.mean(position), signals.steps)
-    motion = table.motion
+    motion, steps = table.motion, table.signals.steps
     if table.model.coulomb:
         sense = np.sign(np.diff(position)) * motion.moving
-        motion = Motion(direction=HeldColumn.constant(sense, signals.steps), moving=motion.moving)
-    others = terms(table.model, motion, position, signals.steps).columns
-    triangles = [of_rows(each.triangle()) for each in others]
-    every = np.stack((rows.acceleration, rows.velocity, *triangles))
-    return table.low_pass(every)[:, table.known :]
+        motion = Motion(direction=HeldColumn.constant(sense, steps), moving=motion.moving)
+    return table.low_pass(table.unfiltered(position, motion))[:, table.known :]

@@ -1,15 +1,366 @@
-"""Filtered least squares: the regression of a log solved as it is, with its cut-off in doubt."""
+"""Filtered least squares: a log as a regression, its low-pass, its delay and the estimate.
+
+Every term of the equation of motion at measured positions makes a column. The rows are exact for
+any time stamps; one zero-phase low-pass goes over all columns and the force alike, so what it does
+to them cancels. The other estimators begin with this regression.
+"""
 
 from __future__ import annotations
 
-from identification.estimators.intervals import spread
-from identification.estimators.model import Estimate
-from identification.estimators.point_estimate import PointEstimate, complete_estimate
-from identification.estimators.regression import Regression
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators.estimate import Estimate, Model, PointEstimate, Spread, spread
+from identification.estimators.filters import REACH, LowPass, width_of
+from identification.estimators.linear import unit_columns
+from identification.estimators.motion import Motion, measured_motion, others, refine_motion, terms
+from identification.estimators.signals import (
+    FIRST,
+    HeldColumn,
+    Kinematics,
+    Signals,
+    even_taps,
+    of_rows,
+    unknown_intervals,
+)
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: Noise may make up this share of the power of the filtered acceleration; it attenuates the mass
+#: by the same share.
+_NOISE_SHARE = 1e-4
+#: The cut-off need not exceed this multiple of the frequency that holds most of the acceleration:
+#: above it there is nothing to learn, only vibration modes that the model does not have.
+_HEADROOM = 5.0
+#: ... most of its power, that is.
+_MOST = 0.99
+#: Highest cut-off, part of the sampling rate: central differences stay accurate below.
+_HIGHEST = 0.1
+#: The kernel may take this part of a log, or too few independent rows are left.
+_LONGEST_KERNEL = 0.1
+#: Cut-offs looked at, evenly spaced on a logarithmic scale.
+_CANDIDATES = 40
+#: Bins of frequency, evenly spaced on a logarithmic scale, for the sums over candidates.
+_BINS = 400
+#: Rows looked at, from the middle of the log; more add time, not truth.
+_LONGEST = 1 << 17
+#: Times the direction of motion is refined by the fitted model at most; ...
+REFINEMENTS = 20
+#: ... it has settled when friction comes within this part of what it was before: at the last step,
+#: or some steps ago, if turns flip between neighbouring intervals for ever.
+_SETTLED = 1e-4
+#: Numbers of filtered forces that are kept.
+_MOST_KEPT = 1 << 21
 #: The cut-off is divided and multiplied by this to see whether the estimate leans on it; half of
 #: the difference is one more standard deviation.
 CUT_OFF_RANGE = 2.0
+#: Longest delay looked for, sample times; a longer one is to be stated.
+MOST_SAMPLES = 4
+#: Steps of the scan per sample time, ...
+_STEPS_PER_SAMPLE = 2
+#: ... and the finer steps about the best, samples, each with a parabola through the best three.
+_FINER = (0.25, 0.05, 0.01)
+#: Standard deviation of a delay nothing is known about but that it lies within the scan.
+_IGNORANCE = MOST_SAMPLES / np.sqrt(12)
+#: Scans: the direction of motion is refined at the delay of the scan before.
+_ROUNDS = 2
+#: Samples of the rough scan, from the middle of the log.
+_ROUGH = 1 << 13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutOff:
+    """A cut-off and why."""
+
+    frequency: float  # Hz
+    reason: str = "low-pass as given"  # what set it, if it was chosen from a log
+
+
+def choose_cut_off(acceleration: FloatArray, step: float, noise: float) -> CutOff:
+    """The highest cut-off at which noise of the position reading still does no harm.
+
+    The lower the cut-off, the less noise in the acceleration; the higher, the more of the motion is
+    used. Both powers are read from the log: noise is white in position, so its acceleration grows
+    with ω⁴.
+    """
+    middle = max(0, (acceleration.size - _LONGEST) // 2)
+    part = acceleration[middle : middle + _LONGEST]
+    window = np.hanning(part.size)
+    power = np.abs(np.fft.rfft(part * window)) ** 2
+    frequency = np.fft.rfftfreq(part.size, step).astype(np.float64)
+    relative = 2 * np.sin(np.pi * frequency * step)
+    floor = (noise / step**2) ** 2 * np.sum(window**2) * relative**4
+    highest = _HIGHEST / step
+    # Both reaches of the kernel together, REACH standard deviations each.
+    lowest = min(highest, 2 * REACH * width_of(1.0) / (_LONGEST_KERNEL * step * acceleration.size))
+    candidates = np.geomspace(lowest, highest, _CANDIDATES)
+    total, parasitic = _passed(frequency, candidates, np.stack((power, floor)))
+    share = parasitic / np.maximum(np.maximum(total, parasitic), np.finfo(float).tiny)
+    quiet = np.flatnonzero(share <= _NOISE_SHARE)
+    index = int(quiet[-1]) if quiet.size else int(np.argmin(share))
+    chosen, why = float(candidates[index]), "position noise"
+    if index == _CANDIDATES - 1:
+        why = "the sampling rate"
+    signal: FloatArray = (
+        np.maximum(power - floor, 0.0) * np.exp(-np.log(2) * (frequency / chosen) ** 2)
+    ).cumsum()
+    reached = int(np.argmax(signal >= _MOST * signal[-1]))
+    enough = _HEADROOM * float(frequency[reached])
+    if enough < chosen:
+        chosen, why = max(enough, lowest), "where the motion has its power"
+    return CutOff(frequency=chosen, reason=f"low-pass at {chosen:.3g} Hz, set by {why}")
+
+
+def _passed(frequency: FloatArray, candidates: FloatArray, powers: FloatArray) -> FloatArray:
+    """What each cut-off lets through of each power, shape (powers, candidates).
+
+    Powers are first gathered in bins far narrower than the distance of two candidates.
+    """
+    edges: FloatArray = (
+        candidates[0] / 100 * (100 * frequency[-1] / candidates[0]) ** np.linspace(0, 1, _BINS)
+    )
+    where = np.searchsorted(edges, frequency[1:])
+    centre = np.concatenate((edges[:1], np.sqrt(edges[1:] * edges[:-1]), edges[-1:]))
+    gathered = np.stack([np.bincount(where, power[1:], minlength=centre.size) for power in powers])
+    return gathered @ np.exp(-np.log(2) * (centre[:, None] / candidates) ** 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regression:
+    """The filtered columns of one log."""
+
+    signals: Signals  # the log
+    model: Model  # which columns
+    known: int  # first sample whose interval feels only logged forces
+    motion: Motion  # direction and standstill the friction columns were made from
+    cut_off: CutOff  # of the filter, and why there
+    low_pass: LowPass  # the filter
+    #: filtered acceleration, velocity and other terms, in the order of the model's parameters,
+    #: shape (p, rows)
+    columns: FloatArray
+    mean_speed: float  # s of the model, m/s
+    #: force as it was sent, filtered, shape (n - 2·half,); empty if steps are uneven
+    logged: FloatArray
+    #: N by delay, s: the last made for this standstill, shape (rows,) each
+    filtered_forces: dict[float, FloatArray] = field(default_factory=dict[float, FloatArray])
+
+    @classmethod
+    def of(
+        cls, signals: Signals, model: Model, motion: Motion, *, cut_off: CutOff, known: int
+    ) -> Regression:
+        """Columns of a log; see the attributes."""
+        rows, low_pass = signals.kinematics, LowPass.at(cut_off.frequency, signals.step)
+        table = cls(
+            signals=signals,
+            model=model,
+            known=known,
+            motion=motion,
+            cut_off=cut_off,
+            low_pass=low_pass,
+            columns=low_pass(np.stack((rows.acceleration, rows.velocity)))[:, known:],
+            mean_speed=0.0,
+            logged=np.empty(0)
+            if isinstance(signals.steps, np.ndarray)
+            else low_pass(signals.commands.value),
+        )
+        return table._with_terms()
+
+    @property
+    def first(self) -> int:
+        """Sample of the first filtered row."""
+        return FIRST + self.low_pass.half + self.known
+
+    def with_model(self, model: Model) -> Regression:
+        """This regression with other terms, log and filter as they are."""
+        intervals = self.signals.speed.size
+        motion = self.motion if model.coulomb else Motion.always(intervals, self.signals.steps)
+        return replace(self, model=model)._moved(motion)
+
+    def with_motion(self, motion: Motion) -> Regression:
+        """This regression with another direction of motion; itself where that is no other."""
+        return self if motion is self.motion else self._moved(motion)
+
+    def _moved(self, motion: Motion) -> Regression:
+        same = np.array_equal(motion.moving, self.motion.moving)
+        forces = self.filtered_forces if same else {}
+        return replace(self, motion=motion, filtered_forces=forces)._with_terms()
+
+    def at_cut_off(self, frequency: float) -> Regression:
+        """This regression at another cut-off, Hz, its direction of motion as it is."""
+        cut_off = CutOff(frequency=frequency)
+        return Regression.of(
+            self.signals, self.model, self.motion, cut_off=cut_off, known=self.known
+        )
+
+    def knowing(self, delay: float) -> Regression:
+        """With the rows that feel only logged forces at a delay, s, or a shorter one."""
+        known = unknown_intervals(self.signals.steps, delay)
+        return Regression.of(
+            self.signals, self.model, self.motion, cut_off=self.cut_off, known=known
+        )
+
+    def unfiltered(self, position: FloatArray, motion: Motion) -> FloatArray:
+        """Columns of another position and direction of motion before the filter."""
+        steps = self.signals.steps
+        rows = Kinematics.of(position - np.mean(position), steps)
+        beside = terms(self.model, motion, position, steps).columns
+        triangles = [of_rows(each.triangle()) for each in beside]
+        return np.stack((rows.acceleration, rows.velocity, *triangles))
+
+    def _with_terms(self) -> Regression:
+        found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
+        columns = [self.columns[:2]]
+        if found.columns:
+            triangles = np.stack([of_rows(each.triangle()) for each in found.columns])
+            columns.append(self.low_pass(triangles)[:, self.known :])
+        return replace(self, columns=np.concatenate(columns), mean_speed=found.mean_speed)
+
+    def filtered(self, held: HeldColumn) -> FloatArray:
+        """Rows of a held column, filtered, shape (rows,)."""
+        return self.low_pass(of_rows(held.triangle()))[self.known :]
+
+    def held_force(self, delay: float) -> HeldColumn:
+        """The force where it acts, unfiltered, delay in s."""
+        return self.signals.commands.after(delay)
+
+    def force(self, delay: float) -> FloatArray:
+        """The filtered force with a delay in s, shape (rows,)."""
+        kept = self.filtered_forces.get(delay)
+        return self.forces([delay])[0] if kept is None else kept
+
+    def forces(self, delays: Sequence[float]) -> FloatArray:
+        """The filtered force with several delays in s, shape (delays, rows)."""
+        if self.logged.size and np.all(self.motion.moving):
+            return np.stack([self._shifted(delay) for delay in delays])
+        known = self.filtered_forces
+        missing = [delay for delay in dict.fromkeys(delays) if delay not in known]
+        if missing:
+            acting = [self.held_force(delay).times(self.motion.moving) for delay in missing]
+            unfiltered = np.stack([of_rows(each.triangle()) for each in acting])
+            made = dict(zip(missing, self.low_pass(unfiltered)[:, self.known :], strict=True))
+            found = np.stack([(known | made)[delay] for delay in delays])
+            if (len(known) + len(made)) * found.shape[1] > _MOST_KEPT:
+                known.clear()
+            known.update(made)
+            return found
+        return np.stack([known[delay] for delay in delays])
+
+    def _shifted(self, delay: float) -> FloatArray:
+        """The filtered force of a log with even steps in which nothing stands, shape (rows,)."""
+        whole, taps = even_taps(delay, self.signals.step)
+        first, rows = self.known + FIRST - whole, self.columns.shape[1]
+        parts = (self.logged[first - back : first - back + rows] for back in range(len(taps)))
+        return sum((tap * part for tap, part in zip(taps, parts, strict=True)), np.zeros(rows))
+
+    def solve(self, delay: float) -> FloatArray:
+        """Parameters, shape (p,): least squares, less what noise adds to the squares of columns.
+
+        Noise in a column would shrink its parameter (Fuller, Measurement Error Models, 1987,
+        section 1.2); its mean square is known from the noise of a reading and the filter.
+        """
+        squares = self.columns @ self.columns.T
+        norms = np.sqrt(np.diag(squares))
+        norms = np.where(norms > 0, norms, 1.0)
+        squares -= np.diag(self.columns.shape[1] * self._attenuation())
+        right = self.columns @ self.force(delay)
+        return np.linalg.lstsq(squares / np.outer(norms, norms), right / norms)[0] / norms
+
+    def _attenuation(self) -> FloatArray:
+        """Mean square of noise of a reading in each column, shape (p,)."""
+        # As the second and the central difference pass it on.
+        acceleration, velocity = self.low_pass.noise_gains(self.signals.step)
+        gains = {"mass": acceleration, "damping": velocity, "damping_asymmetry": velocity}
+        of_columns = [gains.get(name, 0.0) for name in self.model.parameters]
+        return self.signals.noise**2 * np.array(of_columns)
+
+    def refined(self, delay: float) -> Regression:
+        """This regression with the direction of motion from the fitted model."""
+        if not self.model.coulomb:
+            return self
+        signals = self.signals
+        applied = smoothed = before = np.empty(0)
+        table = self
+        for _ in range(REFINEMENTS):
+            values = dict(zip(self.model.parameters, table.solve(delay), strict=True))
+            friction = values["coulomb_friction"]
+            if friction <= 0:
+                # Without friction nothing holds the device still, however slowly it moves.
+                return table.with_motion(table.motion.released())
+            if values["mass"] <= 0 or np.any(np.abs(friction - before) < _SETTLED * friction):
+                break
+            before = np.append(before, friction)
+            if not smoothed.size:
+                applied = self.held_force(delay).mean()
+                smoothed = self.low_pass.continued(signals.speed)
+            motion = refine_motion(
+                table.motion,
+                smoothed,
+                applied - others(self.model, table.motion, signals.position, signals.steps, values),
+                steps=signals.steps,
+                low_pass=self.low_pass,
+                mass=values["mass"],
+                damping=values["damping"],
+                friction=friction,
+            )
+            table = table.with_motion(motion)
+        return table
+
+
+def prepare(
+    trajectory: Trajectory, model: Model, delay: float, *, refine: bool = True
+) -> Regression:
+    """The regression of one log, whose force can be had with any delay up to the one given, s."""
+    signals = Signals.of(trajectory)
+    acceleration = signals.kinematics.acceleration
+    chosen = choose_cut_off(acceleration, signals.step, signals.noise)
+    motion = Motion.always(signals.speed.size, signals.steps)
+    if model.coulomb:
+        smooth = LowPass.at(chosen.frequency, signals.step)(acceleration)
+        bend = float(np.sqrt(np.mean(smooth**2))) * signals.step**2
+        motion = measured_motion(signals.position, signals.steps, noise=signals.noise, bend=bend)
+    known = unknown_intervals(signals.steps, delay)
+    table = Regression.of(signals, model, motion, cut_off=chosen, known=known)
+    return table.refined(delay) if refine else table
+
+
+def complete_estimate(
+    method: str,
+    table: Regression,
+    found: PointEstimate,
+    around: Spread,
+    *,
+    fitted: bool,
+    unit: Literal["force", "position"],
+    notes: Sequence[str],
+    leaning: FloatArray | None = None,
+) -> Estimate:
+    """The Estimate of one fit, whose covariance ends with the delay if that was fitted."""
+    size = found.values.size
+    covariance = around.covariance[:size, :size]
+    if leaning is not None:
+        covariance = covariance + np.outer(leaning, leaning)
+    return Estimate(
+        method=method,
+        model=table.model,
+        delay=found.delay,
+        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fitted else None,
+        values=found.values,
+        covariance=covariance,
+        degrees_of_freedom=around.degrees_of_freedom,
+        residual=found.residual,
+        residual_unit=unit,
+        explained=found.explained,
+        condition=around.condition,
+        inflation=around.inflation[:size],
+        mean_speed=table.mean_speed,
+        leaning=leaning,
+        notes=tuple(notes),
+    )
 
 
 def point(table: Regression, delay: float) -> PointEstimate:
@@ -22,13 +373,7 @@ def point(table: Regression, delay: float) -> PointEstimate:
 def fit(table: Regression, delay: float) -> Estimate:
     """Mass, damping and friction by filtered least squares.
 
-    Args:
-        table: with at least as many known intervals as the delay needs.
-        delay: s, command to force; a fraction of a sample is honoured.
-
-    Returns:
-        Estimate with the residual in force, filtered; its notes state the cut-off and what mass
-        and damping become at half and at twice of it.
+    Notes state the cut-off, and what mass and damping become at half and at twice of it.
     """
     found = point(table, delay)
     force, residual = found.signal, found.residual
@@ -37,8 +382,6 @@ def fit(table: Regression, delay: float) -> Estimate:
         table.at_cut_off(factor * table.cut_off.frequency).solve(delay)
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
     )
-    # What depends on the filter is an error of the model, which blocks of one log do not show.
-    leaning = (high - low) / 2
     notes = (
         table.cut_off.reason,
         f"at half the cut-off mass is {low[0]:.5g} and damping {low[1]:.5g}",
@@ -46,12 +389,93 @@ def fit(table: Regression, delay: float) -> Estimate:
     )
     return complete_estimate(
         "least-squares",
-        table.model,
+        table,
         found,
         around,
         fitted=False,
         unit="force",
-        mean_speed=table.mean_speed,
         notes=notes,
-        leaning=leaning,
+        # What depends on the filter is an error of the model, which blocks of one log do not show.
+        leaning=(high - low) / 2,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delay:
+    """A delay read from a log."""
+
+    value: float  # s
+    deviation: float  # standard deviation, s
+    #: root mean square of the filtered residual at 0, 1, ... whole samples, N.
+    residuals: tuple[float, ...]
+
+
+def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
+    """The delay, 0 to MOST_SAMPLES samples, at which least squares leaves the smallest residual.
+
+    Delaying a force and adding damping look alike in a log of a single frequency; then the
+    deviation is large, and so becomes the interval of the damping. The regression has as many known
+    intervals as the longest delay needs.
+    """
+    step = table.signals.step
+    grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE
+    # The rough scan needs no more than a part of a long log.
+    first = max(0, (len(trajectory) - _ROUGH) // 2)
+    part = table
+    if len(trajectory) > _ROUGH:
+        middle = trajectory.part(slice(first, first + _ROUGH))
+        most = MOST_SAMPLES * middle.sample_time
+        part = prepare(middle, table.model, most, refine=False)
+    costs, best = np.empty(0), 0.0
+    for _ in range(_ROUNDS):
+        costs = _costs(part, _basis(part), grid)
+        best = _lowest(grid, costs)
+        before, part = part, part.refined(best * step)
+        if part is before:
+            break
+    if len(trajectory) <= _ROUGH:
+        table = part
+    basis = np.empty(0)
+    for finer in _FINER:
+        before, table = table, table.refined(best * step)
+        if table is not before or not basis.size:
+            basis = _basis(table)
+        near = np.clip(best + finer * np.array([-1.0, 0.0, 1.0]), 0.0, MOST_SAMPLES)
+        best = _lowest(near, _costs(table, basis, near))
+    force = table.force(best * step)
+    residual = force - table.solve(best * step) @ table.columns
+    # F(t - d) changes with d by its slope; beside the other columns that tells how well d is known.
+    low, high = max(best - 0.5, 0.0), min(best + 0.5, float(MOST_SAMPLES))
+    slope = (table.force(high * step) - table.force(low * step)) / ((high - low) * step)
+    around = spread(np.vstack((-slope, table.columns)), residual, 1, signal=force)
+    variance = max(float(around.covariance[0, 0]), 0.0)
+    deviation = min(float(np.sqrt(variance)), float(_IGNORANCE) * step)
+    whole = costs[::_STEPS_PER_SAMPLE]
+    return Delay(
+        value=best * step,
+        deviation=deviation,
+        residuals=tuple(float(np.sqrt(max(cost, 0.0) / force.size)) for cost in whole),
+    )
+
+
+def _basis(table: Regression) -> FloatArray:
+    """Orthonormal columns that span those of the regression, shape (rows, p)."""
+    return np.linalg.qr(unit_columns(table.columns.T)[0])[0]
+
+
+def _costs(table: Regression, basis: FloatArray, samples: FloatArray) -> FloatArray:
+    """Sum of squared residuals of the best fit at each delay, in samples."""
+    step = table.signals.step
+    forces = table.forces([float(each) * step for each in samples])
+    return np.sum((forces - forces @ basis @ basis.T) ** 2, axis=1)
+
+
+def _lowest(grid: FloatArray, costs: FloatArray) -> float:
+    """The minimum of a parabola through the lowest cost and its neighbours."""
+    index = int(np.argmin(costs))
+    if index in {0, grid.size - 1} or grid[index - 1] == grid[index + 1]:
+        return float(grid[index])
+    left, middle, right = costs[index - 1 : index + 2]
+    bend = left - 2 * middle + right
+    shift = (left - right) / (2 * bend) if bend > 0 else 0.0
+    return float(grid[index] + np.clip(shift, -1, 1) * (grid[index + 1] - grid[index]))

@@ -1,37 +1,56 @@
-"""Direction of motion in each interval of a log, and where the device stood still.
+"""Direction of motion in each interval, where the device stood still, and the terms of both.
 
 Coulomb friction turns over exactly where the velocity does, and bends the velocity there. Smoothing
 the position enough to beat encoder noise moves those turning points by a fraction of a millisecond,
 always to the same side, which shifts damping by per cents. So the smoothed velocity is only the
-start; ``refine_motion`` adds the fast part of the velocity from the model itself. One file:
-direction measured and direction refined are one estimate.
+start; ``refine_motion`` adds the fast part of the velocity from the model itself.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.low_pass import REACH, LowPass, gaussian
-from identification.estimators.running_extremes import running_maximum, running_range
-from identification.estimators.zero_order_hold import HeldColumn
+from identification.estimators.estimate import Model
+from identification.estimators.filters import REACH, LowPass, gaussian
+from identification.estimators.signals import HeldColumn
 
 FloatArray = NDArray[np.float64]
 
 #: The first look at the velocity is smoothed until noise moves its zero crossings by this many
 #: samples at the typical acceleration.
-CROSSING_ERROR = 1.0
+_CROSSING_ERROR = 1.0
 #: Widest smoothing of that first look, samples (standard deviation of the kernel).
-WIDEST = 40.0
+_WIDEST = 40.0
 #: Half-width, in standard deviations, of the noise of a standing device.
-NOISE_BAND = 3.0
+_NOISE_BAND = 3.0
 #: A position that stays within its noise this many times longer than at a typical reversal stands.
-LONG_DWELL = 4
+_LONG_DWELL = 4
 #: The velocity after a rest is counted from the rest for at least this many samples.
-SHORTEST_START = 3
+_SHORTEST_START = 3
+
+
+def running_maximum(column: FloatArray, width: int) -> FloatArray:
+    """Largest of the ``width`` samples about each one, fewer at the ends; an odd number of them.
+
+    Maxima of two neighbouring spans make one of twice the span, so the cost goes with log(width).
+    """
+    outside = np.full(width // 2, -np.inf)
+    largest, span = np.concatenate((outside, column, outside)), 1
+    while 2 * span <= width:
+        largest = np.maximum(largest[:-span], largest[span:])
+        span *= 2
+    last = width - span
+    return np.maximum(largest[: column.size], largest[last : last + column.size])
+
+
+def running_range(column: FloatArray, width: int) -> FloatArray:
+    """Largest less smallest of the ``width`` samples about each one, shape (n,)."""
+    return running_maximum(column, width) + running_maximum(-column, width)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,10 +68,7 @@ class Motion:
 
     @classmethod
     def always(cls, intervals: int, steps: float | FloatArray) -> Motion:
-        """A device without friction never stands still; its direction does not matter.
-
-        Steps, in s, are one number, or have shape (intervals,).
-        """
+        """A device without friction, shape (intervals,): it never stands still."""
         ones = np.ones(intervals)
         return cls(direction=HeldColumn.constant(ones, steps), moving=ones)
 
@@ -66,19 +82,12 @@ class Motion:
 def measured_motion(
     position: FloatArray, steps: float | FloatArray, *, noise: float, bend: float
 ) -> Motion:
-    """Direction and standstill from the position alone.
-
-    Args:
-        position: m, shape (n,).
-        steps: of the log, s: one number, or shape (n - 1,).
-        noise: standard deviation of one reading, m.
-        bend: typical acceleration, m per sample².
-    """
-    width = WIDEST
+    """Direction and standstill from the position alone, given its bend in m per sample²."""
+    width = _WIDEST
     if bend > 0:
         # Variance of the derivative of a Gaussian kernel of width s: σ²/(4·√π·s³).
-        ratio = noise / (CROSSING_ERROR * bend)
-        width = min((ratio**2 / (4 * np.sqrt(np.pi))) ** (1 / 3), WIDEST)
+        ratio = noise / (_CROSSING_ERROR * bend)
+        width = min((ratio**2 / (4 * np.sqrt(np.pi))) ** (1 / 3), _WIDEST)
     velocity = LowPass(kernel=gaussian(width, 1.0)).continued(np.diff(position) / steps)
     ends = np.concatenate((velocity[:1], (velocity[1:] + velocity[:-1]) / 2, velocity[-1:]))
     even = np.ones(velocity.size)
@@ -100,21 +109,11 @@ def refine_motion(
 ) -> Motion:
     """Direction and standstill with the model's help.
 
-    The velocity is the model's, integrated from the force, plus the smoothed difference between
-    the measured and the model's velocity: slow parts come from the measurement, the bend at a
-    reversal from the model. Both pass through the same filter, so nothing is shifted. A device
-    that comes to rest while the force cannot overcome friction stands until it can.
-
-    Args:
-        motion: direction and standstill as known so far.
-        smoothed: measured mean velocity of each interval through the filter, m/s, shape (n - 1,).
-        pull: mean over each interval of the force less all terms but damping and Coulomb
-            friction, N, shape (n - 1,).
-        steps: of the log, s: one number, or shape (n - 1,).
-        low_pass: the filter.
-        mass: as estimated so far, kg, positive.
-        damping: as estimated so far, N·s/m.
-        friction: Coulomb friction as estimated so far, N, positive.
+    The velocity is the model's, integrated from the force, plus the smoothed difference between the
+    measured and the model's velocity: slow parts come from the measurement, the bend at a reversal
+    from the model. Both pass through the same filter, so nothing is shifted. A device that comes to
+    rest while the force cannot overcome friction stands until it can. The pull is the mean force
+    over each interval less all terms but damping and Coulomb friction.
     """
     net = motion.moving * (pull - friction * motion.direction.mean() - damping * smoothed)
     mobility = steps / mass
@@ -123,7 +122,7 @@ def refine_motion(
     velocity = model + np.concatenate(
         (correction[:1], (correction[1:] + correction[:-1]) / 2, correction[-1:])
     )
-    reach = max(SHORTEST_START, low_pass.kernel.size // (2 * int(REACH)))
+    reach = max(_SHORTEST_START, low_pass.kernel.size // (2 * int(REACH)))
     rest = _rest(velocity[:-1], pull, friction, mobility)
     start, end = _released(velocity, rest, pull, friction, mobility, reach)
     before = np.abs(pull - friction * np.sign(start))
@@ -143,13 +142,8 @@ def _rest(
 ) -> FloatArray:
     """Part of each interval, at its end, in which static friction holds the device; shape (n - 1,).
 
-    Rest begins when the speed is used up, and lasts until the pull exceeds friction.
-
-    Args:
-        velocity: at the start of each interval, m/s.
-        pull: force less offset, N.
-        friction: N.
-        mobility: length of the intervals over mass, s/kg.
+    Rest begins when the speed is used up, and lasts until the pull exceeds friction. Mobility is
+    the length of an interval over mass, s/kg.
     """
     stuck = np.abs(pull) < friction
     first = stuck & ~np.concatenate(([False], stuck[:-1]))
@@ -236,13 +230,64 @@ def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: Floa
 
 def _dwelling(position: FloatArray, noise: float, bend: float) -> FloatArray:
     """1 for intervals in which the position stays within its noise for long, 0 for the others."""
-    band = 2 * NOISE_BAND * noise
+    band = 2 * _NOISE_BAND * noise
     if bend == 0 or band == 0:
         return np.where(np.diff(position) == 0, 1.0, 0.0)
     # A reversal at the typical acceleration leaves the band within the window of one dwell.
-    window = 2 * LONG_DWELL * int(np.ceil(np.sqrt(2 * band / bend))) + 1
+    window = 2 * _LONG_DWELL * int(np.ceil(np.sqrt(2 * band / bend))) + 1
     if window >= position.size:
         return np.zeros(position.size - 1)
     reach = running_range(position, window)
     still = running_maximum((reach <= band).astype(np.float64), window)
     return still[:-1] * still[1:]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terms:
+    """Columns in the order of ``model.parameters[2:]``, zero where the device stands."""
+
+    columns: tuple[HeldColumn, ...]  # force per unit of parameter, n - 1 intervals each
+    mean_speed: float  # s of the model, m/s; 0 where friction does not differ by direction
+
+
+def terms(model: Model, motion: Motion, position: FloatArray, steps: float | FloatArray) -> Terms:
+    """Columns of a model on one log.
+
+    Terms that depend on speed or position are taken as their mean over each interval: what they
+    change inside of it moves the device by a part (ωT)²/12 of their own effect.
+    """
+    moving = motion.moving
+    columns = [motion.direction] if model.coulomb else []
+    columns += [HeldColumn.constant(moving, steps)] if model.offset else []
+    mean_speed = 0.0
+    if model.directional:
+        speed = motion.direction.mean() * np.diff(position) / steps
+        mean_speed = float(np.sum(speed) / max(np.sum(moving), 1.0))
+        columns.append(HeldColumn.constant((speed - mean_speed) * moving, steps))
+    if model.gravity == "proportional":
+        columns.append(HeldColumn.constant(_middle(position) * moving, steps))
+    if model.gravity == "pendulum":
+        columns.append(HeldColumn.constant(_middle(np.sin(position)) * moving, steps))
+        columns.append(HeldColumn.constant(_middle(np.cos(position)) * moving, steps))
+    return Terms(columns=tuple(columns), mean_speed=mean_speed)
+
+
+def others(
+    model: Model,
+    motion: Motion,
+    position: FloatArray,
+    steps: float | FloatArray,
+    values: Mapping[str, float],
+) -> FloatArray:
+    """Mean over each interval of all terms but Coulomb friction, as if nothing stood, N."""
+    columns = terms(model, motion.released(), position, steps).columns
+    total = np.zeros(motion.moving.size)
+    for name, held in zip(model.parameters[2:], columns, strict=True):
+        if name != "coulomb_friction" and values[name] != 0:
+            total += values[name] * held.mean()
+    return total
+
+
+def _middle(column: FloatArray) -> FloatArray:
+    """Mean over each interval."""
+    return (column[1:] + column[:-1]) / 2

@@ -2,9 +2,15 @@
 
 q = q0 + v0·(1 - e^(-pt))/p + (G_p[F] - Σ terms·G_p[column])/m, G_p = 1/(s(s+p)), p = b/m, is
 integrated exactly for held inputs and any time stamps. Only p, and the delay if nobody states it,
-are nonlinear; with friction the velocity reversals are nonlinear too (output_error_friction.py).
+are nonlinear; with friction the velocity reversals are nonlinear too (stick_slip.py).
 Best where position noise is all there is; a force that the log does not know integrates twice and
-spoils it, which its residual then shows. One file: model, derivatives and start of one search.
+spoils it, which its residual then shows.
+
+Such a force, white, is a slow drift of the position. While position noise still covers it in every
+octave of the residual, it moves damping and friction by more than that noise does, and hardly
+differs from one part of a log to the next, which is where leaving out blocks looks. So its variance
+is estimated from the lowest lines of the residual, by restricted maximum likelihood: what the fit
+has taken up of these lines is accounted for (Patterson and Thompson, Biometrika 58, 1971, p. 545).
 """
 
 from __future__ import annotations
@@ -15,21 +21,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators import process_noise
-from identification.estimators.drive import Drive
-from identification.estimators.held_response import Gain, HeldResponse
-from identification.estimators.intervals import spread
-from identification.estimators.linear import symmetric_inverse, unit_columns
-from identification.estimators.model import Estimate
-from identification.estimators.output_error_friction import FrictionProblem, PositionFit
-from identification.estimators.point_estimate import PointEstimate, complete_estimate
-from identification.estimators.regression import Regression
-from identification.estimators.separable import physical, solve
-from identification.estimators.whitening import is_coloured, whiteness
-from identification.estimators.zero_order_hold import HeldColumn
+from identification.estimators.estimate import Estimate, PointEstimate, spread
+from identification.estimators.filters import is_coloured, recursive, whiteness
+from identification.estimators.least_squares import Regression, complete_estimate
+from identification.estimators.linear import (
+    physical,
+    solve_separable,
+    symmetric_inverse,
+    unit_columns,
+)
+from identification.estimators.response import Drive, Gain, HeldResponse, StepResponse
+from identification.estimators.signals import HeldColumn
+from identification.estimators.stick_slip import FrictionProblem, PositionFit
 
 FloatArray = NDArray[np.float64]
 
+#: A log is looked at in so many parts at most, which hold the lines that matter.
+_PARTS = 512
+#: Lines of the residual, from the lowest on, that tell the force from position noise.
+_LINES = 64
+#: Variances tried, from so little of the position noise in the line that shows most of it to so
+#: much, each this many times the one before: its root, which intervals go by, is right to 7 %.
+_LEAST, _MOST, _RATIO = 1e-3, 1e9, 1.15
+#: Directions this much weaker than the strongest carry nothing but rounding.
+_ROUNDING = 1e-10
 #: Intervals whose mean speed is where the search for the start velocity begins.
 _FIRST_LOOK = 10
 #: Friction this many standard deviations large decides where the device turns; less is taken for
@@ -42,6 +57,74 @@ _DOUBTED = 0.05
 _LONG = 1 << 14
 
 
+def process_noise_covariance(
+    jacobian: FloatArray, residual: FloatArray, keep: int, *, mass: float, rate: float, step: float
+) -> FloatArray:
+    """What a white force adds to the covariance of a fit of positions, shape (keep, keep).
+
+    The rate is b/m; where no such force is seen, nothing is added.
+    """
+    rows = residual.size
+    parts = min(rows, _PARTS)
+    starts = np.linspace(0, rows, parts, endpoint=False).astype(np.intp)
+    counts = np.diff(starts, append=rows)
+    unit, norms = unit_columns(jacobian.T)
+    sums = np.add.reduceat(unit.T, starts, axis=1)
+    pushed = _Pushed(mass, max(rate, 0.0), step * rows / parts)
+    variance = _variance(sums / counts, np.add.reduceat(residual, starts) / counts, pushed)
+    inverse = symmetric_inverse(unit.T @ unit, _ROUNDING)[:keep]
+    moved = pushed.back(inverse @ sums / norms[:keep, None])
+    return variance * moved @ moved.T
+
+
+class _Pushed:
+    """Positions under a force held for one part of a log each, from rest."""
+
+    def __init__(self, mass: float, rate: float, span: float) -> None:
+        push = StepResponse.during(span, rate)
+        speed, place, decay = float(push.speed), float(push.place), float(push.decay)
+        self._above = np.array([place, speed * speed - place * decay]) / mass
+        self._below = -1.0 - decay, decay
+
+    def back(self, weights: FloatArray) -> FloatArray:
+        """Weights of the forces in sums of positions with these weights, shape (..., parts)."""
+        turned = recursive(weights[..., ::-1], *self._below)
+        forces = np.zeros_like(turned)
+        forces[..., 1:] = self._above[0] * turned[..., :-1]
+        forces[..., 2:] += self._above[1] * turned[..., :-2]
+        return forces[..., ::-1]
+
+
+def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> float:
+    """The likeliest variance of a force held for one part each, beside columns the fit took up."""
+    parts = residual.size
+    line = np.arange(1, min(_LINES, parts // 2) + 1)[:, None]
+    lines = np.cos(np.pi * line * (np.arange(parts) + 0.5) / parts)
+    taken = _directions(unit_columns(columns.T)[0].T, 1.0)
+    seen = _directions(lines - (lines @ taken.T) @ taken, parts / 2)
+    if not seen.size:
+        return 0.0
+    forces = pushed.back(seen)
+    shares, axes = np.linalg.eigh(forces @ forces.T)
+    power = (axes.T @ (seen @ residual)) ** 2
+    rest = parts - len(taken) - len(seen)
+    noise = (float(residual @ residual) - float(np.sum(power))) / max(rest, 1)
+    if not (noise > 0 and shares[-1] > 0):
+        return 0.0
+    steps = int(np.log(_MOST / _LEAST) / np.log(_RATIO))
+    tried = np.concatenate(([0.0], _LEAST * _RATIO ** np.arange(steps))) * noise / shares[-1]
+    level = noise + tried[:, None] * np.maximum(shares, 0.0)
+    likelihood = -np.sum(np.log(level) + power / level, axis=1)
+    return float(tried[np.argmax(likelihood)])
+
+
+def _directions(rows: FloatArray, power: float) -> FloatArray:
+    """Orthonormal rows of the same span; ``power`` is that of a row that lost nothing."""
+    powers, mixed = np.linalg.eigh(rows @ rows.T)
+    strong = powers > _ROUNDING * power
+    return (mixed[:, strong] / np.sqrt(powers[strong])).T @ rows
+
+
 class _Acting(NamedTuple):
     """The device at one θ, its inputs, and what each of them adds in every interval."""
 
@@ -52,39 +135,29 @@ class _Acting(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Problem:
-    """Position of one log as a separable model in θ = (p,) or (p, delay).
+    """Position of one log as a separable model in θ = (p,) or (p, delay)."""
 
-    Attributes:
-        drive: inputs.
-        position: measured, about its mean, m, shape (n,).
-        known: first sample after intervals that feel only logged forces; what happens before is
-            in q0 and v0.
-        last: what acted at the last θ looked at, by its bytes.
-    """
-
-    drive: Drive
-    position: FloatArray
+    drive: Drive  # inputs
+    position: FloatArray  # measured, about its mean, m, shape (n,)
+    #: first sample after intervals that feel only logged forces; what happens before is in q0 and
+    #: v0
     known: int
+    #: what acted at the last θ looked at, by its bytes
     last: dict[bytes, _Acting] = field(default_factory=dict[bytes, _Acting])
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        ranges = [self.drive.rates, *([self.drive.delays] if self.drive.delay is None else [])]
-        low, high = np.array(ranges).T
-        return low, high
+        return self.drive.bounds()
 
     def allowed(self, theta: FloatArray) -> bool:
         return bool(np.all(np.isfinite(theta)))
-
-    def _delay(self, theta: FloatArray) -> float:
-        return float(theta[1]) if self.drive.delay is None else self.drive.delay
 
     def _acting(self, theta: FloatArray) -> _Acting:
         """Slopes are asked for at the θ that columns were made for last."""
         key = theta.tobytes()
         if key not in self.last:
             device = HeldResponse.at(float(theta[0]), self.drive.steps)
-            inputs = self.drive.inputs(self._delay(theta))
+            inputs = self.drive.inputs(self.drive.delay_of(theta))
             self.last.clear()
             self.last[key] = _Acting(device, inputs, tuple(device.gain(held) for held in inputs))
         return self.last[key]
@@ -113,8 +186,8 @@ class _Problem:
         gain = Gain(velocity=velocity, distance=distance)
         slopes = [device.position_slope(speed, gain)[self.known :]]
         if self.drive.delay is None:
-            later = device.position(self.drive.slope_by_delay(device, self._delay(theta)))[0]
-            slopes.append(weights[0] * later[self.known :])
+            later = self.drive.slope_by_delay(device, self.drive.delay_of(theta))
+            slopes.append(weights[0] * device.position(later)[0][self.known :])
         return np.stack(slopes)
 
 
@@ -124,23 +197,12 @@ def point(table: Regression, delay: float | None, *, start: float = 0.0) -> Poin
 
 
 def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
-    """Mass, damping and friction by output error.
-
-    Args:
-        table: gives the start and the direction of motion; it has at least as many known
-            intervals as the delay needs.
-        delay: s, command to force, a fraction of a sample is honoured; None fits it, from 0 to
-            MOST_SAMPLES samples.
-        start: where the search for the delay begins, s.
-
-    Returns:
-        Estimate with the residual in position.
-    """
+    """Mass, damping and friction by output error; the residual is in position."""
     found = _found(table, delay, start if delay is None else delay)
     best, size, fitted = _point(table, found, delay), len(table.model.parameters), delay is None
     values, jacobian, residual = best.values, found.jacobian, found.residual
     around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
-    drift = process_noise.process_noise_covariance(
+    drift = process_noise_covariance(
         jacobian,
         residual,
         size + fitted,
@@ -149,15 +211,9 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
         step=table.signals.step,
     )
     around = replace(around, covariance=around.covariance + drift)
+    notes = () if found.converged else ("the search ended before it settled",)
     return complete_estimate(
-        "output-error",
-        table.model,
-        best,
-        around,
-        fitted=fitted,
-        unit="position",
-        mean_speed=table.mean_speed,
-        notes=() if found.converged else ("the search ended before it settled",),
+        "output-error", table, best, around, fitted=fitted, unit="position", notes=notes
     )
 
 
@@ -230,7 +286,7 @@ def _projected(table: Regression, delay: float | None, first: float) -> Position
     )
     mass, damping = table.solve(first)[:2]
     rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
-    best = solve(problem, np.array([rate] if delay is not None else [rate, first]))
+    best = solve_separable(problem, np.array([rate] if delay is not None else [rate, first]))
     values, jacobian = physical(best, len(table.model.parameters))
     return PositionFit(
         values=np.concatenate((values, best.theta[1:])),

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding
-from identification.estimators.delay import Delay
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
+from identification.estimators.least_squares import Delay
 from identification.findings.causality import causality
 from identification.findings.cross_validation import cross_validation, cut_off_sensitivity
 from identification.findings.encoder_wrap import encoder_wrap

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from identification.errors import Finding
-from identification.estimators.intervals import half_width
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate, half_width
 from identification.findings.feedback import Law, law_of
 from identification.findings.force_balance import ForceBalance
 from identification.trajectory import Trajectory

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
-from identification.estimators.intervals import half_width
+from identification.estimators.estimate import Estimate, half_width
 from identification.estimators.linear import symmetric_inverse, unit_columns
-from identification.estimators.model import Estimate
 from identification.findings.force_balance import ForceBalance, even_sizes
 from identification.trajectory import Trajectory
 

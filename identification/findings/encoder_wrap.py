@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
-from identification.estimators.zero_order_hold import LOST
+from identification.estimators.signals import LOST
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

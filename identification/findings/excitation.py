@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from identification.errors import Finding
-from identification.estimators.delay import MOST_SAMPLES, Delay
-from identification.estimators.intervals import NORMAL_95, half_width, quantile
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import NORMAL_95, Estimate, half_width, quantile
+from identification.estimators.least_squares import MOST_SAMPLES, Delay
 from identification.findings.force_balance import ONE_WAY, ForceBalance, least_squares_residual
 from identification.findings.hand import MOST_SLOW, SLOW, TREMOR, Unlogged
 from identification.trajectory import Trajectory

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.estimate import Estimate, Gravity
 from identification.estimators.linear import solve
-from identification.estimators.model import Estimate, Gravity
-from identification.estimators.noise import position_noise
+from identification.estimators.signals import position_noise
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
 from identification.findings.force_balance import ForceBalance, balance_at
 from identification.findings.position_dependence import LEAST_SHARE, position_force_rms, powers_of
 from identification.trajectory import Trajectory

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
 from identification.findings.force_balance import ForceBalance, even_sizes, least_squares_residual
 from identification.trajectory import Trajectory
 

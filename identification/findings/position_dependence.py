@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
-from identification.estimators.intervals import half_width
+from identification.estimators.estimate import Estimate, half_width
 from identification.estimators.linear import solve, unit_columns
-from identification.estimators.model import Estimate
 from identification.findings.force_balance import ForceBalance
 from identification.trajectory import Trajectory
 

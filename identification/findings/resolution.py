@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding
-from identification.estimators.noise import finest_reading
+from identification.estimators.signals import finest_reading
 from identification.trajectory import Trajectory
 
 #: Travel in counts below which rounding is no longer noise but part of the motion.

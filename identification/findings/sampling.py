@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding, InvalidInputError
-from identification.estimators.zero_order_hold import LOST
+from identification.estimators.signals import LOST
 from identification.findings.force_balance import balance_of
 from identification.trajectory import Trajectory
 

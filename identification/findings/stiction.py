@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding
-from identification.estimators.noise import finest_reading
-from identification.estimators.running_extremes import running_maximum, running_range
+from identification.estimators.motion import running_maximum, running_range
+from identification.estimators.signals import finest_reading
 from identification.trajectory import Trajectory
 
 #: The device stands where its position stays within this many readings of the finest resolution, a

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding
-from identification.estimators.noise import encoder_count, position_noise
+from identification.estimators.signals import encoder_count, position_noise
 from identification.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]

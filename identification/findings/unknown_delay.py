@@ -7,9 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from identification.errors import Finding
-from identification.estimators.delay import MOST_SAMPLES, Delay
-from identification.estimators.intervals import NORMAL_95
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import NORMAL_95, Estimate
+from identification.estimators.least_squares import MOST_SAMPLES, Delay
 from identification.trajectory import Trajectory
 
 #: Samples from the end of the scan within which the true delay may lie beyond it, ...

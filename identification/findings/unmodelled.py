@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from identification.device.device import SlopeRange, UnmodelledForce
 from identification.errors import Finding
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
 from identification.trajectory import Trajectory
 
 #: Friction that the slope over speed does not cover, because it falls, depends on position or

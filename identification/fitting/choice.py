@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification.estimators.estimate import Estimate, Model
+from identification.estimators.filters import is_coloured
 from identification.estimators.least_squares import CUT_OFF_RANGE
-from identification.estimators.model import Estimate, Model
-from identification.estimators.noise import encoder_count
-from identification.estimators.whitening import is_coloured
+from identification.estimators.signals import encoder_count
 from identification.findings.force_balance import balance_of
 from identification.findings.inertia import inertia_of
 from identification.fitting.hausman import contradiction, region

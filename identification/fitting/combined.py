@@ -18,7 +18,7 @@ from identification.device.device import (
 )
 from identification.device.hardware import Hardware
 from identification.device.quantities import Quantity, quantity
-from identification.estimators.intervals import quantile
+from identification.estimators.estimate import quantile
 from identification.fitting.one_log import LogFit
 from identification.fitting.suggested import (
     delay_of,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
 
 #: What both methods are asked for.
 JUDGED = ("mass", "damping")

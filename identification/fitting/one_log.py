@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding
-from identification.estimators.delay import Delay
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
+from identification.estimators.least_squares import Delay
 from identification.findings import judge
 from identification.fitting.choice import CONSULTED, choose, noise_explains, over_cut_offs
 from identification.fitting.excited_part import most_excited

@@ -9,12 +9,14 @@ from typing import Protocol, cast
 import numpy as np
 
 from identification.device.quantities import Quantity
-from identification.estimators.delay import Delay, find_delay
-from identification.estimators.drive import MOST_SAMPLES
-from identification.estimators.intervals import NORMAL_95
-from identification.estimators.model import Estimate, Model
-from identification.estimators.point_estimate import PointEstimate
-from identification.estimators.regression import Regression, prepare
+from identification.estimators.estimate import NORMAL_95, Estimate, Model, PointEstimate
+from identification.estimators.least_squares import (
+    MOST_SAMPLES,
+    Delay,
+    Regression,
+    find_delay,
+    prepare,
+)
 from identification.trajectory import Trajectory
 
 #: Change of delay, in samples, for the slope of the estimates over delay.

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.estimators.intervals import half_width
-from identification.estimators.model import Estimate, Gravity, Model
-from identification.estimators.noise import position_noise
+from identification.estimators.estimate import Estimate, Gravity, Model, half_width
+from identification.estimators.signals import position_noise
 from identification.fitting.choice import robust
 from identification.fitting.prepared_log import PreparedLog
 from identification.trajectory import Trajectory
@@ -105,7 +104,7 @@ def _with(model: Model, names: Collection[str], gravity: Gravity) -> Model:
 
 def _sparse_regression(prepared: PreparedLog) -> Structure | None:
     """What sparse regression finds in the log; None if the log is too short for it."""
-    from identification.structure.candidates import structure_of
+    from identification.structure.stability_selection import structure_of
 
     try:
         return structure_of(

@@ -9,9 +9,8 @@ import numpy as np
 from identification.device.hardware import ForceLimit, Hardware
 from identification.device.quantities import Quantity, quantity
 from identification.errors import Finding
-from identification.estimators.intervals import NORMAL_95
-from identification.estimators.noise import finest_reading
-from identification.estimators.zero_order_hold import LOST
+from identification.estimators.estimate import NORMAL_95
+from identification.estimators.signals import LOST, finest_reading
 from identification.fitting.one_log import LogFit
 
 #: Part of the steps between stamps that the stored interval of the sample time holds.

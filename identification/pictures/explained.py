@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.device import Device
-from identification.estimators.model import Gravity, Model
-from identification.estimators.regression import prepare
+from identification.estimators.estimate import Gravity, Model
+from identification.estimators.least_squares import prepare
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identification.device.device import Device
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import Estimate
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.trajectory import Trajectory
 

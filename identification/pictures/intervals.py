@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from identification.device.device import Device
 from identification.device.quantities import Quantity
-from identification.estimators.intervals import NORMAL_95
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import NORMAL_95, Estimate
 from identification.fitting.one_log import LogFit
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.intervals import NORMAL_95
-from identification.estimators.model import Estimate
+from identification.estimators.estimate import NORMAL_95, Estimate
 from identification.pictures.explained import Explained
 
 if TYPE_CHECKING:

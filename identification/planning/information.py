@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.intervals import NORMAL_95, UNKNOWN_FORCE
+from identification.estimators.estimate import NORMAL_95, UNKNOWN_FORCE
 from identification.planning.response import Response
 from identification.planning.stick_slip import Answer, Guess, sensitivities, simulate_stick_slip
 

@@ -1,40 +1,62 @@
 """What the residual of a log holds beside noise, and what that does to mass and to damping.
 
-Every kind of force that the model lacks is put to the log in turn. A kind is found if its columns
-take more away from the residual than chance does, whatever the colour of the residual (Wald's test
-with a covariance by leaving out blocks), and if sparse regression on random halves of the log asks
-for them again and again. The kind that takes away most is taken first, and the others have to find
-something beside it.
+Every kind of force that the model lacks is put to the log in turn, as a few columns that follow any
+force of that kind closely enough to find it, and to give mass and damping without it: powers of
+speed, bells of speed for friction that falls, waves of position, and stop operators. A kind is
+found if its columns take more away from the residual than chance does, whatever the colour of the
+residual (Wald's test with a covariance by leaving out blocks), and if sparse regression on random
+halves of the log asks for them again and again. The kind that takes away most is taken first, and
+the others have to find something beside it.
 
 What a loop feels of friction is the slope of its curve over speed where it works. With the kinds
 found in the regression the slope is known from rest to the fastest speed seen; what they leave over
-counts against it in the proportion in which they themselves moved damping. One file: one fit, and
-what is read from it.
+counts against it in the proportion in which they themselves moved damping.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.device import Kind, SlopeRange, UnmodelledForce
-from identification.estimators.intervals import NORMAL_95
-from identification.estimators.regression import Regression
-from identification.structure.collinearity import scale_to_unit_rms
-from identification.structure.forces import Forces
-from identification.structure.resampling import BLOCKS, BlockSums, least_norm, sums_of
+from identification.estimators.estimate import NORMAL_95
+from identification.estimators.least_squares import Regression
+from identification.estimators.signals import HeldColumn
+from identification.structure.stability_selection import (
+    BLOCKS,
+    HALF_HURDLE,
+    HALVES,
+    STABLE,
+    BlockSums,
+    least_norm,
+    paying_terms,
+    scale_to_unit_rms,
+    smooth_speed,
+    sums_of,
+)
 
 FloatArray = NDArray[np.float64]
 
+#: Widths of the bells of speed, parts of the fastest.
+_BELLS = (0.03, 0.06, 0.12, 0.25)
+#: Waves of position over the travel: of damping, ...
+_DAMPING_WAVES = 8
+#: ... and of force.
+_WAVES = 16
+#: Widths of the springs that yield, parts of the travel.
+_WIDTHS = (0.15, 0.05, 0.015, 0.005, 0.0015)
+#: Speeds and places at which slopes are taken.
+_SPEEDS, _PLACES = 21, 65
 #: Probability that a kind is found by chance, for each kind and log.
-CHANCE = 1e-6
+_CHANCE = 1e-6
 #: What a kind takes away from the residual is at least this part of the force, both rms. Less moves
 #: damping by less than amplifiers and calibrations do; waves of position are many, and follow more
 #: of a short log by chance.
-LEAST: dict[Kind, float] = {
+_LEAST: dict[Kind, float] = {
     "drag": 0.002,
     "falling": 0.003,
     "memory": 0.003,
@@ -45,50 +67,124 @@ LEAST: dict[Kind, float] = {
 #: also follows what a controller answers to forces nobody logged: up to 0.35 of what is left in 200
 #: such logs, where a force of position of 1.5 % of all took 0.87 or more. Drag has two columns that
 #: nothing else resembles, and is found in noise as well.
-FIRST, FURTHER = 0.25, 0.5
+_FIRST, _FURTHER = 0.25, 0.5
 #: Kinds in one log at most.
-MOST = 3
+_MOST = 3
 #: Standard deviations by which a slope may be off.
 _SURE = 2 * NORMAL_95
 #: Least stiffness before sliding, part of the largest: below it the device as good as slides.
 _SOFTEST = 0.01
 
 
+def stop_operators(position: FloatArray, widths: Sequence[float]) -> FloatArray:
+    """Stretch of each spring over its width, -1 to 1, from rest at the first sample."""
+    moves = np.diff(position).tolist()
+    courses: list[FloatArray] = []
+    for width in widths:
+        stretch, course = 0.0, [0.0]
+        for move in moves:
+            stretch = min(max(stretch + move, -width), width)
+            course.append(stretch)
+        courses.append(np.array(course) / width)
+    return np.stack(courses)
+
+
+@dataclass(frozen=True)
+class _Forces:
+    """The kinds of force of one log."""
+
+    table: Regression  # its regression, direction of motion settled
+
+    @cached_property
+    def fastest(self) -> float:
+        """Fastest speed seen, smoothed, m/s."""
+        return float(np.max(np.abs(self._speed)))
+
+    def columns(self) -> dict[Kind, FloatArray]:
+        """Filtered columns of each kind, shape (rows, its columns); none that is zero or wild."""
+        moving, steps = self.table.motion.moving, self.table.signals.steps
+        found: dict[Kind, FloatArray] = {}
+        for kind, held in self._held():
+            made = [self.table.filtered(HeldColumn.constant(each * moving, steps)) for each in held]
+            found[kind] = np.stack(made, axis=1)
+        return found
+
+    def slopes(self, kind: Kind) -> FloatArray:
+        """What each column of a kind adds to the slope of friction over speed, N·s/m a unit.
+
+        One row each of the speeds and places, rest first; one row of zeros stands for a kind that
+        is no static function of speed, or one that falls.
+        """
+        if kind == "drag":
+            speed = np.linspace(0.0, 1.0, _SPEEDS)
+            return np.stack((2 * speed, 3 * speed**2), axis=1) / self.fastest
+        if kind == "place":
+            place = np.quantile(self._place, np.linspace(0.01, 0.99, _PLACES))
+            return np.stack(list(_waves(place, _DAMPING_WAVES)), axis=1) / self.fastest
+        count = {"falling": len(_BELLS), "position": 1 + 2 * _WAVES, "memory": 1 + len(_WIDTHS)}
+        return np.zeros((1, count[kind]))
+
+    def stiffnesses(self) -> FloatArray:
+        """What each column of memory adds to the stiffness before sliding, N/m a unit.
+
+        One row a state: all springs yield, then the widest holds, then one more each.
+        """
+        travel = float(np.ptp(self.table.signals.position))
+        springs = 1 / (np.array(_WIDTHS) * travel)
+        held = np.tril(np.ones((len(_WIDTHS) + 1, len(_WIDTHS))), -1)
+        return np.column_stack((np.full(len(held), 2 / travel), held * springs))
+
+    @cached_property
+    def _speed(self) -> FloatArray:
+        return smooth_speed(self.table)
+
+    @cached_property
+    def _place(self) -> FloatArray:
+        """Mean position of each interval, -1 to 1 over the travel."""
+        position = self.table.signals.position
+        middle, half = (position.max() + position.min()) / 2, np.ptp(position) / 2
+        return ((position[1:] + position[:-1]) / 2 - middle) / half
+
+    def _held(self) -> Iterator[tuple[Kind, list[FloatArray]]]:
+        """Columns of each kind of force, one value an interval of the log."""
+        position = self.table.signals.position
+        unit = self._speed / self.fastest
+        place, sense = self._place, self.table.motion.direction.mean()
+        stops = stop_operators(position, [width * np.ptp(position) for width in _WIDTHS])
+        yield "drag", [np.abs(unit) * unit, unit**3]
+        yield "falling", [sense * np.exp(-((unit / width) ** 2)) for width in _BELLS]
+        yield "place", [unit * wave for wave in _waves(place, _DAMPING_WAVES)]
+        yield "position", [place, *_waves(place, _WAVES)]
+        yield "memory", [place, *((stop[1:] + stop[:-1]) / 2 for stop in stops)]
+
+
+def _waves(place: FloatArray, count: int) -> Iterator[FloatArray]:
+    """Cosines and sines with 1 to ``count`` half periods from the middle to an end."""
+    for number in range(1, count + 1):
+        yield np.cos(number * np.pi * place)
+        yield np.sin(number * np.pi * place)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionCurve:
-    """Friction as one log shows it, where it is not constant damping and Coulomb friction.
+    """Friction as one log shows it, where it is not constant damping and Coulomb friction."""
 
-    Attributes:
-        found: kinds of force, the largest first.
-        slope: of friction over speed, from rest to ``fastest``.
-        fastest: speed seen, m/s.
-        presliding: stiffness of friction with a memory while it holds, N/m, above zero; None
-            where there is none.
-        mass: kg, with the kinds in the regression.
-        mass_deviation: standard deviation of it, kg.
-    """
-
-    found: tuple[UnmodelledForce, ...]
-    slope: SlopeRange
-    fastest: float
+    found: tuple[UnmodelledForce, ...]  # kinds of force, the largest first
+    slope: SlopeRange  # of friction over speed, from rest to ``fastest``
+    fastest: float  # speed seen, m/s
+    #: stiffness of friction with a memory while it holds, N/m, above zero; None where there is none
     presliding: SlopeRange | None
-    mass: float
-    mass_deviation: float
+    mass: float  # kg, with the kinds in the regression
+    mass_deviation: float  # standard deviation of it, kg
 
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Least squares with some kinds beside the model.
+    """Least squares with some kinds beside the model."""
 
-    Attributes:
-        values: coefficients of the model and the kinds, SI units.
-        covariance: of them.
-        places: where those of each kind stand.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    places: Mapping[Kind, slice]
+    values: FloatArray  # coefficients of the model and the kinds, SI units
+    covariance: FloatArray  # of them
+    places: Mapping[Kind, slice]  # where those of each kind stand
 
     def weighted(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted sums of the coefficients, and how far each may be off."""
@@ -98,19 +194,12 @@ class _Fit:
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """All columns of one log in blocks, mean squares 1.
+    """All columns of one log in blocks, mean squares 1."""
 
-    Attributes:
-        sums: of the columns.
-        base: columns of the model.
-        members: columns of each kind.
-        scales: unit of each column over that of the answer.
-    """
-
-    sums: BlockSums
-    base: list[int]
-    members: Mapping[Kind, list[int]]
-    scales: FloatArray
+    sums: BlockSums  # of the columns
+    base: list[int]  # columns of the model
+    members: Mapping[Kind, list[int]]  # columns of each kind
+    scales: FloatArray  # unit of each column over that of the answer
 
     def chosen(self, kinds: Sequence[Kind]) -> list[int]:
         return self.base + [each for kind in kinds for each in self.members[kind]]
@@ -131,7 +220,7 @@ class _Table:
         return self.sums.left(self.chosen(kinds))
 
     def worth(self, kind: Kind, beside: Sequence[Kind]) -> float:
-        """Wald's statistic of a kind over the value that chance exceeds with CHANCE."""
+        """Wald's statistic of a kind over the value that chance exceeds with _CHANCE."""
         from scipy.special import fdtri
 
         fitted, covariance = self.sums.fit(self.chosen((*beside, kind)))
@@ -141,19 +230,17 @@ class _Table:
         unit = value / deviations
         inverse = np.linalg.pinv(own / np.outer(deviations, deviations), hermitian=True)
         freedom = BLOCKS - count
-        chance = count * (BLOCKS - 1) / freedom * float(fdtri(count, freedom, 1 - CHANCE))
+        chance = count * (BLOCKS - 1) / freedom * float(fdtri(count, freedom, 1 - _CHANCE))
         return float(unit @ inverse @ unit) / chance
 
 
 def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> FrictionCurve | None:
     """Kinds of friction that one log shows beyond its model; None if there is none.
 
-    Args:
-        table: its regression, direction of motion settled, with Coulomb friction in the model.
-        delay: s, command to force.
-        seed: of the random halves.
+    The direction of motion is settled, with Coulomb friction in the model; the seed is of the
+    halves.
     """
-    forces = Forces(table)
+    forces = _Forces(table)
     columns = forces.columns()
     answer = table.force(delay)
     every = np.concatenate((table.columns.T, *columns.values()), axis=1)
@@ -187,7 +274,7 @@ def _in_blocks(
 def _kinds(own: _Table) -> list[Kind]:
     """The kinds found, the one that takes most away first."""
     kinds: list[Kind] = []
-    while len(kinds) < MOST:
+    while len(kinds) < _MOST:
         left = own.left(kinds)
         gone: dict[Kind, float] = {
             kind: left - own.left([*kinds, kind]) for kind in own.members if kind not in kinds
@@ -203,8 +290,8 @@ def _kinds(own: _Table) -> list[Kind]:
 
 def _noticed(own: _Table, kind: Kind, beside: Sequence[Kind], gone: float, left: float) -> bool:
     """Whether what a kind takes away from what is left, mean squares, is large enough and sure."""
-    part = FURTHER if beside or kind == "position" else 0.0 if kind == "drag" else FIRST
-    return gone >= max(LEAST[kind] ** 2, part * left) and own.worth(kind, beside) >= 1
+    part = _FURTHER if beside or kind == "position" else 0.0 if kind == "drag" else _FIRST
+    return gone >= max(_LEAST[kind] ** 2, part * left) and own.worth(kind, beside) >= 1
 
 
 def _stable(own: _Table, kinds: Sequence[Kind], seed: int) -> list[Kind]:
@@ -212,9 +299,6 @@ def _stable(own: _Table, kinds: Sequence[Kind], seed: int) -> list[Kind]:
 
     The shape of a kind is that of the other half, so that no half is asked for what it suggested.
     """
-    from identification.structure.sparse import paying_terms
-    from identification.structure.stability_selection import HALF_HURDLE, HALVES, STABLE
-
     fits = own.sums.resampled(own.chosen(kinds), nuisance=len(own.base))
     # A half knows each term with twice the variance of the whole.
     root = fits.root / np.sqrt(2)
@@ -230,7 +314,7 @@ def _stable(own: _Table, kinds: Sequence[Kind], seed: int) -> list[Kind]:
     ]
 
 
-def _curve(own: _Table, kinds: Sequence[Kind], forces: Forces) -> FrictionCurve:
+def _curve(own: _Table, kinds: Sequence[Kind], forces: _Forces) -> FrictionCurve:
     linear, fit = own.fit(()), own.fit(kinds)
     left = float(np.sqrt(own.left(kinds) / own.left(())))
     moved = np.abs(fit.values[:2] - linear.values[:2]) * left
@@ -265,7 +349,7 @@ def _share(own: _Table, fit: _Fit, kind: Kind) -> float:
     return float(np.sqrt(max(square, 0.0)))
 
 
-def _presliding(fit: _Fit, forces: Forces) -> SlopeRange | None:
+def _presliding(fit: _Fit, forces: _Forces) -> SlopeRange | None:
     """Least and largest stiffness of friction that remembers, before all of it slides."""
     if "memory" not in fit.places:
         return None
@@ -279,7 +363,7 @@ def _presliding(fit: _Fit, forces: Forces) -> SlopeRange | None:
     return SlopeRange(low=max(float(np.min(value)), _SOFTEST * high), high=high)
 
 
-def _slope_range(fit: _Fit, forces: Forces) -> tuple[float, float]:
+def _slope_range(fit: _Fit, forces: _Forces) -> tuple[float, float]:
     """Least and largest slope of friction over speed with some kinds in the regression, N·s/m."""
     weights = np.zeros((1, fit.values.size))
     weights[0, 1] = 1.0

@@ -1,4 +1,4 @@
-"""Zero-order-hold response of a mass with viscous damping, exact for any rate p = b/m.
+"""Zero-order-hold response of a mass with damping, exact for any rate p = b/m, and its drive.
 
 Every response comes with its exact derivative by p, from the φ-functions one order higher.
 """
@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.linear_filters import recursive
-from identification.estimators.zero_order_hold import HeldColumn
+from identification.estimators.filters import recursive
+from identification.estimators.least_squares import MOST_SAMPLES, Regression
+from identification.estimators.motion import terms
+from identification.estimators.signals import Commands, HeldColumn, Signals, mean_step
 
 FloatArray = NDArray[np.float64]
 
@@ -20,6 +22,11 @@ FloatArray = NDArray[np.float64]
 _SERIES_BELOW = 0.5
 #: Terms of the series: 0.5^16/18! is below the last bit.
 _TERMS = 18
+#: Fastest |p| searched, per sample: there nothing of a motion is left after one, and no log tells a
+#: faster one. A bound that a device may reach would be taken for its rate.
+_FASTEST = 50.0
+#: Fastest growth searched, per log: e^50 exceeds any travel.
+_GROWTH = 50.0
 
 
 def phi(delta: float | FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -50,23 +57,15 @@ def _series(delta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepResponse:
-    """Step response to a unit force per mass, from rest; each of the shape of the times.
+    """Step response to a unit force per mass, from rest; each of the shape of the times."""
 
-    Attributes:
-        speed: velocity gained, m/s for each m/s²; also the distance coasted for each m/s; s.
-        place: distance gained, s².
-        decay: part left of a velocity.
-        speed_slope: derivative of ``speed`` by p, s².
-        place_slope: derivative of ``place`` by p, s³.
-        decay_slope: derivative of ``decay`` by p, s.
-    """
-
+    #: velocity gained, m/s for each m/s²; also the distance coasted for each m/s; s
     speed: FloatArray
-    place: FloatArray
-    decay: FloatArray
-    speed_slope: FloatArray
-    place_slope: FloatArray
-    decay_slope: FloatArray
+    place: FloatArray  # distance gained, s²
+    decay: FloatArray  # part left of a velocity
+    speed_slope: FloatArray  # derivative of ``speed`` by p, s²
+    place_slope: FloatArray  # derivative of ``place`` by p, s³
+    decay_slope: FloatArray  # derivative of ``decay`` by p, s
 
     @classmethod
     def during(cls, span: float | FloatArray, rate: float) -> StepResponse:
@@ -95,17 +94,11 @@ class Gain:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldResponse:
-    """A device of rate p on the grid of one log, moved by held columns.
+    """A device of rate p on the grid of one log, moved by held columns."""
 
-    Attributes:
-        rate: p, 1/s.
-        whole: of one full interval; numbers, or arrays of shape (n - 1,).
-        steps: length of the intervals, s: one number, or shape (n - 1,).
-    """
-
-    rate: float
-    whole: StepResponse
-    steps: float | FloatArray
+    rate: float  # p, 1/s
+    whole: StepResponse  # of one full interval; numbers, or arrays of shape (n - 1,)
+    steps: float | FloatArray  # length of the intervals, s: one number, or shape (n - 1,)
 
     @classmethod
     def at(cls, rate: float, steps: float | FloatArray) -> HeldResponse:
@@ -133,12 +126,7 @@ class HeldResponse:
         return Gain(velocity=velocity, distance=distance)
 
     def slope_by_delay(self, column: HeldColumn, first: float) -> Gain:
-        """Derivative of ``gain`` by a delay of every jump, those at borders of intervals too.
-
-        Args:
-            column: as it acts.
-            first: value before the first interval.
-        """
+        """Derivative of ``gain`` by a delay of all jumps; ``first`` is the value before the log."""
         level = column.level
         before = np.concatenate(([first], level[:-1]))
         if column.change.size:
@@ -166,10 +154,7 @@ class HeldResponse:
         return np.concatenate(([0.0], np.cumsum(moved))), speed
 
     def position_slope(self, speed: FloatArray, slope: Gain) -> FloatArray:
-        """Derivative of a position by p, from its velocity and the slope of what is added.
-
-        The velocity and the derivative have shape (n,).
-        """
+        """Derivative of a position by p, from its velocity and the slope of what is added."""
         added = self.whole.decay_slope * speed[:-1] + slope.velocity
         moved = self.whole.speed_slope * speed[:-1] + slope.distance
         return self.position(Gain(velocity=added, distance=moved))[0]
@@ -178,18 +163,63 @@ class HeldResponse:
 def accumulate_decay(
     decay: FloatArray, added: Sequence[FloatArray], start: Sequence[float]
 ) -> FloatArray:
-    """Velocities at n samples where every interval leaves its own part of the one before.
-
-    Args:
-        decay: shape (n - 1,).
-        added: what the intervals add, shape (n - 1,) for each column.
-        start: velocity at the first sample, one for each column.
-
-    Returns:
-        Shape (columns, n).
-    """
+    """Velocities, shape (columns, n), where each interval leaves its own part of the one before."""
     rows = np.empty((len(start), decay.size + 1))
     rows[:, 0] = start
     for index, column in enumerate(added):
         rows[index, 1:] = column
     return recursive(rows, -np.concatenate(([0.0], decay)))
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Inputs of one log; the delay is given, or one more nonlinear parameter."""
+
+    commands: Commands  # forces as logged
+    terms: tuple[HeldColumn, ...]  # columns of the terms beside mass and damping
+    moving: FloatArray  # 1, or 0 where the device stands, shape (n - 1,)
+    steps: float | FloatArray  # of the log, s: one number, or shape (n - 1,)
+    delay: float | None  # s, or None if it is fitted
+
+    @classmethod
+    def of(cls, table: Regression, delay: float | None) -> Drive:
+        """Inputs as a prepared regression knows them."""
+        signals, motion = table.signals, table.motion
+        beside = terms(table.model, motion, signals.position, signals.steps).columns
+        return cls(signals.commands, beside, motion.moving, signals.steps, delay)
+
+    @classmethod
+    def bare(cls, signals: Signals, delay: float | None) -> Drive:
+        """The force alone, as if the device never stood."""
+        return cls(signals.commands, (), np.ones(signals.speed.size), signals.steps, delay)
+
+    def inputs(self, delay: float) -> tuple[HeldColumn, ...]:
+        """Force, then the terms, where they act."""
+        return (self.commands.after(delay).times(self.moving), *self.terms)
+
+    def slope_by_delay(self, device: HeldResponse, delay: float) -> Gain:
+        """What the force adds in each interval, differentiated by its delay."""
+        force = self.commands.after(delay)
+        later = device.slope_by_delay(force, float(self.commands.value[0]))
+        return Gain(velocity=later.velocity * self.moving, distance=later.distance * self.moving)
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """p searched, 1/s."""
+        step = mean_step(self.steps)
+        return -_GROWTH / step / self.moving.size, _FASTEST / step
+
+    def bounds(self, *between: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest θ searched: p, what is between, and the delay if it is fitted."""
+        ranges = [self.rates, *between, *([self.delays] if self.delay is None else [])]
+        low, high = np.array(ranges).T
+        return low, high
+
+    def delay_of(self, theta: FloatArray) -> float:
+        """The delay, s: as given, or the last parameter."""
+        return float(theta[-1]) if self.delay is None else self.delay
+
+    @property
+    def delays(self) -> tuple[float, float]:
+        """Delays searched, s."""
+        return 0.0, MOST_SAMPLES * mean_step(self.steps)

@@ -1,0 +1,235 @@
+"""Filters: convolution and difference equations, the low-pass of a regression, and whitening.
+
+The first two are what ``scipy.signal`` offers as well, whose package takes longer to load than a
+log to identify. Whitening is for tremor of a hand, cogging and friction that a model misses: they
+colour a residual in bands that no moving average of two terms can follow, and it is in these bands
+that mass and damping are read. The spectrum is smoothed over a constant part of the frequency, and
+its inverse made causal: a filter that looked ahead would bias an estimate in closed loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+Spectra = dict[int, NDArray[np.complex128]]
+#: Blocks hold this many rows, or this many kernels, whichever is longer.
+_SHORTEST_BLOCK = 1 << 14
+_KERNELS = 8
+#: The kernel ends after this many standard deviations, where it has fallen to 4e-6 of its peak:
+#: the step there lets through less noise than the second difference amplifies.
+REACH = 5.0
+#: Half-width of the smoothing, as part of the frequency, ...
+_RELATIVE = 0.1
+#: ... and in lines of the spectrum at least: 17 of them know a level to a quarter.
+_FEWEST_LINES = 8
+#: Points of the grid on which the filter is computed.
+_GRID = 1 << 15
+#: The filter ends where what follows has less than this part of its energy.
+_NEGLIGIBLE = 1e-8
+#: A spectrum is taken to reach no deeper than this part of its peak.
+_SILENT = 1e-12
+#: Lines of a tapered spectrum are correlated with their neighbours, by 4/9 and 1/36: so many of
+#: them are independent, each of two squares.
+_INDEPENDENT = 1 / (1 + 2 * (4 / 9 + 1 / 36))
+#: Probability that an octave of a white residual is taken for coloured.
+_CHANCE = 1e-4
+#: An octave may be off by this part without a loss that matters: it costs its square in variance.
+_HARMLESS = 0.1
+#: Squares that a fit may take out of one octave: one for each of mass, damping, friction of two
+#: directions, offset, delay and the two terms of a moving average.
+_FITTED = 8
+
+
+def overlap_save(
+    columns: FloatArray, kernel: FloatArray, spectra: Spectra | None = None
+) -> FloatArray:
+    """Rows with a full set of neighbours, shape (..., n) to (..., n - k + 1).
+
+    Each block of rows is convolved in a circle and what wrapped around is left out (overlap-save:
+    Oppenheim and Schafer, Discrete-Time Signal Processing, section 8.7.3). The first weight of the
+    kernel is that of the newest row; its spectra are kept by length of block.
+    """
+    rows, lost = columns.shape[-1], kernel.size - 1
+    block = min(_quick(rows), _quick(max(_SHORTEST_BLOCK, _KERNELS * kernel.size)))
+    whole = block - lost
+    count = -(-(rows - lost) // whole)
+    spectra = {} if spectra is None else spectra
+    if block not in spectra:
+        spectra[block] = np.fft.rfft(kernel, block)
+    if count == 1:
+        return np.fft.irfft(np.fft.rfft(columns, block) * spectra[block], block)[..., lost:rows]
+    padded = np.zeros((*columns.shape[:-1], lost + count * whole))
+    padded[..., :rows] = columns
+    blocks = sliding_window_view(padded, block, axis=-1)[..., ::whole, :]
+    convolved = np.fft.irfft(np.fft.rfft(blocks) * spectra[block], block)[..., lost:]
+    return convolved.reshape(*columns.shape[:-1], count * whole)[..., : rows - lost]
+
+
+def causal(columns: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Rows weighted with those before them, zero before the first, shape (..., n) to (..., n)."""
+    before = np.zeros((*columns.shape[:-1], kernel.size - 1))
+    return overlap_save(np.concatenate((before, columns), axis=-1), kernel)
+
+
+def recursive(rows: FloatArray, *past: FloatArray | float) -> FloatArray:
+    """y with y[k] + past[0]·y[k - 1] + past[1]·y[k - 2] + … = rows[k], nothing before the first.
+
+    A triangular system with a few diagonals, solved as such: it knows no growth that would have to
+    be divided out. Each weight is a number, or its value at each row.
+    """
+    from scipy.linalg.lapack import dtbtrs
+
+    count = rows.shape[-1]
+    band = np.ones((len(past) + 1, count), order="F")
+    for back, weight in enumerate(past, start=1):
+        # The diagonal below the main one begins with the row that is the first to look back so far.
+        band[back, : count - back] = weight[back:] if isinstance(weight, np.ndarray) else weight
+    return dtbtrs(band, np.atleast_2d(rows).T, uplo="L", diag="U")[0].T.reshape(rows.shape)
+
+
+def _quick(least: int) -> int:
+    """The least length of at least this that is 4, 5 or 6 times a power of two."""
+    power = 1 << max(int(least - 1).bit_length() - 3, 0)
+    return next(part * power for part in (4, 5, 6, 8) if part * power >= least)
+
+
+def gaussian(width: float, step: float) -> FloatArray:
+    """Symmetric Gaussian weights that sum to 1, odd in number, for a standard deviation in s."""
+    half = int(np.ceil(REACH * width / step))
+    if half == 0:
+        return np.ones(1)
+    place = np.arange(-half, half + 1) * step / width
+    weights = np.exp(-(place**2) / 2)
+    return weights / weights.sum()
+
+
+def width_of(cut_off: float) -> float:
+    """Standard deviation in s of the Gaussian that passes 1/√2 of a sine at ``cut_off`` Hz."""
+    return float(np.sqrt(np.log(2)) / (2 * np.pi * cut_off))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LowPass:
+    """Zero-phase Gaussian filter without start or end effects.
+
+    Its output is a weighted mean of input rows, so an equation that holds for every row holds for
+    the filtered rows exactly; rows without a full set of neighbours are not returned.
+    """
+
+    kernel: FloatArray  # weights, shape (2·half + 1,)
+    spectra: Spectra = field(default_factory=Spectra)  # of the kernel, by length of block
+
+    @classmethod
+    def at(cls, cut_off: float, step: float) -> LowPass:
+        """The filter for a cut-off in Hz, where a sine keeps 1/√2, and a sample time in s."""
+        return cls(kernel=gaussian(width_of(cut_off), step))
+
+    @property
+    def half(self) -> int:
+        """Rows lost at each end."""
+        return self.kernel.size // 2
+
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """The filtered columns, shape (..., n) to (..., n - 2·half)."""
+        return overlap_save(columns, self.kernel, self.spectra)
+
+    def continued(self, column: FloatArray) -> FloatArray:
+        """The filtered column, shape (n,); its ends go on by odd reflection, which keeps slopes."""
+        half = self.half
+        if half == 0:
+            return column
+        return self(np.pad(column, half, mode="reflect", reflect_type="odd"))
+
+    def noise_gains(self, step: float) -> tuple[float, float]:
+        """Variance of filtered second and central differences per variance of the readings."""
+        second = np.convolve(self.kernel, [1.0, -2.0, 1.0]) / step**2
+        central = np.convolve(self.kernel, [0.5, 0.0, -0.5]) / step
+        return float(second @ second), float(central @ central)
+
+
+def _spectrum(residual: FloatArray) -> FloatArray:
+    """Periodogram without its zero frequency, tapered, shape (rows // 2,)."""
+    window = np.hanning(residual.size)
+    return np.abs(np.fft.rfft((residual - np.mean(residual)) * window)[1:]) ** 2
+
+
+def _smooth_spectrum(power: FloatArray) -> FloatArray:
+    """Mean over a constant part of the frequency about each line, same shape."""
+    line = np.arange(1, power.size + 1)
+    half = np.maximum(_FEWEST_LINES, (_RELATIVE * line).astype(np.intp))
+    low, high = np.maximum(line - 1 - half, 0), np.minimum(line + half, power.size)
+    total = np.concatenate(([0.0], np.cumsum(power)))
+    return (total[high] - total[low]) / (high - low)
+
+
+def whiteness(residual: FloatArray) -> float:
+    """Largest distance of the cumulated periodogram from the straight line of white noise.
+
+    0 is white, 1 is all power at one end of the spectrum (Bartlett's test: Bartlett, An
+    Introduction to Stochastic Processes, 1966, section 9.3.2; chance alone exceeds 1.63/√(n/2) once
+    in a hundred times).
+    """
+    power = np.abs(np.fft.rfft(residual)[1:]) ** 2
+    total = float(np.sum(power))
+    if total == 0:
+        return 0.0
+    line = np.arange(1, power.size + 1) / power.size
+    return float(np.max(np.abs(np.cumsum(power) / total - line)))
+
+
+def is_coloured(residual: FloatArray, *, either_side: bool = False) -> bool:
+    """Whether the level of any octave differs from the mean by more than chance and than matters.
+
+    Octaves, because what tells damping stands in the lowest few of a thousand lines. With either
+    side, an octave that is too quiet counts as well, beyond what a fit of a few parameters takes
+    out of it by itself: it makes no interval wrong, but mass and damping could be read more sharply
+    there.
+    """
+    from scipy.special import chdtri
+
+    power = _spectrum(residual)
+    mean = float(np.mean(power))
+    if mean == 0:
+        return False
+    end = power.size
+    while end > 0:
+        start = end // 2 if end > 2 * _FEWEST_LINES else 0
+        freedom = 2 * (end - start) * _INDEPENDENT
+        chance = float(chdtri(freedom, _CHANCE)) / freedom
+        level = float(np.mean(power[start:end])) / mean
+        if level > max(chance, 1 + _HARMLESS):
+            return True
+        if either_side and freedom > 2 * _FITTED:
+            quiet = float(chdtri(freedom - _FITTED, 1 - _CHANCE)) / freedom
+            if level < min(quiet, 1 - _HARMLESS):
+                return True
+        end = start
+    return False
+
+
+def whitener(residual: FloatArray) -> FloatArray:
+    """Taps of the causal filter that makes a residual white, leading 1.
+
+    The cepstrum of the smoothed spectrum, folded to positive times, is that of the minimum-phase
+    response of this spectrum (Kolmogorov; Oppenheim and Schafer, Discrete-Time Signal Processing,
+    section 13.5).
+    """
+    from scipy.fft import irfft, rfft
+
+    power = _smooth_spectrum(_spectrum(residual))
+    level = np.log(np.maximum(power, _SILENT * max(float(power.max()), np.finfo(float).tiny)))
+    place = np.linspace(0, level.size, _GRID // 2 + 1)
+    grid = np.interp(place, np.arange(1, level.size + 1), level)
+    cepstrum = irfft(grid, _GRID)
+    folded = np.zeros(_GRID)
+    folded[1 : _GRID // 2] = cepstrum[1 : _GRID // 2]
+    # exp of minus half of twice the positive part: the inverse of the root of the spectrum.
+    taps = irfft(np.exp(-rfft(folded)), _GRID)[: min(_GRID // 2, residual.size)]
+    energy = np.cumsum(taps[::-1] ** 2)[::-1]
+    return taps[: int(np.flatnonzero(energy >= _NEGLIGIBLE * energy[0])[-1]) + 1]

@@ -122,21 +122,21 @@ if TYPE_CHECKING:
     from identification.figure import NotebookFigure as NotebookFigure
     from identification.figure import legend_above as legend_above
     from identification.fitting.one_log import LogFit as LogFit
-    from identification.pictures.fit import fit_picture as fit_picture
-    from identification.pictures.identified import identified_picture as identified_picture
-    from identification.pictures.identified import log_picture as log_picture
+    from identification.pictures import fit_picture as fit_picture
+    from identification.pictures import identified_picture as identified_picture
+    from identification.pictures import log_picture as log_picture
     from identification.planning.excitation import (
         Excitation as Excitation,
     )
+    from identification.planning.excitation import excitation_picture as excitation_picture
+    from identification.planning.excitation import force_text as force_text
     from identification.planning.excitation import (
         plan_excitation as plan_excitation,
     )
-    from identification.planning.planned_force import excitation_picture as excitation_picture
-    from identification.planning.planned_force import force_text as force_text
-    from identification.planning.spec import (
+    from identification.planning.limits import (
         ExcitationSpec as ExcitationSpec,
     )
-    from identification.planning.two_stage import load_excitation as load_excitation
+    from identification.planning.limits import load_excitation as load_excitation
     from identification.plant import (
         Plant as Plant,
     )
@@ -166,7 +166,9 @@ _HOMES = {
     ),
     "estimators": "METHODS Method",
     "examination": "Examination examine",
-    "planning.excitation": "Excitation plan_excitation",
+    "planning.excitation": "Excitation excitation_picture force_text plan_excitation",
+    "planning.limits": "ExcitationSpec load_excitation",
+    "pictures": "fit_picture identified_picture log_picture",
     "figure": "NotebookFigure legend_above",
     "device.hardware": "ForceLimit Hardware Mode",
     "device.known_devices": "load_device named_devices",
@@ -174,11 +176,6 @@ _HOMES = {
     "device.friction": "SlopeRange UnmodelledForce",
     "_identify": "Identification identify",
     "fitting.one_log": "LogFit",
-    "pictures.fit": "fit_picture",
-    "pictures.identified": "identified_picture log_picture",
-    "planning.planned_force": "excitation_picture force_text",
-    "planning.spec": "ExcitationSpec",
-    "planning.two_stage": "load_excitation",
     "plant": "Plant",
     "device.quantities": "AnyQuantity Quantity quantity",
     "device.stated": "Fact",

@@ -13,15 +13,19 @@ from hypothesis import strategies as st
 
 from identification import Hardware, Trajectory, quantity
 from identification.estimators.model import Estimate
-from identification.findings.cross_validation import cut_off_sensitivity
+from identification.findings.clock import contradicting_delays
 from identification.findings.force_balance import balance_of
-from identification.findings.inertia import inertia, inertia_of
-from identification.findings.unknown_delay import contradicting_delays
-from identification.fitting.choice import choose, noise_explains
-from identification.fitting.hausman import CONTRADICTED, contradiction, region, statistic
-from identification.fitting.one_log import fit_log
-from identification.fitting.prepared_log import PreparedLog
-from identification.fitting.selection import distinguishable_terms
+from identification.findings.validation import cut_off_sensitivity, inertia, inertia_of
+from identification.fitting.choice import (
+    CONTRADICTED,
+    PreparedLog,
+    choose,
+    contradiction,
+    noise_explains,
+    region,
+    statistic,
+)
+from identification.fitting.one_log import distinguishable_terms, fit_log
 from tests.bare_servo import INERTIA, path, servo_log
 from tests.simulated.families import FAMILIES
 

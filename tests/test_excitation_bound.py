@@ -11,10 +11,8 @@ from datasets_synthetic import Rig, simulate
 from identification import (
     ExcitationSpec,
 )
-from identification.planning.design_criterion import DesignCriterion, Friction
-from identification.planning.information import NORMAL_95, predict
-from identification.planning.response import Response
-from identification.planning.stick_slip import Guess, sensitivities, simulate_stick_slip
+from identification.planning.information import NORMAL_95, DesignCriterion, Friction, predict
+from identification.planning.stick_slip import Guess, Response, sensitivities, simulate_stick_slip
 from tests.excitation_plans import STEP, Array, rig_of, spec, wave
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from datasets_synthetic import SCENARIOS, log_text, named_rig, run
 from identification import Hardware, Trajectory, load_device
-from identification.findings.units import units
+from identification.findings.columns import units
 from tests.commands import Ended, haptune
 from tests.thinned import thinned
 from tune import load_profile

@@ -8,20 +8,12 @@ from identification.device.device import Hardware
 from identification.errors import Finding
 from identification.estimators.delay import Delay
 from identification.estimators.model import Estimate
-from identification.findings.causality import causality
-from identification.findings.cross_validation import cross_validation, cut_off_sensitivity
-from identification.findings.encoder_wrap import encoder_wrap
-from identification.findings.excitation import excitation
+from identification.findings.clock import contradicting_delays, sampling, unknown_delay
+from identification.findings.columns import encoder_wrap, mass_unit, resolution, saturation, units
+from identification.findings.excitation import causality, excitation
 from identification.findings.force_balance import balance_of
-from identification.findings.hand import hand, unlogged
-from identification.findings.inertia import inertia
-from identification.findings.position_dependence import position_dependence
-from identification.findings.resolution import resolution
-from identification.findings.sampling import sampling
-from identification.findings.saturation import saturation
-from identification.findings.stiction import stiction
-from identification.findings.units import mass_unit, units
-from identification.findings.unknown_delay import contradicting_delays, unknown_delay
+from identification.findings.forces import hand, position_dependence, stiction, unlogged
+from identification.findings.validation import cross_validation, cut_off_sensitivity, inertia
 from identification.trajectory import Trajectory
 
 #: Every code a finding can have; the list is part of the file format and of the command line.

@@ -4,40 +4,263 @@ Three families of signals are brought to their best within the limits and compar
 is the net force of the best, plus the friction of the guessed device while it moves, so that
 friction neither holds the device nor bends its path, and the constant force guessed. Every corner
 of the guesses is then simulated exactly and the force scaled until none of them leaves its limits;
-for the force that is played, devices between the corners too. One file: the steps of one plan, in
-their order.
+for the force that is played, devices between the corners too.
 """
+
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError
-from identification.planning.design_grid import DesignGrid
-from identification.planning.families import Family, Shape, binaries, multisines, swept_sines
-from identification.planning.information import Prediction, predict
-from identification.planning.response import Response
-from identification.planning.spec import ExcitationSpec
-from identification.planning.stick_slip import Guess, simulate_stick_slip
-from identification.planning.two_stage import gentle_spec
-from identification.planning.worst_motion import (
+from identification.planning.information import DesignGrid, Prediction, fade, force_room, predict
+from identification.planning.limits import (
     BETWEEN,
+    ExcitationSpec,
     Region,
     WorstMotion,
     extremes,
+    gentle_spec,
     worst_motions,
 )
+from identification.planning.stick_slip import Guess, Response, simulate_stick_slip
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
-_FAMILIES: tuple[tuple[str, Callable[[DesignGrid], list[Shape]]], ...] = (
-    ("multisine", multisines),
-    ("swept sine", swept_sines),
-    ("binary sequence", binaries),
+Family = Literal["multisine", "swept-sine", "binary"]
+
+#: Lines of a multisine: all multiples of 1/duration up to the highest frequency if they are no
+#: more, otherwise this many, evenly spaced in octaves.
+_LINES = 48
+#: The largest load is approached by p-norms, sharper in each round.
+_POWERS = (8, 32, 128)
+#: Steps of the search in each round, ...
+_STEPS = 250
+#: ... fewer where a step takes long (points of the grid times steps) ...
+_WORK = 1_000_000
+#: ... but never fewer than these.
+_FEWEST_STEPS = 60
+#: Starts of the search where friction is none: their best differ by a few per cent.
+_SEEDS = (0, 1, 2)
+#: Periods in the duration that are tried where there is friction, one start each.
+_PERIODS = (1, 2, 3, 4, 6)
+#: Frequencies tried at either end of a sweep.
+_ENDS = 14
+#: Sweeps handed on: a corner of the guesses may drift under the very best.
+_SWEEPS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Shape:
+    """A net force before friction is made up for.
+
+    Attributes:
+        family: of signals.
+        band: its lowest and its highest frequency, Hz.
+        lines: how many frequencies it has; 0 where it sweeps through all of the band.
+        force: N (N·m) at any times (s), in their shape, the first limit just reached on the bench.
+    """
+
+    family: Family
+    band: tuple[float, float]
+    lines: int = 0
+    force: Callable[[FloatArray], FloatArray]
+
+
+def _multisines(bench: DesignGrid) -> list[_Shape]:
+    """Multisines worth fitting to the limits.
+
+    Without friction all multiples of 1/duration are lines. With friction the lines are the odd
+    multiples of a few periods in the duration. Such a force is its own opposite half a period
+    later, and so is the motion: a friction other than guessed pulls as long one way as the other,
+    and the device does not drift.
+    """
+    highest = max(int(bench.highest * bench.spec.duration), 4)
+    if bench.spec.coulomb_friction.high == 0:
+        return [_multisine(bench, np.arange(1, highest + 1), seed) for seed in _SEEDS]
+    # Fewer than two lines cannot tell damping from friction.
+    periods = [each for each in _PERIODS if 3 * each <= highest]
+    return [_multisine(bench, np.arange(each, highest + 1, 2 * each), 0) for each in periods]
+
+
+def _multisine(bench: DesignGrid, lines: NDArray[np.int64], seed: int) -> _Shape:
+    """Fourier coefficients of the least merit by gradient, crest and phases included.
+
+    The merit is taken at the scale where the first limit is met, so limits need no penalty. Two
+    conditions are linear in the coefficients and hold exactly: back at the start, and at rest.
+    """
+    from scipy.optimize import minimize
+
+    spec = bench.spec
+    if lines.size > _LINES:
+        lines = lines[np.unique(np.rint(np.geomspace(1, lines.size, _LINES)).astype(int)) - 1]
+
+    def waves(time: FloatArray) -> FloatArray:
+        angle = 2 * np.pi / spec.duration * time[:, None] * lines
+        return np.concatenate((np.cos(angle), np.sin(angle)), axis=1) * fade(time, spec)[:, None]
+
+    basis = waves(bench.time)
+    response = bench.devices[0][1]
+    ends = np.stack([response.place(basis)[-1], response.speed(basis)[-1]])
+    free = np.linalg.svd(ends / np.linalg.norm(ends, axis=1, keepdims=True))[2][2:].T
+    table = basis @ free
+    steps = int(np.clip(_WORK / bench.count, _FEWEST_STEPS, _STEPS))
+
+    def cost(point: FloatArray, power: int) -> tuple[float, FloatArray]:
+        force = table @ point
+        size, by_force = _size(bench, force, power)
+        value, gradient = bench.score(force / size)
+        change = gradient - (gradient @ force) / size * by_force
+        return value, (change / size) @ table
+
+    slope = 1 / np.concatenate((lines, lines))
+    point = free.T @ (np.random.default_rng(seed).standard_normal(slope.size) * slope)
+    for power in _POWERS:
+        point = point / _size(bench, table @ point, power)[0]
+        result = minimize(
+            partial(cost, power=power),
+            point,
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": steps, "maxfun": 2 * steps, "maxcor": 20},
+        )
+        point = np.asarray(result.x, dtype=np.float64)
+    point = point / np.max(np.abs(bench.loads(table @ point)))
+    weights = free @ point
+    return _Shape(
+        family="multisine",
+        band=(float(lines[0] / spec.duration), float(lines[-1] / spec.duration)),
+        lines=int(lines.size),
+        force=lambda time: waves(time) @ weights,
+    )
+
+
+def _swept_sines(bench: DesignGrid) -> list[_Shape]:
+    """Sweeps, even in octaves, of the best two ends; at each frequency to the first limit."""
+    law = _law(bench.spec)
+
+    def wave(phase: FloatArray, frequency: FloatArray) -> FloatArray:
+        return law(frequency) * np.sin(phase)
+
+    return _best_sweep(bench, "swept-sine", wave)
+
+
+def _binaries(bench: DesignGrid) -> list[_Shape]:
+    """One force, one way or the other, switched at a rate that sweeps, of the best two ends."""
+
+    def wave(phase: FloatArray, frequency: FloatArray) -> FloatArray:
+        del frequency
+        return np.where(np.sin(phase) >= 0, 1.0, -1.0)
+
+    return _best_sweep(bench, "binary", wave)
+
+
+def _best_sweep(
+    bench: DesignGrid, family: Family, wave: Callable[[FloatArray, FloatArray], FloatArray]
+) -> list[_Shape]:
+    """The sweeps of the least merit."""
+    spec = bench.spec
+    slowest = min(2 / spec.duration, bench.highest / 4)
+    ends = np.geomspace(slowest, bench.highest, _ENDS)
+    found: list[tuple[float, _Shape]] = []
+    for first in ends:
+        for last in ends:
+            force = _settled(bench, _sweep(spec, float(first), float(last), wave))
+            try:
+                merit = bench.score(force(bench.time))[0]
+            except np.linalg.LinAlgError:  # nothing but one frequency and no friction told apart
+                continue
+            band = (float(first), float(last))
+            found.append((merit, _Shape(family=family, band=band, force=force)))
+    found.sort(key=lambda each: each[0])
+    return [shape for _, shape in found[:_SWEEPS]]
+
+
+def _sweep(
+    spec: ExcitationSpec,
+    first: float,
+    last: float,
+    wave: Callable[[FloatArray, FloatArray], FloatArray],
+) -> Callable[[FloatArray], FloatArray]:
+    """A wave whose frequency goes evenly in octaves from first to last, Hz."""
+    octaves = np.log(last / first)
+
+    def force(time: FloatArray) -> FloatArray:
+        frequency = first * np.exp(octaves * time / spec.duration)
+        # As ∫f dt, which for equal ends is f·t.
+        cycles = (frequency - first) * spec.duration / octaves if octaves else first * time
+        return wave(2 * np.pi * cycles + np.pi / 2, frequency)
+
+    return force
+
+
+def _settled(
+    bench: DesignGrid, force: Callable[[FloatArray], FloatArray]
+) -> Callable[[FloatArray], FloatArray]:
+    """The force faded, scaled to the first limit, with a slow part that brings the device back.
+
+    The slow part is a parabola in time under the same fade; its three coefficients take the end
+    back to the start, to rest, and the middle of the motion to the start.
+    """
+    spec = bench.spec
+
+    def slow(time: FloatArray) -> FloatArray:
+        middle = 2 * time / spec.duration - 1
+        parts = np.stack([np.ones_like(time), middle, middle**2], axis=1)
+        return parts * fade(time, spec)[:, None]
+
+    def conditions(table: FloatArray) -> FloatArray:
+        response = bench.devices[0][1]
+        place = response.place(table)
+        return np.stack([place[-1], response.speed(table)[-1] * bench.step, np.mean(place, axis=0)])
+
+    faded = force(bench.time) * fade(bench.time, spec)
+    parts = slow(bench.time)
+    weights = np.linalg.solve(conditions(parts), conditions(faded[:, None])[:, 0])
+    scale = 1 / float(np.max(np.abs(bench.loads(faded - parts @ weights))))
+    return lambda time: scale * (force(time) * fade(time, spec) - slow(time) @ weights)
+
+
+def _law(spec: ExcitationSpec) -> Callable[[FloatArray], FloatArray]:
+    """Force of a sine that just reaches travel, speed or force, by its frequency in Hz."""
+    mass, damping = spec.mass.value, spec.damping.value
+
+    def law(frequency: FloatArray) -> FloatArray:
+        omega = 2 * np.pi * frequency
+        reach = np.full_like(omega, spec.travel)
+        if spec.speed is not None:
+            reach = np.minimum(reach, spec.speed / omega)
+        return np.minimum(reach * omega * np.hypot(mass * omega, damping), force_room(spec))
+
+    return law
+
+
+def _size(bench: DesignGrid, force: FloatArray, power: int) -> tuple[float, FloatArray]:
+    """p-norm of the loads of a force, a little above the largest, and its gradient by the force."""
+    loads = bench.loads(force)
+    largest = float(np.max(np.abs(loads)))
+    parts = np.abs(loads) / largest
+    raised = parts ** (power - 1)
+    total = float(raised @ parts)
+    weights = np.sign(loads) * raised * total ** (1 / power - 1)
+    return largest * total ** (1 / power), bench.loads_returned(weights)
+
+
+_FAMILIES: tuple[tuple[str, Callable[[DesignGrid], list[_Shape]]], ...] = (
+    ("multisine", _multisines),
+    ("swept sine", _swept_sines),
+    ("binary sequence", _binaries),
 )
 #: Part of the limits aimed at: what is left covers the rounding of the force in its file.
 _AIM = 0.999
@@ -163,7 +386,7 @@ def plan_excitation(
 
     wanted = gentle_spec(spec) if spec.gentle else spec
     bench = DesignGrid.of(wanted)
-    found: list[tuple[Candidate, Shape]] = []
+    found: list[tuple[Candidate, _Shape]] = []
     used: list[Used] = []
     for name, family in _FAMILIES:
         say(f"designing a {name}")
@@ -192,7 +415,7 @@ def plan_excitation(
 
 
 def _fitted(
-    bench: DesignGrid, shape: Shape, judge: Callable[[ExcitationSpec, FloatArray], Used]
+    bench: DesignGrid, shape: _Shape, judge: Callable[[ExcitationSpec, FloatArray], Used]
 ) -> Candidate | Used:
     """The shape on the controller's samples, friction and offset made up for, within all limits.
 
@@ -241,7 +464,7 @@ def _fitted(
     )
 
 
-def _product(found: tuple[Candidate, Shape]) -> float:
+def _product(found: tuple[Candidate, _Shape]) -> float:
     """What is to be small: the product of both intervals."""
     prediction = found[0].prediction
     return prediction.mass * prediction.damping
@@ -297,3 +520,49 @@ def _impossible(spec: ExcitationSpec, used: Used) -> tuple[str, str]:
         f"no force keeps every device within the guesses below the speed of {spec.speed:g}",
         "Allow more speed, or narrow the ranges of the guesses",
     )
+
+
+#: Significant digits: a nanosecond in three minutes, and more than the force was rounded to.
+_FILE_DIGITS = 12
+
+
+def force_text(excitation: Excitation) -> str:
+    """One row a sample; the force of each is held until the next, the first and last are zero."""
+    rows = zip(excitation.time.tolist(), excitation.best.force.tolist(), strict=True)
+    lines = (f"{time:.{_FILE_DIGITS}g},{force + 0.0:.{_FILE_DIGITS}g}" for time, force in rows)
+    return "\n".join(("time,force", *lines)) + "\n"
+
+
+def excitation_picture(excitation: Excitation) -> Figure:
+    """Force, predicted position and predicted speed over time, each between its limits."""
+    from identification.figure import NotebookFigure
+
+    spec, best = excitation.spec, excitation.best
+    length, force = ("m", "N") if spec.motion == "linear" else ("rad", "N·m")
+    motion = best.prediction.motion
+    figure = NotebookFigure(figsize=(11, 7), layout="constrained")
+    rows = (
+        (f"force, {force}", best.force, spec.force),
+        (f"position, {length}", motion.position, spec.travel),
+        (f"velocity, {length}/s", motion.velocity, spec.speed),
+    )
+    for axes, (label, column, limit) in zip(
+        figure.subplots(len(rows), 1, sharex=True), rows, strict=True
+    ):
+        axes.plot(excitation.time, column, lw=1)
+        for side in (-1, 1) if limit is not None else ():
+            axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")
+        axes.set_ylabel(label)
+    figure.axes[1].set_title(
+        "\n".join(
+            f"{each.words}: up to {each.travel:.2g} {length}" for each in excitation.worst[1:]
+        ),
+        fontsize=8,
+        loc="left",
+    )
+    figure.axes[-1].set_xlabel("time, s")
+    figure.suptitle(
+        f"{spec.name}, axis {spec.axis}: {best.family}, {best.description}; predicted 95 % "
+        f"interval of mass ± {excitation.mass:.2g}, of damping ± {excitation.damping:.2g}"
+    )
+    return figure

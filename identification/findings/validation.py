@@ -1,4 +1,4 @@
-"""Cross-validation: do parameters fitted on one part of a log predict the other?"""
+"""Do parts of a log, other cut-offs and rows at equal velocity tell the device estimated?"""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from identification.errors import Finding
 from identification.estimators.intervals import half_width
 from identification.estimators.linear import symmetric_inverse, unit_columns
 from identification.estimators.model import Estimate
-from identification.findings.force_balance import ForceBalance, even_sizes
+from identification.findings.force_balance import ForceBalance, even_sizes, least_squares_residual
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -21,9 +21,9 @@ IntArray = NDArray[np.intp]
 #: Parts a log is cut into, each left out in turn.
 _PARTS = 4
 #: A prediction may miss by this part of the rms force more than a fit of the part itself does; ...
-DOUBTED = 0.05
+_DOUBTED = 0.05
 #: ... beyond this the parts are not of one device.
-REFUSED = 0.25
+_REFUSED = 0.25
 #: ... and by this many standard deviations of the prediction itself, or the rest says too little.
 _SIGMAS = 4.0
 #: Blocks of each part, left out in turn for that standard deviation.
@@ -41,18 +41,18 @@ def cross_validation(
     missed = _misses(balance, chosen)
     worst = int(np.argmax(missed))
     share = float(missed[worst] / np.std(balance.force))
-    if share < DOUBTED:
+    if share < _DOUBTED:
         return ()
     start, span = float(balance.time[0]), float(balance.time[-1] - balance.time[0])
     first, last = (start + span * part / _PARTS for part in (worst, worst + 1))
-    refused = share >= REFUSED
+    refused = share >= _REFUSED
     return (
         Finding(
             code="heldout-misfit",
             severity="refusal" if refused else "warning",
             seen=f"fitted on the rest of {trajectory.source}, the force from {first:.3g} to "
             f"{last:.3g} s is missed by {share:.0%} of its rms more than by a fit of its own",
-            needed=f"at most {REFUSED if refused else DOUBTED:.0%}",
+            needed=f"at most {_REFUSED if refused else _DOUBTED:.0%}",
             remedy="Log again with nothing loose, warmed up and untouched; cut the log where the "
             "device changed.",
         ),
@@ -175,3 +175,137 @@ class _Blocks:
         inverse = symmetric_inverse(np.tensordot(weights, self.normal, axes=1))
         solved = inverse @ (weights @ self.right)[..., None]
         return np.asarray(solved[..., 0], dtype=np.float64)
+
+
+#: Bands of velocity in each direction at most, and rows in each at least: two take up what
+#: the straight line costs, the others tell.
+_BANDS = 20
+_ROWS = 24
+#: ... of which this part, at least, is accelerated, and as many braked.
+_EITHER = 0.2
+#: Bands without which there is no judgement.
+_FEWEST_BANDS = 4
+#: Stretches of the log left out in turn for the deviation.
+_STRETCHES = 30
+#: Windows, the delay and what friction remembers are good to this part of the mass.
+_SYSTEMATIC = 0.01
+#: Deviations of the difference beyond which the estimate is not of this device.
+_MASS_SIGMAS = 4.0
+#: ... and part of the mass beyond which it is refused; below, stability margins absorb it.
+_REFUSED_MASS = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Inertia:
+    """Mass told by rows at equal velocity.
+
+    Attributes:
+        least: slope of force over acceleration, kg (kg·m²).
+        most: inverse slope of acceleration over force, kg (kg·m²).
+        deviation: standard deviation of either, kg (kg·m²).
+    """
+
+    least: float
+    most: float
+    deviation: float
+
+    def outside(self, estimate: Estimate) -> float:
+        """How far the mass of an estimate lies below (negative) or above the bounds, kg (kg·m²)."""
+        mass = estimate.value("mass")
+        return mass - float(np.clip(mass, self.least, self.most))
+
+    def contradicts(self, estimate: Estimate) -> bool:
+        """Whether a mass lies further outside than chance and its own doubt explain."""
+        chance = float(np.hypot(self.deviation, estimate.deviation("mass")))
+        return abs(self.outside(estimate)) > _MASS_SIGMAS * chance
+
+
+def inertia_of(balance: ForceBalance) -> _Inertia | None:
+    """The mass that a log tells without a model of friction; None where it tells too little.
+
+    Args:
+        balance: rows of the log; a force of position that the estimate carries is taken out.
+    """
+    moving = np.flatnonzero(balance.moving)
+    velocity = balance.velocity[moving]
+    acceleration, force = balance.acceleration[moving], balance.force[moving]
+    carried, bands = balance.carried[moving], 0
+    columns = np.column_stack((acceleration, force, carried))
+    left: list[FloatArray] = []
+    told: list[NDArray[np.intp]] = []
+    for sense in (1.0, -1.0):
+        side = np.flatnonzero(sense * velocity > 0)
+        side = side[np.argsort(velocity[side])]
+        sizes = even_sizes(side.size, max(1, min(_BANDS, side.size // _ROWS)))
+        gaining = _sums(sense * acceleration[side] > 0, sizes)
+        either = np.minimum(gaining, sizes - gaining)
+        tells = (sizes >= _ROWS) & (either >= _EITHER * sizes)
+        bands += np.count_nonzero(tells)
+        kept = np.repeat(tells, sizes)
+        left.append(_levelled(columns[side], velocity[side], sizes)[kept])
+        told.append(side[kept])
+    if bands < _FEWEST_BANDS:
+        return None
+    table, rows = np.concatenate(left), np.concatenate(told)
+    if table.shape[1] > 2:
+        table[:, :2] = np.stack(
+            [least_squares_residual(table[:, 2:], each) for each in table[:, :2].T], axis=1
+        )
+    change, pull = table[:, 0], table[:, 1]
+    power, both = float(change @ change), float(change @ pull)
+    if both <= 0:
+        return None
+    value = both / power
+    stretch = moving[rows] * _STRETCHES // len(balance)
+    squares = np.bincount(stretch, change * change, minlength=_STRETCHES)
+    scores = np.bincount(stretch, change * (pull - value * change), minlength=_STRETCHES)
+    # A stretch that alone tells nearly all leaves no judgement of the others.
+    if np.max(squares) > 0.5 * power:
+        return None
+    shifts = scores / (power - squares)
+    chance = float(np.sqrt((_STRETCHES - 1) / _STRETCHES * np.sum(shifts**2)))
+    return _Inertia(
+        least=value,
+        most=float(pull @ pull) / both,
+        deviation=float(np.hypot(chance, _SYSTEMATIC * value)),
+    )
+
+
+def _sums(rows: FloatArray | NDArray[np.bool_], sizes: NDArray[np.intp]) -> FloatArray:
+    """Sum of the rows of each band, shape (bands, ...)."""
+    if not len(rows):
+        return np.zeros((sizes.size, *rows.shape[1:]))
+    return np.add.reduceat(rows, np.cumsum(sizes) - sizes, axis=0, dtype=np.float64)
+
+
+def _levelled(columns: FloatArray, velocity: FloatArray, sizes: NDArray[np.intp]) -> FloatArray:
+    """Columns less a straight line in velocity in each band, shape (rows, columns)."""
+    both = np.column_stack((velocity, columns))
+    both = both - np.repeat(_sums(both, sizes) / np.maximum(sizes, 1)[:, None], sizes, axis=0)
+    speed, rest = both[:, :1], both[:, 1:]
+    power = _sums(speed * speed, sizes)
+    slopes = _sums(speed * rest, sizes) / np.where(power > 0, power, 1.0)
+    return rest - speed * np.repeat(slopes, sizes, axis=0)
+
+
+def inertia(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> tuple[Finding, ...]:
+    """``heldout-misfit``: the mass is not the one that rows at equal velocity tell."""
+    judge = inertia_of(balance)
+    if judge is None or not judge.contradicts(chosen):
+        return ()
+    mass, doubt = chosen.value("mass"), 2 * judge.deviation
+    refused = abs(judge.outside(chosen)) > _REFUSED_MASS * abs(mass)
+    needed = f"{_REFUSED_MASS:.0%}" if refused else f"{_MASS_SIGMAS:g} deviations"
+    return (
+        Finding(
+            code="heldout-misfit",
+            severity="refusal" if refused else "warning",
+            seen=f"at equal velocity the force of {trajectory.source} while accelerating, less "
+            f"that while braking, tells a mass from {judge.least:.4g} to {judge.most:.4g}, "
+            f"± {doubt:.2g}, "
+            f"{chosen.method.replace('-', ' ')} {mass:.4g} ± {2 * chosen.deviation('mass'):.2g}",
+            needed=f"within {needed}",
+            remedy="The friction is not what the model has: excite faster, so that inertia is "
+            "more of the force, and look for play, cables or a gear that remember the motion.",
+        ),
+    )

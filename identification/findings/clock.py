@@ -1,19 +1,23 @@
-"""Are the samples complete, their stamps true, and as fast as the hardware says?
+"""Are the samples complete, their stamps true, and the delay told?
 
 Stamps are used as they are. Uneven steps by themselves spoil nothing; what a lost row takes along
 is the force of its sample, and what a gap takes along is the motion in it. Measured on a device
 moved at up to 5 Hz and 1 kHz: with a third of the rows lost mass is within 0.2 %, after a gap in
-which the speed changes by its rms mass is off by 1 % and outside of its interval. One file: the
-findings about one clock.
+which the speed changes by its rms mass is off by 1 % and outside of its interval.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.device import Hardware
 from identification.errors import Finding, InvalidInputError
+from identification.estimators.delay import MOST_SAMPLES, Delay
+from identification.estimators.intervals import NORMAL_95
+from identification.estimators.model import Estimate
 from identification.estimators.zero_order_hold import LOST
 from identification.findings.force_balance import balance_of
 from identification.trajectory import Trajectory
@@ -21,22 +25,22 @@ from identification.trajectory import Trajectory
 FloatArray = NDArray[np.float64]
 
 #: Part of the samples lost above which the force of the others is no longer what acted: ...
-MOST_LOST = 0.2
+_MOST_LOST = 0.2
 #: ... and below which a warning is enough, unless one gap alone hides the motion: at the typical
 #: acceleration the speed changes by this part of the typical speed within it.
-LONGEST_GAP = 0.5
+_LONGEST_GAP = 0.5
 #: Root mean square of the steps about their mean, as part of it, above which the log is doubted.
 #: Steps of 10 and 12 ms in turn have 9 %; taken as equal they shift the inertia of a real log by a
 #: tenth, taken as they are by nothing.
-DOUBTED_JITTER = 0.01
+_DOUBTED_JITTER = 0.01
 #: Stamps are false if from its neighbours a position is told worse by them, by this factor, than by
 #: even steps: then they say when a row was written, not when it was read. ...
-FALSE = 1.5
+_FALSE = 1.5
 #: ... So a log is refused above this jitter, which spoils speed by as much.
-FALSE_JITTER = 0.05
+_FALSE_JITTER = 0.05
 #: With true stamps it is refused above this: a robot's joint sampled every 8 ms lost a third of its
 #: damping at 0.35, in spite of its interval.
-MOST_JITTER = 0.3
+_MOST_JITTER = 0.3
 #: Samples looked at for that, from the middle: more add time, not truth.
 _LONGEST = 1 << 20
 #: Units of time by mistake, and s in each; above 1 it is the hardware that is not in s.
@@ -48,9 +52,9 @@ _CLOCKS = (
     ("microseconds", 1e6),
 )
 #: Hardware and log may differ by this part in sample time; mass goes with its square.
-SAMPLE_TIME_TOLERANCE = 0.01
+_SAMPLE_TIME_TOLERANCE = 0.01
 #: A stated delay may be this part of the log.
-LONGEST_DELAY = 0.1
+_LONGEST_DELAY = 0.1
 
 
 def sampling(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
@@ -79,7 +83,7 @@ def _lost(
     share = lost / (lost + len(trajectory))
     longest, first = float(steps.max()), int(np.flatnonzero(long)[0])
     hidden = longest / _pace(trajectory)
-    refused = share > MOST_LOST or hidden > LONGEST_GAP
+    refused = share > _MOST_LOST or hidden > _LONGEST_GAP
     if lost == 0 and not refused:
         return ()
     return (
@@ -90,7 +94,7 @@ def _lost(
             f"({share:.1%}), the first after {trajectory.time[first]:g} s, the longest "
             f"{longest * 1e3:.4g} ms at a usual step of {median * 1e3:.4g} ms, in which the speed "
             f"changes by {hidden:.0%} of its rms",
-            needed=f"at most {MOST_LOST:.0%} lost, and a change of {LONGEST_GAP:.0%} in any gap"
+            needed=f"at most {_MOST_LOST:.0%} lost, and a change of {_LONGEST_GAP:.0%} in any gap"
             if refused
             else f"no step above {LOST * median * 1e3:.4g} ms",
             remedy="Log with a real-time thread, or cut the log to a part without gaps.",
@@ -106,10 +110,10 @@ def _pace(trajectory: Trajectory) -> float:
 
 def _uneven(trajectory: Trajectory, even: FloatArray) -> tuple[Finding, ...]:
     jitter = float(np.std(even) / np.mean(even))
-    if jitter <= DOUBTED_JITTER:
+    if jitter <= _DOUBTED_JITTER:
         return ()
     false = _false(trajectory)
-    most = FALSE_JITTER if false else MOST_JITTER
+    most = _FALSE_JITTER if false else _MOST_JITTER
     refused = jitter > most
     return (
         Finding(
@@ -123,7 +127,7 @@ def _uneven(trajectory: Trajectory, even: FloatArray) -> tuple[Finding, ...]:
                 if false
                 else "the stamps are used as they are"
             ),
-            needed=f"at most {most if refused else DOUBTED_JITTER:.0%}",
+            needed=f"at most {most if refused else _DOUBTED_JITTER:.0%}",
             remedy="Log at a constant rate and stamp each row when position is read; where only "
             "the stamps are late, number the rows and multiply by the sample time.",
         ),
@@ -150,7 +154,7 @@ def _false(trajectory: Trajectory) -> bool:
     by_stamps, by_even = (
         float(np.median(np.abs(place[2:-2] - each)[whole])) for each in (told, even)
     )
-    return by_stamps > FALSE * by_even
+    return by_stamps > _FALSE * by_even
 
 
 def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
@@ -159,16 +163,16 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> tupl
     _refuse_delay(trajectory, hardware)
     if hardware.sample_time is None:
         return ()
-    stated, seen = hardware.sample_time, mean_step(trajectory)
-    low = stated.low * (1 - SAMPLE_TIME_TOLERANCE)
-    high = stated.high * (1 + SAMPLE_TIME_TOLERANCE)
+    stated, seen = hardware.sample_time, _mean_step(trajectory)
+    low = stated.low * (1 - _SAMPLE_TIME_TOLERANCE)
+    high = stated.high * (1 + _SAMPLE_TIME_TOLERANCE)
     if low <= seen <= high:
         return ()
     ratio = seen / stated.value
     for unit, size in _CLOCKS:
-        if abs(ratio * size - 1) <= SAMPLE_TIME_TOLERANCE:
+        if abs(ratio * size - 1) <= _SAMPLE_TIME_TOLERANCE:
             return (_other_clock(trajectory, stated.value, seen, unit, size),)
-    if ratio > LOST and abs(ratio / round(ratio) - 1) <= SAMPLE_TIME_TOLERANCE:
+    if ratio > LOST and abs(ratio / round(ratio) - 1) <= _SAMPLE_TIME_TOLERANCE:
         return (
             Finding(
                 code="dropped-samples",
@@ -208,19 +212,105 @@ def _refuse_delay(trajectory: Trajectory, hardware: Hardware) -> None:
     if hardware.delay is None:
         return
     stated, span = hardware.delay.high, float(trajectory.time[-1] - trajectory.time[0])
-    if stated > LONGEST_DELAY * span:
+    if stated > _LONGEST_DELAY * span:
         raise InvalidInputError(
             trajectory.source,
             f"lasts {span:.4g} s, but the hardware states a delay of {stated:.4g} s, "
-            f"{stated / span:.3g} times as long; at most {LONGEST_DELAY:g} times",
+            f"{stated / span:.3g} times as long; at most {_LONGEST_DELAY:g} times",
             "Correct delay in the hardware file, which is in seconds, or log for longer",
         )
 
 
-def mean_step(trajectory: Trajectory) -> float:
+def _mean_step(trajectory: Trajectory) -> float:
     """Sample time in s: the mean of the steps that lost nothing.
 
     The mean, not the median: stamps printed with few digits have a biased median.
     """
     steps = np.diff(trajectory.time)
     return float(np.mean(steps[steps <= LOST * trajectory.sample_time]))
+
+
+#: Samples from the end of the scan within which the true delay may lie beyond it, ...
+_AT_END = 0.1
+#: ... if the residual still falls there by this part from one sample to the next. A log that does
+#: not tell its delay may have its smallest residual anywhere.
+_STILL_FALLING = 0.01
+#: Half-width of the 95 % interval of a delay, in samples, above which it is doubted: a stability
+#: margin is of one sample.
+_WIDEST_DELAY = 1.0
+#: Two delays contradict each other if they are further apart than this many deviations of both ...
+_DELAY_SIGMAS = 4.0
+#: ... and than this part of a sample, below which the difference matters to nothing.
+_APART = 0.25
+
+
+def unknown_delay(trajectory: Trajectory, delay: Delay | None) -> tuple[Finding, ...]:
+    """``delay-unknown``: beyond what is looked for, or nowhere in particular.
+
+    Args:
+        trajectory: the log.
+        delay: read from the log; None if it was stated.
+    """
+    if delay is None:
+        return ()
+    step = trajectory.sample_time
+    # Nothing is known beyond the scan, so no doubt is wider.
+    width = min(NORMAL_95 * delay.deviation / step, float(MOST_SAMPLES))
+    found = delay.value / step
+    before, last = delay.residuals[-2:]
+    beyond = found >= MOST_SAMPLES - _AT_END and last < (1 - _STILL_FALLING) * before
+    if not beyond and width <= _WIDEST_DELAY:
+        return ()
+    seen = (
+        f"the residual of {trajectory.source} is smallest at {found:.2f} ± {width:.2g} samples "
+        "of delay"
+    )
+    return (
+        Finding(
+            code="delay-unknown",
+            severity="refusal" if beyond else "warning",
+            seen=seen + (f", the end of the scan from 0 to {MOST_SAMPLES}" if beyond else ""),
+            needed=f"a delay below {MOST_SAMPLES} samples"
+            if beyond
+            else f"a delay within ± {_WIDEST_DELAY:g} sample",
+            remedy="State delay in the hardware file, or excite fast enough to show it.",
+        ),
+    )
+
+
+def contradicting_delays(
+    trajectory: Trajectory, chosen: Estimate, others: Iterable[Estimate]
+) -> tuple[Finding, ...]:
+    """``delay-unknown``: two methods read delays that exclude each other.
+
+    Args:
+        trajectory: the log.
+        chosen: the estimate believed.
+        others: estimates by other methods; only those that fitted a delay as well are heard.
+    """
+    if chosen.delay_deviation is None:
+        return ()
+    step = trajectory.sample_time
+    for other in others:
+        if other.delay_deviation is None:
+            continue
+        apart = abs(other.delay - chosen.delay)
+        chance = float(np.hypot(other.delay_deviation, chosen.delay_deviation))
+        if apart > max(_DELAY_SIGMAS * chance, _APART * step):
+            return (
+                Finding(
+                    code="delay-unknown",
+                    severity="warning",
+                    seen=f"{_told(chosen, step)} in {trajectory.source}, {_told(other, step)}",
+                    needed=f"delays within {_DELAY_SIGMAS:g} deviations or {_APART:g} samples",
+                    remedy="State delay in the hardware file; where it varies from sample to "
+                    "sample, state its largest value.",
+                ),
+            )
+    return ()
+
+
+def _told(estimate: Estimate, step: float) -> str:
+    width = NORMAL_95 * (estimate.delay_deviation or 0.0)
+    name = estimate.method.replace("-", " ")
+    return f"{name} say {estimate.delay / step:.2f} ± {width / step:.2g} samples of delay"

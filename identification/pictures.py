@@ -8,23 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-from identification.device.device import Device
+from identification.device.device import ByDirection, Device
 from identification.device.quantities import Quantity
 from identification.estimators.intervals import NORMAL_95
 from identification.estimators.model import Estimate, Gravity, Model
 from identification.estimators.regression import prepare
+from identification.figure import NotebookFigure, legend_above
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting.one_log import LogFit
 from identification.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
 
 FloatArray = NDArray[np.float64]
 
@@ -41,8 +40,6 @@ def fit_picture(trajectory: Trajectory, device: Device, *, delay: float | None =
         delay: s, with which its numbers were found; None takes the device's, which is at least one
             sample.
     """
-    from identification.figure import NotebookFigure
-
     known = _explained_force(trajectory, device, delay)
     figure = NotebookFigure(figsize=(11, 6), layout="constrained")
     _draw_over_time(figure.subplots(3, 1, sharex=True), trajectory, device, known)
@@ -62,8 +59,6 @@ def _draw_over_time(
     axes: Sequence[Axes], trajectory: Trajectory, device: Device, known: Explained
 ) -> None:
     """Position, force and what is left of it, on three axes that share their time."""
-    from identification.figure import legend_above
-
     length, force = _units_of(device)
     top, middle, bottom = axes
     top.plot(trajectory.time, trajectory.position, lw=1)
@@ -93,8 +88,6 @@ def identified_picture(
         fits: of the logs, at least one.
         before: the device as it was known before, to compare with; None for none.
     """
-    from identification.figure import NotebookFigure
-
     lines = _knowledge(device, fits, before)
     heights = [*(_OF_A_LOG for _ in fits), _AXIS + _LINE * len(lines)]
     figure = NotebookFigure(figsize=(_WIDTH, sum(heights)), layout="constrained")
@@ -117,8 +110,6 @@ def identified_picture(
 
 def log_picture(trajectory: Trajectory) -> Figure:
     """Position and force of a log of which no device can be told."""
-    from identification.figure import NotebookFigure
-
     figure = NotebookFigure(figsize=(_WIDTH, 4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     above.plot(trajectory.time, trajectory.position, lw=1)
@@ -148,17 +139,11 @@ def _draw_log(part: SubFigure, device: Device, fit: LogFit) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explained:
-    """Force applied and force explained, through the filter of the least-squares estimator.
+    """Force applied and force explained, through the filter of the least-squares estimator."""
 
-    Attributes:
-        time: s, shape (rows,).
-        applied: N, shape (rows,).
-        explained: N, shape (rows,).
-    """
-
-    time: FloatArray
-    applied: FloatArray
-    explained: FloatArray
+    time: FloatArray  # s, shape (rows,)
+    applied: FloatArray  # N, shape (rows,)
+    explained: FloatArray  # N, shape (rows,)
 
     @property
     def left(self) -> FloatArray:
@@ -174,13 +159,7 @@ class Explained:
 def _explained_force(
     trajectory: Trajectory, device: Device, delay: float | None = None
 ) -> Explained:
-    """What the numbers of a device make of a log; nothing is fitted.
-
-    Args:
-        trajectory: a log of the device.
-        device: as identified.
-        delay: s, with which its numbers were found; None takes the device's.
-    """
+    """What the numbers of a device make of a log; nothing is fitted."""
     late = device.delay.value if delay is None else delay
     model = _model(device)
     table = prepare(trajectory, model, late)
@@ -222,21 +201,16 @@ def _value(device: Device, parameter: str) -> float:
     return float(getattr(device, parameter).value)
 
 
-#: Lags of the correlation that are drawn, samples.
-_LAGS = 40
+_LAGS = 40  # lags of the correlation that are drawn, samples
 #: Methods whose residual is a row a sample, in the order of the log.
 _ROW_A_SAMPLE = {"output-error", "innovations", "least-squares"}
-#: Of the largest density, what is drawn at least.
-_DECADES = 1e-7
-#: Segments of Welch's spectrum, at least.
-_SEGMENTS = 8
+_DECADES = 1e-7  # of the largest density, what is drawn at least
+_SEGMENTS = 8  # segments of Welch's spectrum, at least
 
 
 def _draw_spectrum(axes: Axes, known: Explained, force: str) -> None:
     """Spectral density of the applied force and of what is left of it, by Welch's method."""
     from scipy.signal import welch
-
-    from identification.figure import legend_above
 
     step = float(np.median(np.diff(known.time)))
     length = max(16, known.time.size // _SEGMENTS)
@@ -254,15 +228,7 @@ def _draw_spectrum(axes: Axes, known: Explained, force: str) -> None:
 
 
 def _draw_correlation(axes: Axes, known: Explained, estimate: Estimate | None) -> None:
-    """Autocorrelation of the residual with the 95 % band of white noise.
-
-    Args:
-        axes: to draw on.
-        known: what a model leaves, where the estimate's own residual is no row a sample.
-        estimate: the one believed; None where only the device is known.
-    """
-    from identification.figure import legend_above
-
+    """Autocorrelation of the residual with the 95 % band of white noise."""
     residual, words = known.left, "unexplained force, filtered"
     if estimate is not None and estimate.method in _ROW_A_SAMPLE:
         residual, words = estimate.residual, f"residual of {estimate.method}"
@@ -289,28 +255,18 @@ def autocorrelation(column: FloatArray, lags: int) -> FloatArray:
     return np.array(products) / square
 
 
-#: Classes of speed of which the middle value is drawn, in each direction.
-_CLASSES = 10
-#: Rows that a class has at least.
-_FEWEST = 3
+_CLASSES = 10  # classes of speed of which the middle value is drawn, in each direction
+_FEWEST = 3  # rows that a class has at least
 
 
 def draw_friction(
     axes: Axes, trajectory: Trajectory, device: Device, estimate: Estimate | None, force: str
 ) -> None:
-    """Force less inertia, offset and weight over velocity, beside b·q̇ + Fc·sign(q̇).
-
-    Args:
-        axes: to draw on.
-        trajectory: a log of the device.
-        device: as identified.
-        estimate: gives delay and terms of gravity; None takes the device alone.
-        force: its unit.
-    """
-    from identification.figure import legend_above
-
+    """Force less inertia, offset and weight over velocity, beside b·q̇ + Fc·sign(q̇)."""
     rows = balance_of(trajectory, estimate)
-    friction = rows.force - device.mass.value * rows.acceleration - _offset(device)
+    # A friction by direction holds all of the offset.
+    offset = device.force_offset.value if device.friction_by_direction is None else 0.0
+    friction = rows.force - device.mass.value * rows.acceleration - offset
     if device.position_stiffness is not None:
         friction = friction - device.position_stiffness.value * rows.position
     if device.gravity is not None:
@@ -322,16 +278,17 @@ def draw_friction(
     fastest = float(np.max(np.abs(rows.velocity)))
     for sense in (-1, 1):
         speed = np.linspace(0, fastest, 50)
+        start = _toward(sense, device.friction_by_direction, device.coulomb_friction)
+        viscous = _toward(sense, device.damping_by_direction, device.damping)
         axes.plot(
             sense * speed,
-            sense * (_coulomb(device, sense) + _viscous(device, sense) * speed),
+            sense * (start + viscous * speed),
             color="tab:green",
             lw=1.5,
             label="b·q̇ + Fc·sign(q̇)" if sense > 0 else None,
         )
         slope = device.damping_slope
         if slope is not None:
-            start = _coulomb(device, sense)
             axes.fill_between(
                 sense * speed,
                 sense * (start + slope.low * speed),
@@ -364,22 +321,10 @@ def _draw_middles(axes: Axes, rows: ForceBalance, friction: np.ndarray) -> None:
         )
 
 
-def _offset(device: Device) -> float:
-    """The offset that is beside the friction, N; a friction by direction holds all of it."""
-    return device.force_offset.value if device.friction_by_direction is None else 0.0
-
-
-def _coulomb(device: Device, sense: int) -> float:
-    pair = device.friction_by_direction
+def _toward(sense: int, pair: ByDirection | None, both: Quantity) -> float:
+    """What holds in one direction, or in both where they are not told apart."""
     if pair is None:
-        return device.coulomb_friction.value
-    return (pair.forward if sense > 0 else pair.backward).value
-
-
-def _viscous(device: Device, sense: int) -> float:
-    pair = device.damping_by_direction
-    if pair is None:
-        return device.damping.value
+        return both.value
     return (pair.forward if sense > 0 else pair.backward).value
 
 
@@ -391,39 +336,28 @@ _SYMBOLS = {
     "force_offset": "offset f0",
     "delay": "delay",
 }
-#: Letters of a log's name.
-_SHORT = 22
+_SHORT = 22  # letters of a log's name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Known:
-    """One state of knowledge: a line of the picture.
+    """One state of knowledge: a line of the picture."""
 
-    Attributes:
-        words: whose it is.
-        color: of its line.
-        ends: (low, value, high) of each quantity it tells.
-    """
-
-    words: str
-    color: str
-    ends: dict[str, tuple[float, float, float]]
+    words: str  # whose it is
+    color: str  # of its line
+    ends: dict[str, tuple[float, float, float]]  # (low, value, high) of each quantity it tells
 
 
 def _knowledge(device: Device, fits: Sequence[LogFit], before: Device | None) -> list[_Known]:
-    """What is drawn, from top to bottom.
-
-    Args:
-        device: as it is known now.
-        fits: of its logs; none where they are not at hand.
-        before: the device as an earlier file states it; None where there is none.
-    """
+    """What is drawn, from top to bottom."""
     lines = [_of_device(device, "now", "tab:green")]
     if before is not None:
         dated = "" if before.date is None else f", {before.date}"
         lines.append(_of_device(before, f"before{dated}", "k"))
     for fit in fits:
-        name = _short(fit.trajectory.source) + ", " if len(fits) > 1 else ""
+        name = fit.trajectory.source
+        name = name if len(name) <= _SHORT else f"{name[: _SHORT - 1]}…"
+        name = f"{name}, " if len(fits) > 1 else ""
         lines += [
             _of_estimate(each, f"{name}{each.method}", "tab:blue" if believed else "0.55")
             for each, believed in ((fit.estimate, True), *((o, False) for o in fit.others))
@@ -474,7 +408,3 @@ def _of_estimate(estimate: Estimate, words: str, color: str) -> _Known:
 
 def _times(factor: float, low: float, value: float, high: float) -> tuple[float, float, float]:
     return factor * low, factor * value, factor * high
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= _SHORT else f"{name[: _SHORT - 1]}…"

@@ -21,7 +21,7 @@ def test_stick_slip_is_the_simulator() -> None:
     force = wave(3000)
     guess = Guess(mass=3.0, damping=10.0, coulomb_friction=3.0, force_offset=0.4)
     motion = simulate_stick_slip(force, guess, STEP)
-    assert 100 < np.sum(motion.moving == 0) < 2000
+    assert 100 < np.sum(motion.velocity == 0) < 2000
     truth = simulate(
         Rig(mass=3.0, damping=10.0, coulomb_friction=3.0, force_offset=0.4, sample_time=STEP),
         np.append(force, 0.0),

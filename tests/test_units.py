@@ -147,7 +147,7 @@ def test_readings_without_counts_scatter_in_other_units(device: str, decimals: i
     hardware = Hardware(motion=known.motion, encoder_resolution=known.encoder_resolution)
     noise = 0.5 * count * np.random.default_rng(1).standard_normal(len(log))
     hidden = replace(log, position=log.position + noise)
-    assert units(hidden, hardware) == ()
+    assert list(units(hidden, hardware)) == []
     factor = 180 / np.pi if known.motion == "rotary" else 1000.0
     other = replace(hidden, position=np.round(hidden.position * factor, decimals))
     told = [each for each in units(other, hardware) if "encoder resolution" in each.seen]

@@ -42,16 +42,8 @@ CODES = (
 
 
 def inspect(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
-    """What can be said before anything is estimated.
-
-    Args:
-        trajectory: the log as it was recorded, with its own time stamps.
-        hardware: what is known of the device, or None.
-
-    Raises:
-        InvalidInputError: a sample time that has nothing to do with the hardware's.
-    """
-    wrapped = encoder_wrap(trajectory)
+    """What can be said before anything is estimated."""
+    wrapped = tuple(encoder_wrap(trajectory))
     if wrapped:  # what else the position says is not the device's
         return (*sampling(trajectory, hardware), *wrapped, *saturation(trajectory, hardware))
     return (
@@ -71,15 +63,7 @@ def judge(
     delay: Delay | None = None,
     consulted: Sequence[Estimate] = (),
 ) -> tuple[Finding, ...]:
-    """What the estimates say about the log.
-
-    Args:
-        trajectory: the log with its own time stamps.
-        regression: the least-squares estimate, whose columns show what was excited.
-        chosen: the estimate that is to be used.
-        delay: as read from the log; None if it was stated.
-        consulted: estimates by other methods that the choice rests on.
-    """
+    """What the estimates say about the log."""
     balance = balance_of(trajectory, chosen)
     left = unlogged(trajectory, balance, chosen)
     return (

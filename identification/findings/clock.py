@@ -8,7 +8,7 @@ which the speed changes by its rms mass is off by 1 % and outside of its interva
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,13 +36,11 @@ _DOUBTED_JITTER = 0.01
 #: Stamps are false if from its neighbours a position is told worse by them, by this factor, than by
 #: even steps: then they say when a row was written, not when it was read. ...
 _FALSE = 1.5
-#: ... So a log is refused above this jitter, which spoils speed by as much.
-_FALSE_JITTER = 0.05
+_FALSE_JITTER = 0.05  # ... so a log is refused above this jitter, which spoils speed by as much.
 #: With true stamps it is refused above this: a robot's joint sampled every 8 ms lost a third of its
 #: damping at 0.35, in spite of its interval.
 _MOST_JITTER = 0.3
-#: Samples looked at for that, from the middle: more add time, not truth.
-_LONGEST = 1 << 20
+_LONGEST = 1 << 20  # samples looked at for that, from the middle: more add time, not truth
 #: Units of time by mistake, and s in each; above 1 it is the hardware that is not in s.
 _CLOCKS = (
     ("milliseconds", 1e-3),
@@ -53,84 +51,65 @@ _CLOCKS = (
 )
 #: Hardware and log may differ by this part in sample time; mass goes with its square.
 _SAMPLE_TIME_TOLERANCE = 0.01
-#: A stated delay may be this part of the log.
-_LONGEST_DELAY = 0.1
+_LONGEST_DELAY = 0.1  # a stated delay may be this part of the log
 
 
-def sampling(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
-    """``dropped-samples`` and ``jitter``, ``force-unit`` for time that is not in seconds.
-
-    Raises:
-        InvalidInputError: the log's sample time is not the hardware's nor a multiple of it, or the
-            hardware's delay is no small part of the log.
-    """
+def sampling(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
+    """``dropped-samples`` and ``jitter``, ``force-unit`` for time that is not in seconds."""
     steps = np.diff(trajectory.time)
     long = steps > LOST * trajectory.sample_time
-    return (
-        *_against_hardware(trajectory, hardware),
-        *(_lost(trajectory, steps, long) if long.any() else ()),
-        *_uneven(trajectory, steps[~long]),
-    )
+    yield from _against_hardware(trajectory, hardware)
+    if long.any():
+        yield from _lost(trajectory, steps, long)
+    yield from _uneven(trajectory, steps[~long])
 
 
-def _lost(
-    trajectory: Trajectory, steps: FloatArray, long: NDArray[np.bool_]
-) -> tuple[Finding, ...]:
+def _lost(trajectory: Trajectory, steps: FloatArray, long: NDArray[np.bool_]) -> Iterator[Finding]:
     median = trajectory.sample_time
     # Jitter lengthens some steps and shortens others; only what lengthens the log was lost.
     lengthened = round(float(np.sum(steps)) / median) - steps.size
     lost = max(0, min(int(np.sum(np.rint(steps[long] / median) - 1)), lengthened))
     share = lost / (lost + len(trajectory))
     longest, first = float(steps.max()), int(np.flatnonzero(long)[0])
-    hidden = longest / _pace(trajectory)
+    rows = balance_of(trajectory)
+    # Over the time in which the typical acceleration makes the typical speed.
+    hidden = longest / (float(np.std(rows.velocity)) / float(np.std(rows.acceleration)))
     refused = share > _MOST_LOST or hidden > _LONGEST_GAP
     if lost == 0 and not refused:
-        return ()
-    return (
-        Finding(
-            code="dropped-samples",
-            severity="refusal" if refused else "warning",
-            seen=f"{trajectory.source} has {int(long.sum())} gaps, about {lost} samples lost "
-            f"({share:.1%}), the first after {trajectory.time[first]:g} s, the longest "
-            f"{longest * 1e3:.4g} ms at a usual step of {median * 1e3:.4g} ms, in which the speed "
-            f"changes by {hidden:.0%} of its rms",
-            needed=f"at most {_MOST_LOST:.0%} lost, and a change of {_LONGEST_GAP:.0%} in any gap"
-            if refused
-            else f"no step above {LOST * median * 1e3:.4g} ms",
-            remedy="Log with a real-time thread, or cut the log to a part without gaps.",
-        ),
+        return
+    yield Finding(
+        code="dropped-samples",
+        severity="refusal" if refused else "warning",
+        seen=f"{trajectory.source} has {int(long.sum())} gaps, about {lost} samples lost "
+        f"({share:.1%}), the first after {trajectory.time[first]:g} s, the longest "
+        f"{longest * 1e3:.4g} ms at a usual step of {median * 1e3:.4g} ms, in which the speed "
+        f"changes by {hidden:.0%} of its rms",
+        needed=f"at most {_MOST_LOST:.0%} lost, and a change of {_LONGEST_GAP:.0%} in any gap"
+        if refused
+        else f"no step above {LOST * median * 1e3:.4g} ms",
+        remedy="Log with a real-time thread, or cut the log to a part without gaps.",
     )
 
 
-def _pace(trajectory: Trajectory) -> float:
-    """Time in which the typical acceleration makes the typical speed, s."""
-    rows = balance_of(trajectory)
-    return float(np.std(rows.velocity)) / float(np.std(rows.acceleration))
-
-
-def _uneven(trajectory: Trajectory, even: FloatArray) -> tuple[Finding, ...]:
+def _uneven(trajectory: Trajectory, even: FloatArray) -> Iterator[Finding]:
     jitter = float(np.std(even) / np.mean(even))
     if jitter <= _DOUBTED_JITTER:
-        return ()
+        return
     false = _false(trajectory)
+    how = "the stamps are used as they are"
+    if false:
+        how = "the motion is smoother with even steps, so the stamps do not say when position was "
+        how += "read"
     most = _FALSE_JITTER if false else _MOST_JITTER
     refused = jitter > most
-    return (
-        Finding(
-            code="jitter",
-            severity="refusal" if refused else "warning",
-            seen=f"the steps of {trajectory.source} vary by {jitter:.2%} rms, from "
-            f"{even.min() * 1e3:.4g} to {even.max() * 1e3:.4g} ms; "
-            + (
-                "the motion is smoother with even steps, so the stamps do not say when position "
-                "was read"
-                if false
-                else "the stamps are used as they are"
-            ),
-            needed=f"at most {most if refused else _DOUBTED_JITTER:.0%}",
-            remedy="Log at a constant rate and stamp each row when position is read; where only "
-            "the stamps are late, number the rows and multiply by the sample time.",
-        ),
+    yield Finding(
+        code="jitter",
+        severity="refusal" if refused else "warning",
+        seen=f"the steps of {trajectory.source} vary by {jitter:.2%} rms, from "
+        f"{even.min() * 1e3:.4g} to {even.max() * 1e3:.4g} ms; {how}",
+        needed=f"at most {most if refused else _DOUBTED_JITTER:.0%}",
+        remedy="Log at a constant rate and stamp each row when position is read; where only "
+        "the stamps are late, number the rows and multiply by the sample time.",
     )
 
 
@@ -157,33 +136,53 @@ def _false(trajectory: Trajectory) -> bool:
     return by_stamps > _FALSE * by_even
 
 
-def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
+def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
     if hardware is None:
-        return ()
-    _refuse_delay(trajectory, hardware)
+        return
+    span = float(trajectory.time[-1] - trajectory.time[0])
+    # Hardly a row of a log shorter than many delays feels a force that was logged.
+    if hardware.delay is not None and hardware.delay.high > _LONGEST_DELAY * span:
+        late = hardware.delay.high
+        raise InvalidInputError(
+            trajectory.source,
+            f"lasts {span:.4g} s, but the hardware states a delay of {late:.4g} s, "
+            f"{late / span:.3g} times as long; at most {_LONGEST_DELAY:g} times",
+            "Correct delay in the hardware file, which is in seconds, or log for longer",
+        )
     if hardware.sample_time is None:
-        return ()
-    stated, seen = hardware.sample_time, _mean_step(trajectory)
+        return
+    stated, steps = hardware.sample_time, np.diff(trajectory.time)
+    # The mean, not the median: stamps printed with few digits have a biased median.
+    seen = float(np.mean(steps[steps <= LOST * trajectory.sample_time]))
     low = stated.low * (1 - _SAMPLE_TIME_TOLERANCE)
     high = stated.high * (1 + _SAMPLE_TIME_TOLERANCE)
     if low <= seen <= high:
-        return ()
+        return
     ratio = seen / stated.value
     for unit, size in _CLOCKS:
         if abs(ratio * size - 1) <= _SAMPLE_TIME_TOLERANCE:
-            return (_other_clock(trajectory, stated.value, seen, unit, size),)
-    if ratio > LOST and abs(ratio / round(ratio) - 1) <= _SAMPLE_TIME_TOLERANCE:
-        return (
-            Finding(
-                code="dropped-samples",
+            yield Finding(
+                code="force-unit",
                 severity="refusal",
-                seen=f"{trajectory.source} steps by {seen * 1e3:.4g} ms, every "
-                f"{round(ratio)}th sample of the {stated.value * 1e3:.4g} ms of the hardware",
-                needed="every sample of the control loop, since force is held for each of them",
-                remedy="Log every sample; sample_time in the hardware file is the period of the "
-                "control loop, whatever the log was written with.",
-            ),
+                seen=f"{trajectory.source} steps by {seen:.4g}, {ratio:.4g} times the sample time "
+                f"{stated.value:.4g} s of the hardware",
+                needed="both in seconds",
+                remedy=f"Give --time-gain {size:g} if the column of time is in {unit}."
+                if size < 1
+                else "State sample_time of the hardware file in seconds.",
+            )
+            return
+    if ratio > LOST and abs(ratio / round(ratio) - 1) <= _SAMPLE_TIME_TOLERANCE:
+        yield Finding(
+            code="dropped-samples",
+            severity="refusal",
+            seen=f"{trajectory.source} steps by {seen * 1e3:.4g} ms, every "
+            f"{round(ratio)}th sample of the {stated.value * 1e3:.4g} ms of the hardware",
+            needed="every sample of the control loop, since force is held for each of them",
+            remedy="Log every sample; sample_time in the hardware file is the period of the "
+            "control loop, whatever the log was written with.",
         )
+        return
     raise InvalidInputError(
         trajectory.source,
         f"steps by {seen:.6g} s, but the hardware states a sample time of {stated.value:.6g} s",
@@ -192,46 +191,7 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> tupl
     )
 
 
-def _other_clock(
-    trajectory: Trajectory, stated: float, seen: float, unit: str, size: float
-) -> Finding:
-    return Finding(
-        code="force-unit",
-        severity="refusal",
-        seen=f"{trajectory.source} steps by {seen:.4g}, {seen / stated:.4g} times the sample time "
-        f"{stated:.4g} s of the hardware",
-        needed="both in seconds",
-        remedy=f"Give --time-gain {size:g} if the column of time is in {unit}."
-        if size < 1
-        else "State sample_time of the hardware file in seconds.",
-    )
-
-
-def _refuse_delay(trajectory: Trajectory, hardware: Hardware) -> None:
-    """Refuse a log shorter than many delays: hardly a row of it feels a force that was logged."""
-    if hardware.delay is None:
-        return
-    stated, span = hardware.delay.high, float(trajectory.time[-1] - trajectory.time[0])
-    if stated > _LONGEST_DELAY * span:
-        raise InvalidInputError(
-            trajectory.source,
-            f"lasts {span:.4g} s, but the hardware states a delay of {stated:.4g} s, "
-            f"{stated / span:.3g} times as long; at most {_LONGEST_DELAY:g} times",
-            "Correct delay in the hardware file, which is in seconds, or log for longer",
-        )
-
-
-def _mean_step(trajectory: Trajectory) -> float:
-    """Sample time in s: the mean of the steps that lost nothing.
-
-    The mean, not the median: stamps printed with few digits have a biased median.
-    """
-    steps = np.diff(trajectory.time)
-    return float(np.mean(steps[steps <= LOST * trajectory.sample_time]))
-
-
-#: Samples from the end of the scan within which the true delay may lie beyond it, ...
-_AT_END = 0.1
+_AT_END = 0.1  # samples from the end of the scan within which the true delay may lie beyond it, ...
 #: ... if the residual still falls there by this part from one sample to the next. A log that does
 #: not tell its delay may have its smallest residual anywhere.
 _STILL_FALLING = 0.01
@@ -240,19 +200,13 @@ _STILL_FALLING = 0.01
 _WIDEST_DELAY = 1.0
 #: Two delays contradict each other if they are further apart than this many deviations of both ...
 _DELAY_SIGMAS = 4.0
-#: ... and than this part of a sample, below which the difference matters to nothing.
-_APART = 0.25
+_APART = 0.25  # ... and than this part of a sample, below which the difference matters to nothing.
 
 
-def unknown_delay(trajectory: Trajectory, delay: Delay | None) -> tuple[Finding, ...]:
-    """``delay-unknown``: beyond what is looked for, or nowhere in particular.
-
-    Args:
-        trajectory: the log.
-        delay: read from the log; None if it was stated.
-    """
+def unknown_delay(trajectory: Trajectory, delay: Delay | None) -> Iterator[Finding]:
+    """``delay-unknown``: beyond what is looked for, or nowhere in particular."""
     if delay is None:
-        return ()
+        return
     step = trajectory.sample_time
     # Nothing is known beyond the scan, so no doubt is wider.
     width = min(NORMAL_95 * delay.deviation / step, float(MOST_SAMPLES))
@@ -260,36 +214,28 @@ def unknown_delay(trajectory: Trajectory, delay: Delay | None) -> tuple[Finding,
     before, last = delay.residuals[-2:]
     beyond = found >= MOST_SAMPLES - _AT_END and last < (1 - _STILL_FALLING) * before
     if not beyond and width <= _WIDEST_DELAY:
-        return ()
+        return
     seen = (
         f"the residual of {trajectory.source} is smallest at {found:.2f} ± {width:.2g} samples "
         "of delay"
     )
-    return (
-        Finding(
-            code="delay-unknown",
-            severity="refusal" if beyond else "warning",
-            seen=seen + (f", the end of the scan from 0 to {MOST_SAMPLES}" if beyond else ""),
-            needed=f"a delay below {MOST_SAMPLES} samples"
-            if beyond
-            else f"a delay within ± {_WIDEST_DELAY:g} sample",
-            remedy="State delay in the hardware file, or excite fast enough to show it.",
-        ),
+    yield Finding(
+        code="delay-unknown",
+        severity="refusal" if beyond else "warning",
+        seen=seen + (f", the end of the scan from 0 to {MOST_SAMPLES}" if beyond else ""),
+        needed=f"a delay below {MOST_SAMPLES} samples"
+        if beyond
+        else f"a delay within ± {_WIDEST_DELAY:g} sample",
+        remedy="State delay in the hardware file, or excite fast enough to show it.",
     )
 
 
 def contradicting_delays(
     trajectory: Trajectory, chosen: Estimate, others: Iterable[Estimate]
-) -> tuple[Finding, ...]:
-    """``delay-unknown``: two methods read delays that exclude each other.
-
-    Args:
-        trajectory: the log.
-        chosen: the estimate believed.
-        others: estimates by other methods; only those that fitted a delay as well are heard.
-    """
+) -> Iterator[Finding]:
+    """``delay-unknown``: two methods read delays that exclude each other."""
     if chosen.delay_deviation is None:
-        return ()
+        return
     step = trajectory.sample_time
     for other in others:
         if other.delay_deviation is None:
@@ -297,17 +243,16 @@ def contradicting_delays(
         apart = abs(other.delay - chosen.delay)
         chance = float(np.hypot(other.delay_deviation, chosen.delay_deviation))
         if apart > max(_DELAY_SIGMAS * chance, _APART * step):
-            return (
-                Finding(
-                    code="delay-unknown",
-                    severity="warning",
-                    seen=f"{_told(chosen, step)} in {trajectory.source}, {_told(other, step)}",
-                    needed=f"delays within {_DELAY_SIGMAS:g} deviations or {_APART:g} samples",
-                    remedy="State delay in the hardware file; where it varies from sample to "
-                    "sample, state its largest value.",
-                ),
+            yield Finding(
+                code="delay-unknown",
+                severity="warning",
+                seen=f"{_told(chosen, step)} in {trajectory.source}, {_told(other, step)}",
+                needed=f"delays within {_DELAY_SIGMAS:g} deviations or {_APART:g} samples",
+                remedy="State delay in the hardware file; where it varies from sample to "
+                "sample, state its largest value.",
             )
-    return ()
+            return
+    return
 
 
 def _told(estimate: Estimate, step: float) -> str:

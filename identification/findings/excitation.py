@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,43 +19,27 @@ from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
-#: Rows before now that predict now: a controller with two filters has as many.
-_LAGS = 4
-#: Samples looked at; more add time, not truth.
-_MOST = 1 << 15
-#: A prediction this much finer than the signal is rounding, not news.
-_ROUNDING = 1e-9
+_LAGS = 4  # rows before now that predict now: a controller with two filters has as many
+_MOST = 1 << 15  # samples looked at; more add time, not truth
+_ROUNDING = 1e-9  # a prediction this much finer than the signal is rounding, not news
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Law:
-    """How well a virtual spring and damper explain the force, and how the device does.
+    """How well a virtual spring and damper explain the force, and how the device does."""
 
-    Attributes:
-        stiffness: K of F = -K·q - B·q̇ + constant, N/m.
-        damping: B, N·s/m.
-        unexplained: share of the force's mean square the law leaves over.
-        plant_unexplained: the same of mass, damping, friction and offset.
-        model_unexplained: the same of these and the gravity that the estimate has.
-        answer: share of what is new in the force that the reading of the same sample explains:
-            nought in open loop, where the next force does not know the last reading's noise.
-    """
-
-    stiffness: float
-    damping: float
-    unexplained: float
-    plant_unexplained: float
-    model_unexplained: float
+    stiffness: float  # K of F = -K·q - B·q̇ + constant, N/m
+    damping: float  # B, N·s/m
+    unexplained: float  # share of the force's mean square the law leaves over
+    plant_unexplained: float  # the same of mass, damping, friction and offset
+    model_unexplained: float  # the same of these and the gravity that the estimate has
+    #: share of what is new in the force that the reading of the same sample explains: nought in
+    #: open loop, where the next force does not know the last reading's noise
     answer: float
 
 
 def _law_of(trajectory: Trajectory, balance: ForceBalance) -> _Law:
-    """The controller that would have logged this.
-
-    Args:
-        trajectory: the log.
-        balance: its rows, the force without delay or with: slow rows do not mind.
-    """
+    """The controller that would have logged this."""
     columns = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
     weights = solve(columns, balance.force)
     power = float(np.var(balance.force))
@@ -104,17 +89,13 @@ _LAW_BETTER = 0.5
 #: At a single frequency both explain everything. Then the noise of the reading decides: the force
 #: answers to it by this share, ...
 _ANSWERS = 0.5
-#: ... and mass and friction do not explain clearly more than the law.
-_LAW_AS_GOOD = 2.0
+_LAW_AS_GOOD = 2.0  # ... and mass and friction do not explain clearly more than the law.
 #: Samples that a spring's force may be late: the hold, and the delay the rows may have taken off.
 _LATE = 5.0
-#: Both leave over less than this part: the log has one frequency.
-_ALL = 0.01
+_ALL = 0.01  # both leave over less than this part: the log has one frequency
 
 
-def causality(
-    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
-) -> tuple[Finding, ...]:
+def causality(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Iterator[Finding]:
     """``sign-flip`` and ``controller-identified``.
 
     Force with the wrong sign negates every parameter. A device driven by hand against a virtual
@@ -124,39 +105,36 @@ def causality(
     mass, damping = chosen.value("mass"), chosen.value("damping")
     mass_spread, damping_spread = half_width(chosen, "mass"), half_width(chosen, "damping")
     seen = (
-        f"{trajectory.source} gives mass {mass:.4g} ± {mass_spread:.2g} and damping "
-        f"{damping:.4g} ± {damping_spread:.2g}, explaining {chosen.explained:.2%} of the "
-        f"{chosen.residual_unit}"
+        f"{trajectory.source} gives mass {mass:.4g} ± {mass_spread:.2g} and damping {damping:.4g} "
+        f"± {damping_spread:.2g}, explaining {chosen.explained:.2%} of the {chosen.residual_unit}"
     )
     law = _law_of(trajectory, balance)
     if _controller(trajectory, law):
         sign = "-" if law.damping >= 0 else "+"
-        return (
-            _controller_finding(
-                f"F = {-law.stiffness:.4g}·q {sign} {abs(law.damping):.4g}·q̇ explains "
-                f"{1 - law.unexplained:.2%} of the force in {trajectory.source}, mass, damping and "
-                f"friction {1 - law.plant_unexplained:.2%}; the reading of the same sample "
-                f"explains {law.answer:.0%} of what is new in the force",
-                "a force that moves the device, not one computed from its position",
-            ),
+        yield _controller_finding(
+            f"F = {-law.stiffness:.4g}·q {sign} {abs(law.damping):.4g}·q̇ explains "
+            f"{1 - law.unexplained:.2%} of the force in {trajectory.source}, mass, damping and "
+            f"friction {1 - law.plant_unexplained:.2%}; the reading of the same sample "
+            f"explains {law.answer:.0%} of what is new in the force",
+            "a force that moves the device, not one computed from its position",
         )
-    # Motion one way may tell so little that signs are chance; excitation.py refuses that.
+        return
+    # Motion one way may tell so little that signs are chance; ``excitation`` refuses that.
     positive = mass + mass_spread > 0 if balance.one_way else mass > 0
     if positive and damping + damping_spread >= 0:
-        return ()
+        return
     if mass + mass_spread < 0 and damping - damping_spread <= 0:
-        return (
-            Finding(
-                code="sign-flip",
-                severity="refusal",
-                seen=seen,
-                needed="positive mass; with the force negated both become positive",
-                remedy="Give --force-gain the other sign, force being positive along +position: -1 "
-                "states that the column is in N (N·m); in volts, amperes or mN give N (N·m) per "
-                "unit, with a minus.",
-            ),
+        yield Finding(
+            code="sign-flip",
+            severity="refusal",
+            seen=seen,
+            needed="positive mass; with the force negated both become positive",
+            remedy="Give --force-gain the other sign, force being positive along +position: -1 "
+            "states that the column is in N (N·m); in volts, amperes or mN give N (N·m) per "
+            "unit, with a minus.",
         )
-    return (_controller_finding(seen, "positive mass, and damping not clearly negative"),)
+        return
+    yield _controller_finding(seen, "positive mass, and damping not clearly negative")
 
 
 def _controller(trajectory: Trajectory, law: _Law) -> bool:
@@ -213,28 +191,34 @@ def excitation(
     chosen: Estimate,
     delay: Delay | None,
     left: Unlogged,
-) -> tuple[Finding, ...]:
+) -> Iterator[Finding]:
     """``not-exciting-mass`` and ``not-exciting-damping``.
 
     ``delay`` is as read from the log, None if it was stated; ``left`` is what it does not know.
     """
-    findings = [*_one_frequency(trajectory, balance)]
     inflation = dict(zip(regression.parameters, regression.inflation, strict=True))
+
+    def seen(name: str, spread: float) -> str:
+        text = f"{trajectory.source} gives a {name} of {chosen.value(name):.4g} ± {spread:.2g}"
+        if inflation[name] > _LARGEST_INFLATION:
+            text += f", hardly told from the other terms (condition {regression.condition:.0f})"
+        return text
+
+    yield from _one_frequency(trajectory, balance)
     mass, damping = chosen.value("mass"), chosen.value("damping")
     # Force that is late by d and damping b look like a mass of b·d.
-    doubt = 0.0 if delay is None else _doubt(delay, trajectory.sample_time)
+    step = trajectory.sample_time
+    doubt = 0.0 if delay is None else min(NORMAL_95 * delay.deviation, MOST_SAMPLES * step)
     spread = max(half_width(chosen, "mass"), doubt * abs(damping))
     alike = inflation["mass"] > _LARGEST_INFLATION
     told = not alike and spread <= _WIDEST_MASS * abs(mass)
     if not told:
-        findings.append(
-            Finding(
-                code="not-exciting-mass",
-                severity="refusal",
-                seen=_seen(trajectory, "mass", mass, spread, regression, alike=alike),
-                needed=f"an interval within {_WIDEST_MASS:.0%}",
-                remedy="Excite with fast motion too: accelerate as hard as force and travel allow.",
-            )
+        yield Finding(
+            code="not-exciting-mass",
+            severity="refusal",
+            seen=seen("mass", spread),
+            needed=f"an interval within {_WIDEST_MASS:.0%}",
+            remedy="Excite with fast motion too: accelerate as hard as force and travel allow.",
         )
     spread = half_width(chosen, "damping")
     share = spread * float(np.std(balance.velocity)) / float(np.std(trajectory.force))
@@ -242,45 +226,34 @@ def excitation(
     wide = spread > _DOUBTED_DAMPING * abs(damping) and share > _SMALL_DAMPING_FORCE
     if alike or wide:
         refused = alike or spread > _WIDEST_DAMPING * abs(damping)
-        findings.append(
-            Finding(
-                code="not-exciting-damping",
-                severity="refusal" if refused else "warning",
-                seen=_seen(trajectory, "damping", damping, spread, regression, alike=alike),
-                needed=f"an interval within "
-                f"{_WIDEST_DAMPING if refused else _DOUBTED_DAMPING:.0%}, "
-                f"or below {_SMALL_DAMPING_FORCE:.0%} of the force",
-                remedy="Excite slower and further as well, at several speeds, and for longer.",
-            )
+        yield Finding(
+            code="not-exciting-damping",
+            severity="refusal" if refused else "warning",
+            seen=seen("damping", spread),
+            needed=f"an interval within {_WIDEST_DAMPING if refused else _DOUBTED_DAMPING:.0%}, or "
+            f"below {_SMALL_DAMPING_FORCE:.0%} of the force",
+            remedy="Excite slower and further as well, at several speeds, and for longer.",
         )
     if balance.one_way:
-        known = told and mass > 0 and doubt <= trajectory.sample_time
-        findings.append(_one_way(trajectory, balance, chosen, left, mass_told=known))
-    return tuple(findings)
+        known = told and mass > 0 and doubt <= step
+        yield _one_way(trajectory, balance, chosen, left, mass_told=known)
 
 
-def _doubt(delay: Delay, step: float) -> float:
-    """Half-width of the 95 % interval of a delay that was looked for, s."""
-    return min(NORMAL_95 * delay.deviation, MOST_SAMPLES * step)
-
-
-def _one_frequency(trajectory: Trajectory, balance: ForceBalance) -> tuple[Finding, ...]:
+def _one_frequency(trajectory: Trajectory, balance: ForceBalance) -> Iterator[Finding]:
     """A spring of -m·ω² and a mass m look alike at one ω."""
     near = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
     left = least_squares_residual(near, balance.acceleration)
     power = float(np.var(balance.acceleration))
     share = float(np.mean(left**2)) / power if power > 0 else 0.0
     if share >= _ONE_FREQUENCY:
-        return ()
-    return (
-        Finding(
-            code="not-exciting-mass",
-            severity="warning",
-            seen=f"{trajectory.source} moves at one frequency: position and velocity explain "
-            f"{1 - share:.2%} of the acceleration, so a spring or a hand would look like mass",
-            needed=f"at most {1 - _ONE_FREQUENCY:.0%}",
-            remedy="Excite with several frequencies at once, a sweep or random steps.",
-        ),
+        return
+    yield Finding(
+        code="not-exciting-mass",
+        severity="warning",
+        seen=f"{trajectory.source} moves at one frequency: position and velocity explain "
+        f"{1 - share:.2%} of the acceleration, so a spring or a hand would look like mass",
+        needed=f"at most {1 - _ONE_FREQUENCY:.0%}",
+        remedy="Excite with several frequencies at once, a sweep or random steps.",
     )
 
 
@@ -323,28 +296,12 @@ def _one_way(
         )
     if mass_told and not left.much:
         seen += "; the mass is told, by how the speed changes"
-    speeds = ", at several speeds" if steady else ""
+    speeds, more = (", at several speeds", " and damping from both") if steady else ("", "")
+    alone = ", with nothing else on the device" if left.much else ""
     return Finding(
         code="not-exciting-damping",
         severity="refusal" if left.much else "warning",
         seen=seen,
         needed=f"at least {ONE_WAY:.0%} of the motion the other way{speeds}",
-        remedy=f"Move both ways{speeds}, to tell friction from an offset"
-        f"{' and damping from both' if steady else ''}"
-        f"{', with nothing else on the device' if left.much else ''}.",
+        remedy=f"Move both ways{speeds}, to tell friction from an offset{more}{alone}.",
     )
-
-
-def _seen(
-    trajectory: Trajectory,
-    name: str,
-    value: float,
-    spread: float,
-    regression: Estimate,
-    *,
-    alike: bool,
-) -> str:
-    text = f"{trajectory.source} gives a {name} of {value:.4g} ± {spread:.2g}"
-    if alike:
-        text += f", hardly told from the other terms (condition {regression.condition:.0f})"
-    return text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -22,15 +22,13 @@ from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
-#: Powers of position that stand for any smooth force over the travel.
-_POWERS = (1, 2, 3)
+_POWERS = (1, 2, 3)  # powers of position that stand for any smooth force over the travel
 #: Parts a log is cut into; what position explains is judged on the part it was not fitted on.
 _PARTS = 4
 #: Of the mean square that mass, damping and friction leave over, position explains this part in
 #: rows it was not fitted on. Below, it may be chance.
 _LEAST_GAIN = 0.3
-#: The rms force of position is at least this part of the rms force.
-_LEAST_SHARE = 0.02
+_LEAST_SHARE = 0.02  # the rms force of position is at least this part of the rms force
 #: A shift of mass or damping by less than this part is beyond what these coarse rows can tell.
 _MATTERS = 0.05
 _REMEDY = (
@@ -41,33 +39,38 @@ _REMEDY = (
 
 def position_dependence(
     trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
-) -> tuple[Finding, ...]:
+) -> Iterator[Finding]:
     """``gravity``: a weight, a spring or a magnet whose force is not the same everywhere."""
     total = float(np.std(balance.force))
     gain, force = _position_force(balance)
     if gain >= _LEAST_GAIN and float(np.std(force)) >= _LEAST_SHARE * total:
-        return (_uncarried(trajectory, balance, chosen, gain, force),)
+        yield _uncarried(trajectory, balance, chosen, gain, force)
+        return
     force = _carried_force(balance)
     share = float(np.std(force)) / total
     if share < _LEAST_SHARE:
-        return ()
-    return (
-        Finding(
-            code="gravity",
-            severity="warning",
-            seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel and "
-            f"{share:.0%} of the force rms, acts in {trajectory.source}; the estimate has a term "
-            "for it",
-            needed=f"below {_LEAST_SHARE:.0%}",
-            remedy=_REMEDY,
-        ),
+        return
+    yield Finding(
+        code="gravity",
+        severity="warning",
+        seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel and "
+        f"{share:.0%} of the force rms, acts in {trajectory.source}; the estimate has a term "
+        "for it",
+        needed=f"below {_LEAST_SHARE:.0%}",
+        remedy=_REMEDY,
     )
 
 
 def _uncarried(
     trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, gain: float, force: FloatArray
 ) -> Finding:
-    shifts = _shifts(balance, chosen)
+    columns = np.column_stack((balance.plant, balance.carried))
+    plain = solve(columns, balance.force)
+    fuller = solve(np.column_stack((columns, _powers_of(balance.position))), balance.force)
+    shifts = [
+        (name, abs(float(fuller[index] - plain[index])), half_width(chosen, name))
+        for index, name in enumerate(("mass", "damping"))
+    ]
     refused = any(
         moved > max(width, _MATTERS * abs(chosen.value(name))) for name, moved, width in shifts
     )
@@ -103,21 +106,20 @@ def _position_force(balance: ForceBalance) -> tuple[float, FloatArray]:
     Both where it was fitted and where it was not count, and the smaller share is taken: a part of
     the log that is faster than the rest is told badly without position, too.
 
-    The force has shape (rows,), as the balance.
-
-    Returns:
-        Share of the mean square, at most 1; its force at each row, N, mean zero.
+    Gives the share of the mean square, at most 1, and its force at each row, N, mean zero.
     """
     moving = balance.moving
     powers = _powers_of(balance.position)
     plant = np.column_stack((balance.plant, balance.carried))
     table, norms = unit_columns(np.column_stack((plant, powers, balance.force))[moving])
-    both, first = table.shape[1] - 1, plant.shape[1]
+    both, fewer = table.shape[1] - 1, plant.shape[1]
     if len(table) < _PARTS * both:
         return 0.0, np.zeros(len(balance))
+    edges = -(-np.arange(_PARTS + 1) * len(table) // _PARTS)
     # R of each part (QR): what any columns leave of the force there is told by it alone.
     parts: list[FloatArray] = [
-        np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64) for rows in _cut(table)
+        np.asarray(np.linalg.qr(table[first:last], mode="r"), dtype=np.float64)
+        for first, last in pairwise(edges.tolist())
     ]
     every = np.concatenate(parts)
     without, within = (
@@ -125,21 +127,12 @@ def _position_force(balance: ForceBalance) -> tuple[float, FloatArray]:
             _left(np.concatenate(parts[:part] + parts[part + 1 :]), count, parts[part])
             for part in range(_PARTS)
         )
-        for count in (first, both)
+        for count in (fewer, both)
     )
-    left, fuller = (_left(every, count, every) for count in (first, both))
-    force: FloatArray = powers @ (_solved(every, both) / norms[:both])[first:] * norms[-1]
-    kept = max(
-        within / without if without > 0 else 1.0,
-        fuller / left if left > 0 else 1.0,
-    )
+    left, fuller = (_left(every, count, every) for count in (fewer, both))
+    force: FloatArray = powers @ (_solved(every, both) / norms[:both])[fewer:] * norms[-1]
+    kept = max(within / without if without > 0 else 1.0, fuller / left if left > 0 else 1.0)
     return 1 - kept, force - np.mean(force)
-
-
-def _cut(table: FloatArray) -> list[FloatArray]:
-    """Consecutive parts of a table."""
-    edges = -(-np.arange(_PARTS + 1) * len(table) // _PARTS)
-    return [table[first:last] for first, last in pairwise(edges.tolist())]
 
 
 def _solved(rows: FloatArray, count: int) -> FloatArray:
@@ -161,56 +154,33 @@ def _powers_of(position: FloatArray) -> FloatArray:
     return np.stack([unit**power for power in _POWERS], axis=1)
 
 
-def _shifts(balance: ForceBalance, chosen: Estimate) -> list[tuple[str, float, float]]:
-    """What mass and damping move by when position gets its term, and their half-widths."""
-    columns = np.column_stack((balance.plant, balance.carried))
-    plain = solve(columns, balance.force)
-    fuller = solve(np.column_stack((columns, _powers_of(balance.position))), balance.force)
-    return [
-        (name, abs(float(fuller[index] - plain[index])), half_width(chosen, name))
-        for index, name in enumerate(("mass", "damping"))
-    ]
-
-
 #: Physiological tremor of hand and forearm, Hz, and the bands beside it that it is compared with
 #: (Elble and Koller, Tremor, 1990).
 TREMOR = (8.0, 12.0)
 _BELOW, _ABOVE = (4.5, 7.0), (14.0, 20.0)
-#: Half-width of the windows, s: they pass 85 % of a sine of 10 Hz.
-_HALF_WIDTH = 0.03
-#: Steps longer than this do not show a tremor, s.
-_SLOWEST = 0.01
-#: Length of the pieces of the spectrum, s: bands of 2.5 Hz hold several lines.
-_PIECE = 2.0
-#: The rest is this many times stronger in the band of tremor than beside it, ...
-_PEAK = 1.7
+_HALF_WIDTH = 0.03  # half-width of the windows, s: they pass 85 % of a sine of 10 Hz
+_SLOWEST = 0.01  # steps longer than this do not show a tremor, s
+_PIECE = 2.0  # length of the pieces of the spectrum, s: bands of 2.5 Hz hold several lines
+_PEAK = 1.7  # the rest is this many times stronger in the band of tremor than beside it, ...
 #: ... its power there is this part of the force's own, or it is what a force excited there leaves
 #: behind, ...
 _UNDRIVEN = 0.04
-#: ... and its rms there is this part of the rms force.
-_LEAST_TREMOR = 0.015
+_LEAST_TREMOR = 0.015  # ... and its rms there is this part of the rms force.
 #: Above this part of the force the hand that trembles is as much in the log as the device is.
 _MOST_TREMOR = 0.1
-#: Slow motion of a hand, Hz, and the part of the rms force it may push with, unlogged.
-SLOW = 1.0
+SLOW = 1.0  # slow motion of a hand, Hz, and the part of the rms force it may push with, unlogged
 MOST_SLOW = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unlogged:
-    """Forces that the log does not know, at the pace of a hand.
+    """Forces that the log does not know, at the pace of a hand."""
 
-    Attributes:
-        tremor: rms at TREMOR, N.
-        peak: power there against that beside it, 0 where the force itself is strong there.
-        slow: rms below 1 Hz, a force of position taken out, N.
-        force: rms of the force that these are judged against, N: of its changes, or of all of it
-            in motion one way, where a steady force is what keeps the device moving.
-    """
-
-    tremor: float
-    peak: float
-    slow: float
+    tremor: float  # rms at TREMOR, N
+    peak: float  # power there against that beside it, 0 where the force itself is strong there
+    slow: float  # rms below 1 Hz, a force of position taken out, N
+    #: rms of the force that these are judged against, N: of its changes, or of all of it in motion
+    #: one way, where a steady force is what keeps the device moving
     force: float
 
     @property
@@ -226,20 +196,14 @@ class Unlogged:
 
 
 def unlogged(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Unlogged:
-    """Forces at the pace of a hand that mass, damping, friction and offset leave over.
-
-    Args:
-        trajectory: the log.
-        balance: its rows.
-        chosen: the estimate believed; gives the delay.
-    """
+    """Forces at the pace of a hand that mass, damping, friction and offset leave over."""
     tremor, peak = _tremor(trajectory, chosen)
     steady = float(np.mean(balance.force)) if balance.one_way else 0.0
     force = float(np.hypot(np.std(balance.force), steady))
     return Unlogged(tremor=tremor, peak=peak, slow=_slow(balance), force=force)
 
 
-def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> tuple[Finding, ...]:
+def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Iterator[Finding]:
     """``hand-on-device``: forces that the log does not know, at the pace of a hand.
 
     Tremor alone disturbs like noise and widens the intervals: a warning. With a spring to the body,
@@ -249,7 +213,7 @@ def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> tuple
     look the same there, and a force of position is one of time; excitation.py says so instead.
     """
     if balance.one_way or not (left.shaking or left.slow >= MOST_SLOW * left.force):
-        return ()
+        return
     spring = _position_force_rms(balance) >= _LEAST_SHARE * left.force
     refused = spring or left.much
     seen = [f"forces that {trajectory.source} does not log:"]
@@ -260,16 +224,14 @@ def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> tuple
         )
     seen.append(f"{left.slow / left.force:.0%} of the force below {SLOW:g} Hz")
     seen.append("and a spring to the body" if spring else "")
-    return (
-        Finding(
-            code="hand-on-device",
-            severity="refusal" if refused else "warning",
-            seen=" ".join(seen).strip(),
-            needed=f"no spring, tremor below {_MOST_TREMOR if refused else _LEAST_TREMOR:.1%} and "
-            f"slow force below {MOST_SLOW:.0%} of the force",
-            remedy="Take the hand off while logging: its mass, damping and stiffness are read as "
-            "the device's.",
-        ),
+    yield Finding(
+        code="hand-on-device",
+        severity="refusal" if refused else "warning",
+        seen=" ".join(seen).strip(),
+        needed=f"no spring, tremor below {_MOST_TREMOR if refused else _LEAST_TREMOR:.1%} and "
+        f"slow force below {MOST_SLOW:.0%} of the force",
+        remedy="Take the hand off while logging: its mass, damping and stiffness are read as "
+        "the device's.",
     )
 
 
@@ -306,11 +268,6 @@ def _density(column: FloatArray, step: float, piece: int) -> FloatArray:
 
     Each less its mean and tapered (Welch, IEEE Transactions on Audio and Electroacoustics 15, 1967,
     p. 70).
-
-    Args:
-        column: shape (rows,).
-        step: time between rows, s.
-        piece: rows of a piece.
     """
     window = np.hanning(piece + 1)[:-1]
     pieces = np.lib.stride_tricks.sliding_window_view(column, piece)[:: piece - piece // 2]
@@ -333,36 +290,32 @@ _STILL = 3.0
 #: ... for as long as it takes to move this many times as far at its usual speed: a slow turn is no
 #: standstill, ...
 _FURTHER = 10.0
-#: ... and for this many samples at least, this part of the log at most, ...
-_FEWEST = 20
+_FEWEST = 20  # ... and for this many samples at least, this part of the log at most, ...
 _LONGEST = 0.1
-#: ... while the force in the window changes by this part of its whole range.
-_CHANGES = 0.02
+_CHANGES = 0.02  # ... while the force in the window changes by this part of its whole range.
 #: Part of the log spent so above which friction is doubted, and above which too little motion is
 #: left to tell mass and damping.
 _DOUBTED_REST = 0.25
 _REFUSED_REST = 0.9
 
 
-def stiction(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
+def stiction(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
     """``stiction``: the device is held, or sticks and slips, under a force that changes."""
     stuck = _stuck(trajectory, hardware)
     share = float(np.mean(stuck))
     if share < _DOUBTED_REST:
-        return ()
+        return
     stops = int(np.count_nonzero(np.diff(stuck.astype(np.int8)) == 1)) + int(stuck[0])
     largest = float(np.max(np.abs(trajectory.force[:-1][stuck])))
     refused = share >= _REFUSED_REST
-    return (
-        Finding(
-            code="stiction",
-            severity="refusal" if refused else "warning",
-            seen=f"{trajectory.source} stands still for {share:.0%} of its time, in {stops} "
-            f"stops, while the force changes and reaches {largest:.3g}",
-            needed=f"at most {_REFUSED_REST if refused else _DOUBTED_REST:.0%} of the time",
-            remedy="Push harder than friction holds, for longer in each direction; look for a "
-            "brake, an end stop or a dry bearing.",
-        ),
+    yield Finding(
+        code="stiction",
+        severity="refusal" if refused else "warning",
+        seen=f"{trajectory.source} stands still for {share:.0%} of its time, in {stops} "
+        f"stops, while the force changes and reaches {largest:.3g}",
+        needed=f"at most {_REFUSED_REST if refused else _DOUBTED_REST:.0%} of the time",
+        remedy="Push harder than friction holds, for longer in each direction; look for a "
+        "brake, an end stop or a dry bearing.",
     )
 
 
@@ -389,8 +342,7 @@ def _stuck(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool
 #: Friction that the slope over speed does not cover, because it falls, depends on position or
 #: remembers, may make up this part of the force, both rms.
 _MOST_SHARE = 0.15
-#: A kind named in a finding makes up at least this part of the force.
-_NAMED_SHARE = 0.01
+_NAMED_SHARE = 0.01  # a kind named in a finding makes up at least this part of the force
 
 
 def unmodelled(
@@ -399,16 +351,8 @@ def unmodelled(
     forces: Sequence[UnmodelledForce],
     slope: SlopeRange,
     fastest: float,
-) -> tuple[Finding, ...]:
-    """``unmodelled-force``: what the friction is, and the slopes that it has over speed.
-
-    Args:
-        trajectory: the log.
-        chosen: the estimate that is to be used.
-        forces: kinds of friction found, at least one.
-        slope: of friction over speed, from rest to the fastest.
-        fastest: m/s.
-    """
+) -> Iterator[Finding]:
+    """``unmodelled-force``: what the friction is, and the slopes that it has over speed."""
     named = [each for each in forces if each.share >= _NAMED_SHARE] or forces[:1]
     told = ", ".join(f"{each.words}, {each.share:.1%} of the force" for each in named)
     uncovered = [each for each in forces if not each.rises]
@@ -435,12 +379,10 @@ def unmodelled(
         remedy = (
             "The certificate takes every slope. A log at the speeds of use gives a narrower range."
         )
-    return (
-        Finding(
-            code="unmodelled-force",
-            severity="refusal" if refused else "warning",
-            seen=seen,
-            needed=needed,
-            remedy=remedy,
-        ),
+    yield Finding(
+        code="unmodelled-force",
+        severity="refusal" if refused else "warning",
+        seen=seen,
+        needed=needed,
+        remedy=remedy,
     )

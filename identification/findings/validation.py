@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -18,54 +19,47 @@ from identification.trajectory import Trajectory
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-#: Parts a log is cut into, each left out in turn.
-_PARTS = 4
+_PARTS = 4  # parts a log is cut into, each left out in turn
 #: A prediction may miss by this part of the rms force more than a fit of the part itself does; ...
 _DOUBTED = 0.05
-#: ... beyond this the parts are not of one device.
-_REFUSED = 0.25
+_REFUSED = 0.25  # ... beyond this the parts are not of one device.
 #: ... and by this many standard deviations of the prediction itself, or the rest says too little.
 _SIGMAS = 4.0
-#: Blocks of each part, left out in turn for that standard deviation.
-_BLOCKS = 8
-#: Parameters that must not move.
-_JUDGED = ("mass", "damping")
-#: A move that is this part of the value, or less, matters to no margin.
-_HARMLESS = 0.02
+_BLOCKS = 8  # blocks of each part, left out in turn for that standard deviation
+_JUDGED = ("mass", "damping")  # parameters that must not move
+_HARMLESS = 0.02  # a move that is this part of the value, or less, matters to no margin
 
 
 def cross_validation(
     trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
-) -> tuple[Finding, ...]:
+) -> Iterator[Finding]:
     """``heldout-misfit``: the device changed while it was logged, or the model is wrong."""
     missed = _misses(balance, chosen)
     worst = int(np.argmax(missed))
     share = float(missed[worst] / np.std(balance.force))
     if share < _DOUBTED:
-        return ()
+        return
     start, span = float(balance.time[0]), float(balance.time[-1] - balance.time[0])
     first, last = (start + span * part / _PARTS for part in (worst, worst + 1))
     refused = share >= _REFUSED
-    return (
-        Finding(
-            code="heldout-misfit",
-            severity="refusal" if refused else "warning",
-            seen=f"fitted on the rest of {trajectory.source}, the force from {first:.3g} to "
-            f"{last:.3g} s is missed by {share:.0%} of its rms more than by a fit of its own",
-            needed=f"at most {_REFUSED if refused else _DOUBTED:.0%}",
-            remedy="Log again with nothing loose, warmed up and untouched; cut the log where the "
-            "device changed.",
-        ),
+    yield Finding(
+        code="heldout-misfit",
+        severity="refusal" if refused else "warning",
+        seen=f"fitted on the rest of {trajectory.source}, the force from {first:.3g} to "
+        f"{last:.3g} s is missed by {share:.0%} of its rms more than by a fit of its own",
+        needed=f"at most {_REFUSED if refused else _DOUBTED:.0%}",
+        remedy="Log again with nothing loose, warmed up and untouched; cut the log where the "
+        "device changed.",
     )
 
 
-def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> tuple[Finding, ...]:
+def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> Iterator[Finding]:
     """``heldout-misfit``: what the cut-off moves is more than the interval without it holds.
 
     A model that is right is right at every frequency. The move is in the interval all the same.
     """
     if chosen.leaning is None:
-        return ()
+        return
     alone = replace(chosen, covariance=chosen.covariance - np.outer(chosen.leaning, chosen.leaning))
     moved = {name: abs(float(chosen.leaning[chosen.parameters.index(name)])) for name in _JUDGED}
     unstable = [
@@ -74,20 +68,18 @@ def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> tuple[Findi
         if move > half_width(alone, name) and move > _HARMLESS * abs(chosen.value(name))
     ]
     if not unstable:
-        return ()
+        return
     seen = " and ".join(
         f"{name} {chosen.value(name):.4g} ± {half_width(alone, name):.2g} by ± {moved[name]:.2g}"
         for name in unstable
     )
-    return (
-        Finding(
-            code="heldout-misfit",
-            severity="warning",
-            seen=f"another cut-off moves the {seen} in {trajectory.source}",
-            needed="a move within the interval",
-            remedy="A force that the model does not have acts at some frequencies: excite harder, "
-            "and look for play, vibration or friction that depends on place.",
-        ),
+    yield Finding(
+        code="heldout-misfit",
+        severity="warning",
+        seen=f"another cut-off moves the {seen} in {trajectory.source}",
+        needed="a move within the interval",
+        remedy="A force that the model does not have acts at some frequencies: excite harder, "
+        "and look for play, vibration or friction that depends on place.",
     )
 
 
@@ -136,17 +128,11 @@ def _miss(rest: _Blocks, own: _Blocks) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Blocks:
-    """Sums of squares and products of consecutive blocks, from which any part is fitted at once.
+    """Sums of squares and products of consecutive blocks, from which any part is fitted at once."""
 
-    Attributes:
-        normal: XᵀX of each block, shape (blocks, p, p), columns of unit norm.
-        right: Xᵀf, shape (blocks, p).
-        counts: rows of each, shape (blocks,).
-    """
-
-    normal: FloatArray
-    right: FloatArray
-    counts: FloatArray
+    normal: FloatArray  # XᵀX of each block, shape (blocks, p, p), columns of unit norm
+    right: FloatArray  # Xᵀf, shape (blocks, p)
+    counts: FloatArray  # rows of each, shape (blocks,)
 
     @classmethod
     def of(
@@ -181,33 +167,23 @@ class _Blocks:
 #: the straight line costs, the others tell.
 _BANDS = 20
 _ROWS = 24
-#: ... of which this part, at least, is accelerated, and as many braked.
-_EITHER = 0.2
-#: Bands without which there is no judgement.
-_FEWEST_BANDS = 4
-#: Stretches of the log left out in turn for the deviation.
-_STRETCHES = 30
+_EITHER = 0.2  # ... of which this part, at least, is accelerated, and as many braked.
+_FEWEST_BANDS = 4  # bands without which there is no judgement
+_STRETCHES = 30  # stretches of the log left out in turn for the deviation
 #: Windows, the delay and what friction remembers are good to this part of the mass.
 _SYSTEMATIC = 0.01
-#: Deviations of the difference beyond which the estimate is not of this device.
-_MASS_SIGMAS = 4.0
+_MASS_SIGMAS = 4.0  # deviations of the difference beyond which the estimate is not of this device
 #: ... and part of the mass beyond which it is refused; below, stability margins absorb it.
 _REFUSED_MASS = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Inertia:
-    """Mass told by rows at equal velocity.
+    """Mass told by rows at equal velocity."""
 
-    Attributes:
-        least: slope of force over acceleration, kg (kg·m²).
-        most: inverse slope of acceleration over force, kg (kg·m²).
-        deviation: standard deviation of either, kg (kg·m²).
-    """
-
-    least: float
-    most: float
-    deviation: float
+    least: float  # slope of force over acceleration, kg (kg·m²)
+    most: float  # inverse slope of acceleration over force, kg (kg·m²)
+    deviation: float  # standard deviation of either, kg (kg·m²)
 
     def outside(self, estimate: Estimate) -> float:
         """How far the mass of an estimate lies below (negative) or above the bounds, kg (kg·m²)."""
@@ -221,11 +197,7 @@ class _Inertia:
 
 
 def inertia_of(balance: ForceBalance) -> _Inertia | None:
-    """The mass that a log tells without a model of friction; None where it tells too little.
-
-    Args:
-        balance: rows of the log; a force of position that the estimate carries is taken out.
-    """
+    """The mass that a log tells without a model of friction; None where it tells too little."""
     moving = np.flatnonzero(balance.moving)
     velocity = balance.velocity[moving]
     acceleration, force = balance.acceleration[moving], balance.force[moving]
@@ -288,24 +260,21 @@ def _levelled(columns: FloatArray, velocity: FloatArray, sizes: NDArray[np.intp]
     return rest - speed * np.repeat(slopes, sizes, axis=0)
 
 
-def inertia(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> tuple[Finding, ...]:
+def inertia(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Iterator[Finding]:
     """``heldout-misfit``: the mass is not the one that rows at equal velocity tell."""
     judge = inertia_of(balance)
     if judge is None or not judge.contradicts(chosen):
-        return ()
+        return
     mass, doubt = chosen.value("mass"), 2 * judge.deviation
     refused = abs(judge.outside(chosen)) > _REFUSED_MASS * abs(mass)
     needed = f"{_REFUSED_MASS:.0%}" if refused else f"{_MASS_SIGMAS:g} deviations"
-    return (
-        Finding(
-            code="heldout-misfit",
-            severity="refusal" if refused else "warning",
-            seen=f"at equal velocity the force of {trajectory.source} while accelerating, less "
-            f"that while braking, tells a mass from {judge.least:.4g} to {judge.most:.4g}, "
-            f"± {doubt:.2g}, "
-            f"{chosen.method.replace('-', ' ')} {mass:.4g} ± {2 * chosen.deviation('mass'):.2g}",
-            needed=f"within {needed}",
-            remedy="The friction is not what the model has: excite faster, so that inertia is "
-            "more of the force, and look for play, cables or a gear that remember the motion.",
-        ),
+    yield Finding(
+        code="heldout-misfit",
+        severity="refusal" if refused else "warning",
+        seen=f"at equal velocity the force of {trajectory.source} while accelerating, less that "
+        f"while braking, tells a mass from {judge.least:.4g} to {judge.most:.4g}, ± {doubt:.2g}, "
+        f"{chosen.method.replace('-', ' ')} {mass:.4g} ± {2 * chosen.deviation('mass'):.2g}",
+        needed=f"within {needed}",
+        remedy="The friction is not what the model has: excite faster, so that inertia is "
+        "more of the force, and look for play, cables or a gear that remember the motion.",
     )

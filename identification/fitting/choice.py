@@ -29,8 +29,7 @@ from identification.findings.force_balance import balance_of
 from identification.findings.validation import inertia_of
 from identification.trajectory import Trajectory
 
-#: Change of delay, in samples, for the slope of the estimates over delay.
-_DELAY_STEP = 0.05
+_DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
 #: The method that is given a delay; the others fit one if nobody states it.
 _GIVEN = frozenset({"least-squares"})
 
@@ -47,23 +46,14 @@ class _Estimator(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PreparedLog:
-    """A prepared log and its estimates.
+    """A prepared log and its estimates."""
 
-    Attributes:
-        trajectory: the log.
-        table: prepared regression; its model is that of every estimate.
-        rough: the same before the delay was found and the direction of motion refined.
-        stated: delay of the hardware, or None.
-        found: delay read from the log, or None if it was stated.
-        made: estimates by method.
-    """
-
-    trajectory: Trajectory
-    table: Regression
-    rough: Regression
-    stated: Quantity | None
-    found: Delay | None
-    made: dict[str, Estimate] = field(default_factory=dict[str, Estimate])
+    trajectory: Trajectory  # the log
+    table: Regression  # prepared regression; its model is that of every estimate
+    rough: Regression  # the same before the delay was found and the direction of motion refined
+    stated: Quantity | None  # delay of the hardware, or None
+    found: Delay | None  # delay read from the log, or None if it was stated
+    made: dict[str, Estimate] = field(default_factory=dict[str, Estimate])  # estimates by method
 
     @classmethod
     def of(cls, trajectory: Trajectory, model: Model, stated: Quantity | None) -> PreparedLog:
@@ -123,11 +113,6 @@ class PreparedLog:
         """Whether the log carries the set-point the device followed."""
         return self.table.signals.reference is not None
 
-    @property
-    def fitted(self) -> tuple[Estimate, ...]:
-        """Everything estimated so far."""
-        return tuple(self.made.values())
-
     def fit(self, method: str) -> Estimate:
         """The estimate of one method, made at most once."""
         return self.refit(method, self.model)
@@ -170,16 +155,14 @@ def _estimator(method: str) -> _Estimator:
     return cast("_Estimator", module)
 
 
-#: What both methods are asked for.
-_JUDGED = ("mass", "damping")
+_JUDGED = ("mass", "damping")  # what both methods are asked for
 #: The square of the difference by its variance, of two parameters, that chance exceeds as often as
 #: a normal variable three of its deviations: -2·log(0.0027).
 CONTRADICTED = 11.83
 #: Each variance is known to some 18 % (sixty blocks left out in turn), so their difference is not
 #: told from zero below this part of the larger one.
 _RESOLVED = 0.25
-#: Deviations beyond which it does not matter how many they are.
-_FAR = 1e6
+_FAR = 1e6  # deviations beyond which it does not matter how many they are
 
 
 def region(estimate: Estimate) -> float:
@@ -259,13 +242,7 @@ def noise_explains(prepared: PreparedLog) -> str | None:
 
 
 def choose(prepared: PreparedLog, method: str, explained: str | None) -> tuple[Estimate, str]:
-    """The estimate to believe and a sentence why.
-
-    Args:
-        prepared: of one log.
-        method: "auto" or a name of estimators.ESTIMATORS.
-        explained: what ``noise_explains`` says of the log.
-    """
+    """The estimate to believe and a sentence why."""
     regression = prepared.fit("least-squares")
     if method == "least-squares":
         return regression, "least squares as asked"

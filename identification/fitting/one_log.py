@@ -63,13 +63,7 @@ class LogFit:
 
 
 def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> LogFit:
-    """Estimate mass, damping and friction from one log.
-
-    Args:
-        trajectory: time stamps are used as they are.
-        hardware: states the delay, if it does.
-        method: "auto" or a name of estimators.ESTIMATORS.
-    """
+    """Estimate mass, damping and friction from one log."""
     stated = None if hardware is None else hardware.delay
     part = most_excited(trajectory)
     prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), None
@@ -87,11 +81,13 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         from identification.findings.forces import unmodelled
 
         chosen = _with_mass_of(curve, chosen)
-        beyond = unmodelled(trajectory, chosen, curve.found, curve.slope, curve.fastest)
+        beyond = tuple(unmodelled(trajectory, chosen, curve.found, curve.slope, curve.fastest))
     if len(part) < len(trajectory):
         reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
-    delay = _delay(prepared, chosen)
-    others = tuple(each for each in prepared.fitted if each.method != chosen.method)
+    delay = prepared.found
+    if delay is not None and chosen.delay_deviation is not None:  # the chosen method knows it best
+        delay = replace(delay, value=chosen.delay, deviation=chosen.delay_deviation)
+    others = tuple(each for each in prepared.made.values() if each.method != chosen.method)
     consulted = [each for each in others if each.method in CONSULTED]
     return LogFit(
         trajectory=trajectory,
@@ -104,13 +100,6 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         structure=structure,
         curve=curve,
     )
-
-
-def _delay(prepared: PreparedLog, chosen: Estimate) -> Delay | None:
-    """The delay as the chosen method knows it best."""
-    if prepared.found is None or chosen.delay_deviation is None:
-        return prepared.found
-    return replace(prepared.found, value=chosen.delay, deviation=chosen.delay_deviation)
 
 
 def _friction_curve(prepared: PreparedLog) -> FrictionCurve | None:
@@ -158,13 +147,12 @@ def most_excited(trajectory: Trajectory) -> Trajectory:
     # Neighbours overlap by half.
     starts = np.linspace(0, spare, 1 + int(np.ceil(2 * spare / MOST_FITTED))).astype(np.intp)
     parts = [slice(int(start), int(start) + MOST_FITTED) for start in starts]
-    return trajectory.part(max(parts, key=lambda rows: _mean_square_velocity(trajectory, rows)))
 
+    def mean_square_velocity(rows: slice) -> float:
+        velocity = np.diff(trajectory.position[rows]) / np.diff(trajectory.time[rows])
+        return float(np.mean(velocity**2))
 
-def _mean_square_velocity(trajectory: Trajectory, rows: slice) -> float:
-    """Mean square velocity of some consecutive samples, m²/s²."""
-    velocity = np.diff(trajectory.position[rows]) / np.diff(trajectory.time[rows])
-    return float(np.mean(velocity**2))
+    return trajectory.part(max(parts, key=mean_square_velocity))
 
 
 #: Coulomb friction can be told from an offset if at least this part of the motion goes either way.

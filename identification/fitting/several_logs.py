@@ -37,23 +37,19 @@ _PARAMETERS = ("mass", "damping", "coulomb_friction", "force_offset")
 #: Largest logarithm of the interval of a mass to its value; only a log that was allowed although it
 #: does not tell the mass comes near this factor of a thousand.
 _WIDEST_MASS = 7.0
-#: Probability that a stored interval holds the truth.
-_CONFIDENCE = 0.95
+_CONFIDENCE = 0.95  # probability that a stored interval holds the truth
 
 
 def device_from(
     fits: Sequence[LogFit], hardware: Hardware | None, records: Sequence[LogRecord]
 ) -> Device:
-    """The device all logs agree with: values averaged, intervals enveloped, covariance joint.
-
-    Args:
-        fits: at least one, each with positive mass.
-        hardware: what is known; of the rest the device holds what the logs suggest, with
-            ``source: log``, and names it as missing.
-        records: one for each fit, stored with the device.
-    """
+    """The device all logs agree with: values averaged, intervals enveloped, covariance joint."""
     hardware = hardware or Hardware()
     first = fits[0].trajectory
+    springs, weights = (
+        [fit for fit in fits if fit.estimate.model.gravity == kind]
+        for kind in ("proportional", "pendulum")
+    )
     return Device(
         name=hardware.name,
         axis=first.axis,
@@ -79,14 +75,13 @@ def device_from(
         logs=tuple(records),
         damping_by_direction=_by_direction(fits, "damping"),
         friction_by_direction=_by_direction(fits, "friction"),
-        position_stiffness=_position_stiffness(fits),
-        gravity=_gravity(fits),
+        position_stiffness=_envelope(springs, "position_stiffness") if springs else None,
+        gravity=Gravity(
+            sine=_envelope(weights, "gravity_sine"), cosine=_envelope(weights, "gravity_cosine")
+        )
+        if weights
+        else None,
     )
-
-
-def _confidence(fits: Sequence[LogFit]) -> float:
-    """Confidence of one log's interval, so that the envelope of several has 95 % for all."""
-    return 1 - (1 - _CONFIDENCE) / len(fits)
 
 
 def _envelope(fits: Sequence[LogFit], name: str) -> Quantity:
@@ -100,7 +95,8 @@ def _hull(fits: Sequence[LogFit], *, least: float | None = None, **weights: floa
     Mass lies on a logarithmic scale, so that it stays positive; friction is clipped at zero, where
     physics ends.
     """
-    confidence = _confidence(fits)
+    # Of one log's interval, so that the envelope of several has 95 % for all.
+    confidence = 1 - (1 - _CONFIDENCE) / len(fits)
     pairs: FloatArray = np.array([fit.estimate.combined(**weights) for fit in fits])
     values, deviations = pairs[:, 0], pairs[:, 1]
     quantiles = [quantile(fit.estimate, confidence) for fit in fits]
@@ -124,24 +120,16 @@ def _by_direction(fits: Sequence[LogFit], what: str) -> ByDirection | None:
     telling = [fit for fit in fits if fit.estimate.model.directional]
     if not telling:
         return None
-    if what == "damping":
-        forward, backward = (
-            _hull(telling, damping=1.0, damping_asymmetry=side) for side in (1.0, -1.0)
-        )
-        return ByDirection(forward=forward, backward=backward)
     # The offset of the model holds at the mean speed; at rest damping has no asymmetry.
     speed = float(np.mean([fit.estimate.mean_speed for fit in telling]))
-    forward, backward = (
-        _hull(
-            telling,
-            least=0.0,
-            coulomb_friction=1.0,
-            force_offset=side,
-            damping_asymmetry=-side * speed,
-        )
-        for side in (1.0, -1.0)
-    )
-    return ByDirection(forward=forward, backward=backward)
+
+    def one_way(side: float) -> Quantity:
+        if what == "damping":
+            return _hull(telling, damping=1.0, damping_asymmetry=side)
+        weights = {"force_offset": side, "damping_asymmetry": -side * speed}
+        return _hull(telling, least=0.0, coulomb_friction=1.0, **weights)
+
+    return ByDirection(forward=one_way(1.0), backward=one_way(-1.0))
 
 
 def _hull_of(fits: Sequence[LogFit], name: Literal["slope", "presliding"]) -> SlopeRange | None:
@@ -151,22 +139,6 @@ def _hull_of(fits: Sequence[LogFit], name: Literal["slope", "presliding"]) -> Sl
     if not known:
         return None
     return SlopeRange(low=min(each.low for each in known), high=max(each.high for each in known))
-
-
-def _position_stiffness(fits: Sequence[LogFit]) -> Quantity | None:
-    """Stiffness over the logs that show a force in proportion to position."""
-    telling = [fit for fit in fits if fit.estimate.model.gravity == "proportional"]
-    return _envelope(telling, "position_stiffness") if telling else None
-
-
-def _gravity(fits: Sequence[LogFit]) -> Gravity | None:
-    """Gravity over the logs that show a weight."""
-    telling = [fit for fit in fits if fit.estimate.model.gravity == "pendulum"]
-    if not telling:
-        return None
-    return Gravity(
-        sine=_envelope(telling, "gravity_sine"), cosine=_envelope(telling, "gravity_cosine")
-    )
 
 
 def _covariance(fits: Sequence[LogFit]) -> Covariance:
@@ -190,8 +162,7 @@ def _covariance(fits: Sequence[LogFit]) -> Covariance:
     )
 
 
-#: Part of the steps between stamps that the stored interval of the sample time holds.
-_PART = 0.95
+_PART = 0.95  # part of the steps between stamps that the stored interval of the sample time holds
 
 
 def unstated_warnings(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
@@ -202,7 +173,18 @@ def unstated_warnings(fits: Sequence[LogFit], hardware: Hardware | None) -> tupl
     hardware = hardware or Hardware()
     findings: list[Finding] = []
     if fits[0].trajectory.motion is None:
-        findings.append(_no_motion(fits))
+        # Whether an axis turns cannot be seen: radians and metres are numbers.
+        travel = max(float(np.ptp(fit.trajectory.position)) for fit in fits)
+        findings.append(
+            Finding(
+                code="force-unit",
+                severity="warning",
+                seen=f"no motion is stated; position spans {travel:.4g}, which may be m or rad",
+                needed="whether the axis slides (N, m, kg) or turns (N·m, rad, kg·m²)",
+                remedy="State motion: linear or motion: rotary in the hardware file (--hardware); "
+                "degrees need --position-gain 0.0174533 too.",
+            )
+        )
     if hardware.delay is None:
         step, given = _sample_time_of(fits, Hardware()).value, _delay_of(fits, hardware)
         seen = ", ".join(
@@ -248,19 +230,6 @@ def unstated_warnings(fits: Sequence[LogFit], hardware: Hardware | None) -> tupl
             )
         )
     return tuple(findings)
-
-
-def _no_motion(fits: Sequence[LogFit]) -> Finding:
-    """Whether an axis turns cannot be seen: radians and metres are numbers."""
-    travel = max(float(np.ptp(fit.trajectory.position)) for fit in fits)
-    return Finding(
-        code="force-unit",
-        severity="warning",
-        seen=f"no motion is stated; position spans {travel:.4g}, which may be m or rad",
-        needed="whether the axis slides (N, m, kg) or turns (N·m, rad, kg·m²)",
-        remedy="State motion: linear or motion: rotary in the hardware file (--hardware); degrees "
-        "need --position-gain 0.0174533 too.",
-    )
 
 
 def _mark_stated(known: Quantity | None) -> Quantity | None:

@@ -39,43 +39,33 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 Family = Literal["multisine", "swept-sine", "binary"]
+_Force = Callable[[FloatArray], FloatArray]  # N (N·m) at any times (s), in their shape
+_Wave = Callable[[FloatArray, FloatArray], FloatArray]  # A force by phase, rad, and frequency, Hz
 
 #: Lines of a multisine: all multiples of 1/duration up to the highest frequency if they are no
 #: more, otherwise this many, evenly spaced in octaves.
 _LINES = 48
-#: The largest load is approached by p-norms, sharper in each round.
-_POWERS = (8, 32, 128)
-#: Steps of the search in each round, ...
-_STEPS = 250
-#: ... fewer where a step takes long (points of the grid times steps) ...
-_WORK = 1_000_000
-#: ... but never fewer than these.
-_FEWEST_STEPS = 60
+_POWERS = (8, 32, 128)  # the largest load is approached by p-norms, sharper in each round
+_STEPS = 250  # steps of the search in each round, ...
+_WORK = 1_000_000  # ... fewer where a step takes long (points of the grid times steps) ...
+_FEWEST_STEPS = 60  # ... but never fewer than these.
 #: Starts of the search where friction is none: their best differ by a few per cent.
 _SEEDS = (0, 1, 2)
 #: Periods in the duration that are tried where there is friction, one start each.
 _PERIODS = (1, 2, 3, 4, 6)
-#: Frequencies tried at either end of a sweep.
-_ENDS = 14
-#: Sweeps handed on: a corner of the guesses may drift under the very best.
-_SWEEPS = 4
+_ENDS = 14  # frequencies tried at either end of a sweep
+_SWEEPS = 4  # sweeps handed on: a corner of the guesses may drift under the very best
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Shape:
-    """A net force before friction is made up for.
+    """A net force before friction is made up for."""
 
-    Attributes:
-        family: of signals.
-        band: its lowest and its highest frequency, Hz.
-        lines: how many frequencies it has; 0 where it sweeps through all of the band.
-        force: N (N·m) at any times (s), in their shape, the first limit just reached on the bench.
-    """
-
-    family: Family
-    band: tuple[float, float]
-    lines: int = 0
-    force: Callable[[FloatArray], FloatArray]
+    family: Family  # of signals
+    band: tuple[float, float]  # its lowest and its highest frequency, Hz
+    lines: int = 0  # how many frequencies it has; 0 where it sweeps through all of the band
+    #: N (N·m) at any times (s), in their shape, the first limit just reached on the bench
+    force: _Force
 
 
 def _multisines(bench: DesignGrid) -> list[_Shape]:
@@ -148,27 +138,26 @@ def _multisine(bench: DesignGrid, lines: NDArray[np.int64], seed: int) -> _Shape
 
 def _swept_sines(bench: DesignGrid) -> list[_Shape]:
     """Sweeps, even in octaves, of the best two ends; at each frequency to the first limit."""
-    law = _law(bench.spec)
+    spec = bench.spec
+    mass, damping = spec.mass.value, spec.damping.value
 
     def wave(phase: FloatArray, frequency: FloatArray) -> FloatArray:
-        return law(frequency) * np.sin(phase)
+        omega = 2 * np.pi * frequency
+        reach = np.full_like(omega, spec.travel)
+        if spec.speed is not None:
+            reach = np.minimum(reach, spec.speed / omega)
+        most = np.minimum(reach * omega * np.hypot(mass * omega, damping), force_room(spec))
+        return most * np.sin(phase)
 
     return _best_sweep(bench, "swept-sine", wave)
 
 
 def _binaries(bench: DesignGrid) -> list[_Shape]:
     """One force, one way or the other, switched at a rate that sweeps, of the best two ends."""
-
-    def wave(phase: FloatArray, frequency: FloatArray) -> FloatArray:
-        del frequency
-        return np.where(np.sin(phase) >= 0, 1.0, -1.0)
-
-    return _best_sweep(bench, "binary", wave)
+    return _best_sweep(bench, "binary", lambda phase, _: np.where(np.sin(phase) >= 0, 1.0, -1.0))
 
 
-def _best_sweep(
-    bench: DesignGrid, family: Family, wave: Callable[[FloatArray, FloatArray], FloatArray]
-) -> list[_Shape]:
+def _best_sweep(bench: DesignGrid, family: Family, wave: _Wave) -> list[_Shape]:
     """The sweeps of the least merit."""
     spec = bench.spec
     slowest = min(2 / spec.duration, bench.highest / 4)
@@ -187,12 +176,7 @@ def _best_sweep(
     return [shape for _, shape in found[:_SWEEPS]]
 
 
-def _sweep(
-    spec: ExcitationSpec,
-    first: float,
-    last: float,
-    wave: Callable[[FloatArray, FloatArray], FloatArray],
-) -> Callable[[FloatArray], FloatArray]:
+def _sweep(spec: ExcitationSpec, first: float, last: float, wave: _Wave) -> _Force:
     """A wave whose frequency goes evenly in octaves from first to last, Hz."""
     octaves = np.log(last / first)
 
@@ -205,9 +189,7 @@ def _sweep(
     return force
 
 
-def _settled(
-    bench: DesignGrid, force: Callable[[FloatArray], FloatArray]
-) -> Callable[[FloatArray], FloatArray]:
+def _settled(bench: DesignGrid, force: _Force) -> _Force:
     """The force faded, scaled to the first limit, with a slow part that brings the device back.
 
     The slow part is a parabola in time under the same fade; its three coefficients take the end
@@ -232,20 +214,6 @@ def _settled(
     return lambda time: scale * (force(time) * fade(time, spec) - slow(time) @ weights)
 
 
-def _law(spec: ExcitationSpec) -> Callable[[FloatArray], FloatArray]:
-    """Force of a sine that just reaches travel, speed or force, by its frequency in Hz."""
-    mass, damping = spec.mass.value, spec.damping.value
-
-    def law(frequency: FloatArray) -> FloatArray:
-        omega = 2 * np.pi * frequency
-        reach = np.full_like(omega, spec.travel)
-        if spec.speed is not None:
-            reach = np.minimum(reach, spec.speed / omega)
-        return np.minimum(reach * omega * np.hypot(mass * omega, damping), force_room(spec))
-
-    return law
-
-
 def _size(bench: DesignGrid, force: FloatArray, power: int) -> tuple[float, FloatArray]:
     """p-norm of the loads of a force, a little above the largest, and its gradient by the force."""
     loads = bench.loads(force)
@@ -264,10 +232,8 @@ _FAMILIES: tuple[tuple[str, Callable[[DesignGrid], list[_Shape]]], ...] = (
 )
 #: Part of the limits aimed at: what is left covers the rounding of the force in its file.
 _AIM = 0.999
-#: Fitting to the limits ends when this much of one of them is used, ...
-_ENOUGH = 0.985
-#: ... or after this many simulations of all corners.
-_TRIES = 12
+_ENOUGH = 0.985  # fitting to the limits ends when this much of one of them is used, ...
+_TRIES = 12  # ... or after this many simulations of all corners.
 #: A force scaled down to this part of what the guess alone would allow tells next to nothing.
 _LEAST = 0.1
 #: Friction is made up for from this part of the peak speed on; below it comes in smoothly.
@@ -292,23 +258,14 @@ class Used:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """The best force of one family.
-
-    Attributes:
-        family: "multisine", "swept-sine" or "binary".
-        band: its lowest and its highest frequency, Hz.
-        lines: how many frequencies it has; 0 where it sweeps through all of the band.
-        force: N (N·m), shape (n,), held from sample to sample, zero at both ends.
-        prediction: motion of the guessed device and Cramér-Rao bound.
-        used: parts of the limits that the worst corner uses.
-    """
+    """The best force of one family."""
 
     family: Family
-    band: tuple[float, float]
-    lines: int
-    force: FloatArray
-    prediction: Prediction
-    used: Used
+    band: tuple[float, float]  # its lowest and its highest frequency, Hz
+    lines: int  # how many frequencies it has; 0 where it sweeps through all of the band
+    force: FloatArray  # N (N·m), shape (n,), held from sample to sample, zero at both ends
+    prediction: Prediction  # motion of the guessed device and Cramér-Rao bound
+    used: Used  # parts of the limits that the worst corner uses
 
     @property
     def description(self) -> str:
@@ -406,12 +363,8 @@ def plan_excitation(
         del found[0]
     if not found:
         raise InvalidInputError("excitation", *_impossible(wanted, used[0]))
-    candidates = tuple(candidate for candidate, _ in found)
-    return Excitation(
-        spec=wanted,
-        candidates=candidates,
-        worst=worst_motions(spec, candidates[0].force),
-    )
+    worst = worst_motions(spec, found[0][0].force)
+    return Excitation(spec=wanted, candidates=tuple(each for each, _ in found), worst=worst)
 
 
 def _fitted(
@@ -546,9 +499,8 @@ def excitation_picture(excitation: Excitation) -> Figure:
         (f"position, {length}", motion.position, spec.travel),
         (f"velocity, {length}/s", motion.velocity, spec.speed),
     )
-    for axes, (label, column, limit) in zip(
-        figure.subplots(len(rows), 1, sharex=True), rows, strict=True
-    ):
+    every = figure.subplots(len(rows), 1, sharex=True)
+    for axes, (label, column, limit) in zip(every, rows, strict=True):
         axes.plot(excitation.time, column, lw=1)
         for side in (-1, 1) if limit is not None else ():
             axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")

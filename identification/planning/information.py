@@ -36,17 +36,12 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction:
-    """Bound of every unbiased estimator for the log of a planned force.
+    """Bound of every unbiased estimator for the log of a planned force."""
 
-    Attributes:
-        motion: of the guessed device, without noise.
-        covariance: of mass and damping, shape (2, 2).
-        doubt: what identify adds to it for forces no log knows better, shape (2, 2)
-            (intervals.UNKNOWN_FORCE).
-    """
-
-    motion: Answer
-    covariance: FloatArray
+    motion: Answer  # of the guessed device, without noise
+    covariance: FloatArray  # of mass and damping, shape (2, 2)
+    #: what identify adds to it for forces no log knows better, shape (2, 2)
+    #: (intervals.UNKNOWN_FORCE)
     doubt: FloatArray
 
     @property
@@ -78,15 +73,8 @@ def predict(
     """Cramér-Rao bound of mass and damping for a force held over each sample, from rest.
 
     With Coulomb friction turns and standstills move with the parameters, exactly as in the bound of
-    an estimator that knows the model without any fault.
-
-    Args:
-        force: N (N·m), shape (n,), where it acts.
-        guess: the device.
-        step: T, s.
-        noise: standard deviation of one position reading, m (rad).
-        force_noise: rms of a white force that no log knows, held one sample, N (N·m).
-        delay_known: False if the delay is estimated from the same log.
+    an estimator that knows the model without any fault. Noise is of one reading, m (rad), and of a
+    white force that no log knows, held one sample, N (N·m).
     """
     motion = simulate_stick_slip(force, guess, step)
     response = Response(
@@ -143,43 +131,26 @@ _SLOWEST_TURN = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Friction:
-    """What Coulomb friction does to an estimate.
+    """What Coulomb friction does to an estimate."""
 
-    Attributes:
-        grip: Fc/m, m/s².
-        blur: error of the velocity at a turn, m/s.
-        speed: typical peak speed, m/s.
-        acceleration: largest acceleration, m/s².
-    """
-
-    grip: float
-    blur: float
-    speed: float
-    acceleration: float
+    grip: float  # Fc/m, m/s²
+    blur: float  # error of the velocity at a turn, m/s
+    speed: float  # typical peak speed, m/s
+    acceleration: float  # largest acceleration, m/s²
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignCriterion:
-    """The merit of net forces per mass on one grid.
+    """The merit of net forces per mass on one grid."""
 
-    Attributes:
-        response: of the guessed device.
-        unknowns: columns that take their share of the information, orthonormal, shape (n, 3).
-        friction: or None.
-        delay_known: False if the delay is estimated too.
-    """
-
-    response: Response
+    response: Response  # of the guessed device
+    #: columns that take their share of the information, orthonormal, shape (n, 3)
     unknowns: FloatArray
     friction: Friction | None
-    delay_known: bool
+    delay_known: bool  # False if the delay is estimated too
 
     def __call__(self, pull: FloatArray) -> tuple[float, FloatArray]:
-        """Logarithm of the product of both variances, and its gradient.
-
-        Args:
-            pull: net force per mass, shape (n,), m/s².
-        """
+        """Logarithm of the product of both variances, and its gradient."""
         response, friction = self.response, self.friction
         place, slope = response.driven(pull)
         columns = [-(place + response.rate * slope), slope]
@@ -231,20 +202,13 @@ class DesignCriterion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Turns:
-    """Smooth sign of the velocity in each interval and what it costs not to know it.
+    """Smooth sign of the velocity in each interval and what it costs not to know it."""
 
-    Attributes:
-        sign: shape (n,).
-        kicks: variance of the unknown velocity kick in each interval, (m/s)², shape (n,).
-        sign_slope, kicks_slope: derivatives of both by the velocity.
-        kicks_bend: derivative of the kicks by the acceleration.
-    """
-
-    sign: FloatArray
-    kicks: FloatArray
-    sign_slope: FloatArray
+    sign: FloatArray  # shape (n,)
+    kicks: FloatArray  # variance of the unknown velocity kick in each interval, (m/s)², shape (n,)
+    sign_slope: FloatArray  # derivatives of both by the velocity
     kicks_slope: FloatArray
-    kicks_bend: FloatArray
+    kicks_bend: FloatArray  # derivative of the kicks by the acceleration
 
     @classmethod
     def of(cls, response: Response, friction: Friction, pull: FloatArray) -> _Turns:
@@ -280,8 +244,7 @@ class _Turns:
 _ABOVE = 3.0
 #: Periods of the highest frequency in the shortest signal, so that there is something to choose.
 _FEWEST_PERIODS = 8.0
-#: Samples of the controller in a period of the highest frequency, at least.
-_FEWEST_SAMPLES = 20.0
+_FEWEST_SAMPLES = 20.0  # samples of the controller in a period of the highest frequency, at least
 #: Points of the grid in a period of the highest frequency; peaks between them are under 1 %.
 _POINTS = 24.0
 #: The velocity at a turn is as well known as readings over this part of the shortest period tell:
@@ -291,24 +254,16 @@ _WINDOW = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignGrid:
-    """Where forces are tried.
+    """Where forces are tried."""
 
-    Attributes:
-        spec: limits and guesses.
-        highest: frequency, Hz.
-        step: of the grid, s.
-        count: points of the grid.
-        devices: (mass, response) of the guess, and of the lightest and least damped device, which
-            goes farthest, if the guesses are ranges.
-        merit: of net forces per mass of the guess.
-    """
-
-    spec: ExcitationSpec
-    highest: float
-    step: float
-    count: int
+    spec: ExcitationSpec  # limits and guesses
+    highest: float  # frequency, Hz
+    step: float  # of the grid, s
+    count: int  # points of the grid
+    #: (mass, response) of the guess, and of the lightest and least damped device, which goes
+    #: farthest, if the guesses are ranges
     devices: tuple[tuple[float, Response], ...]
-    merit: DesignCriterion
+    merit: DesignCriterion  # of net forces per mass of the guess
 
     @classmethod
     def of(cls, spec: ExcitationSpec) -> DesignGrid:
@@ -358,12 +313,7 @@ class DesignGrid:
             delay_known=spec.delay == "known",
         )
         return cls(
-            spec=spec,
-            highest=highest,
-            step=step,
-            count=count,
-            devices=tuple(devices),
-            merit=merit,
+            spec=spec, highest=highest, step=step, count=count, devices=tuple(devices), merit=merit
         )
 
     @property

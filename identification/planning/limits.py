@@ -13,7 +13,7 @@ well enough for the second to be planned within their intervals.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from os import PathLike
 from pathlib import Path
@@ -158,35 +158,24 @@ class ExcitationSpec(Document):
         return tuple(dict.fromkeys([middle, *ends]))  # pyright: ignore[reportReturnType]
 
 
-#: Mass and damping may be this many times what was guessed, or this part of it.
-_WRONG = 2.0
+_WRONG = 2.0  # mass and damping may be this many times what was guessed, or this part of it
 #: An unplanned constant force, as part of the force limit: what a cable, a tilt of a degree or the
 #: bias of an amplifier makes.
 _UNPLANNED = (0.01, 0.02)
-#: Levels on a side of the box of mass and damping, and of friction.
-_LEVELS = 7
+_LEVELS = 7  # levels on a side of the box of mass and damping, and of friction
 _FRICTIONS = 4
-#: Between the levels a device may go this much farther.
-BETWEEN = 1.01
-#: Below this b·t/m series stand in for the exponential.
-_SERIES_BELOW = 1e-4
+BETWEEN = 1.01  # between the levels a device may go this much farther
+_SERIES_BELOW = 1e-4  # below this b·t/m series stand in for the exponential
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstMotion:
-    """Farthest and fastest motion of a set of devices under one force.
+    """Farthest and fastest motion of a set of devices under one force."""
 
-    Attributes:
-        name: of the set: "stated", "twice", "unplanned-1", "unplanned-2" or "both".
-        words: what the devices have in common.
-        travel: largest distance from the start, either way, m (rad).
-        speed: m/s (rad/s).
-    """
-
-    name: str
-    words: str
-    travel: float
-    speed: float
+    name: str  # of the set: "stated", "twice", "unplanned-1", "unplanned-2" or "both"
+    words: str  # what the devices have in common
+    travel: float  # largest distance from the start, either way, m (rad)
+    speed: float  # m/s (rad/s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,22 +199,16 @@ class Region:
 
     def wrong(self, spec: ExcitationSpec, factor: float) -> Region:
         """Wide enough for guesses of mass and damping that are wrong by a factor, either way."""
-        return Region(
+        return replace(
+            self,
             mass=_either_way(self.mass, spec.mass.value, factor),
             damping=_either_way(self.damping, spec.damping.value, factor),
-            friction=self.friction,
-            offset=self.offset,
         )
 
     def pulled(self, force: float) -> Region:
         """With a constant force of this size either way that nobody planned for, N."""
         low, high = self.offset
-        return Region(
-            mass=self.mass,
-            damping=self.damping,
-            friction=self.friction,
-            offset=(low - force, high + force),
-        )
+        return replace(self, offset=(low - force, high + force))
 
     def devices(self) -> list[Guess]:
         """The devices that may go farthest."""
@@ -244,12 +227,7 @@ class Region:
 
 
 def worst_motions(spec: ExcitationSpec, force: FloatArray) -> tuple[WorstMotion, ...]:
-    """Worst travel and speed of a force over the devices that a user may really have.
-
-    Args:
-        spec: limits and guesses it was planned for.
-        force: N (N·m), shape (n,), the last row zero.
-    """
+    """Worst travel and speed of a force over the devices that a user may really have."""
     regions = list(_regions(spec))
     devices = [region.devices() for _, _, region in regions]
     every = list(dict.fromkeys(device for some in devices for device in some))
@@ -288,23 +266,13 @@ def _regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:
 
 
 def extremes(force: FloatArray, devices: list[Guess], step: float) -> tuple[FloatArray, FloatArray]:
-    """Largest |position| and |velocity| at the samples of many devices, from zero and rest.
-
-    Args:
-        force: N (N·m), shape (n,), each held for a step.
-        devices: d of them.
-        step: s.
-
-    Returns:
-        Reach, m (rad), and speed, m/s (rad/s), each of shape (d,).
-    """
+    """Largest |position| and |velocity| at the samples of d devices, from rest, shapes (d,)."""
     mass = np.array([each.mass for each in devices])
     rate = np.array([each.rate for each in devices])
     grip = np.array([each.coulomb_friction for each in devices]) / mass
     offset = np.array([each.force_offset for each in devices])
-    coast, fall = (
-        np.array(part) for part in zip(*(_push(each.rate, step) for each in devices), strict=True)
-    )
+    steps = [step_response(each.rate, step) for each in devices]
+    coast, fall = (np.array([each[part].real for each in steps]) for part in (0, 1))
     decay = 1 - rate * coast
     place, speed = np.zeros(mass.size), np.zeros(mass.size)
     reach, fastest = np.zeros(mass.size), np.zeros(mass.size)
@@ -317,15 +285,8 @@ def extremes(force: FloatArray, devices: list[Guess], step: float) -> tuple[Floa
         after = place + coast * speed + fall * net
         turned = np.flatnonzero(later * sense < 0)
         if turned.size:
-            after[turned], later[turned] = _turn(
-                place[turned],
-                speed[turned],
-                net[turned],
-                drive[turned],
-                grip[turned],
-                rate[turned],
-                step,
-            )
+            columns = (place, speed, net, drive, grip, rate)
+            after[turned], later[turned] = _turn(*(each[turned] for each in columns), step=step)
         place, speed = after, later
         np.maximum(reach, np.abs(place), out=reach)
         np.maximum(fastest, np.abs(speed), out=fastest)
@@ -339,6 +300,7 @@ def _turn(
     drive: FloatArray,
     grip: FloatArray,
     rate: FloatArray,
+    *,
     step: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Position and velocity after a step in which the velocity comes to zero."""
@@ -366,11 +328,6 @@ def _pushes(rate: FloatArray, span: FloatArray) -> tuple[FloatArray, FloatArray]
     return span * first, span**2 * second
 
 
-def _push(rate: float, span: float) -> tuple[float, float]:
-    near, far = step_response(rate, span)
-    return near.real, far.real
-
-
 def _ends(guess: Quantity) -> tuple[float, float]:
     return guess.low, guess.high
 
@@ -393,12 +350,9 @@ _FORCE = 0.5
 #: shortest play: the rest is left to the force that is planned.
 _DRIFT = 0.4
 _MOST_DRIFT = 0.7
-#: Samples of the shortest play: its log must be long enough to be read.
-_FEWEST = 1.25 * SHORTEST
-#: Bisections of the duration: to a thousandth.
-_HALVINGS = 12
-#: Quantities of a device that a plan rests on.
-_IDENTIFIED = 4
+_FEWEST = 1.25 * SHORTEST  # samples of the shortest play: its log must be long enough to be read
+_HALVINGS = 12  # bisections of the duration: to a thousandth
+_IDENTIFIED = 4  # quantities of a device that a plan rests on
 
 
 def gentle_spec(spec: ExcitationSpec) -> ExcitationSpec:
@@ -406,9 +360,6 @@ def gentle_spec(spec: ExcitationSpec) -> ExcitationSpec:
 
     Mass, damping and friction may be two times wrong either way, a constant force of 2 % of the
     limit may act beside the one guessed; force and duration are reduced until that is safe.
-
-    Raises:
-        InvalidInputError: the constant force alone uses up the travel before anything can be read.
     """
     unplanned = max(_UNPLANNED) * spec.force
     offset = quantity(
@@ -480,10 +431,6 @@ def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
 
     The 95 % intervals of the file are widened to hold all at once with 99.9 %, as they are for
     certificates (box.py): a play has to keep its limits on more than 95 devices of 100.
-
-    Raises:
-        InvalidInputError: no such device, one of another motion, or one that a force of position
-            moves, which no plan knows.
     """
     if spec.device is None:
         return spec

@@ -106,7 +106,7 @@ def identify(
     if any(fit.estimate.value("mass") <= 0 for fit in fits):  # no permission makes a device of it
         raise LogRefusedError(tuple(finding for found in noticed for finding in found))
 
-    from identification.fitting.suggested import unstated_warnings
+    from identification.fitting.several_logs import unstated_warnings
 
     sources = ", ".join(log.source for log in trajectories)
     missing = tuple(each.of(sources) for each in unstated_warnings(fits, hardware))
@@ -174,7 +174,7 @@ def _stored(
     """The device as its file will hold it."""
     from pydantic import ValidationError
 
-    from identification.fitting.combined import device_from
+    from identification.fitting.several_logs import device_from
 
     try:
         return as_stored(device_from(fits, hardware, records))

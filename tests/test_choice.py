@@ -13,15 +13,19 @@ from hypothesis import strategies as st
 
 from identification import Hardware, Trajectory, quantity
 from identification.estimators.estimate import Estimate
-from identification.findings.cross_validation import cut_off_sensitivity
+from identification.findings.clock import contradicting_delays
 from identification.findings.force_balance import balance_of
-from identification.findings.inertia import inertia, inertia_of
-from identification.findings.unknown_delay import contradicting_delays
-from identification.fitting.choice import choose, noise_explains
-from identification.fitting.hausman import CONTRADICTED, contradiction, region, statistic
-from identification.fitting.one_log import fit_log
-from identification.fitting.prepared_log import PreparedLog
-from identification.fitting.selection import distinguishable_terms
+from identification.findings.validation import cut_off_sensitivity, inertia, inertia_of
+from identification.fitting.choice import (
+    CONTRADICTED,
+    PreparedLog,
+    choose,
+    contradiction,
+    noise_explains,
+    region,
+    statistic,
+)
+from identification.fitting.one_log import distinguishable_terms, fit_log
 from tests.bare_servo import INERTIA, path, servo_log
 from tests.simulated.families import FAMILIES
 
@@ -131,10 +135,11 @@ def test_rows_at_equal_velocity_hold_the_inertia_whatever_the_friction(
     assert judge.least - 4 * judge.deviation <= INERTIA <= judge.most + 4 * judge.deviation
     assert judge.deviation < 0.05 * INERTIA
     heavy = replace(estimate(1.5 * INERTIA, 1e-4, 0.02, 0.1), delay=1e-3)
-    found = inertia(trajectory, balance, heavy)
+    found = tuple(inertia(trajectory, balance, heavy))
     assert [each.code for each in found] == ["heldout-misfit"]
     assert found[0].severity == "refusal"
-    assert not inertia(trajectory, balance, replace(heavy, values=np.array([INERTIA, 1e-4])))
+    light = replace(heavy, values=np.array([INERTIA, 1e-4]))
+    assert not tuple(inertia(trajectory, balance, light))
 
 
 @pytest.mark.parametrize("name", ["encoder-only", "closed-loop-force-noise", "coulomb"])
@@ -212,15 +217,15 @@ def test_delays_that_exclude_each_other_are_a_finding() -> None:
     log = quick_motor()
     first = replace(estimate(1.0, 1.0, 0.1, 0.1), delay=1e-3, delay_deviation=5e-5)
     other = replace(first, method="instruments", delay=1.6e-3)
-    found = contradicting_delays(log, first, [other])
+    found = tuple(contradicting_delays(log, first, [other]))
     assert [(each.code, each.severity) for each in found] == [("delay-unknown", "warning")]
     assert "1.00" in found[0].seen
     assert "1.60" in found[0].seen
     # Not known well enough, not far enough, not fitted.
-    assert not contradicting_delays(log, first, [replace(other, delay_deviation=2e-4)])
+    assert not tuple(contradicting_delays(log, first, [replace(other, delay_deviation=2e-4)]))
     near = replace(first, delay=1.2e-3, delay_deviation=1e-6)
-    assert not contradicting_delays(log, replace(first, delay_deviation=1e-6), [near])
-    assert not contradicting_delays(log, first, [replace(other, delay_deviation=None)])
+    assert not tuple(contradicting_delays(log, replace(first, delay_deviation=1e-6), [near]))
+    assert not tuple(contradicting_delays(log, first, [replace(other, delay_deviation=None)]))
 
 
 def test_a_move_with_the_cut_off_beyond_the_interval_is_a_finding() -> None:
@@ -229,6 +234,7 @@ def test_a_move_with_the_cut_off_beyond_the_interval_is_a_finding() -> None:
     for move, expected in ((0.05, ["heldout-misfit"]), (0.01, [])):
         leaning = np.array([move, 0.01])
         covariance = alone.covariance + np.outer(leaning, leaning)
-        found = cut_off_sensitivity(log, replace(alone, leaning=leaning, covariance=covariance))
+        leant = replace(alone, leaning=leaning, covariance=covariance)
+        found = tuple(cut_off_sensitivity(log, leant))
         assert [each.code for each in found] == expected
-    assert not cut_off_sensitivity(log, alone)
+    assert not tuple(cut_off_sensitivity(log, alone))

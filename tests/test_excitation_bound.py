@@ -11,10 +11,8 @@ from datasets_synthetic import Rig, simulate
 from identification import (
     ExcitationSpec,
 )
-from identification.planning.design_criterion import DesignCriterion, Friction
-from identification.planning.information import NORMAL_95, predict
-from identification.planning.response import Response
-from identification.planning.stick_slip import Guess, sensitivities, simulate_stick_slip
+from identification.planning.information import NORMAL_95, DesignCriterion, Friction, predict
+from identification.planning.stick_slip import Guess, Response, sensitivities, simulate_stick_slip
 from tests.excitation_plans import STEP, Array, rig_of, spec, wave
 
 
@@ -23,7 +21,7 @@ def test_stick_slip_is_the_simulator() -> None:
     force = wave(3000)
     guess = Guess(mass=3.0, damping=10.0, coulomb_friction=3.0, force_offset=0.4)
     motion = simulate_stick_slip(force, guess, STEP)
-    assert 100 < np.sum(motion.moving == 0) < 2000
+    assert 100 < np.sum(motion.velocity == 0) < 2000
     truth = simulate(
         Rig(mass=3.0, damping=10.0, coulomb_friction=3.0, force_offset=0.4, sample_time=STEP),
         np.append(force, 0.0),

@@ -17,7 +17,7 @@ from identification import (
     load_excitation,
     plan_excitation,
 )
-from identification.planning.two_stage import spec_from_device
+from identification.planning.limits import spec_from_device
 from tests.commands import haptune
 from tests.exact_axis import Axis, positions
 from tests.excitation_plans import LIMITS, STEP, planned, spec

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from identification import Trajectory, examine, identify
-from identification.fitting import excited_part
-from identification.fitting.excited_part import most_excited
+from identification.fitting import one_log
+from identification.fitting.one_log import most_excited
 from tests.mutations import peak_bytes
 
 MASS, DAMPING, STEP = 3.0, 10.0, 1e-3
@@ -58,7 +58,7 @@ def _log(rows: int, *, still: slice = slice(0)) -> dict[str, Any]:
 
 
 def test_a_long_log_is_told_from_its_most_excited_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(excited_part, "MOST_FITTED", 10_000)
+    monkeypatch.setattr(one_log, "MOST_FITTED", 10_000)
     log = Trajectory(**_log(40_000, still=slice(0, 27_000)))
     part = most_excited(log)
     assert len(part) == 10_000
@@ -80,7 +80,7 @@ def test_a_log_of_the_usual_length_is_taken_whole() -> None:
 
 def test_a_change_in_the_part_left_out_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last quarter is of a device of another mass: its force is doubled there."""
-    monkeypatch.setattr(excited_part, "MOST_FITTED", 10_000)
+    monkeypatch.setattr(one_log, "MOST_FITTED", 10_000)
     columns = _log(40_000)
     columns["force"][30_000:] *= 2
     found = identify(Trajectory(**columns), allow=["heldout-misfit", "hand-on-device"])

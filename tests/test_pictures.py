@@ -14,9 +14,7 @@ from matplotlib.text import Annotation, Text
 
 from datasets_synthetic import bundled_path, named_rig, simulate
 from identification import Device, Hardware, identify, load_device, load_document, load_trajectory
-from identification.pictures.friction import draw_friction
-from identification.pictures.identified import identified_picture
-from identification.pictures.residual import autocorrelation
+from identification.pictures import autocorrelation, draw_friction, identified_picture
 from tests.commands import haptune, log_text
 from tune import SafeProfile, Scene, optimise, profile_picture, profile_sheet
 from tune.cli.drawing import draw

@@ -16,7 +16,7 @@ import pytest
 
 from datasets_synthetic import SCENARIOS, log_text, named_rig, run
 from identification import Hardware, Trajectory, load_device
-from identification.findings.units import units
+from identification.findings.columns import units
 from tests.commands import Ended, haptune
 from tests.thinned import thinned
 from tune import load_profile
@@ -147,7 +147,7 @@ def test_readings_without_counts_scatter_in_other_units(device: str, decimals: i
     hardware = Hardware(motion=known.motion, encoder_resolution=known.encoder_resolution)
     noise = 0.5 * count * np.random.default_rng(1).standard_normal(len(log))
     hidden = replace(log, position=log.position + noise)
-    assert units(hidden, hardware) == ()
+    assert list(units(hidden, hardware)) == []
     factor = 180 / np.pi if known.motion == "rotary" else 1000.0
     other = replace(hidden, position=np.round(hidden.position * factor, decimals))
     told = [each for each in units(other, hardware) if "encoder resolution" in each.seen]

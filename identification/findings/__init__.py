@@ -8,20 +8,12 @@ from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.estimate import Estimate
 from identification.estimators.least_squares import Delay
-from identification.findings.causality import causality
-from identification.findings.cross_validation import cross_validation, cut_off_sensitivity
-from identification.findings.encoder_wrap import encoder_wrap
-from identification.findings.excitation import excitation
+from identification.findings.clock import contradicting_delays, sampling, unknown_delay
+from identification.findings.columns import encoder_wrap, mass_unit, resolution, saturation, units
+from identification.findings.excitation import causality, excitation
 from identification.findings.force_balance import balance_of
-from identification.findings.hand import hand, unlogged
-from identification.findings.inertia import inertia
-from identification.findings.position_dependence import position_dependence
-from identification.findings.resolution import resolution
-from identification.findings.sampling import sampling
-from identification.findings.saturation import saturation
-from identification.findings.stiction import stiction
-from identification.findings.units import mass_unit, units
-from identification.findings.unknown_delay import contradicting_delays, unknown_delay
+from identification.findings.forces import hand, position_dependence, stiction, unlogged
+from identification.findings.validation import cross_validation, cut_off_sensitivity, inertia
 from identification.trajectory import Trajectory
 
 #: Every code a finding can have; the list is part of the file format and of the command line.
@@ -50,16 +42,8 @@ CODES = (
 
 
 def inspect(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
-    """What can be said before anything is estimated.
-
-    Args:
-        trajectory: the log as it was recorded, with its own time stamps.
-        hardware: what is known of the device, or None.
-
-    Raises:
-        InvalidInputError: a sample time that has nothing to do with the hardware's.
-    """
-    wrapped = encoder_wrap(trajectory)
+    """What can be said before anything is estimated."""
+    wrapped = tuple(encoder_wrap(trajectory))
     if wrapped:  # what else the position says is not the device's
         return (*sampling(trajectory, hardware), *wrapped, *saturation(trajectory, hardware))
     return (
@@ -79,15 +63,7 @@ def judge(
     delay: Delay | None = None,
     consulted: Sequence[Estimate] = (),
 ) -> tuple[Finding, ...]:
-    """What the estimates say about the log.
-
-    Args:
-        trajectory: the log with its own time stamps.
-        regression: the least-squares estimate, whose columns show what was excited.
-        chosen: the estimate that is to be used.
-        delay: as read from the log; None if it was stated.
-        consulted: estimates by other methods that the choice rests on.
-    """
+    """What the estimates say about the log."""
     balance = balance_of(trajectory, chosen)
     left = unlogged(trajectory, balance, chosen)
     return (

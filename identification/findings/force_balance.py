@@ -23,20 +23,15 @@ from identification.trajectory import Trajectory
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-#: Rows at most: enough for any finding, and a million samples stay quick.
-MOST_ROWS = 4096
-#: Rows used to choose the width.
-_FEW_ROWS = 256
-#: Rows at least.
-_FEWEST = 64
+MOST_ROWS = 4096  # rows at most: enough for any finding, and a million samples stay quick
+_FEW_ROWS = 256  # rows used to choose the width
+_FEWEST = 64  # rows at least
 #: Numbers held at once while rows are made: columns of so many stay in the processor's cache, ...
 _CHUNK = 1 << 15
 #: ... and weighed in all: wide windows of a long log are spread out instead.
 _MOST_WEIGHED = 1 << 22
-#: Half-widths looked at, samples: from windows that barely smooth ...
-_NARROWEST = 3.0
-#: ... to this part of the log or this many samples, in _WIDTHS steps of equal ratio.
-_WIDEST = 0.05
+_NARROWEST = 3.0  # half-widths looked at, samples: from windows that barely smooth ...
+_WIDEST = 0.05  # ... to this part of the log or this many samples, in _WIDTHS steps of equal ratio.
 _WIDEST_SAMPLES = 1000.0
 _WIDTHS = 12
 #: Noise of position may make up this share of the mean square of the acceleration.
@@ -44,8 +39,7 @@ _NOISE_SHARE = 1e-3
 #: Of the acceleration's mean square left by the narrowest quiet window, a wider one may lose this
 #: part: what little moves faster is left to the noise.
 _LOST = 0.02
-#: Part of a window that goes one way more than the other; less is a stop or a turn.
-_MOVING = 0.5
+_MOVING = 0.5  # part of a window that goes one way more than the other; less is a stop or a turn
 #: Rows that go the other way, as part of those that go either way, below which the motion is one
 #: way.
 ONE_WAY = 0.01
@@ -55,29 +49,17 @@ _LONGEST_INTERVAL = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceBalance:
-    """Rows of one log, each array of shape (rows,), SI.
+    """Rows of one log, each array of shape (rows,), SI."""
 
-    Attributes:
-        time: middle of the window, s.
-        force: N, delayed.
-        acceleration: m/s².
-        velocity: m/s.
-        direction: mean of the sign of the velocity, -1 to 1.
-        position: m.
-        gravity: the term of position that the estimate carries, as in Model.
-        half_width: of the window, s.
-        noise_share: part of the mean square of the acceleration that is noise of position.
-    """
-
-    time: FloatArray
-    force: FloatArray
-    acceleration: FloatArray
-    velocity: FloatArray
-    direction: FloatArray
-    position: FloatArray
-    gravity: Gravity
-    half_width: float
-    noise_share: float
+    time: FloatArray  # middle of the window, s
+    force: FloatArray  # N, delayed
+    acceleration: FloatArray  # m/s²
+    velocity: FloatArray  # m/s
+    direction: FloatArray  # mean of the sign of the velocity, -1 to 1
+    position: FloatArray  # m
+    gravity: Gravity  # the term of position that the estimate carries, as in Model
+    half_width: float  # of the window, s
+    noise_share: float  # part of the mean square of the acceleration that is noise of position
 
     @property
     def plant(self) -> FloatArray:
@@ -131,12 +113,7 @@ def even_sizes(rows: int, parts: int) -> IntArray:
 
 
 def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> ForceBalance:
-    """Rows with the narrowest window that noise of position does not spoil.
-
-    Args:
-        trajectory: the log with its own stamps.
-        chosen: gives the delay and the terms of gravity; None takes none of them.
-    """
+    """Rows with the narrowest window that noise of position does not spoil."""
     delay = 0.0 if chosen is None else chosen.delay
     gravity: Gravity = "none" if chosen is None else chosen.model.gravity
     noise = position_noise(trajectory.position, trajectory.force)

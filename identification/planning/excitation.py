@@ -4,47 +4,236 @@ Three families of signals are brought to their best within the limits and compar
 is the net force of the best, plus the friction of the guessed device while it moves, so that
 friction neither holds the device nor bends its path, and the constant force guessed. Every corner
 of the guesses is then simulated exactly and the force scaled until none of them leaves its limits;
-for the force that is played, devices between the corners too. One file: the steps of one plan, in
-their order.
+for the force that is played, devices between the corners too.
 """
+
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError
-from identification.planning.design_grid import DesignGrid
-from identification.planning.families import Family, Shape, binaries, multisines, swept_sines
-from identification.planning.information import Prediction, predict
-from identification.planning.response import Response
-from identification.planning.spec import ExcitationSpec
-from identification.planning.stick_slip import Guess, simulate_stick_slip
-from identification.planning.two_stage import gentle_spec
-from identification.planning.worst_motion import (
+from identification.planning.information import DesignGrid, Prediction, fade, force_room, predict
+from identification.planning.limits import (
     BETWEEN,
+    ExcitationSpec,
     Region,
     WorstMotion,
     extremes,
+    gentle_spec,
     worst_motions,
 )
+from identification.planning.stick_slip import Guess, Response, simulate_stick_slip
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
-_FAMILIES: tuple[tuple[str, Callable[[DesignGrid], list[Shape]]], ...] = (
-    ("multisine", multisines),
-    ("swept sine", swept_sines),
-    ("binary sequence", binaries),
+Family = Literal["multisine", "swept-sine", "binary"]
+_Force = Callable[[FloatArray], FloatArray]  # N (N·m) at any times (s), in their shape
+_Wave = Callable[[FloatArray, FloatArray], FloatArray]  # A force by phase, rad, and frequency, Hz
+
+#: Lines of a multisine: all multiples of 1/duration up to the highest frequency if they are no
+#: more, otherwise this many, evenly spaced in octaves.
+_LINES = 48
+_POWERS = (8, 32, 128)  # the largest load is approached by p-norms, sharper in each round
+_STEPS = 250  # steps of the search in each round, ...
+_WORK = 1_000_000  # ... fewer where a step takes long (points of the grid times steps) ...
+_FEWEST_STEPS = 60  # ... but never fewer than these.
+#: Starts of the search where friction is none: their best differ by a few per cent.
+_SEEDS = (0, 1, 2)
+#: Periods in the duration that are tried where there is friction, one start each.
+_PERIODS = (1, 2, 3, 4, 6)
+_ENDS = 14  # frequencies tried at either end of a sweep
+_SWEEPS = 4  # sweeps handed on: a corner of the guesses may drift under the very best
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Shape:
+    """A net force before friction is made up for."""
+
+    family: Family  # of signals
+    band: tuple[float, float]  # its lowest and its highest frequency, Hz
+    lines: int = 0  # how many frequencies it has; 0 where it sweeps through all of the band
+    #: N (N·m) at any times (s), in their shape, the first limit just reached on the bench
+    force: _Force
+
+
+def _multisines(bench: DesignGrid) -> list[_Shape]:
+    """Multisines worth fitting to the limits.
+
+    Without friction all multiples of 1/duration are lines. With friction the lines are the odd
+    multiples of a few periods in the duration. Such a force is its own opposite half a period
+    later, and so is the motion: a friction other than guessed pulls as long one way as the other,
+    and the device does not drift.
+    """
+    highest = max(int(bench.highest * bench.spec.duration), 4)
+    if bench.spec.coulomb_friction.high == 0:
+        return [_multisine(bench, np.arange(1, highest + 1), seed) for seed in _SEEDS]
+    # Fewer than two lines cannot tell damping from friction.
+    periods = [each for each in _PERIODS if 3 * each <= highest]
+    return [_multisine(bench, np.arange(each, highest + 1, 2 * each), 0) for each in periods]
+
+
+def _multisine(bench: DesignGrid, lines: NDArray[np.int64], seed: int) -> _Shape:
+    """Fourier coefficients of the least merit by gradient, crest and phases included.
+
+    The merit is taken at the scale where the first limit is met, so limits need no penalty. Two
+    conditions are linear in the coefficients and hold exactly: back at the start, and at rest.
+    """
+    from scipy.optimize import minimize
+
+    spec = bench.spec
+    if lines.size > _LINES:
+        lines = lines[np.unique(np.rint(np.geomspace(1, lines.size, _LINES)).astype(int)) - 1]
+
+    def waves(time: FloatArray) -> FloatArray:
+        angle = 2 * np.pi / spec.duration * time[:, None] * lines
+        return np.concatenate((np.cos(angle), np.sin(angle)), axis=1) * fade(time, spec)[:, None]
+
+    basis = waves(bench.time)
+    response = bench.devices[0][1]
+    ends = np.stack([response.place(basis)[-1], response.speed(basis)[-1]])
+    free = np.linalg.svd(ends / np.linalg.norm(ends, axis=1, keepdims=True))[2][2:].T
+    table = basis @ free
+    steps = int(np.clip(_WORK / bench.count, _FEWEST_STEPS, _STEPS))
+
+    def cost(point: FloatArray, power: int) -> tuple[float, FloatArray]:
+        force = table @ point
+        size, by_force = _size(bench, force, power)
+        value, gradient = bench.score(force / size)
+        change = gradient - (gradient @ force) / size * by_force
+        return value, (change / size) @ table
+
+    slope = 1 / np.concatenate((lines, lines))
+    point = free.T @ (np.random.default_rng(seed).standard_normal(slope.size) * slope)
+    for power in _POWERS:
+        point = point / _size(bench, table @ point, power)[0]
+        result = minimize(
+            partial(cost, power=power),
+            point,
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": steps, "maxfun": 2 * steps, "maxcor": 20},
+        )
+        point = np.asarray(result.x, dtype=np.float64)
+    point = point / np.max(np.abs(bench.loads(table @ point)))
+    weights = free @ point
+    return _Shape(
+        family="multisine",
+        band=(float(lines[0] / spec.duration), float(lines[-1] / spec.duration)),
+        lines=int(lines.size),
+        force=lambda time: waves(time) @ weights,
+    )
+
+
+def _swept_sines(bench: DesignGrid) -> list[_Shape]:
+    """Sweeps, even in octaves, of the best two ends; at each frequency to the first limit."""
+    spec = bench.spec
+    mass, damping = spec.mass.value, spec.damping.value
+
+    def wave(phase: FloatArray, frequency: FloatArray) -> FloatArray:
+        omega = 2 * np.pi * frequency
+        reach = np.full_like(omega, spec.travel)
+        if spec.speed is not None:
+            reach = np.minimum(reach, spec.speed / omega)
+        most = np.minimum(reach * omega * np.hypot(mass * omega, damping), force_room(spec))
+        return most * np.sin(phase)
+
+    return _best_sweep(bench, "swept-sine", wave)
+
+
+def _binaries(bench: DesignGrid) -> list[_Shape]:
+    """One force, one way or the other, switched at a rate that sweeps, of the best two ends."""
+    return _best_sweep(bench, "binary", lambda phase, _: np.where(np.sin(phase) >= 0, 1.0, -1.0))
+
+
+def _best_sweep(bench: DesignGrid, family: Family, wave: _Wave) -> list[_Shape]:
+    """The sweeps of the least merit."""
+    spec = bench.spec
+    slowest = min(2 / spec.duration, bench.highest / 4)
+    ends = np.geomspace(slowest, bench.highest, _ENDS)
+    found: list[tuple[float, _Shape]] = []
+    for first in ends:
+        for last in ends:
+            force = _settled(bench, _sweep(spec, float(first), float(last), wave))
+            try:
+                merit = bench.score(force(bench.time))[0]
+            except np.linalg.LinAlgError:  # nothing but one frequency and no friction told apart
+                continue
+            band = (float(first), float(last))
+            found.append((merit, _Shape(family=family, band=band, force=force)))
+    found.sort(key=lambda each: each[0])
+    return [shape for _, shape in found[:_SWEEPS]]
+
+
+def _sweep(spec: ExcitationSpec, first: float, last: float, wave: _Wave) -> _Force:
+    """A wave whose frequency goes evenly in octaves from first to last, Hz."""
+    octaves = np.log(last / first)
+
+    def force(time: FloatArray) -> FloatArray:
+        frequency = first * np.exp(octaves * time / spec.duration)
+        # As ∫f dt, which for equal ends is f·t.
+        cycles = (frequency - first) * spec.duration / octaves if octaves else first * time
+        return wave(2 * np.pi * cycles + np.pi / 2, frequency)
+
+    return force
+
+
+def _settled(bench: DesignGrid, force: _Force) -> _Force:
+    """The force faded, scaled to the first limit, with a slow part that brings the device back.
+
+    The slow part is a parabola in time under the same fade; its three coefficients take the end
+    back to the start, to rest, and the middle of the motion to the start.
+    """
+    spec = bench.spec
+
+    def slow(time: FloatArray) -> FloatArray:
+        middle = 2 * time / spec.duration - 1
+        parts = np.stack([np.ones_like(time), middle, middle**2], axis=1)
+        return parts * fade(time, spec)[:, None]
+
+    def conditions(table: FloatArray) -> FloatArray:
+        response = bench.devices[0][1]
+        place = response.place(table)
+        return np.stack([place[-1], response.speed(table)[-1] * bench.step, np.mean(place, axis=0)])
+
+    faded = force(bench.time) * fade(bench.time, spec)
+    parts = slow(bench.time)
+    weights = np.linalg.solve(conditions(parts), conditions(faded[:, None])[:, 0])
+    scale = 1 / float(np.max(np.abs(bench.loads(faded - parts @ weights))))
+    return lambda time: scale * (force(time) * fade(time, spec) - slow(time) @ weights)
+
+
+def _size(bench: DesignGrid, force: FloatArray, power: int) -> tuple[float, FloatArray]:
+    """p-norm of the loads of a force, a little above the largest, and its gradient by the force."""
+    loads = bench.loads(force)
+    largest = float(np.max(np.abs(loads)))
+    parts = np.abs(loads) / largest
+    raised = parts ** (power - 1)
+    total = float(raised @ parts)
+    weights = np.sign(loads) * raised * total ** (1 / power - 1)
+    return largest * total ** (1 / power), bench.loads_returned(weights)
+
+
+_FAMILIES: tuple[tuple[str, Callable[[DesignGrid], list[_Shape]]], ...] = (
+    ("multisine", _multisines),
+    ("swept sine", _swept_sines),
+    ("binary sequence", _binaries),
 )
 #: Part of the limits aimed at: what is left covers the rounding of the force in its file.
 _AIM = 0.999
-#: Fitting to the limits ends when this much of one of them is used, ...
-_ENOUGH = 0.985
-#: ... or after this many simulations of all corners.
-_TRIES = 12
+_ENOUGH = 0.985  # fitting to the limits ends when this much of one of them is used, ...
+_TRIES = 12  # ... or after this many simulations of all corners.
 #: A force scaled down to this part of what the guess alone would allow tells next to nothing.
 _LEAST = 0.1
 #: Friction is made up for from this part of the peak speed on; below it comes in smoothly.
@@ -69,23 +258,14 @@ class Used:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """The best force of one family.
-
-    Attributes:
-        family: "multisine", "swept-sine" or "binary".
-        band: its lowest and its highest frequency, Hz.
-        lines: how many frequencies it has; 0 where it sweeps through all of the band.
-        force: N (N·m), shape (n,), held from sample to sample, zero at both ends.
-        prediction: motion of the guessed device and Cramér-Rao bound.
-        used: parts of the limits that the worst corner uses.
-    """
+    """The best force of one family."""
 
     family: Family
-    band: tuple[float, float]
-    lines: int
-    force: FloatArray
-    prediction: Prediction
-    used: Used
+    band: tuple[float, float]  # its lowest and its highest frequency, Hz
+    lines: int  # how many frequencies it has; 0 where it sweeps through all of the band
+    force: FloatArray  # N (N·m), shape (n,), held from sample to sample, zero at both ends
+    prediction: Prediction  # motion of the guessed device and Cramér-Rao bound
+    used: Used  # parts of the limits that the worst corner uses
 
     @property
     def description(self) -> str:
@@ -163,7 +343,7 @@ def plan_excitation(
 
     wanted = gentle_spec(spec) if spec.gentle else spec
     bench = DesignGrid.of(wanted)
-    found: list[tuple[Candidate, Shape]] = []
+    found: list[tuple[Candidate, _Shape]] = []
     used: list[Used] = []
     for name, family in _FAMILIES:
         say(f"designing a {name}")
@@ -183,16 +363,12 @@ def plan_excitation(
         del found[0]
     if not found:
         raise InvalidInputError("excitation", *_impossible(wanted, used[0]))
-    candidates = tuple(candidate for candidate, _ in found)
-    return Excitation(
-        spec=wanted,
-        candidates=candidates,
-        worst=worst_motions(spec, candidates[0].force),
-    )
+    worst = worst_motions(spec, found[0][0].force)
+    return Excitation(spec=wanted, candidates=tuple(each for each, _ in found), worst=worst)
 
 
 def _fitted(
-    bench: DesignGrid, shape: Shape, judge: Callable[[ExcitationSpec, FloatArray], Used]
+    bench: DesignGrid, shape: _Shape, judge: Callable[[ExcitationSpec, FloatArray], Used]
 ) -> Candidate | Used:
     """The shape on the controller's samples, friction and offset made up for, within all limits.
 
@@ -241,7 +417,7 @@ def _fitted(
     )
 
 
-def _product(found: tuple[Candidate, Shape]) -> float:
+def _product(found: tuple[Candidate, _Shape]) -> float:
     """What is to be small: the product of both intervals."""
     prediction = found[0].prediction
     return prediction.mass * prediction.damping
@@ -297,3 +473,48 @@ def _impossible(spec: ExcitationSpec, used: Used) -> tuple[str, str]:
         f"no force keeps every device within the guesses below the speed of {spec.speed:g}",
         "Allow more speed, or narrow the ranges of the guesses",
     )
+
+
+#: Significant digits: a nanosecond in three minutes, and more than the force was rounded to.
+_FILE_DIGITS = 12
+
+
+def force_text(excitation: Excitation) -> str:
+    """One row a sample; the force of each is held until the next, the first and last are zero."""
+    rows = zip(excitation.time.tolist(), excitation.best.force.tolist(), strict=True)
+    lines = (f"{time:.{_FILE_DIGITS}g},{force + 0.0:.{_FILE_DIGITS}g}" for time, force in rows)
+    return "\n".join(("time,force", *lines)) + "\n"
+
+
+def excitation_picture(excitation: Excitation) -> Figure:
+    """Force, predicted position and predicted speed over time, each between its limits."""
+    from identification.figure import NotebookFigure
+
+    spec, best = excitation.spec, excitation.best
+    length, force = ("m", "N") if spec.motion == "linear" else ("rad", "N·m")
+    motion = best.prediction.motion
+    figure = NotebookFigure(figsize=(11, 7), layout="constrained")
+    rows = (
+        (f"force, {force}", best.force, spec.force),
+        (f"position, {length}", motion.position, spec.travel),
+        (f"velocity, {length}/s", motion.velocity, spec.speed),
+    )
+    every = figure.subplots(len(rows), 1, sharex=True)
+    for axes, (label, column, limit) in zip(every, rows, strict=True):
+        axes.plot(excitation.time, column, lw=1)
+        for side in (-1, 1) if limit is not None else ():
+            axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")
+        axes.set_ylabel(label)
+    figure.axes[1].set_title(
+        "\n".join(
+            f"{each.words}: up to {each.travel:.2g} {length}" for each in excitation.worst[1:]
+        ),
+        fontsize=8,
+        loc="left",
+    )
+    figure.axes[-1].set_xlabel("time, s")
+    figure.suptitle(
+        f"{spec.name}, axis {spec.axis}: {best.family}, {best.description}; predicted 95 % "
+        f"interval of mass ± {excitation.mass:.2g}, of damping ± {excitation.damping:.2g}"
+    )
+    return figure

@@ -1,0 +1,409 @@
+"""Pictures of logs, of how well a device explains them, and of what is known of the device."""
+
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from numpy.typing import NDArray
+
+from identification.device.device import ByDirection, Device
+from identification.device.quantities import Quantity
+from identification.estimators.estimate import NORMAL_95, Estimate, Gravity, Model
+from identification.estimators.least_squares import prepare
+from identification.figure import NotebookFigure, legend_above
+from identification.findings.force_balance import ForceBalance, balance_of
+from identification.fitting.one_log import LogFit
+from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+
+def fit_picture(trajectory: Trajectory, device: Device, *, delay: float | None = None) -> Figure:
+    """Position, and the force applied beside the force that the device's numbers explain.
+
+    Both forces went through the filter of the least-squares estimator. What is left between them is
+    what the model does not know.
+
+    Args:
+        trajectory: a log of the device.
+        device: as identified; nothing is fitted here.
+        delay: s, with which its numbers were found; None takes the device's, which is at least one
+            sample.
+    """
+    known = _explained_force(trajectory, device, delay)
+    figure = NotebookFigure(figsize=(11, 6), layout="constrained")
+    _draw_over_time(figure.subplots(3, 1, sharex=True), trajectory, device, known)
+    figure.suptitle(_fit_title(device, known))
+    return figure
+
+
+def _fit_title(device: Device, known: Explained) -> str:
+    """Name, mass, damping and friction of a device, and what they leave of the force."""
+    return (
+        f"{device.name}: m = {device.mass.value:.4g}, b = {device.damping.value:.4g}, "
+        f"Fc = {device.coulomb_friction.value:.3g}; unexplained {known.share:.1%} of the force"
+    )
+
+
+def _draw_over_time(
+    axes: Sequence[Axes], trajectory: Trajectory, device: Device, known: Explained
+) -> None:
+    """Position, force and what is left of it, on three axes that share their time."""
+    length, force = _units_of(device)
+    top, middle, bottom = axes
+    top.plot(trajectory.time, trajectory.position, lw=1)
+    top.set_ylabel(f"position, {length}")
+    middle.plot(known.time, known.applied, lw=2, color="0.7", label="applied")
+    middle.plot(
+        known.time, known.explained, lw=1, color="tab:green", label="explained by the model"
+    )
+    middle.set_ylabel(f"force, {force}")
+    legend_above(middle)
+    bottom.plot(known.time, known.left, lw=0.8, color="tab:orange")
+    bottom.set_ylabel(f"unexplained, {force}")
+    bottom.set_xlabel("time, s")
+
+
+#: Inches.
+_WIDTH, _OF_A_LOG, _LINE, _AXIS = 11.0, 6.5, 0.2, 0.9
+
+
+def identified_picture(
+    device: Device, fits: Sequence[LogFit], *, before: Device | None = None
+) -> Figure:
+    """Each log with fit, residual, its spectrum and correlation, and friction; then intervals.
+
+    Args:
+        device: as identified from the logs.
+        fits: of the logs, at least one.
+        before: the device as it was known before, to compare with; None for none.
+    """
+    lines = _knowledge(device, fits, before)
+    heights = [*(_OF_A_LOG for _ in fits), _AXIS + _LINE * len(lines)]
+    figure = NotebookFigure(figsize=(_WIDTH, sum(heights)), layout="constrained")
+    grid: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
+    parts: list[SubFigure] = list(grid[:, 0])
+    for part, fit in zip(parts, fits, strict=False):
+        _draw_log(part, device, fit)
+    length, force = _units_of(device)
+    slow = f"{force}·s/{length}"
+    units = {
+        "mass": "kg" if length == "m" else "kg·m²" if length == "rad" else "kg (kg·m²)",
+        "damping": "N·s/m (N·m·s/rad)" if "(" in length else slow,
+        "coulomb_friction": force,
+        "force_offset": force,
+        "delay": "ms",
+    }
+    _draw_intervals(parts[-1].subplots(1, len(_SYMBOLS)), lines, units)
+    return figure
+
+
+def log_picture(trajectory: Trajectory) -> Figure:
+    """Position and force of a log of which no device can be told."""
+    figure = NotebookFigure(figsize=(_WIDTH, 4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    above.plot(trajectory.time, trajectory.position, lw=1)
+    above.set_ylabel("position, as logged")
+    below.plot(trajectory.time, trajectory.force, lw=1, color="0.5")
+    below.set_ylabel("force, as logged")
+    below.set_xlabel("time, s")
+    figure.suptitle(f"{trajectory.source}: no device can be told from it")
+    return figure
+
+
+def _draw_log(part: SubFigure, device: Device, fit: LogFit) -> None:
+    """Over time on the left; spectrum, correlation and friction on the right."""
+    known = _explained_force(fit.trajectory, device, fit.estimate.delay)
+    _, force = _units_of(device)
+    halves: Any = part.subfigures(1, 2, width_ratios=(1.5, 1))
+    left, right = halves
+    _draw_over_time(left.subplots(3, 1, sharex=True), fit.trajectory, device, known)
+    spectrum, correlation, friction = right.subplots(3, 1)
+    _draw_spectrum(spectrum, known, force)
+    _draw_correlation(correlation, known, fit.estimate)
+    draw_friction(friction, fit.trajectory, device, fit.estimate, force)
+    part.suptitle(
+        f"{fit.trajectory.source}, {fit.method}. {_fit_title(device, known)}", fontsize=10
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explained:
+    """Force applied and force explained, through the filter of the least-squares estimator."""
+
+    time: FloatArray  # s, shape (rows,)
+    applied: FloatArray  # N, shape (rows,)
+    explained: FloatArray  # N, shape (rows,)
+
+    @property
+    def left(self) -> FloatArray:
+        """What the model does not know, N, shape (rows,)."""
+        return self.applied - self.explained
+
+    @property
+    def share(self) -> float:
+        """Rms of what is left, part of the rms of the force."""
+        return float(np.std(self.left) / np.std(self.applied))
+
+
+def _explained_force(
+    trajectory: Trajectory, device: Device, delay: float | None = None
+) -> Explained:
+    """What the numbers of a device make of a log; nothing is fitted."""
+    late = device.delay.value if delay is None else delay
+    model = _model(device)
+    table = prepare(trajectory, model, late)
+    values = [_value(device, name) for name in model.parameters]
+    applied = table.force(late)
+    return Explained(
+        time=trajectory.time[table.first :][: applied.size],
+        applied=applied,
+        explained=np.array(values) @ table.columns,
+    )
+
+
+def _units_of(device: Device) -> tuple[str, str]:
+    """Units of length and force; both of each where nobody stated the motion."""
+    if "motion" in device.missing:
+        return "m (rad)", "N (N·m)"
+    return ("m", "N") if device.motion == "linear" else ("rad", "N·m")
+
+
+def _model(device: Device) -> Model:
+    """The terms a device file states."""
+    rubs = device.coulomb_friction.value > 0
+    gravity: Gravity = "none"
+    if device.gravity is not None:
+        gravity = "pendulum"
+    elif device.position_stiffness is not None:
+        gravity = "proportional"
+    directional = rubs and device.damping_by_direction is not None
+    return Model(coulomb=rubs, offset=True, directional=directional, gravity=gravity)
+
+
+def _value(device: Device, parameter: str) -> float:
+    """A parameter of the model as the file states it."""
+    damping, weight = device.damping_by_direction, device.gravity
+    if parameter == "damping_asymmetry" and damping is not None:
+        return (damping.forward.value - damping.backward.value) / 2
+    if parameter.startswith("gravity_") and weight is not None:
+        return weight.sine.value if parameter == "gravity_sine" else weight.cosine.value
+    return float(getattr(device, parameter).value)
+
+
+_LAGS = 40  # lags of the correlation that are drawn, samples
+#: Methods whose residual is a row a sample, in the order of the log.
+_ROW_A_SAMPLE = {"output-error", "innovations", "least-squares"}
+_DECADES = 1e-7  # of the largest density, what is drawn at least
+_SEGMENTS = 8  # segments of Welch's spectrum, at least
+
+
+def _draw_spectrum(axes: Axes, known: Explained, force: str) -> None:
+    """Spectral density of the applied force and of what is left of it, by Welch's method."""
+    from scipy.signal import welch
+
+    step = float(np.median(np.diff(known.time)))
+    length = max(16, known.time.size // _SEGMENTS)
+    for column, color, label in (
+        (known.applied, "0.6", "applied"),
+        (known.left, "tab:orange", "unexplained"),
+    ):
+        hertz, power = welch(column, 1 / step, nperseg=min(length, column.size))
+        axes.loglog(hertz[1:], np.sqrt(power[1:]), color=color, lw=1, label=label)
+    top = float(axes.get_ylim()[1])
+    axes.set_ylim(_DECADES * top, top)
+    axes.set_xlabel("frequency, Hz")
+    axes.set_ylabel(f"force, {force}/√Hz")
+    legend_above(axes)
+
+
+def _draw_correlation(axes: Axes, known: Explained, estimate: Estimate | None) -> None:
+    """Autocorrelation of the residual with the 95 % band of white noise."""
+    residual, words = known.left, "unexplained force, filtered"
+    if estimate is not None and estimate.method in _ROW_A_SAMPLE:
+        residual, words = estimate.residual, f"residual of {estimate.method}"
+    if residual.size <= _LAGS or not np.any(residual):
+        axes.set_axis_off()
+        return
+    found = autocorrelation(residual, _LAGS)
+    band = NORMAL_95 / np.sqrt(residual.size)
+    axes.axhspan(-band, band, color="0.85", lw=0, label="white noise, 95 %")
+    axes.vlines(np.arange(1, _LAGS + 1), 0, found[1:], color="tab:blue", lw=2)
+    axes.axhline(0, color="k", lw=0.6)
+    most = min(1.0, max(4 * band, 1.2 * float(np.max(np.abs(found[1:])))))
+    axes.set_ylim(-most, most)
+    axes.set_xlabel(f"lag, samples ({words})")
+    axes.set_ylabel("correlation")
+    legend_above(axes)
+
+
+def autocorrelation(column: FloatArray, lags: int) -> FloatArray:
+    """Autocorrelation of a column about its mean at lags 0 to ``lags``, shape (lags + 1,)."""
+    centred = column - np.mean(column)
+    square = float(centred @ centred)
+    products = [float(centred[lag:] @ centred[: centred.size - lag]) for lag in range(lags + 1)]
+    return np.array(products) / square
+
+
+_CLASSES = 10  # classes of speed of which the middle value is drawn, in each direction
+_FEWEST = 3  # rows that a class has at least
+
+
+def draw_friction(
+    axes: Axes, trajectory: Trajectory, device: Device, estimate: Estimate | None, force: str
+) -> None:
+    """Force less inertia, offset and weight over velocity, beside b·q̇ + Fc·sign(q̇)."""
+    rows = balance_of(trajectory, estimate)
+    # A friction by direction holds all of the offset.
+    offset = device.force_offset.value if device.friction_by_direction is None else 0.0
+    friction = rows.force - device.mass.value * rows.acceleration - offset
+    if device.position_stiffness is not None:
+        friction = friction - device.position_stiffness.value * rows.position
+    if device.gravity is not None:
+        friction = friction - device.gravity.sine.value * np.sin(rows.position)
+        friction = friction - device.gravity.cosine.value * np.cos(rows.position)
+    moving = rows.moving
+    axes.plot(rows.velocity[moving], friction[moving], ".", color="0.75", ms=2, label="log")
+    _draw_middles(axes, rows, friction)
+    fastest = float(np.max(np.abs(rows.velocity)))
+    for sense in (-1, 1):
+        speed = np.linspace(0, fastest, 50)
+        start = _toward(sense, device.friction_by_direction, device.coulomb_friction)
+        viscous = _toward(sense, device.damping_by_direction, device.damping)
+        axes.plot(
+            sense * speed,
+            sense * (start + viscous * speed),
+            color="tab:green",
+            lw=1.5,
+            label="b·q̇ + Fc·sign(q̇)" if sense > 0 else None,
+        )
+        slope = device.damping_slope
+        if slope is not None:
+            axes.fill_between(
+                sense * speed,
+                sense * (start + slope.low * speed),
+                sense * (start + slope.high * speed),
+                color="tab:green",
+                alpha=0.2,
+                lw=0,
+                label="slopes of friction" if sense > 0 else None,
+            )
+    axes.set_xlabel(f"velocity, {'m' if device.motion == 'linear' else 'rad'}/s")
+    axes.set_ylabel(f"friction, {force}")
+    legend_above(axes)
+
+
+def _draw_middles(axes: Axes, rows: ForceBalance, friction: np.ndarray) -> None:
+    """Median friction in classes of speed, each direction apart."""
+    for sense in (-1, 1):
+        chosen = np.flatnonzero(rows.moving & (sense * rows.velocity > 0))
+        if chosen.size < _CLASSES * _FEWEST:
+            continue
+        order = chosen[np.argsort(rows.velocity[chosen])]
+        parts = np.array_split(order, _CLASSES)
+        axes.plot(
+            [float(np.median(rows.velocity[part])) for part in parts],
+            [float(np.median(friction[part])) for part in parts],
+            "o",
+            color="tab:blue",
+            ms=3.5,
+            label="log, median by speed" if sense > 0 else None,
+        )
+
+
+def _toward(sense: int, pair: ByDirection | None, both: Quantity) -> float:
+    """What holds in one direction, or in both where they are not told apart."""
+    if pair is None:
+        return both.value
+    return (pair.forward if sense > 0 else pair.backward).value
+
+
+#: What is drawn, with the symbol of each.
+_SYMBOLS = {
+    "mass": "mass m",
+    "damping": "damping b",
+    "coulomb_friction": "friction Fc",
+    "force_offset": "offset f0",
+    "delay": "delay",
+}
+_SHORT = 22  # letters of a log's name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Known:
+    """One state of knowledge: a line of the picture."""
+
+    words: str  # whose it is
+    color: str  # of its line
+    ends: dict[str, tuple[float, float, float]]  # (low, value, high) of each quantity it tells
+
+
+def _knowledge(device: Device, fits: Sequence[LogFit], before: Device | None) -> list[_Known]:
+    """What is drawn, from top to bottom."""
+    lines = [_of_device(device, "now", "tab:green")]
+    if before is not None:
+        dated = "" if before.date is None else f", {before.date}"
+        lines.append(_of_device(before, f"before{dated}", "k"))
+    for fit in fits:
+        name = fit.trajectory.source
+        name = name if len(name) <= _SHORT else f"{name[: _SHORT - 1]}…"
+        name = f"{name}, " if len(fits) > 1 else ""
+        lines += [
+            _of_estimate(each, f"{name}{each.method}", "tab:blue" if believed else "0.55")
+            for each, believed in ((fit.estimate, True), *((o, False) for o in fit.others))
+        ]
+    return lines
+
+
+def _draw_intervals(axes: Sequence[Axes], lines: Sequence[_Known], units: dict[str, str]) -> None:
+    """One axes a quantity, one line a state of knowledge; 95 % intervals."""
+    for place, (quantity, each) in enumerate(zip(_SYMBOLS, axes, strict=True)):
+        for row, known in enumerate(lines):
+            if quantity not in known.ends:
+                continue
+            low, value, high = known.ends[quantity]
+            each.plot([low, high], [-row, -row], color=known.color, lw=4, alpha=0.4)
+            each.plot([value], [-row], "o", color=known.color, ms=4)
+        each.set_ylim(-len(lines) + 0.5, 0.5)
+        words = [known.words for known in lines] if place == 0 else [""] * len(lines)
+        each.set_yticks([-row for row in range(len(lines))], words, fontsize=7)
+        each.grid(visible=True, axis="y", lw=0.3)
+        each.tick_params(axis="x", labelsize=7)
+        each.locator_params(axis="x", nbins=3)
+        each.ticklabel_format(axis="x", useOffset=False, style="plain")
+        each.set_xlabel(f"{_SYMBOLS[quantity]}, {units[quantity]}", fontsize=8)
+
+
+def _of_device(device: Device, words: str, color: str) -> _Known:
+    ends: dict[str, tuple[float, float, float]] = {}
+    for name in _SYMBOLS:
+        quantity: Quantity = getattr(device, name)
+        if name != "delay" or "delay" not in device.missing:
+            factor = 1e3 if name == "delay" else 1.0
+            ends[name] = _times(factor, quantity.low, quantity.value, quantity.high)
+    return _Known(words=words, color=color, ends=ends)
+
+
+def _of_estimate(estimate: Estimate, words: str, color: str) -> _Known:
+    ends: dict[str, tuple[float, float, float]] = {}
+    for name in estimate.parameters:
+        if name in _SYMBOLS:
+            value, half = estimate.value(name), NORMAL_95 * estimate.deviation(name)
+            ends[name] = (value - half, value, value + half)
+    if estimate.delay_deviation is not None:
+        half = NORMAL_95 * estimate.delay_deviation
+        ends["delay"] = _times(1e3, estimate.delay - half, estimate.delay, estimate.delay + half)
+    return _Known(words=words, color=color, ends=ends)
+
+
+def _times(factor: float, low: float, value: float, high: float) -> tuple[float, float, float]:
+    return factor * low, factor * value, factor * high

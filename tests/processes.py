@@ -13,12 +13,12 @@ import pytest
 _MAIN = """
 import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from tune.cli import interruption, main
-def take_over(really=interruption.unwind_on_signals):
+from tune.cli import main, process
+def take_over(really=process.unwind_on_signals):
     {before}
     really()
     {ready}
-interruption.unwind_on_signals = take_over
+process.unwind_on_signals = take_over
 sys.argv[0] = "haptune"
 main()
 """

@@ -10,7 +10,7 @@ import pytest
 from datasets_synthetic import bundled_path
 from tests.commands import files, haptune
 from tests.thinned import thinned
-from tune.cli.new import excitation_of
+from tune.cli.preparation import excitation_of
 
 #: The second name is wider than its column.
 SCENE = (

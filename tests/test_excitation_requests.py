@@ -18,7 +18,7 @@ from identification import (
 )
 from tests.commands import files, haptune
 from tests.excitation_plans import LIMITS, STEP, planned, rig_of, spec
-from tune.cli.new import template
+from tune.cli.preparation import template
 
 
 def test_the_same_limits_give_the_same_force() -> None:

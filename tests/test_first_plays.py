@@ -23,7 +23,7 @@ from tests.exact_axis import Axis, positions
 from tests.excitation_plans import LIMITS, STEP, planned, spec
 from tests.first_plays import Unknown, stored
 from tests.thinned import thinned
-from tune.cli.new import excitation_of
+from tune.cli.preparation import excitation_of
 
 Array = NDArray[np.float64]
 #: Between two ways to add up the same motion.

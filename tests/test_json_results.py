@@ -21,7 +21,7 @@ from identification import load_trajectory
 from tests.commands import FLUID, Ended, haptune
 from tests.exported import LOOPS, changed
 from tune.cli.app import app
-from tune.cli.new import excitation_of
+from tune.cli.preparation import excitation_of
 from tune.cli.session import Session
 from tune.documents.result import DETAILS
 from tune.exporters import export

@@ -14,7 +14,7 @@ from identification import Trajectory, load_document
 from tests.commands import Ended, haptune
 from tests.mangled import MANGLED, TORQUE_CONSTANT
 from tune import SafeProfile
-from tune.cli.new import hardware_of
+from tune.cli.preparation import hardware_of
 
 #: Scenario of a log by the known device it is of.
 LOGS = {"homerehab": "homerehab", "knob": "knob", "emps": "emps-open-loop"}

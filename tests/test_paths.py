@@ -14,7 +14,7 @@ import identification
 import tune
 from identification import InvalidInputError, Replaced
 from tests.commands import FLUID, log_text
-from tune.cli.new import excitation_of
+from tune.cli.preparation import excitation_of
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from identification import Device, Hardware, identify, load_device, load_documen
 from identification.pictures import autocorrelation, draw_friction, identified_picture
 from tests.commands import haptune, log_text
 from tune import SafeProfile, Scene, optimise, profile_picture, profile_sheet
-from tune.cli.drawing import draw
 from tune.cli.session import Session
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design, ElementProfile, MarginProfile, Margins
@@ -25,12 +24,9 @@ from tune.documents.scene import Motion
 from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.state_space import SampledLoop, corners_of
-from tune.presentation.boundaries import Boundaries
-from tune.presentation.element_picture import element_picture
-from tune.presentation.labels import place_labels
-from tune.presentation.limits import uses_of
-from tune.presentation.profile_picture import words_of_shown
-from tune.presentation.responses import impact_response, step_response
+from tune.presentation.elements import impact_response, step_response, uses_of
+from tune.presentation.pictures import element_picture, place_labels, words_of_shown
+from tune.presentation.regions import Boundaries
 
 DEVICE = load_device("homerehab")
 #: A name that matplotlib would take for a broken formula.
@@ -146,7 +142,7 @@ def test_a_force_limit_is_used_up_by_what_is_felt_at_once() -> None:
 def _sheet_texts(design: Design) -> list[Text]:
     """Texts on the overview of a sheet, without the pictures of each element, which take long."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tune.presentation.profile_picture.draw_element", lambda *_: None)
+        patch.setattr("tune.presentation.pictures._draw_element", lambda *_: None)
         return [text for part in profile_sheet(design).subfigs for text in part.texts]
 
 
@@ -224,9 +220,9 @@ def test_no_text_of_a_profile_falls_on_another(profile: SafeProfile) -> None:
 def test_a_picture_calls_safe_only_what_is(
     profile: SafeProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tune.presentation.profile_picture.draw_element", lambda *_: None)
+    monkeypatch.setattr("tune.presentation.pictures._draw_element", lambda *_: None)
     titles: list[str] = []
-    monkeypatch.setattr("tune.cli.drawing.draw", lambda *given: titles.append(_title(given[2])))
+    monkeypatch.setattr(Session, "draw", lambda *given: titles.append(_title(given[2])))
     picture = str(tmp_path / "audit.png")
     assert haptune("audit", "homerehab", "--stiffness", "30000", "--picture", picture).code == 6
     assert titles[0].endswith("NOT SAFE: stability and force")
@@ -282,5 +278,5 @@ def test_a_log_that_is_refused_is_drawn_all_the_same(
 )
 def test_a_picture_is_what_its_name_says(name: str, begins: bytes, tmp_path: Path) -> None:
     session = Session(command="tune", as_json=False, quiet=True)
-    draw(session, tmp_path / name, Figure(figsize=(1, 1)))
+    session.draw(tmp_path / name, Figure(figsize=(1, 1)))
     assert (tmp_path / name).read_bytes().startswith(begins)

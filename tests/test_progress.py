@@ -9,9 +9,8 @@ from unittest import mock
 
 import pytest
 
-from tune.cli.progress import Stage
-from tune.cli.session import Session
-from tune.cli.streams import wrap_text
+from tune.cli.process import wrap_text
+from tune.cli.session import Session, Stage
 
 
 class Terminal(io.StringIO):

@@ -9,7 +9,7 @@ import pytest
 
 from identification import load_device
 from tune.certificate.check import check
-from tune.cli.new import hardware_of
+from tune.cli.preparation import hardware_of
 from tune.documents.errors import CheckFailedError
 
 LOG = Path(__file__).parents[2] / "shared" / "data" / "emps" / "DATA_EMPS.mat"

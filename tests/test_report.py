@@ -16,9 +16,9 @@ import pytest
 from identification import load_device
 from tests.commands import haptune, log_text
 from tune import SafeProfile, Scene, optimise
-from tune.cli.report_page import page_of
 from tune.exporters import NOT_A_SAFETY_FUNCTION
-from tune.presentation.page import html_of
+from tune.exporters.text import NOT_A_SAFETY_FUNCTION
+from tune.presentation.page import report_html
 
 HOSTILE = '</script><script>alert(1)</script>"><img src=x onerror=alert(2)>$x^{$ {{ 7*7 }} &amp;'
 BROWSER = next(
@@ -64,8 +64,8 @@ def _profile() -> SafeProfile:
 def _page() -> str:
     """Without pictures, which would be drawn for longer than all else takes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tune.cli.report_page._pictures", lambda *_: iter(()))
-        return html_of(page_of(_profile(), None, None, date(2026, 3, 4)))
+        patch.setattr("tune.presentation.page._pictures", lambda *_: iter(()))
+        return report_html(_profile(), None, None, date(2026, 3, 4))
 
 
 def test_a_name_is_text_wherever_it_stands() -> None:
@@ -118,7 +118,7 @@ def test_only_a_profile_that_passes_with_its_own_logs_gets_a_report(
 ) -> None:
     """The way from a log to a report, with every picture, is run by the blocks of the guides."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("tune.cli.report_page._pictures", lambda *_: iter(()))
+    monkeypatch.setattr("tune.presentation.page._pictures", lambda *_: iter(()))
     text = _profile().to_yaml()
     Path("profile.yaml").write_text(text, encoding="utf-8")
     ended = haptune("report", "profile.yaml", "--json")

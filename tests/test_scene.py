@@ -145,7 +145,7 @@ def test_a_perception_table_is_found_beside_the_scene(tmp_path: Path) -> None:
 
 
 def test_the_template_is_a_scene_and_shows_every_key(tmp_path: Path) -> None:
-    from tune.cli.new import template
+    from tune.cli.preparation import template
 
     path = tmp_path / "scene.yaml"
     path.write_text(template("scene"), encoding="utf-8")

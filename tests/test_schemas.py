@@ -22,7 +22,7 @@ from identification import (
     to_mapping,
 )
 from tune import SafeProfile, Scene, optimise
-from tune.cli.new import excitation_of, hardware_of, scene_of, template
+from tune.cli.preparation import excitation_of, hardware_of, scene_of, template
 from tune.documents.perception import PerceptionTable
 from tune.rendering.vibration import ThresholdCurve
 from tune.schemas import FOLDER, generate

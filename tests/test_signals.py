@@ -136,8 +136,8 @@ def test_a_signal_that_was_ignored_at_the_start_stays_ignored() -> None:
 
 _DROPPED = """
 import signal, sys, time, weakref
-from tune.cli import interruption
-interruption.unwind_on_signals()
+from tune.cli import process
+process.unwind_on_signals()
 thing = {1}
 called = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGTERM))
 try:
@@ -145,7 +145,7 @@ try:
     print("dropped")
     for _ in range(600):
         time.sleep(0.1)
-except interruption.Interruption:
+except process.Interruption:
     print("raised")
 """
 

@@ -89,7 +89,7 @@ def test_a_refusal_without_standard_error_keeps_its_code_and_its_result(redirect
 def test_no_file_takes_the_place_of_a_closed_stream() -> None:
     """What a library prints to descriptor 1 would end in the first file that is opened."""
     code = (
-        "from tune.cli.streams import prepare_streams; prepare_streams(); import os; "
+        "from tune.cli.process import prepare_streams; prepare_streams(); import os; "
         "os.write(1, b'lost'); file = os.open('a.yaml', os.O_RDWR | os.O_CREAT); assert file > 2"
     )
     command = ["sh", "-c", 'exec "$@" >&- 2>&- <&-', "sh", sys.executable, "-c", code]
@@ -101,7 +101,7 @@ def test_a_slow_reader_is_waited_for() -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     code = (
-        "import sys; from tune.cli.streams import prepare_streams, delivery_failure; "
+        "import sys; from tune.cli.process import prepare_streams, delivery_failure; "
         "prepare_streams(); print('x' * 1_000_000); sys.exit(bool(delivery_failure()))"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=writer) as process:

@@ -8,7 +8,7 @@ import pytest
 
 from identification import load_device, load_document, named_devices
 from tune import Scene, optimise
-from tune.cli.new import scene_of
+from tune.cli.preparation import scene_of
 
 
 @pytest.mark.long

@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.optimisation._optimise import optimise
     from tune.optimisation.candidates import candidates, compare_candidates
     from tune.optimisation.candidates_picture import candidates_picture
-    from tune.presentation.profile_picture import profile_picture, profile_sheet
+    from tune.presentation.pictures import profile_picture, profile_sheet
     from tune.rendering.ripple import CountJump, count_jump, force_ripple, handle_vibration
     from tune.rendering.vibration import ThresholdCurve, default_thresholds, vibration_in_thresholds
     from tune.stability.verdict import (
@@ -135,7 +135,7 @@ _HOMES = {
     "optimisation._optimise": "optimise",
     "optimisation.candidates": "candidates compare_candidates",
     "optimisation.candidates_picture": "candidates_picture",
-    "presentation.profile_picture": "profile_picture profile_sheet",
+    "presentation.pictures": "profile_picture profile_sheet",
     "rendering.ripple": "CountJump count_jump force_ripple handle_vibration",
     "rendering.vibration": "ThresholdCurve default_thresholds vibration_in_thresholds",
     "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",

@@ -1,4 +1,4 @@
-"""The command line: one file a command, contracts kept in `tune.cli.session`.
+"""The command line: commands by what they are about, contracts kept in `tune.cli.session`.
 
 Nothing is imported before `main` runs, so that a signal finds it ready from its first line on.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 def main() -> None:
     """Entry point of the command ``haptune``."""
     try:
-        from tune.cli.interruption import unwind_on_signals, was_interrupted
+        from tune.cli.process import unwind_on_signals, was_interrupted
 
         try:
             unwind_on_signals()
@@ -25,7 +25,7 @@ def main() -> None:
 
 
 def _run() -> None:
-    from tune.cli.streams import prepare_streams
+    from tune.cli.process import prepare_streams
 
     prepare_streams()
     _refuse_another_tune()
@@ -52,8 +52,8 @@ def _end_early() -> None:
     """End where a signal came before a command began, or in the moment after it ended."""
     import sys
 
+    from tune.cli.process import prepare_streams
     from tune.cli.session import finish_interrupted
-    from tune.cli.streams import prepare_streams
 
     prepare_streams()
     sys.exit(finish_interrupted())

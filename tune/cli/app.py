@@ -7,25 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from tune.cli import (
-    audit,
-    calibrate,
-    check,
-    compare,
-    demo,
-    doctor,
-    excite,
-    export,
-    identify,
-    new,
-    report,
-    simulate,
-    tune,
-    verify,
-)
-from tune.cli.exit_codes import EXIT_USAGE
-from tune.cli.interruption import ignore_signals
-from tune.cli.session import Session, finish_interrupted
+from tune.cli import delivery, judging, logs, preparation, tuning
+from tune.cli.process import ignore_signals
+from tune.cli.session import Exit, Session, finish_interrupted
 
 #: What every complaint about options and arguments derives from; typer does not export it.
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
@@ -43,20 +27,20 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for _name, _command, _summary in (
-    ("demo", demo.demo, "Try it: bundled log to profile, with pictures."),
-    ("new", new.new, "Write a template of a file."),
-    ("doctor", doctor.doctor, "What logs can and cannot support."),
-    ("identify", identify.identify, "Logs to device.yaml."),
-    ("tune", tune.tune, "Device and scene to profile.yaml."),
-    ("calibrate", calibrate.calibrate, "Logs and scene to profile.yaml: the main job."),
-    ("audit", audit.audit, "Are these gains safe on a device, and if not, why."),
-    ("check", check.check, "Re-compute a profile by another path."),
-    ("verify", verify.verify, "A low-gain log of the device against its profile."),
-    ("compare", compare.compare, "What changed between two devices or two profiles."),
-    ("export", export.export, "A profile as files for a controller."),
-    ("report", report.report, "A profile as one page to read, print and sign."),
-    ("excite", excite.excite, "Plan a force that tells mass and damping best."),
-    ("simulate", simulate.simulate, "Rehearse: a simulated log of a known device."),
+    ("demo", tuning.demo, "Try it: bundled log to profile, with pictures."),
+    ("new", preparation.new, "Write a template of a file."),
+    ("doctor", logs.doctor, "What logs can and cannot support."),
+    ("identify", logs.identify, "Logs to device.yaml."),
+    ("tune", tuning.tune, "Device and scene to profile.yaml."),
+    ("calibrate", tuning.calibrate, "Logs and scene to profile.yaml: the main job."),
+    ("audit", judging.audit, "Are these gains safe on a device, and if not, why."),
+    ("check", judging.check, "Re-compute a profile by another path."),
+    ("verify", judging.verify, "A low-gain log of the device against its profile."),
+    ("compare", judging.compare, "What changed between two devices or two profiles."),
+    ("export", delivery.export, "A profile as files for a controller."),
+    ("report", delivery.report, "A profile as one page to read, print and sign."),
+    ("excite", preparation.excite, "Plan a force that tells mass and damping best."),
+    ("simulate", preparation.simulate, "Rehearse: a simulated log of a known device."),
 ):
     app.command(_name, short_help=_summary)(_command)
 
@@ -72,8 +56,7 @@ def _version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it with the fl
 @app.callback()
 def haptune(
     _: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """From a logged trajectory to a safe haptic controller profile."""
@@ -87,7 +70,7 @@ def run() -> None:
     except _USAGE_ERROR as error:
         ignore_signals()
         _report_usage(error)
-        sys.exit(EXIT_USAGE)
+        sys.exit(Exit.USAGE)
     except (typer.Abort, EOFError):
         sys.exit(finish_interrupted())
     ended = code if isinstance(code, int) else 0
@@ -106,5 +89,5 @@ def _report_usage(error: Exception) -> None:
         return
     sentence = " ".join(text.replace("Value error, ", "").split()).rstrip(".")
     Session(command=command, as_json="--json" in sys.argv, quiet=False).finish(
-        EXIT_USAGE, f"{sentence}. See '{path} --help'"
+        Exit.USAGE, f"{sentence}. See '{path} --help'"
     )

@@ -12,7 +12,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from datasets_synthetic import Controller, Element, Hand, Rig
+    from datasets_synthetic import Controller, Element, Rig
     from tune.documents.profile import Design, ElementProfile
 
     #: An element, the side to which it pushes and its place.
@@ -31,16 +31,17 @@ _ALIKE = 1e-9
 def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     """Play every moment of a design, and its transitions, in the standard trials of the simulator.
 
-    Args:
-        design: as it will be stored, its force limit and encoder stated.
-        say: told what is going on.
-
-    Raises:
-        CheckFailedError: some trial diverges or keeps oscillating; nothing may be written.
+    The design is as it will be stored, its force limit and encoder stated. Raises CheckFailedError
+    where some trial diverges or keeps oscillating; then nothing may be written.
     """
-    from datasets_synthetic import rehearse, rig_of
+    from datasets_synthetic import Hand, rehearse, rig_of
     from tune.documents.errors import CheckFailedError
 
+    hand = design.hand and Hand(
+        mass=design.hand.mass.value,
+        damping=design.hand.damping.value,
+        stiffness=design.hand.stiffness.value,
+    )
     rig = rig_of(design.device)
     others = _other_rigs(design, rig)
     felt = [
@@ -57,7 +58,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
         found = rehearse(
             rig,
             _law(design, part),
-            hand=_grip(design),
+            hand=hand,
             others=others,
             force_allowed=_LASTING * design.ripple_limit,
         )
@@ -91,14 +92,17 @@ def _other_rigs(design: Design, rig: Rig) -> list[Rig]:
 def _law(design: Design, moments: Sequence[tuple[str, ...]]) -> Controller:
     """The elements as the simulator plays them, one member a moment."""
     from datasets_synthetic import Calls, Controller
+    from tune.documents.profile import SafeProfile
 
     certified = {frozenset(names) for names in design.moments()}
     played = [_parts(design, names, certified) for names in moments]
     loop = design.loop
     infinite = float("inf")
+    # Samples that a gain waits for before it rises; of an uncertified design one.
+    taps = design.certificate.longest_tap if isinstance(design, SafeProfile) else 1
     return Controller(
         beside=tuple(_column(column) for column in zip_longest(*played)),
-        calls=Calls(taps=_longest_tap(design)),
+        calls=Calls(taps=taps),
         velocity_filter_hz=loop.velocity_filter_hz or infinite,
         acceleration_filter_hz=loop.acceleration_filter_hz or infinite,
         velocity_filter_order=loop.velocity_filter_order,
@@ -152,19 +156,3 @@ def _column(parts: Sequence[_Part | None]) -> Element:
     columns = np.array(rows, dtype=np.float64).T
     names = ("stiffness", "damping", "mass", "level", "fade_time", "side", "place")
     return Element(**dict(zip(names, columns, strict=True)))  # pyright: ignore[reportArgumentType]
-
-
-def _longest_tap(design: Design) -> int:
-    """Samples that a gain waits for before it rises; of an uncertified design one."""
-    from tune.documents.profile import SafeProfile
-
-    return design.certificate.longest_tap if isinstance(design, SafeProfile) else 1
-
-
-def _grip(design: Design) -> Hand | None:
-    from datasets_synthetic import Hand
-
-    hand = design.hand
-    if hand is None:
-        return None
-    return Hand(mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value)

@@ -1,40 +1,56 @@
-"""One run of a command: what it says, what it writes, how it ends.
-
-One file: one run of a command from its first line to its exit code.
-"""
+"""One run of a command: what it says, how far it is, what it writes, how it ends."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
+import re
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from time import monotonic
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from tune.cli.details import finite
-from tune.cli.exit_codes import (
-    EXIT_CHECK,
-    EXIT_INTERNAL,
-    EXIT_INTERRUPTED,
-    EXIT_INVALID,
-    EXIT_NOT_WRITTEN,
-    EXIT_NOTHING,
-    EXIT_REFUSED,
-    EXIT_USAGE,
-    STATUS,
+from tune.cli.process import (
+    FilesWhole,
+    delivery_failure,
+    ignore_signals,
+    was_interrupted,
+    wrap_text,
 )
-from tune.cli.interruption import FilesWhole, ignore_signals, was_interrupted
-from tune.cli.ownership import owner_of
-from tune.cli.streams import delivery_failure, wrap_text
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from identification import Finding
+
+
+class Exit(IntEnum):
+    """Exit codes of the contract; their names are the words for them in JSON results."""
+
+    DONE = 0
+    INTERNAL_ERROR = 1
+    USAGE = 2
+    INVALID_INPUT = 3
+    LOG_REFUSED = 4
+    NO_FEASIBLE_EFFECT = 5
+    CHECK_FAILED = 6
+    NOT_WRITTEN = 7
+    INTERRUPTED = 130  # whichever signal it was: callers have one code to know
+
 
 #: Columns where no terminal says how wide it is: tables are as wide as they need to be.
 _WIDE = 200
+#: Kinds of picture beside PNG, by the ending of the file.
+_VECTORS = {".svg": "svg", ".pdf": "pdf"}
+#: Counted parts of the work end a sentence so, which is what an estimate is made of.
+_COUNT = re.compile(r"\((\d+) of (\d+)\)$")
+#: Less than this needs no clock, s.
+_SHORT = 1.0
 
 _Result = TypeVar("_Result")
 
@@ -43,15 +59,10 @@ _Result = TypeVar("_Result")
 class Session:
     """What a command collects while it runs.
 
-    Attributes:
-        command: its name, "haptune" alone where no command was found.
-        as_json: one JSON object on standard output, nothing else.
-        quiet: only errors.
-        findings: about logs, in the order found.
-        targets: files that are to be written.
-        outputs: files written.
-        details: what a command computed, by name; in the JSON result where there is any.
-        understood: by log, how one that is no plain table in SI units was read.
+    Its name is "haptune" alone where no command was found; with ``as_json`` one JSON object stands
+    on standard output and nothing else; files are targets that are to be written, and outputs once
+    they are; details are what it computed, by name; understood tells of logs that are no plain
+    tables in SI units how they were read.
     """
 
     command: str
@@ -70,9 +81,8 @@ class Session:
         from rich.console import Console
 
         fixed = sys.stdout.isatty() or "COLUMNS" in os.environ
-        console = Console(
-            highlight=False, markup=False, emoji=False, width=None if fixed else _WIDE
-        )
+        width = None if fixed else _WIDE
+        console = Console(highlight=False, markup=False, emoji=False, width=width)
         with console.capture() as captured:
             console.print(text, soft_wrap=isinstance(text, str))
         printed = captured.get()
@@ -80,6 +90,11 @@ class Session:
             printed = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
         sys.stdout.write(printed)
         sys.stdout.flush()
+
+    def say_each(self, texts: Iterable[str]) -> None:
+        """Print texts for people, each on lines of its own."""
+        for text in texts:
+            self.say(text)
 
     def add_findings(self, findings: tuple[Finding, ...]) -> None:
         """Keep findings for the JSON result and warn on standard error."""
@@ -93,20 +108,19 @@ class Session:
         if not self.as_json and not self.quiet:
             _print_error(f"warning: {sentence}")
 
-    def target(self, output: Path, *inputs: Path | None) -> None:
+    def target(self, output: Path | None, *inputs: Path | None) -> None:
         """Refuse, before any work is done, an output that cannot be written or is an input.
 
-        Raises:
-            UsageError: the output is one of the inputs.
-            NotWrittenError: its folder does not exist, or it is no file itself.
+        None is no output. Raises UsageError for an input, NotWrittenError for what is no file.
         """
+        if output is None:
+            return
         from identification import NotWrittenError, UsageError
 
         for given in inputs:
             if given is not None and os.path.realpath(given) == os.path.realpath(output):
-                raise UsageError(
-                    "--output", f"{output} is one of the inputs", "Choose another name with -o"
-                )
+                seen = f"{output} is one of the inputs"
+                raise UsageError("--output", seen, "Choose another name with -o")
         try:
             if not output.parent.is_dir():
                 raise NotWrittenError(output, f"there is no folder {output.parent}")
@@ -133,44 +147,51 @@ class Session:
             self.say(f"{path} {'unchanged' if before else 'written'}")
 
     def store(self, path: Path, content: bytes) -> None:
-        """Write a file that nobody reads as text atomically. Raises NotWrittenError."""
+        """Write a file that nobody reads as text. Raises NotWrittenError."""
         from identification import write_bytes
 
         self._store(path, lambda: write_bytes(path, content))
         self.say(f"{path} written")
 
+    def draw(self, path: Path, figure: Figure) -> None:
+        """Write a picture, PNG but for .svg and .pdf. Raises NotWrittenError."""
+        from io import BytesIO
+
+        stream, picture = BytesIO(), cast("Any", figure)
+        picture.savefig(stream, format=_VECTORS.get(path.suffix.lower(), "png"), dpi=120)
+        self.store(path, stream.getvalue())
+
     def _store(self, path: Path, store: Callable[[], _Result]) -> _Result:
         """Write a file and note it as written, both or neither; tell if it changed hands."""
-        before = owner_of(path)
+        before = _owner_of(path)
         with FilesWhole():
             stored = store()
             self.outputs.append(str(path))
-        now = owner_of(path)
+        now = _owner_of(path)
         if before not in {None, now} and not self.quiet:
-            _print_error(
-                f"warning: {path} belongs to {now} now and belonged to {before} before, which this "
-                "user may not keep"
-            )
+            owners = f"belongs to {now} now and belonged to {before} before"
+            _print_error(f"warning: {path} {owners}, which this user may not keep")
         return stored
 
     @contextmanager
     def progress(self) -> Generator[Callable[[str], None]]:
         """A function that is told each stage of the work, which a terminal shows with its clock."""
         if self.as_json or self.quiet or not sys.stderr.isatty():
-            yield _ignore_stage
+            yield lambda _: None
             return
-        from tune.cli.progress import show_stages
+        from rich.console import Console
 
-        with show_stages() as say:
-            yield say
+        stage = Stage()
+        with Console(stderr=True, markup=False, highlight=False).status(stage):
+            yield stage
 
-    def finish(self, code: int, message: str = "") -> int:
+    def finish(self, code: Exit, message: str = "") -> int:
         """Print how it ended and return the exit code."""
         if self.as_json:
             result: dict[str, object] = {
                 "schema": "haptune/result/1",
                 "command": self.command,
-                "status": STATUS[code],
+                "status": code.name.lower().replace("_", "-"),
                 "exit_code": code,
                 "findings": self.findings,
                 "outputs": self.outputs,
@@ -179,21 +200,19 @@ class Session:
                 result["details"] = self.details
             if message:
                 result["message"] = message
-            print(json.dumps(finite(result), allow_nan=False), flush=True)  # noqa: T201
+            print(json.dumps(_finite(result), allow_nan=False), flush=True)  # noqa: T201
         if message:
             self._complain(message)
-        return self.delivery_exit_code() if code == 0 else code
+        return code or self.delivery_exit_code()
 
     def delivery_exit_code(self) -> int:
         """The exit code of a command that did all it should, if what it printed was taken too."""
         reason = delivery_failure()
         if not reason:
             return 0
-        self._complain(
-            f"standard output: not written: {reason}; {self.whereabouts()}. Print to another "
-            "place, or use --quiet where nothing need be printed"
-        )
-        return EXIT_NOT_WRITTEN
+        remedy = "Print to another place, or use --quiet where nothing need be printed"
+        self._complain(f"standard output: not written: {reason}; {self.whereabouts()}. {remedy}")
+        return Exit.NOT_WRITTEN
 
     def whereabouts(self) -> str:
         """Which files were written and which were not."""
@@ -215,11 +234,7 @@ def _print_error(text: str) -> None:
 def run_command(
     command: str, action: Callable[[Session], None], *, as_json: bool, quiet: bool
 ) -> None:
-    """Run a command and end the process's work with the contract's exit code.
-
-    Raises:
-        typer.Exit: always with the code of what happened.
-    """
+    """Run a command; raises typer.Exit always, with the contract's code of what happened."""
     import typer
 
     session = Session(command=command, as_json=as_json, quiet=quiet)
@@ -232,22 +247,21 @@ def run_command(
         interrupted = was_interrupted() or isinstance(error, KeyboardInterrupt)
         code = _end_interrupted(session) if interrupted else _end_failed(session, error)
     else:
-        code = session.finish(0)
+        code = session.finish(Exit.DONE)
     raise typer.Exit(code)
 
 
 def finish_interrupted() -> int:
-    """Print that a signal came before a command began or after it ended; return the exit code."""
+    """Say that a signal came before a command began or after it ended; return the exit code."""
     return _end_interrupted(Session(command="haptune", as_json="--json" in sys.argv, quiet=False))
 
 
 def _end_interrupted(session: Session) -> int:
     ignore_signals()
-    return session.finish(EXIT_INTERRUPTED, f"interrupted; {session.whereabouts()}")
+    return session.finish(Exit.INTERRUPTED, f"interrupted; {session.whereabouts()}")
 
 
 def _end_failed(session: Session, error: BaseException) -> int:
-    """Print why a command failed and return its exit code."""
     ignore_signals()
     from identification import (
         InvalidInputError,
@@ -261,28 +275,79 @@ def _end_failed(session: Session, error: BaseException) -> int:
     if isinstance(error, LogRefusedError):
         session.findings += [asdict(finding) for finding in error.findings]
         lines = [f"{finding.severity}: {finding}" for finding in error.findings]
-        return session.finish(EXIT_REFUSED, "log refused\n" + "\n".join(lines))
+        return session.finish(Exit.LOG_REFUSED, "log refused\n" + "\n".join(lines))
     if isinstance(error, NotWrittenError):
         others = f" Of all files, {session.whereabouts()}." if session.outputs else ""
-        return session.finish(EXIT_NOT_WRITTEN, f"{error}{others}")
+        return session.finish(Exit.NOT_WRITTEN, f"{error}{others}")
     if isinstance(error, CheckFailedError) and len(error.failures) > 1:
-        return session.finish(EXIT_CHECK, "\n".join(("check failed", *error.failures)))
+        return session.finish(Exit.CHECK_FAILED, "\n".join(("check failed", *error.failures)))
     if isinstance(error, UnstatedError):
         session.details["missing"] = [asdict(fact) for fact in error.missing]
     for kind, code in (
-        (UsageError, EXIT_USAGE),
-        (InvalidInputError, EXIT_INVALID),
-        (LoopError, EXIT_INVALID),
-        (NoFeasibleEffectError, EXIT_NOTHING),
-        (CheckFailedError, EXIT_CHECK),
+        (UsageError, Exit.USAGE),
+        (InvalidInputError, Exit.INVALID_INPUT),
+        (LoopError, Exit.INVALID_INPUT),
+        (NoFeasibleEffectError, Exit.NO_FEASIBLE_EFFECT),
+        (CheckFailedError, Exit.CHECK_FAILED),
     ):
         if isinstance(error, kind):
             return session.finish(code, str(error))
-    return session.finish(
-        EXIT_INTERNAL,
-        f"internal error: {type(error).__name__}: {error}; {session.whereabouts()}. "
-        "Please report it with the command and the files",
-    )
+    seen = f"{type(error).__name__}: {error}; {session.whereabouts()}"
+    words = f"internal error: {seen}. Please report it with the command and the files"
+    return session.finish(Exit.INTERNAL_ERROR, words)
 
 
-def _ignore_stage(_: str) -> None: ...
+def _owner_of(path: Path) -> str | None:
+    """Owner and group of a file by number; None where there is no file."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return f"user {status.st_uid}, group {status.st_gid}"
+
+
+def _finite(content: object) -> object:
+    """Content of JSON with null for every number that is not finite, which JSON cannot hold."""
+    if isinstance(content, float) and not math.isfinite(content):
+        return None
+    if isinstance(content, Mapping):
+        return {key: _finite(item) for key, item in cast("Mapping[str, object]", content).items()}
+    if isinstance(content, list | tuple):
+        return [_finite(item) for item in cast("list[object]", content)]
+    return content
+
+
+class Stage:
+    """The sentence of the work in hand with its clock; read anew whenever it is drawn."""
+
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
+        self._clock = clock
+        self._sentence = "working"
+        self._began = self._said = self._counting = clock()
+        self._first = self._part = self._parts = 0
+
+    def __call__(self, sentence: str) -> None:
+        """Go on to another stage; "... (3 of 7)" begins the third of seven parts alike."""
+        now = self._clock()
+        counted = _COUNT.search(sentence)
+        part, parts = (int(each) for each in counted.groups()) if counted else (0, 0)
+        if parts != self._parts or part <= self._part:
+            self._first, self._counting = part, now
+        self._part, self._parts = part, parts
+        self._sentence, self._said = sentence, now
+
+    def __rich__(self) -> str:
+        return str(self)
+
+    def __str__(self) -> str:
+        """The sentence, seconds since the work began, and seconds that are left of the parts."""
+        now = self._clock()
+        text = self._sentence
+        if now - self._began >= _SHORT:
+            text += f", {now - self._began:.0f} s"
+        done = self._part - self._first
+        if done > 0:
+            mean = (self._said - self._counting) / done
+            left = (self._parts - self._part + 1) * mean - (now - self._said)
+            text += f", about {max(left, 1.0):.0f} s more" if mean else ""
+        return text

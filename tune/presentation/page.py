@@ -1,123 +1,106 @@
-"""A report as one page: what it shows, and the HTML of it, complete in itself."""
+"""The report of a profile: one page of HTML to read, print and sign, complete in itself."""
 
 from __future__ import annotations
 
 from base64 import b64encode
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from datetime import date
+from importlib.metadata import version
 from importlib.resources import files
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, cast
 
+from tune.documents.profile import Design, LimitedBy
 from tune.exporters import NOT_A_SAFETY_FUNCTION
-from tune.presentation.surface import Surface
+from tune.exporters.text import NOT_A_SAFETY_FUNCTION
+from tune.presentation.regions import Boundaries, region_surface
+from tune.presentation.tables import (
+    alternatives_table,
+    certificate_lines,
+    device_table,
+    elements_table,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.table import Table
+
+    from identification import Identification
+    from tune._what_if import Alternative
+    from tune.documents.profile import SafeProfile
+
+#: What a reader takes away.
+_VERDICT = (
+    "Checked on {day}: all that the profile says was computed anew by an independent path, and "
+    "nothing differs. Stable on every device in the box below, for every gain up to {gain:g} times "
+    "the one written, with up to {late:g} more sample(s) of delay."
+)
+#: (meaning, what helps) by what binds.
+_LIMITS: dict[LimitedBy, tuple[str, str]] = {
+    "stability": (
+        "More of it would shake the loop.",
+        "A shorter delay, a faster sample rate or more damping of the device itself help.",
+    ),
+    "gain-margin": (
+        "More of it would keep less than the margin of gain.",
+        "A shorter delay or a faster sample rate help; log longer for narrower intervals.",
+    ),
+    "delay-margin": (
+        "More of it would keep less than the margin of delay.",
+        "A shorter delay or a faster sample rate help.",
+    ),
+    "saturation": (
+        "More of it is stable as long as nothing is cut or switched, and no proof was found beyond "
+        "that.",
+        "More damping of the device or a shorter delay help, or name it apart from what it is not "
+        "met with.",
+    ),
+    "lead": (
+        "More damping would be met too far before the face of the wall; more stiffness would lag "
+        "more than its damping makes good.",
+        "A longer lead in the scene gives more damping; a shorter delay gives more of both.",
+    ),
+    "force": (
+        "More of it would ask for more force than the actuator gives.",
+        "A stronger actuator, or less penetration, speed or acceleration in the scene help.",
+    ),
+    "rendering": (
+        "More of it would be felt, by filters and delay, as another mass or damping by more than a "
+        "step.",
+        "A finer encoder (less filtering), a faster sample rate or damping beside it help.",
+    ),
+    "ripple": (
+        "More of it would make the counts of the encoder felt.",
+        "A finer encoder helps; a lower cut-off does too, but makes mass and damping lag.",
+    ),
+    "wanted": ("It is what the scene asks for.", ""),
+    "range": ("It is the end of the range that the scene allows.", "A wider range helps."),
+    "not-perceptible": (
+        "All that is allowed of it is less than a hand can tell, so that it is left out.",
+        "See what limits the other effects; --what-if tells what each fact of the hardware costs.",
+    ),
+}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TableView:
-    """A table of a page.
+def report_html(
+    safe: SafeProfile,
+    found: Identification | None,
+    alternatives: tuple[Alternative, ...] | None,
+    day: date | None = None,
+) -> str:
+    """The page of a profile that passed its check, every text escaped.
 
-    Attributes:
-        title: above it; empty for none.
-        headings: of the columns.
-        numeric: of each column, whether its cells are numbers, set to the right.
-        rows: cells as text.
-        lines: below it.
+    Args:
+        safe: the profile.
+        found: what its logs tell; None where they are not at hand.
+        alternatives: what would help; None where nobody asked.
+        day: of the report; None takes today.
     """
-
-    title: str
-    headings: tuple[str, ...]
-    numeric: tuple[bool, ...]
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PictureView:
-    """A picture of a page, as a data URI, and what it shows in words."""
-
-    words: str
-    source: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FindingView:
-    """One finding about a log."""
-
-    code: str
-    severity: str
-    source: str
-    seen: str
-    needed: str
-    remedy: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Statement:
-    """What is said under one heading of the chapter on what a profile rests on."""
-
-    heading: str
-    lead: str
-    lines: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Page:
-    """Everything that a report shows.
-
-    Attributes:
-        title: of the page.
-        facts: (what, value) of the head: device, serial number, date, digest, versions.
-        verdict: the one sentence a reader takes away.
-        effects: the elements of the profile.
-        notes: sentences below it: why effects were dropped.
-        limits: (what binds, what it means, what helps) of the limits that bind.
-        surface: of the region.
-        pictures: of the profile.
-        device: tables of the device.
-        log_pictures: of its logs.
-        findings: about its logs.
-        log_lines: sentences about its logs.
-        statements: what is proved, assumed, assessed and trusted.
-        alternatives: what would help; None where it was not asked for.
-        day: of the report.
-    """
-
-    title: str
-    facts: tuple[tuple[str, str], ...]
-    verdict: str
-    effects: TableView
-    notes: tuple[str, ...]
-    limits: tuple[tuple[str, str, str], ...]
-    surface: Surface
-    pictures: tuple[PictureView, ...]
-    device: TableView
-    log_pictures: tuple[PictureView, ...]
-    findings: tuple[FindingView, ...]
-    log_lines: tuple[str, ...]
-    statements: tuple[Statement, ...]
-    alternatives: TableView | None
-    day: str
-
-
-def picture_view(figure: Figure, words: str) -> PictureView:
-    """A figure as vectors that a page holds; letters are shapes, so that no font is needed."""
-    import matplotlib as mpl
-
-    # matplotlib types its keyword arguments only in part
-    stream, picture, settings = BytesIO(), cast("Any", figure), cast("Any", mpl)
-    with settings.rc_context({"svg.hashsalt": "haptune", "svg.fonttype": "path"}):
-        picture.savefig(stream, format="svg", metadata={"Date": None})
-    coded = b64encode(stream.getvalue()).decode("ascii")
-    return PictureView(words=words, source=f"data:image/svg+xml;base64,{coded}")
-
-
-def html_of(page: Page) -> str:
-    """The page as HTML with its style, script and pictures inside; every text is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
+    boundaries = Boundaries.of(safe)
+    written = (day or date.today()).isoformat()
+    gain, late = safe.certificate.gain, safe.certificate.extra_delay_samples
     environment = Environment(
         loader=PackageLoader("tune", "templates"),
         autoescape=True,
@@ -127,9 +110,173 @@ def html_of(page: Page) -> str:
     )
     own = files("tune") / "templates"
     return environment.get_template("report.html").render(
-        page=page,
-        surface=asdict(page.surface),
+        page={
+            "title": f"{safe.scene} on {safe.device.name}: haptic profile",
+            "facts": list(_facts(safe, written)),
+            "verdict": _VERDICT.format(day=written, gain=gain, late=late),
+            "effects": _table(elements_table(safe)),
+            "notes": safe.notes,
+            "limits": _limits(safe),
+            "pictures": list(_pictures(safe, boundaries)),
+            "device": _table(device_table(safe.device)),
+            "log_pictures": [] if found is None else [_fit(safe, found)],
+            "findings": () if found is None else found.findings,
+            "log_lines": list(_log_lines(safe, found)),
+            "statements": [
+                {"heading": heading, "lead": lead, "lines": lines}
+                for heading, lead, lines in _statements(safe)
+            ],
+            "alternatives": alternatives and _table(alternatives_table(alternatives)),
+            "day": written,
+        },
+        surface=region_surface(safe, boundaries),
         style=(own / "report.css").read_text(encoding="utf-8"),
         script=(own / "report.js").read_text(encoding="utf-8"),
         warning=NOT_A_SAFETY_FUNCTION,
     )
+
+
+def _table(table: Table) -> dict[str, object]:
+    """A table of the terminal as one of the page: the very same numbers."""
+
+    def plain(item: object) -> str:
+        return str(getattr(item, "plain", item))  # a rich Text has its own
+
+    columns = [[plain(cell) for cell in column.cells] for column in table.columns]
+    return {
+        "title": plain(table.title or ""),
+        "headings": [plain(column.header) for column in table.columns],
+        "numeric": [column.justify == "right" for column in table.columns],
+        "rows": list(zip(*columns, strict=True)),
+        "lines": plain(table.caption).splitlines() if table.caption else [],
+    }
+
+
+def _limits(design: Design) -> list[tuple[str, str, str]]:
+    """(which effects a limit binds, what it means, what helps), each limit once."""
+    bound: dict[LimitedBy, list[str]] = {}
+    for name, element in design.elements.items():
+        for effect, reason in element.limited_by.items():
+            bound.setdefault(reason, []).append(f"{name} {effect}")
+    return [(f"{why}: {', '.join(effects)}", *_LIMITS[why]) for why, effects in bound.items()]
+
+
+def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
+    """Whose profile it is, of when, and what computed it."""
+    device = safe.device
+    yield "device", device.name
+    yield "axis", f"{device.axis}, {device.motion}"
+    stated = {"serial number": device.serial, "calibrated on": device.date}
+    for name, value in (stated | {"logs taken by": device.operator}).items():
+        yield name, "not stated" if value is None else str(value)
+    yield "scene", safe.scene
+    margin, loop = safe.margin, safe.loop
+    late = f"{margin.extra_delay_samples} extra sample(s) of delay"
+    yield "margin", f"{margin.name}: gain {margin.gain:g}, {late}"
+    cutoffs = {"velocity": loop.velocity_filter_hz, "acceleration": loop.acceleration_filter_hz}
+    filters = ", ".join(f"{what} {hz:g} Hz" for what, hz in cutoffs.items() if hz is not None)
+    delay = f"delay {loop.extra_delay_samples:g} sample(s)"
+    yield "loop", f"{1 / loop.sample_time:.6g} Hz, {delay}, filters: {filters or 'none'}"
+    yield "digest of the profile", safe.digest
+    yield "report of", f"{written}, by haptune {version('haptune')}"
+    versions = ", ".join(f"{name} {number}" for name, number in safe.certificate.versions.items())
+    yield "certified with", versions
+
+
+def _picture(figure: Figure, words: str) -> dict[str, str]:
+    """A figure as vectors inside the page; letters are shapes, so that no font is needed."""
+    import matplotlib as mpl
+
+    # matplotlib types its keyword arguments only in part
+    stream, picture, settings = BytesIO(), cast("Any", figure), cast("Any", mpl)
+    with settings.rc_context({"svg.hashsalt": "haptune", "svg.fonttype": "path"}):
+        picture.savefig(stream, format="svg", metadata={"Date": None})
+    coded = b64encode(stream.getvalue()).decode("ascii")
+    return {"words": words, "source": f"data:image/svg+xml;base64,{coded}"}
+
+
+def _pictures(safe: SafeProfile, boundaries: Boundaries) -> Iterator[dict[str, str]]:
+    from tune.presentation.pictures import (
+        element_picture,
+        profile_picture,
+        shown_elements,
+        words_of_shown,
+    )
+
+    shown = words_of_shown(safe)
+    yield _picture(
+        profile_picture(safe, boundaries=boundaries),
+        "The region without mass with every element, and the steps a hand can tell of each effect"
+        + (f"; {shown}." if shown else "."),
+    )
+    for name in shown_elements(safe):
+        yield _picture(
+            element_picture(safe, name, boundaries=boundaries),
+            f"{name}: its place in the region of its own mass and what is left to the margin; the "
+            "part of each limit that it uses; its answers to a step of force and to an impact.",
+        )
+
+
+def _fit(safe: SafeProfile, found: Identification) -> dict[str, str]:
+    from identification import identified_picture
+
+    return _picture(
+        identified_picture(found.device, found.logs, before=safe.device),
+        "The logs and what the device explains of them: position, force, what is left of it, with "
+        "spectrum and correlation; friction over speed; what is known now and in the profile "
+        '("before"), by every method that was asked.',
+    )
+
+
+def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]:
+    """Each log with its digest and findings, and what reading it again gave."""
+    for log in safe.device.logs:
+        codes = f"; findings: {', '.join(log.findings)}" if log.findings else "; no findings"
+        allowed = f"; accepted by a person: {', '.join(log.allowed)}" if log.allowed else ""
+        read = f"; read with {log.read_as}" if log.read_as else ""
+        yield (
+            f"{log.source}: {log.samples} samples, {log.method}{codes}{allowed}{read}; {log.digest}"
+        )
+    if not safe.device.logs:
+        yield "no log is known: the numbers of the device were stated"
+    elif found is None:
+        yield "the logs were not given to this report; their findings are named by code only"
+    else:
+        yield (
+            f"identified again for this report: mass {found.device.mass.value:.6g}, damping "
+            f"{found.device.damping.value:.6g}; in the profile {safe.device.mass.value:.6g} and "
+            f"{safe.device.damping.value:.6g}"
+        )
+
+
+def _statements(safe: SafeProfile) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    """(heading, lead, lines) of what is proved, assumed, assessed, left out, taken on trust."""
+    from tune.certificate.assumptions import trusted_facts
+    from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
+
+    seal = safe.certificate
+    lead = "Shown for every point of the box, by interval arithmetic or in as many digits as it "
+    lead += "takes."
+    lines = (
+        *certificate_lines(seal)[:-1],
+        f"by: {seal.method}",
+        f"moments proved: {'; '.join(seal.interior)}",
+        *(
+            f"{moment}: absolutely stable up to gain {each.gain:.4g} with "
+            f"{each.extra_delay_samples:g} more sample(s): {', '.join(each.covers)}"
+            for moment, each in (seal.absolute_stability or {}).items()
+        ),
+    )
+    yield "Proved", lead, lines
+    yield "Assumed", "The proof holds where all of this does.", seal.assumes
+    lines = (
+        "what is felt of each element, what entering it amounts to and by how much steps may "
+        "vary: the lines below the table of what is played",
+        "before it was written, every moment was rehearsed in simulation with quantiser, "
+        "friction and force limit, entered and left and at gains that change: it settles",
+    )
+    yield "Assessed, not proved", "Computed at corners of the box or played in simulation.", lines
+    yield "Not assessed", "Nobody has looked at this.", seal.not_assessed
+    lead = "No calculation can confirm it: the person who signs answers for it."
+    trusted = (f"{each.key}: {each.reason}" for each in (*TAKEN_ON_TRUST, *OPINIONS))
+    yield "Taken on trust", lead, (*trusted_facts(safe.device), *trusted)

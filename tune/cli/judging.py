@@ -1,0 +1,466 @@
+"""Is it safe, and does it still hold: ``haptune audit``, ``check``, ``compare`` and ``verify``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from tune.cli.logs import tell_reading
+from tune.cli.options import LogOptions, MarginOption, Picture, command
+from tune.cli.session import Session
+from tune.cli.tuning import IN_DEVICE, draw_profile
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from identification import Device, Motion
+    from tune._audit import Audit
+    from tune.comparison import Change, Comparison, Interval
+    from tune.documents.profile import SafeProfile
+    from tune.verification import Advice, Kept, Verification
+
+#: Unit of each quantity of a device, by the name it has in a table of units.
+_UNITS = {"mass": "mass", "damping": "damping", "damping_slope": "damping",
+          "coulomb_friction": "force", "force_offset": "force", "force_limit.continuous": "force",
+          "force_limit.peak": "force", "encoder_resolution": "length",
+          "position_stiffness": "stiffness", "presliding_stiffness": "stiffness"}  # fmt: skip
+#: Advice at less than this many times the gain that was played is no other advice.
+_MORE = 1.02
+
+
+@command()
+def audit(
+    session: Session,
+    device: Annotated[str, Argument(help="device.yaml, or the name of a known device.")],
+    stiffness: Annotated[float, Option(metavar="K", help="N/m (N·m/rad).")] = 0.0,
+    damping: Annotated[float, Option(metavar="B", help="N·s/m (N·m·s/rad).")] = 0.0,
+    mass: Annotated[float, Option(metavar="M", help="kg (kg·m²).")] = 0.0,
+    extra_delay_samples: Annotated[
+        float, Option(metavar="X", help="On top of the device's own delay.")
+    ] = 0.0,
+    velocity_filter: Annotated[
+        float | None, Option(metavar="HZ", help="First-order cut-off; default none.")
+    ] = None,
+    acceleration_filter: Annotated[
+        float | None, Option(metavar="HZ", help="Second-order cut-off; default none.")
+    ] = None,
+    margin: MarginOption = None,
+    picture: Picture = None,
+) -> None:
+    """Are these gains safe, why not, and the nearest safe ones; exit code 6 if they are not."""
+    from identification import UsageError, load_device
+    from tune._audit import NEEDED
+    from tune._audit import audit as judged
+    from tune.certificate.assumptions import trusted_facts
+    from tune.documents.effects import Effects
+    from tune.documents.errors import CheckFailedError
+    from tune.loop.filters import Filters
+    from tune.presentation.tables import audit_table
+
+    wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
+    session.target(picture, Path(device))
+    _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)
+    known = load_device(device)
+    known.require_stated(NEEDED, subject=device, where=IN_DEVICE)
+    if extra_delay_samples * known.sample_time.value + known.delay.low < 0:
+        seen = f"{extra_delay_samples:g} leaves less than no delay"
+        least = f"Give {-known.delay.low / known.sample_time.value:g} or more"
+        raise UsageError("--extra-delay-samples", seen, least)
+    with session.progress() as say:
+        say("judging the gains")
+        found = judged(
+            known,
+            Effects(**wanted),
+            filters=Filters(
+                velocity_filter_hz=velocity_filter, acceleration_filter_hz=acceleration_filter
+            ),
+            margin="balanced" if margin is None else margin.value,
+            extra_delay_samples=extra_delay_samples,
+        )
+    session.details |= _audit_details(found)
+    session.say(audit_table(found))
+    session.details["taken_on_trust"] = trusted = trusted_facts(found.design.device)
+    session.say_each(f"taken on trust: {line}" for line in trusted)
+    proved = f"safe with margin {found.design.margin.name}, proved over the whole box"
+    wrong = " and ".join(dict.fromkeys(fault.limit for fault in found.faults))
+    if picture is not None:
+        verdict = proved if found.safe else f"NOT SAFE: {wrong}"
+        draw_profile(session, picture, found.design, verdict)
+    if found.safe:
+        session.say(proved)
+        return
+    faults = [f"{f.limit}: {f.seen}; needed: {f.needed}\n  {f.remedy}" for f in found.faults]
+    nearest = " ".join(f"--{name} {value:.6g}" for name, value in _nearest(found).items() if value)
+    words = f"nearest safe values: {nearest}" if nearest else "no safe value was found"
+    raise CheckFailedError((*faults, words))
+
+
+def _refuse_nonsense(
+    wanted: dict[str, float], extra: float, velocity: float | None, acceleration: float | None
+) -> None:
+    from identification import UsageError
+    from tune.documents.scene import LARGEST, SMALLEST
+
+    if not any(wanted.values()):
+        raise UsageError("--stiffness, --damping, --mass", "all are zero", "Give one of them")
+    if wanted["stiffness"] < 0:
+        seen = f"{wanted['stiffness']:g} is never stable"
+        raise UsageError("--stiffness", seen, "Give zero or more")
+    gains = {f"--{name}": value for name, value in wanted.items()}
+    for option, value in (gains | {"--extra-delay-samples": extra}).items():
+        if not math.isfinite(value):
+            raise UsageError(option, f"{value} is no finite number", "Give a number")
+    cutoffs = {"--velocity-filter": velocity, "--acceleration-filter": acceleration}
+    for option, value in cutoffs.items():
+        if value is not None and not (math.isfinite(value) and value > 0):
+            remedy = "Give Hz above zero, or leave it out"
+            raise UsageError(option, f"{value} is no cut-off", remedy)
+    for option, value in (gains | cutoffs).items():
+        if value and not SMALLEST <= abs(value) <= LARGEST:
+            seen = f"{value:g} is beyond {SMALLEST:g} to {LARGEST:g}"
+            raise UsageError(option, seen, "Give a number within, or leave it out")
+
+
+def _nearest(found: Audit) -> dict[str, float]:
+    """Safe values by effect, those that were looked for; empty where none was found."""
+    values = () if found.nearest is None else found.nearest.arrays()
+    named = zip(("stiffness", "damping", "mass"), values, strict=False)
+    return {name: float(value) for name, value in named if value is not None}
+
+
+def _audit_details(found: Audit) -> dict[str, object]:
+    """What the table shows for programs; what was not computed is null."""
+    from tune._audit import ELEMENT
+
+    margins, design = found.margins, found.design
+    limit = design.device.force_limit
+
+    def number(value: float | None) -> float | None:
+        return None if value is None or not math.isfinite(value) else float(value)
+
+    return {
+        "safe": found.safe,
+        "loop": design.loop.model_dump(mode="json"),
+        "needed": {
+            "gain_margin": design.margin.gain,
+            "extra_delay_samples": design.margin.extra_delay_samples,
+            "sustained_force": limit and limit.continuous,
+            "peak_force": limit and limit.peak,
+            "ripple": design.ripple_limit,
+        },
+        "gain_margin": number(found.gain),
+        "extra_delay_samples": number(found.delay_samples),
+        "jitter": found.jitter,
+        "sustained_force": found.sustained,
+        "peak_force": found.peak,
+        "ripple": number(found.ripple),
+        "vibration": number(found.vibration),
+        "vibration_over_threshold": number(found.felt),
+        "one_count": found.jumps,
+        "wall": found.wall.model_dump(mode="json"),
+        "speed": design.elements[ELEMENT].motion.speed,
+        "slowest_decay": number(margins and margins.decay),
+        "damping_ratio": number(margins and margins.damping_ratio),
+        "phase_margin_degrees": number(margins and margins.phase),
+        "disk_margin": number(margins and margins.disk.balanced),
+        "critical_frequency_hz": number(margins and margins.critical_frequency_hz),
+        "passive": None if margins is None else margins.passivity.passive,
+        "passive_above_damping": margins and margins.passivity.damping_needed,
+        "faults": [
+            {"limit": f.limit, "seen": f.seen, "needed": f.needed, "remedy": f.remedy}
+            for f in found.faults
+        ],
+        "nearest": None if found.nearest is None else _nearest(found),
+    }
+
+
+@command()
+def check(
+    session: Session,
+    profile: Annotated[Path, Argument(help="profile.yaml")],
+    device: Annotated[
+        str | None,
+        Option(
+            metavar="DEVICE",
+            help="device.yaml, or the name of a known device: it must be the profile's, and the "
+            "rehearsal is repeated.",
+        ),
+    ] = None,
+    picture: Picture = None,
+) -> None:
+    """Re-compute all that a profile says; exit code 6 if anything differs."""
+    from identification import as_stored, load_device, to_mapping
+    from tune.certificate.check import check as recheck
+    from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
+    from tune.cli.rehearse import refuse_restless
+    from tune.presentation.tables import certificate_lines, elements_table
+
+    session.target(picture, profile, None if device is None else Path(device))
+    known = None if device is None else as_stored(load_device(device))
+    with session.progress() as say:
+        say("re-computing the certificate")
+        report = recheck(profile, known)
+        if known is not None:
+            refuse_restless(report.profile, say)
+    session.details["profile"] = to_mapping(report.profile)
+    session.details["certificate"] = to_mapping(report.certificate)
+    session.say(elements_table(report.profile))
+    session.say_each(certificate_lines(report.certificate))
+    trusted = {
+        each.key: each.reason for each in TAKEN_ON_TRUST if known is None or each.key != "device"
+    }
+    session.details["taken_on_trust"] = trusted
+    session.say_each(f"taken on trust: {key}: {reason}" for key, reason in trusted.items())
+    session.details["not_checked"] = {each.key: each.reason for each in OPINIONS}
+    session.say_each(f"not checked: {each.key}: {each.reason}" for each in OPINIONS)
+    if known is not None:
+        session.details["rehearsed"] = "settles"
+        session.say(f"the device is {device}; rehearsed in simulation: settles")
+    if picture is not None:
+        draw_profile(session, picture, report.profile)
+    session.say(f"{profile} passed: all else that it says is what was found anew")
+
+
+@command()
+def compare(
+    session: Session,
+    old: Annotated[str, Argument(metavar="OLD", help="device.yaml or profile.yaml")],
+    new: Annotated[
+        str,
+        Argument(
+            metavar="NEW",
+            help="another of its kind; with an old profile also a device.yaml or a known device",
+        ),
+    ],
+) -> None:
+    """What changed beyond both intervals; ends with 6 if the old profile no longer holds."""
+    from identification import Device
+    from tune.documents.errors import CheckFailedError
+
+    first, second = _load(old), _load(new)
+    with session.progress() as say:
+        say(f"comparing {old} with {new}")
+        found = compared(first, second)
+    motion = first.motion if isinstance(first, Device) else first.device.motion
+    session.say(_comparison_table(found, old, new, motion))
+    session.details |= _comparison_details(found)
+    beyond = ", ".join(change.name for change in found.changes if change.beyond)
+    session.say(
+        f"changed beyond both 95 % intervals: {beyond}"
+        if beyond
+        else "nothing of the device changed beyond both 95 % intervals"
+    )
+    if found.holds:
+        session.say(f"{old} holds on the device of {new}: every moment is proved with its margin")
+    if found.failures:
+        kept = "" if found.gain is None else f"; a gain margin of {found.gain:.3g} is proved there"
+        unfit = f"{old} does not hold on the device of {new}{kept}. Tune again for it"
+        raise CheckFailedError((unfit, *found.failures))
+
+
+def _load(reference: str) -> Device | SafeProfile:
+    """A profile, its digest compared, or else a device."""
+    from identification import load_device, load_mapping, named_devices
+    from tune.documents.profile import load_profile
+
+    path = Path(reference)
+    if reference not in named_devices() and path.is_file():
+        schema = str(load_mapping(path).get("schema", ""))
+        if schema.startswith("haptune/profile/"):
+            return load_profile(path)
+    return load_device(reference)
+
+
+def _comparison_table(found: Comparison, old: str, new: str, motion: Motion) -> Table:
+    """One row a quantity: both values with their intervals, the change, the verdict."""
+    from tune.presentation.tables import headed_table, units_of
+
+    units = units_of(motion)
+    table = headed_table(
+        f"{old} -> {new}",
+        ("quantity", "unit", "old", "new", "change", "beyond both intervals"),
+        right=("old", "new", "change"),
+    )
+    for change in (*found.changes, *found.effects):
+        effect = change.name.rpartition(".")[2]
+        kind = effect if change in found.effects else _UNITS.get(change.name)
+        table.add_row(
+            change.name,
+            "s" if kind is None else units[kind],
+            _interval_words(change.old),
+            _interval_words(change.new),
+            "-" if change.part is None else f"{change.part:+.2%}",
+            "-" if change in found.effects else "yes" if change.beyond else "no",
+        )
+    return table
+
+
+def _interval_words(side: Interval | None) -> str:
+    if side is None:
+        return "-"
+    between = f"{side.low:.5g} .. {side.high:.5g}"
+    if side.value is None:
+        return between
+    return f"{side.value:.5g}" + ("" if side.low == side.high else f" ({between})")
+
+
+def _comparison_details(found: Comparison) -> dict[str, object]:
+    def plain(changes: tuple[Change, ...]) -> list[dict[str, object]]:
+        return [{**asdict(each), "part": each.part, "beyond": each.beyond} for each in changes]
+
+    return {
+        "kind": found.kind,
+        "changes": plain(found.changes),
+        "effects": plain(found.effects),
+        "holds": found.holds,
+        "gain": found.gain,
+    }
+
+
+@command(without=("reference",))
+def verify(
+    session: Session,
+    profile: Annotated[Path, Argument(help="profile.yaml")],
+    log: Annotated[
+        Path | None,
+        Argument(
+            help="Log of an element played at reduced gain: handle displaced or pushed, hand off. "
+            "Without one: says what to play."
+        ),
+    ] = None,
+    element: Annotated[
+        str | None, Option(metavar="NAME", help="Element played, A+B for two; default: found out.")
+    ] = None,
+    gain: Annotated[
+        float | None, Option(metavar="X", help="Gain it was played at; default: found out.")
+    ] = None,
+    release: Annotated[
+        float | None,
+        Option(
+            metavar="SECONDS",
+            help="When the hand let go, in the time of the log; default: largest displacement.",
+        ),
+    ] = None,
+    *,
+    options: LogOptions,
+    picture: Picture = None,
+) -> None:
+    """Does a low-gain closed-loop log behave as the profile predicts? Ends with 6 if not."""
+    from identification import UsageError, load_trajectory
+    from tune.documents.errors import CheckFailedError
+    from tune.documents.profile import load_profile
+    from tune.verification import margins_of_others, verification_picture, verify
+
+    if log is None:
+        if picture is not None:
+            raise UsageError("--picture", "there is no log to draw", "Give a LOG")
+        _plan(session, load_profile(profile), element)
+        return
+    session.target(picture, profile, log)
+    safe = load_profile(profile)
+    columns = options.columns()
+    trajectory = load_trajectory(
+        log, columns, motion=safe.device.motion, axis=columns.axis or safe.device.axis
+    )
+    tell_reading(session, trajectory)
+    with session.progress() as say:
+        say(f"comparing {log.name} with {profile.name}")
+        seen = verify(safe, trajectory, element=element, gain=gain, release=release)
+        others = margins_of_others(safe, seen.delay, say)
+        drawing = None if picture is None else verification_picture(safe, seen)
+    session.say(_verification_table(seen))
+    session.details |= _verification_details(seen, others)
+    if picture is not None and drawing is not None:
+        session.draw(picture, drawing)
+    if seen.disagreements:
+        lines = [f"{seen.source} is not as the profile predicts"]
+        for each in seen.disagreements:
+            lines += [f"  {each.told}", *([f"    {each.remedy}"] if each.remedy else [])]
+        raise CheckFailedError(("\n".join(lines),))
+    if not seen.assessed:
+        seen.refuse_unassessed(_advice(session, safe, seen))
+    session.say(
+        f"{log.name} behaves as {profile.name} predicts, where it was assessed: "
+        f"{'+'.join(seen.elements)} keeps its margin at every delay that the log allows"
+    )
+    session.say_each(
+        f"it does not tell this of {'+'.join(each.moment)}: were the delay "
+        f"{each.lost_at:.3g} samples, the margin would be lost"
+        for each in others
+        if each.lost_at is not None
+    )
+
+
+def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
+    """What to play for every element, or for the one named."""
+    from tune.presentation.tables import headed_table
+    from tune.verification import advise
+    from tune.verification.outcome import moments_of
+
+    targets = None if element is None else moments_of(safe, element)
+    with session.progress() as say:
+        advice = advise(safe, targets, say)
+    table = headed_table("what to play", ("to verify", "play"))
+    table.columns[0].no_wrap, table.columns[0].overflow = True, "ellipsis"
+    for each in advice:
+        table.add_row("+".join(each.moment), each.words(safe.device.motion))
+    session.say(table)
+    session.details["play"] = [_advice_details(each) for each in advice]
+
+
+def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
+    """What to do where the log of a moment cannot tell."""
+    from tune.verification import advise
+
+    with session.progress() as say:
+        (advice,) = advise(safe, (seen.elements,), say)
+    session.details["play"] = [_advice_details(advice)]
+    allowed, play = seen.delay.allowed, advice.play
+    more = play is not None and (play.moment != seen.elements or play.gain > _MORE * seen.gain)
+    if more or allowed is None or allowed.delays is None:
+        return f"Instead: {advice.words(safe.device.motion)}."
+    low, high = allowed.delays
+    return (
+        f"No gain tells more; state the delay of the device as {low:.3g} to {high:.3g} samples "
+        "(value, low and high, in s) and tune again."
+    )
+
+
+def _advice_details(advice: Advice) -> dict[str, object]:
+    return {
+        "to_verify": list(advice.moment),
+        "play": None if advice.play is None else asdict(advice.play),
+        "why": advice.why,
+    }
+
+
+def _verification_table(seen: Verification) -> Table:
+    from tune.presentation.tables import headed_table
+
+    table = headed_table(
+        f"{seen.source}: {'+'.join(seen.elements)}",
+        ("check", "verdict", "seen", "predicted", "tolerance"),
+    )
+    for column in table.columns[:2]:
+        column.no_wrap = True
+    for each in seen.outcomes:
+        table.add_row(each.check, each.verdict, each.seen, each.predicted, each.tolerance)
+    return table
+
+
+def _verification_details(seen: Verification, others: tuple[Kept, ...]) -> dict[str, object]:
+    allowed = seen.delay.allowed
+    return {
+        "log": seen.source,
+        "elements": list(seen.elements),
+        "gain": seen.gain if math.isfinite(seen.gain) else None,
+        "checks": [asdict(each) for each in seen.outcomes],
+        "filters": [asdict(each) for each in seen.cutoffs],
+        "delay": None if allowed is None or allowed.delays is None else list(allowed.delays),
+        "longer_delays_not_looked_at": allowed is not None and allowed.open_ended,
+        "margins": [asdict(each) for each in (seen.delay.played, *others) if each is not None],
+    }

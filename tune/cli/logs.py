@@ -1,0 +1,318 @@
+"""What logs tell: ``haptune doctor``, ``haptune identify``, and the reading that others share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from tune.cli import options as opt
+from tune.cli.session import Session
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from identification import (
+        Device,
+        Examination,
+        Finding,
+        Hardware,
+        Identification,
+        LogColumns,
+        LogFit,
+        Method,
+        Quantity,
+        Trajectory,
+    )
+    from tune.documents.result_details import (
+        IdentifyDetails,
+        LogExamined,
+        LogIdentified,
+        ToldQuantity,
+    )
+
+DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
+
+
+@opt.command()
+def identify(
+    session: Session,
+    logs: opt.Logs,
+    output: opt.DeviceOut = Path("device.yaml"),
+    *,
+    options: opt.LogOptions,
+    hardware: opt.HardwareFile = None,
+    allow: opt.Allow = None,
+    method: opt.MethodOption = "auto",
+    picture: opt.Picture = None,
+    dry_run: opt.DryRun = False,
+) -> None:
+    """Mass, damping and friction with 95 % intervals; several logs give their envelope."""
+    from identification import to_mapping, to_yaml
+
+    session.target(output, *logs, hardware)
+    session.target(picture, *logs, hardware, output)
+    columns = options.columns()
+    result = identify_logs(session, logs, columns, hardware, method, allow or [])
+    if result.device.position_stiffness is not None or result.device.gravity is not None:
+        from tune.certificate.refusal import refusal_of
+
+        refusal = refusal_of(result.device)
+        if refusal is not None:
+            session.warn(f"tune will refuse this device: {refusal}")
+    before = None if picture is None else device_in(output)
+    session.write(output, to_yaml(to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run)
+    if picture is not None:
+        draw_identified(session, picture, result, before)
+
+
+def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Trajectory:
+    """One log, of the motion and axis of its hardware."""
+    from identification import load_trajectory
+
+    return load_trajectory(
+        path,
+        columns,
+        motion=None if hardware is None else hardware.motion,
+        axis=columns.axis or (None if hardware is None else hardware.axis),
+    )
+
+
+def tell_reading(session: Session, *trajectories: Trajectory) -> None:
+    """One line a log that is no plain table in SI units: how it was understood."""
+    for log in trajectories:
+        if log.read_as:
+            session.say(f"{log.source}: read with {log.read_as}")
+            session.understood[log.source] = log.read_as
+            session.details["read_as"] = session.understood
+
+
+def identify_logs(
+    session: Session,
+    logs: list[Path],
+    columns: LogColumns,
+    hardware: Path | None,
+    method: Method,
+    allow: list[str],
+) -> Identification:
+    """Read logs, identify and show the result."""
+    from identification import Hardware, load_document
+    from identification import identify as estimate
+    from tune.presentation.tables import device_table
+
+    known = None if hardware is None else load_document(Hardware, hardware)
+    with session.progress() as say:
+        say("reading logs")
+        trajectories = [read_log(path, columns, known) for path in logs]
+    tell_reading(session, *trajectories)
+    with session.progress() as say:
+        say("identifying")
+        result = estimate(trajectories, hardware=known, method=method, allow=allow)
+    session.add_findings(result.findings)
+    session.details |= identification_details(result)
+    session.say(device_table(result.device))
+    session.say(f"method: {result.method}; {result.reason}")
+    for fit in result.logs:
+        source = fit.trajectory.source
+        for other in fit.others:
+            mass, damping = other.value("mass"), other.value("damping")
+            session.say(f"{source}, {other.method}: mass {mass:.5g}, damping {damping:.5g}")
+        for sentence in fit.structure.sentences if fit.structure else ():
+            session.say(f"{source}: {sentence}")
+    return result
+
+
+def identification_details(found: Identification) -> IdentifyDetails:
+    """The device as its file will hold it, and how each log was identified."""
+    from identification import to_mapping
+    from tune.presentation.tables import half_widths
+
+    return {
+        "device": to_mapping(found.device),
+        "half_widths": half_widths(found.device),
+        "method": found.method,
+        "logs": [_log_details(fit) for fit in found.logs],
+    }
+
+
+def _log_details(fit: LogFit) -> LogIdentified:
+    return {
+        "source": fit.trajectory.source,
+        "method": fit.method,
+        "reason": fit.reason,
+        "fitted": fit.fitted,
+        "others": [
+            {
+                "method": other.method,
+                "mass": float(other.value("mass")),
+                "damping": float(other.value("damping")),
+            }
+            for other in fit.others
+        ],
+        "structure": list(fit.structure.sentences) if fit.structure else [],
+    }
+
+
+def device_in(output: Path) -> Device | None:
+    """The device that a file states which is about to be replaced; None where there is none."""
+    from identification import Device, IdentificationError, load_mapping, parse_document
+
+    if not output.is_file():
+        return None
+    try:
+        content = load_mapping(output)
+        inside: object = content.get("device")
+        known = cast("dict[str, object]", inside) if isinstance(inside, dict) else content
+        return parse_document(Device, known, output)
+    except IdentificationError:
+        return None
+
+
+def draw_identified(
+    session: Session, picture: Path, found: Identification, before: Device | None
+) -> None:
+    """Draw fit, residual, friction and intervals of an identification."""
+    from identification import identified_picture
+
+    with session.progress() as say:
+        say("drawing")
+        drawn = identified_picture(found.device, found.logs, before=before)
+    session.draw(picture, drawn)
+
+
+@opt.command()
+def doctor(
+    session: Session,
+    logs: opt.Logs,
+    *,
+    options: opt.LogOptions,
+    hardware: opt.HardwareFile = None,
+    allow: opt.Allow = None,
+    picture: opt.Picture = None,
+) -> None:
+    """What each log can and cannot support; ends with 4 if identify would refuse one."""
+    from identification import Hardware, LogRefusedError, examine, load_document
+
+    columns = options.columns()
+    for place in range(len(logs)):
+        session.target(picture and _numbered(picture, place), *logs, hardware)
+    known = None if hardware is None else load_document(Hardware, hardware)
+    findings: list[Finding] = []
+    examined: list[LogExamined] = []
+    session.details["logs"] = examined
+    refused = False
+    for place, path in enumerate(logs):
+        try:
+            with session.progress() as say:
+                say(f"reading {path.name}")
+                trajectory = read_log(path, columns, known)
+            tell_reading(session, trajectory)
+            with session.progress() as say:
+                say(f"examining {path.name}")
+                seen = examine(trajectory, hardware=known, allow=allow or [])
+        except LogRefusedError as error:  # the columns are no log at all
+            findings += error.findings
+            refused = True
+            continue
+        examined.append(_examined(seen))
+        session.say(_examination_table(seen))
+        session.say(_verdict(seen))
+        if picture is not None:
+            _draw(session, _numbered(picture, place), trajectory, seen)
+        findings += seen.findings
+        refused = refused or seen.refused
+    if refused:
+        raise LogRefusedError(tuple(findings))
+    session.add_findings(tuple(findings))
+
+
+def _numbered(picture: Path, place: int) -> Path:
+    """The file of the picture of one log: as named for the first, with -2 and so on for others."""
+    return picture if place == 0 else picture.with_stem(f"{picture.stem}-{place + 1}")
+
+
+def _draw(session: Session, picture: Path, trajectory: Trajectory, seen: Examination) -> None:
+    """Draw what identify makes of one log, or the log alone if it makes nothing of it."""
+    from identification import identified_picture, log_picture
+
+    with session.progress() as say:
+        say("drawing")
+        if seen.found is None:
+            drawn = log_picture(trajectory)
+        else:
+            drawn = identified_picture(seen.found.device, seen.found.logs)
+    session.draw(picture, drawn)
+
+
+def _examination_table(seen: Examination) -> Table:
+    from tune.presentation.tables import headed_table, units_of
+
+    units = units_of(seen.motion)
+    table = headed_table(seen.source, ("seen in the log", "value"))
+    rate = f"{1 / seen.sample_time:.4g} Hz, usual step {seen.sample_time * 1e3:.4g} ms"
+    count = "none seen" if seen.count is None else f"{seen.count:.4g} {units['length']}"
+    whole = seen.fitted is None or seen.fitted == seen.samples
+    part = "" if whole else f", fitted the {seen.fitted} that move most"
+    for name, value in (
+        ("length", f"{seen.duration:.4g} s, {seen.samples} samples{part}"),
+        ("rate", rate),
+        ("travel", f"{seen.travel:.4g} {units['length']}"),
+        ("peak speed", f"{seen.peak_speed:.4g} {units['speed']}"),
+        ("peak force", f"{seen.peak_force:.4g} {units['force']}"),
+        ("encoder count", f"{count}; noise of a reading {seen.noise:.2g} {units['length']} rms"),
+        ("excited band", f"{seen.band[0]:.3g} to {seen.band[1]:.3g} Hz"),
+        ("mass", _quantity_words(seen.mass, units["mass"])),
+        ("damping", _quantity_words(seen.damping, units["damping"])),
+    ):
+        table.add_row(name, value)
+    return table
+
+
+def _quantity_words(quantity: Quantity | None, unit: str) -> str:
+    if quantity is None:
+        return "not told"
+    half = (quantity.high - quantity.low) / 2
+    share = f" ({100 * half / abs(quantity.value):.2g} %)" if quantity.value else ""
+    return f"{quantity.value:.5g} ± {half:.2g} {unit}{share}"
+
+
+def _verdict(seen: Examination) -> str:
+    refusals = list(dict.fromkeys(f.code for f in seen.findings if f.severity == "refusal"))
+    warnings = list(dict.fromkeys(f.code for f in seen.findings if f.severity == "warning"))
+    if seen.refused:
+        return f"not usable: {', '.join(refusals)}; the interval above cannot be relied on"
+    return "usable" + (f", with warnings: {', '.join(warnings)}" if warnings else "")
+
+
+def _told(quantity: Quantity | None) -> ToldQuantity | None:
+    from tune.presentation.tables import half_width, relative_half_width
+
+    if quantity is None:
+        return None
+    return {
+        "value": quantity.value,
+        "low": quantity.low,
+        "high": quantity.high,
+        "half_width": half_width(quantity),
+        "relative": relative_half_width(quantity),
+    }
+
+
+def _examined(seen: Examination) -> LogExamined:
+    return {
+        "source": seen.source,
+        "motion": seen.motion,
+        "usable": not seen.refused,
+        "samples": seen.samples,
+        "fitted": seen.fitted,
+        "duration": seen.duration,
+        "sample_time": seen.sample_time,
+        "rate_hz": 1 / seen.sample_time,
+        "travel": seen.travel,
+        "peak_speed": seen.peak_speed,
+        "peak_force": seen.peak_force,
+        "encoder_count": seen.count,
+        "noise": seen.noise,
+        "band_hz": seen.band,
+        "mass": _told(seen.mass),
+        "damping": _told(seen.damping),
+    }

@@ -1,0 +1,357 @@
+"""What comes before a log: ``haptune new`` (templates), ``excite`` (a force), ``simulate`` (a log).
+
+None of it drives hardware.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from typer import Argument, Option
+
+from tune.cli.options import DryRun, command
+from tune.cli.session import Session
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from identification import Excitation
+
+#: How far each known device is moved from its middle, m (rad): room that it has by its size.
+_ROOM = {"emps": 0.1, "homerehab": 0.1, "knob": 1.0, "stylus": 0.03}
+#: Parts of the stiffness that the continuous force allows, of which a soft spring is one.
+_SOFT = 20.0
+
+
+#: Files that have a template, and languages of the player with the endings of their files.
+_Kind = Literal["hardware", "scene", "excitation", "player"]
+_Language = Literal["c", "python"]
+_ENDINGS: dict[_Language, str] = {"c": "c", "python": "py"}
+
+
+@command()
+def new(
+    session: Session,
+    kind: Annotated[_Kind, Argument(help="What to write.")],
+    device: Annotated[
+        str | None, Option(help="Fill in what suits a known device, such as homerehab.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        Option("-o", "--output", help="Where to write; default KIND.yaml, player.c or player.py."),
+    ] = None,
+    language: Annotated[_Language | None, Option(help="Of the player; default c.")] = None,
+    dry_run: DryRun = False,
+) -> None:
+    """Write a commented template of hardware.yaml, scene.yaml or excitation.yaml, or a player."""
+    from identification import UsageError, named_devices
+
+    if language is not None and kind != "player":
+        raise UsageError("--language", f"is of no {kind}", "Leave it out")
+    if device is not None and kind == "player":
+        raise UsageError("--device", "fills in no player", "Leave it out")
+    if kind == "player":
+        ending = _ENDINGS[language or "c"]
+        path = output or Path(f"player.{ending}")
+        session.target(path)
+        session.write(path, template("player", ending), dry_run=dry_run)
+        session.say("fill in how your device is read and driven; haptune never drives it")
+        return
+    path = output or Path(f"{kind}.yaml")
+    session.target(path)
+    filled = {"hardware": hardware_of, "scene": scene_of, "excitation": excitation_of}
+    text = template(kind) if device is None else filled[kind](device)
+    session.write(path, text, dry_run=dry_run)
+    if kind != "scene" and device is None:
+        known = ", ".join(named_devices())
+        session.say(f"fill in what is blank; known devices for --device: {known}")
+
+
+def template(kind: str, ending: str = "yaml") -> str:
+    """Text of a file of ``tune/templates``."""
+    from importlib.resources import files
+
+    return (files("tune") / "templates" / f"{kind}.{ending}").read_text(encoding="utf-8")
+
+
+def excitation_of(name: str) -> str:
+    """The template of an excitation with what is known of a device filled in.
+
+    Raises UsageError for a device file, of which nobody said how far it may be moved.
+    """
+    from numpy import format_float_positional
+
+    from identification import UsageError, load_device, named_devices
+
+    if name not in named_devices():
+        raise UsageError(
+            "--device", f"{name} is no known device", f"Give one of {', '.join(named_devices())}"
+        )
+    device = load_device(name)
+    limit, count = device.force_limit, device.encoder_resolution
+    assert limit is not None
+    assert count is not None
+    guesses = (device.mass, device.damping, device.coulomb_friction)
+    numbers = {
+        "sample_time": device.sample_time.value,
+        "force": limit.continuous,
+        "travel": _ROOM[name],
+        "encoder_resolution": count.value,
+    }
+    known = {"name": name, "axis": device.axis, "motion": device.motion}
+    known |= {key: format_float_positional(value, trim="0") for key, value in numbers.items()}
+    for key, guess in zip(("mass", "damping", "coulomb_friction"), guesses, strict=True):
+        ends = (guess.value, guess.low, guess.high)
+        value, low, high = (format_float_positional(each, trim="0") for each in ends)
+        known[key] = f"{{value: {value}, low: {low}, high: {high}}}"
+    lines = [f"# Guesses and limits of the known device {name}; check all of them on yours."]
+    assumed = [key for key in device.assumed() if key in known]
+    lines += [f"# Assumed, not known: {', '.join(assumed)}."] if assumed else []
+    for line in template("excitation").splitlines():
+        key, colon, rest = line.partition(":")
+        if not colon or key not in known:
+            lines.append(line)
+            continue
+        comment = rest.partition("#")[2]
+        kept = f"#{comment}" if comment and "such as" not in comment else ""
+        lines.append(f"{key + ': ' + known[key]:<31} {kept}".rstrip())
+    return "\n".join(lines) + "\n"
+
+
+def scene_of(name: str) -> str:
+    """The template of a scene with sizes and motions that suit a known device or a device file."""
+    from identification import load_device
+    from tune.documents.perception import default_table
+    from tune.documents.scene import DEFAULT_MOTION
+    from tune.documents.steps import SCALE_DEPTH
+    from tune.documents.units import UNITS, format_number
+
+    device = load_device(name)
+    units, motion = UNITS[device.motion], DEFAULT_MOTION[device.motion]
+    depth, damping = SCALE_DEPTH[device.motion], device.damping.value
+    noticed = f"ripple_limit: {format_number(default_table().threshold(device.motion))}"
+    sizes = {
+        "(m/s)": f"({units['speed']})",
+        "how deep (m)": f"how deep ({units['length']})",
+        "penetration: 0.01": f"penetration: {depth:g}",
+        "speed: 0.2": f"speed: {motion.speed:.1f}",
+        "acceleration: 2.0": f"acceleration: {motion.acceleration:.1f}",
+        "ripple_limit: 0.1         # N rms": f"{'# ' + noticed:<25} # {units['force']} rms",
+    }
+    for factor, written in ((1, "10.0"), (3, "30.0"), (2, "20.0")):
+        sizes[f"damping: {written}"] = f"damping: {format_number(factor * damping)}"
+    if device.force_limit is not None:
+        stiffest = device.force_limit.continuous / depth
+        softest = stiffest / _SOFT
+        within = f"{{min: {format_number(softest)}, max: {format_number(stiffest)}}}"
+        sizes["stiffness: {min: 200.0, max: 1500.0}"] = f"stiffness: {within}"
+    above, elements, below = template("scene").partition("ripple_limit:")
+    below = elements + below
+    for before, after in sizes.items():
+        below = below.replace(before, after)
+    return f"# Sizes suit {name}; choose your own.\n{above}{below}"
+
+
+def hardware_of(name: str) -> str:
+    """The hardware part of a device as YAML, without what nobody stated of it."""
+    from identification import Hardware, load_device, to_mapping, to_yaml
+
+    device = load_device(name)
+    known = ("name", "axis", "motion", "sample_time", "delay", "encoder_resolution", "force_limit",
+             "modes", "current_lag")  # fmt: skip
+    hardware = Hardware(**{key: getattr(device, key) for key in known})
+    hardware = hardware.model_copy(update=dict.fromkeys(device.unstated()))
+    return to_yaml(to_mapping(hardware), f"Hardware of the known device {name}; check it on yours.")
+
+
+@command()
+def excite(
+    session: Session,
+    spec: Annotated[Path, Argument(help="Limits and guesses; see 'haptune new excitation'.")],
+    output: Annotated[
+        Path, Option("-o", "--output", help="Where to write the force (CSV).")
+    ] = Path("force.csv"),
+    picture: Annotated[
+        Path | None, Option(help="Where to draw force and predicted motion (PNG).")
+    ] = None,
+    dry_run: DryRun = False,
+) -> None:
+    """Plan a force that tells mass and damping best within limits. Drives no hardware."""
+    from identification import excitation_picture, force_text, load_excitation, plan_excitation
+
+    session.target(output, spec)
+    session.target(picture, spec, output)
+    wanted = load_excitation(spec)
+    with session.progress() as say:
+        plan = plan_excitation(wanted, progress=say)
+        text = force_text(plan)
+        drawing = None if picture is None else excitation_picture(plan)
+    rows = text.count("\n") - 1
+    session.details |= _plan_details(plan) | {"rows": rows}
+    session.say(_excitation_table(plan))
+    session.say(_prediction_line(plan))
+    session.say(_worst_table(plan))
+    if plan.beyond and wanted.device is None:
+        session.warn(_beyond_limits(plan))
+    if wanted.gentle:
+        session.say(
+            f"gentle first play, at most {plan.spec.force:.3g} {_units(plan)['force']} for "
+            f"{plan.spec.duration:g} s: identify its log (haptune identify LOG --force-gain 1 -o "
+            "first.yaml; so small a force looks like amperes), then put device: first.yaml in the "
+            "place of gentle: true and plan the full force for the device identified"
+        )
+    if dry_run:  # thousands of rows would tell nobody anything
+        session.say(f"dry run: {output} would be written, {rows} rows")
+        return
+    session.write(output, text)
+    if picture is not None and drawing is not None:
+        session.draw(picture, drawing)
+
+
+def _units(plan: Excitation) -> dict[str, str]:
+    from tune.documents.units import UNITS
+
+    return UNITS[plan.spec.motion]
+
+
+def _excitation_table(plan: Excitation) -> Table:
+    """One row a family: bound of both intervals, and how much of the limits is used."""
+    from tune.presentation.tables import headed_table
+
+    spec, units = plan.spec, _units(plan)
+    numbers = (f"mass, {units['mass']}", f"damping, {units['damping']}", "force", "travel", "speed")
+    table = headed_table(
+        f"{spec.name}, axis {spec.axis}: {spec.duration:g} s, least 95 % intervals "
+        "any estimator can reach; the first is played",
+        ("signal", "frequencies", *numbers),
+        right=numbers,
+    )
+    for each in plan.candidates:
+        bounds = (f"± {each.prediction.mass:.3g}", f"± {each.prediction.damping:.3g}")
+        used = (f"{each.used.force:.0%}", f"{each.used.travel:.0%}")
+        speed = "-" if spec.speed is None else f"{each.used.speed:.0%}"
+        table.add_row(each.family, each.description, *bounds, *used, speed)
+    return table
+
+
+def _worst_table(plan: Excitation) -> Table:
+    """One row a set of devices: how far and how fast the played force moves the worst of them."""
+    from tune.presentation.tables import headed_table
+
+    spec, units = plan.spec, _units(plan)
+    numbers = (f"travel, {units['length']}", "of it", units["speed"], "of it")
+    table = headed_table(
+        "the played force on a device that is not as guessed: farthest and fastest",
+        ("device", *numbers),
+        right=numbers,
+    )
+    for each in plan.worst:
+        travel = (f"{each.travel:.3g}", f"{each.travel / spec.travel:.0%}")
+        used = "-" if spec.speed is None else f"{each.speed / spec.speed:.0%}"
+        table.add_row(each.words, *travel, f"{each.speed:.3g}", used)
+    return table
+
+
+def _beyond_limits(plan: Excitation) -> str:
+    spec, units = plan.spec, _units(plan)
+    allowed = f"travel {spec.travel:g} {units['length']}"
+    if spec.speed is not None:
+        allowed += f", speed {spec.speed:g} {units['speed']}"
+    seen = "; ".join(
+        f"{each.words}: {each.travel:.2g} {units['length']}, {each.speed:.2g} {units['speed']}"
+        for each in plan.beyond
+    )
+    return (
+        f"this force may drive a device that is not as guessed against its end stops: {seen}; "
+        f"allowed: {allowed}. Plan a gentle first play with gentle: true and name the device "
+        "identified from its log with device: FILE; or widen the guesses to what they may be, "
+        "shorten the duration (a constant force makes a device without a spring drift all along), "
+        "lower the force or allow more travel"
+    )
+
+
+def _plan_details(plan: Excitation) -> dict[str, object]:
+    spec = plan.spec
+    mass, damping = plan.best.prediction.stated
+    return {
+        "duration": spec.duration,
+        "limits": {"force": spec.force, "travel": spec.travel, "speed": spec.speed},
+        "candidates": [
+            {
+                "signal": each.family,
+                "frequencies": each.description,
+                "band_hz": each.band,
+                "lines": each.lines,
+                "mass": each.prediction.mass,
+                "damping": each.prediction.damping,
+                "force_used": each.used.force,
+                "travel_used": each.used.travel,
+                "speed_used": None if spec.speed is None else each.used.speed,
+            }
+            for each in plan.candidates
+        ],
+        "guesses": {"mass": spec.mass.value, "damping": spec.damping.value},
+        "predicted": {"mass": plan.mass, "damping": plan.damping},
+        "stated": {"mass": mass, "damping": damping},
+        "worst": [
+            {
+                "device": each.name,
+                "words": each.words,
+                "travel": each.travel,
+                "speed": each.speed,
+                "travel_used": each.travel / spec.travel,
+                "speed_used": None if spec.speed is None else each.speed / spec.speed,
+                "beyond": each in plan.beyond,
+            }
+            for each in plan.worst
+        ],
+    }
+
+
+def _prediction_line(plan: Excitation) -> str:
+    """The interval predicted for both, and what the prediction rests on."""
+    spec, units = plan.spec, _units(plan)
+    mass, damping = units["mass"], units["damping"]
+    stated = plan.best.prediction.stated
+    parts = [
+        f"{name} {guess:g} ± {half:.3g} {unit} (stated as ± {whole:.3g})"
+        for name, guess, half, whole, unit in (
+            ("mass", spec.mass.value, plan.mass, stated[0], mass),
+            ("damping", spec.damping.value, plan.damping, stated[1], damping),
+        )
+    ]
+    method = "output error" if spec.force_noise == 0 else "the innovations method"
+    return (
+        f"predicted 95 % intervals: {', '.join(parts)}; noise alone lets {method} reach the first, "
+        "identify states the second, as it trusts no force beyond 2e-5 of it"
+    )
+
+
+@command()
+def simulate(
+    session: Session,
+    spec: Annotated[str, Argument(help="Name of a scenario; an unknown name lists all of them.")],
+    output: Annotated[Path, Option("-o", "--output", help="Where to write the log (CSV).")] = Path(
+        "log.csv"
+    ),
+    seed: Annotated[
+        int | None, Option(help="Seed of the noise; default the scenario's own.")
+    ] = None,
+) -> None:
+    """Simulate a logged calibration of a known device with its faults. Drives no hardware."""
+    from datasets_synthetic import log_text, run, scenario_named
+
+    session.target(output)
+    scenario = scenario_named(spec)
+    with session.progress() as say:
+        say(f"simulating {spec}")
+        trajectory = run(scenario, seed=seed)
+    session.details |= {
+        "scenario": spec,
+        "description": scenario.description,
+        "samples": len(trajectory),
+        "sample_time": trajectory.sample_time,
+    }
+    session.say(scenario.description)
+    session.write(output, log_text(trajectory))

@@ -1,0 +1,281 @@
+"""The largest safe effects of a scene: ``haptune tune``, ``calibrate`` and ``demo``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from tune.cli import options as opt
+from tune.cli.logs import DEVICE_COMMENT, device_in, draw_identified, identify_logs
+from tune.cli.preparation import template
+from tune.cli.session import Session
+
+if TYPE_CHECKING:
+    from identification import Device
+    from tune._what_if import Alternative
+    from tune.documents.perception import PerceptionTable
+    from tune.documents.profile import Design, SafeProfile
+    from tune.documents.result_details import AlternativeResult
+    from tune.documents.scene import Scene
+    from tune.optimisation.candidates import Candidate, CandidateEffect
+
+#: Where to state what a device file lacks.
+IN_DEVICE = (
+    "State them in this file, without 'source: log' and no longer under 'missing'; or identify "
+    "again with --hardware ('haptune new hardware' writes the form):"
+)
+_IN_HARDWARE = (
+    "State them in a hardware file and give it with --hardware ('haptune new hardware' writes the "
+    "form):"
+)
+#: What the demonstration leaves in the current folder.
+_FILES = ("device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png")
+
+
+@opt.command()
+def tune(
+    session: Session,
+    device: Annotated[str, Argument(help="device.yaml, or the name of a known device.")],
+    scene: Annotated[Path, Argument(help="scene.yaml")],
+    output: opt.ProfileOut = Path("profile.yaml"),
+    margin: opt.MarginOption = None,
+    candidates: opt.Candidates = False,
+    what_if: opt.WhatIf = False,
+    picture: opt.Picture = None,
+    dry_run: opt.DryRun = False,
+) -> None:
+    """The largest perceivable effects of a scene that are safe on a device."""
+    from identification import load_device
+
+    session.target(output, scene, Path(device))
+    session.target(picture, scene, Path(device), output)
+    sheet = picture and _further_picture(picture, "candidates") if candidates else None
+    session.target(sheet, scene, Path(device), output)
+    known = load_device(device)
+    known.require_stated(subject=device, where=IN_DEVICE)
+    wish = read_request(scene, margin)
+    profile = tune_device(session, known, wish, compare=candidates, sheet=sheet)
+    if what_if:
+        say_what_would_help(session, profile, wish.scene, wish.table)
+    session.write(output, profile.to_yaml(), dry_run=dry_run)
+    if picture is not None:
+        draw_profile(session, picture, profile)
+
+
+@opt.command()
+def calibrate(
+    session: Session,
+    logs: opt.Logs,
+    scene: Annotated[Path, Option(metavar="SCENE", help="scene.yaml")],
+    output: opt.ProfileOut = Path("profile.yaml"),
+    *,
+    options: opt.LogOptions,
+    hardware: opt.HardwareFile = None,
+    allow: opt.Allow = None,
+    method: opt.MethodOption = "auto",
+    margin: opt.MarginOption = None,
+    candidates: opt.Candidates = False,
+    picture: opt.Picture = None,
+    dry_run: opt.DryRun = False,
+) -> None:
+    """Identify the device and tune the scene in one go; the device is kept inside the profile."""
+    session.target(output, *logs, scene, hardware)
+    inputs = (*logs, scene, hardware, output)
+    session.target(picture, *inputs)
+    session.target(picture and _further_picture(picture, "profile"), *inputs)
+    sheet = picture and _further_picture(picture, "candidates") if candidates else None
+    session.target(sheet, *inputs)
+    columns = options.columns()
+    wish = read_request(scene, margin)
+    found = identify_logs(session, logs, columns, hardware, method, allow or [])
+    found.device.require_stated(
+        subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
+    )
+    profile = tune_device(session, found.device, wish, compare=candidates, sheet=sheet)
+    before = None if picture is None else device_in(output)
+    session.write(output, profile.to_yaml(), dry_run=dry_run)
+    if picture is not None:
+        draw_identified(session, picture, found, before)
+        draw_profile(session, _further_picture(picture, "profile"), profile)
+
+
+@opt.command()
+def demo(session: Session) -> None:
+    """Bundled log → device.yaml → scene.yaml → profile.yaml, with tables and two pictures."""
+    from datasets_synthetic import bundled_path
+    from identification import LogColumns, to_mapping, to_yaml
+
+    for name in _FILES:
+        session.target(Path(name))
+    log = bundled_path("homerehab.csv")
+    hardware = bundled_path("homerehab.hardware.yaml")
+    session.say(f"log: {log}")
+    found = identify_logs(session, [log], LogColumns(), hardware, "auto", [])
+    session.write(Path("device.yaml"), to_yaml(to_mapping(found.device), DEVICE_COMMENT))
+    scene = Path("scene.yaml")
+    session.write(scene, template("scene"))
+    profile = tune_device(session, found.device, read_request(scene, None))
+    session.write(Path("profile.yaml"), profile.to_yaml())
+    with session.progress() as say:
+        say("drawing")
+        from identification import fit_picture
+        from tune.presentation.pictures import profile_picture
+
+        fit = found.logs[0]
+        picture = fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)
+        session.draw(Path("identification.png"), picture)
+        session.draw(Path("profile.png"), profile_picture(profile))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningRequest:
+    """What is to be felt and how finely hands can tell; read before any log is."""
+
+    scene: Scene
+    table: PerceptionTable
+
+
+def read_request(scene_file: Path, margin: opt.MarginChoice | None) -> TuningRequest:
+    """Read a scene and its perception table, the margin replaced where one is given."""
+    from tune.documents.scene import load_scene, perception_of
+
+    scene = load_scene(scene_file)
+    if margin is not None:
+        scene = scene.model_copy(update={"margin": margin.value})
+    return TuningRequest(scene=scene, table=perception_of(scene, scene_file.parent))
+
+
+def tune_device(
+    session: Session,
+    device: Device,
+    wish: TuningRequest,
+    *,
+    compare: bool = False,
+    sheet: Path | None = None,
+) -> SafeProfile:
+    """Tune, show the result and return it; all candidates are compared, and drawn, if asked."""
+    from identification import to_mapping
+    from tune.certificate.assumptions import trusted_facts
+    from tune.cli.rehearse import refuse_restless
+    from tune.optimisation._optimise import optimise
+    from tune.presentation.tables import certificate_lines, elements_table
+
+    if compare:
+        profile = _choose_candidate(session, device, wish, sheet)
+    else:
+        with session.progress() as say:
+            profile = optimise(device, wish.scene, table=wish.table, progress=say)
+        session.say(elements_table(profile))
+    trusted = trusted_facts(profile.device)
+    session.details |= {"profile": to_mapping(profile.signed()), "taken_on_trust": trusted}
+    session.say_each(profile.notes)
+    session.say_each(certificate_lines(profile.certificate))
+    session.say_each(f"taken on trust: {line}" for line in trusted)
+    with session.progress() as say:
+        refuse_restless(profile, say)
+    session.details["rehearsed"] = "settles"
+    session.say(
+        "rehearsed in simulation with quantiser, friction and force limit, every set and entering, "
+        "leaving and gains that change: settles"
+    )
+    return profile
+
+
+def _choose_candidate(
+    session: Session, device: Device, wish: TuningRequest, sheet: Path | None
+) -> SafeProfile:
+    """The candidate with the scene's margin, or why there is none, after all three were shown."""
+    from tune.optimisation.candidates import candidates, compare_candidates
+    from tune.presentation.tables import candidates_lines, candidates_table
+
+    with session.progress() as say:
+        found = candidates(device, wish.scene, table=wish.table, progress=say)
+    rows = compare_candidates(found, wish.table)
+    session.details["candidates"] = [
+        _candidate_result(candidate, [row for row in rows if row.candidate == candidate.name])
+        for candidate in found
+    ]
+    session.say(candidates_table(found, rows, wish.scene.margin))
+    session.say_each(candidates_lines(found, rows))
+    chosen = next(each for each in found if each.name == wish.scene.margin)
+    if chosen.profile is None:
+        assert chosen.error is not None
+        raise chosen.error
+    if sheet is not None:
+        from tune.optimisation.candidates_picture import candidates_picture
+
+        session.draw(sheet, candidates_picture(rows, device.motion))
+    return chosen.profile
+
+
+def _candidate_result(candidate: Candidate, rows: list[CandidateEffect]) -> dict[str, object]:
+    from identification import round_to_digits
+    from tune.documents.scene import MARGINS
+
+    apart = {"candidate", "margin", "steps"}
+
+    def short(number: float | None) -> float | None:
+        """Four digits, as profiles state steps: the interval is no better known."""
+        return None if number is None else round_to_digits(number, 4)
+
+    profile = candidate.profile
+    return {
+        "name": candidate.name,
+        "margin": candidate.margin,
+        "recommended": candidate.recommended,
+        "demanded": MARGINS[candidate.margin].model_dump(mode="json"),
+        "reason": None if candidate.error is None else str(candidate.error),
+        "loop": None if profile is None else profile.loop.model_dump(mode="json"),
+        "effects": [
+            {key: item for key, item in asdict(row).items() if key not in apart}
+            | {"steps": {key: short(item) for key, item in asdict(row.steps).items()}}
+            for row in rows
+        ],
+    }
+
+
+def say_what_would_help(
+    session: Session, profile: SafeProfile, scene: Scene, perception: PerceptionTable
+) -> tuple[Alternative, ...]:
+    """Tune for each changed device, the best change first, and show what it brings."""
+    from tune._what_if import what_if
+    from tune.presentation.tables import alternatives_table
+
+    with session.progress() as say:
+        found = what_if(profile.device, scene, table=perception, profile=profile, progress=say)
+    session.say(alternatives_table(found))
+    session.say_each(f"{each.change}: {each.reason}" for each in found if each.reason is not None)
+    session.details["what_if"] = [_alternative_result(each, found[0]) for each in found]
+    return found
+
+
+def _alternative_result(each: Alternative, now: Alternative) -> AlternativeResult:
+    from tune.presentation.tables import steps_won
+
+    return {
+        "change": each.change,
+        "total": each.total,
+        "won": each.total - now.total,
+        "steps": each.steps,
+        "won_by_effect": steps_won(each, now),
+        "reason": each.reason,
+    }
+
+
+def draw_profile(
+    session: Session, picture: Path, profile: Design, verdict: str | None = None
+) -> None:
+    """Draw region, limits and responses of every element, with a verdict in the title."""
+    from tune.presentation.pictures import profile_sheet
+
+    with session.progress() as say:
+        say("drawing")
+        drawn = profile_sheet(profile, verdict)
+    session.draw(picture, drawn)
+
+
+def _further_picture(picture: Path, what: str) -> Path:
+    return picture.with_name(f"{picture.stem}-{what}{picture.suffix}")

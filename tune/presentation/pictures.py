@@ -1,0 +1,402 @@
+"""Pictures of a profile: its elements in the stable region, what limits them, their answers."""
+
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from matplotlib.path import Path
+from matplotlib.transforms import Bbox
+
+from identification import legend_above
+from tune.documents.profile import Design, ElementProfile, SafeProfile
+from tune.documents.units import UNITS, format_number
+from tune.presentation.elements import Response, Use, impact_response, step_response, uses_of
+from tune.presentation.regions import Boundaries, draw_region, draw_slice, set_small_title
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.text import Annotation
+
+#: Inches of the picture of an element.
+_WIDTH, _HEIGHT = 11.0, 6.2
+#: Where the four pictures stand on their figure, in parts of it and of a picture.
+_GRID = {
+    "left": 0.095,
+    "right": 0.925,
+    "top": 0.85,
+    "bottom": 0.085,
+    "hspace": 0.55,
+    "wspace": 0.42,
+}
+#: Letters of a name.
+_SHORT = 28
+#: Of the continuous force, the step that is drawn; where no limit is stated, N.
+_STEP, _WITHOUT_LIMIT = 0.1, 1.0
+#: A part of a limit beyond which more than rounding is used.
+_BEYOND = 1.001
+#: Bars are drawn up to this many times a limit.
+_LONGEST = 1.25
+#: Inches: least height of the first picture, and what each effect adds once they are many.
+_FIRST, _EFFECT = 4.6, 0.28
+#: Elements that are drawn one by one, at most: a picture of more would be read by nobody.
+_MOST_ELEMENTS = 12
+#: Reasons that are no limit, in words.
+_WHY = {"wanted": "as wanted", "not-perceptible": "not perceptible"}
+#: Offset of a label in points of a typographer, and how its text is aligned there.
+_Place = tuple[float, float, Literal["left", "right"]]
+_POINTS_PER_INCH = 72.0
+#: Pixels between a label and what it keeps off.
+_GAP = 4.0
+#: Distances from the point that are tried, points of a typographer, and directions at each.
+_DISTANCES = (6, 14, 24, 36, 50, 66, 84, 104)
+_DIRECTIONS = ((1.0, 0.4), (1.0, -0.6), (-1.0, 0.4), (-1.0, -0.6), (0.3, 1.0),
+               (0.3, -1.2), (-0.6, 1.0), (-0.6, -1.2), (0.8, 0.8), (-0.8, 0.8))  # fmt: skip
+#: Farther than this, points, a line leads from the label to its point.
+_FAR = 20
+
+
+def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) -> Figure:
+    """Stable region in (B, K) with every element in it, beside the perceived steps of each effect.
+
+    The boundaries are exact: the largest stiffness for each damping, for the best estimate of the
+    device, for the worst corner of its box, and for that corner with the whole margin kept.
+
+    Args:
+        profile: certified or not.
+        boundaries: of this profile; None computes them.
+    """
+    from identification import NotebookFigure
+
+    figure = NotebookFigure(figsize=(_WIDTH, _overview_height(profile)))
+    _draw_overview(figure, profile, boundaries or Boundaries.of(profile))
+    return figure
+
+
+def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
+    """The overview, then each element with its slice of the region, limits, step and impact.
+
+    Of more than twelve that play something the first are drawn, and the picture says so.
+
+    Args:
+        profile: certified or not.
+        verdict: for the title; None says what is proved of a certified profile, and of another
+            which margin is asked for.
+    """
+    from identification import NotebookFigure
+
+    names = shown_elements(profile)
+    heights = [_overview_height(profile), *(_HEIGHT for _ in names)]
+    figure = NotebookFigure(figsize=(_WIDTH, sum(heights)))
+    grid: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
+    parts: list[SubFigure] = list(grid[:, 0])
+    boundaries = Boundaries.of(profile)
+    for part, name in zip(parts[1:], names, strict=True):
+        _draw_element(part, profile, name, boundaries)
+    _draw_overview(parts[0], profile, boundaries, verdict=verdict, note=words_of_shown(profile))
+    return figure
+
+
+def shown_elements(profile: Design) -> list[str]:
+    """Elements that are drawn one by one: the first of those that play something."""
+    return _playing(profile)[:_MOST_ELEMENTS]
+
+
+def words_of_shown(profile: Design) -> str:
+    """Which elements are drawn one by one, in words; "" where all are."""
+    playing = len(_playing(profile))
+    if playing <= _MOST_ELEMENTS:
+        return ""
+    return f"of {playing} elements the first {_MOST_ELEMENTS} are drawn one by one"
+
+
+def _playing(profile: Design) -> list[str]:
+    return [
+        name
+        for name, element in profile.elements.items()
+        if element.stiffness or element.damping or element.mass
+    ]
+
+
+def _overview_height(profile: Design) -> float:
+    effects = sum(len(element.limited_by) for element in profile.elements.values())
+    return max(_FIRST, 1.2 + _EFFECT * effects)
+
+
+def _draw_overview(
+    figure: Figure | SubFigure,
+    profile: Design,
+    boundaries: Boundaries,
+    *,
+    verdict: str | None = None,
+    note: str = "",
+) -> None:
+    """Region and perceived steps on a figure or a part of one, with a note below the title."""
+    height = _overview_height(profile)
+    grid = {"left": 0.075, "right": 0.985, "top": 1 - 0.85 / height, "bottom": 0.5 / height}
+    grid["wspace"] = 0.16 + 0.018 * max(map(len, _effects(profile)))
+    left, right = figure.subplots(1, 2, gridspec_kw=grid)
+    title = f"{_short_name(profile.scene)} on {_short_name(profile.device.name)}"
+    title += f": {_verdict(profile) if verdict is None else verdict}"
+    figure.suptitle(title, fontsize=11, y=1 - 0.12 / height)
+    if note:
+        figure.text(0.5, 1 - 0.42 / height, note, fontsize=9, ha="center", va="bottom")
+    _draw_steps(right, profile)
+    _draw_places(left, profile, boundaries)
+
+
+def _verdict(profile: Design) -> str:
+    """What is proved of a certified profile; of another, the margin that is asked for."""
+    late = profile.margin.extra_delay_samples
+    margin = f"every gain up to {profile.margin.gain:g} with {late} extra sample{'s' * (late != 1)}"
+    return f"safe for {margin}" if isinstance(profile, SafeProfile) else f"margin: {margin}"
+
+
+def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
+    """The region for M = 0 and every element; open circles lie in planes of their own mass."""
+    units, elements = UNITS[profile.device.motion], profile.elements
+    dampings = [element.damping for element in elements.values()]
+    ends = (min(0.0, *dampings), max(0.0, *dampings))
+    highest = max(element.stiffness for element in elements.values())
+    draw_region(axes, boundaries, 0.0, ends, highest, units)
+    title = "region for M = 0; elements with a mass lie in other planes: open circles"
+    set_small_title(axes, title)
+    labels: list[tuple[float, float, str]] = []
+    for name in _playing(profile):
+        B, K, M = elements[name].damping, elements[name].stiffness, elements[name].mass
+        fill = "none" if M else "black"
+        axes.scatter([B], [K], s=25, facecolors=fill, edgecolors="k", clip_on=False, zorder=5)
+        labels.append((B, K, _short_name(name) + (f", M = {M:.2g} {units['mass']}" if M else "")))
+    left_out = len(labels) - len(place_labels(axes, labels))
+    if left_out:
+        named = "names have" if left_out > 1 else "name has"
+        set_small_title(axes, f"{title}\n{left_out} {named} no room")
+
+
+def _effects(profile: Design) -> list[str]:
+    """Element and effect of everything that a scene asked for."""
+    return [
+        f"{_short_name(name)} {effect}"
+        for name, element in profile.elements.items()
+        for effect in element.limited_by
+    ]
+
+
+def _draw_steps(axes: Axes, profile: Design) -> None:
+    units = UNITS[profile.device.motion]
+    labels = _effects(profile)
+    steps: list[float] = []
+    words: list[str] = []
+    for element in profile.elements.values():
+        for effect, reason in element.limited_by.items():
+            steps.append(element.perceived_steps.get(effect, 0.0))
+            value: float = getattr(element, effect)
+            size = f"{format_number(value)} {units[effect]}" if value else "not played"
+            words.append(f" {size}, {_WHY.get(reason, f'limited by {reason}')}")
+    places = np.arange(len(labels))[::-1]
+    axes.barh(places, steps, color="tab:green", alpha=0.6)
+    axes.axvline(1, color="k", lw=0.8, ls=":")
+    axes.set_yticks(places, labels, fontsize=8)
+    for place, step, word in zip(places, steps, words, strict=True):
+        axes.text(step, float(place), word, va="center", fontsize=7)
+    axes.set_xlim(0, 2.2 * max([*steps, 1.0]))
+    axes.set_xlabel("steps a hand can tell apart")
+
+
+def element_picture(design: Design, name: str, *, boundaries: Boundaries | None = None) -> Figure:
+    """Region slice at the element's own mass, what limits it, and its step and impact responses."""
+    from identification import NotebookFigure
+
+    figure = NotebookFigure(figsize=(_WIDTH, _HEIGHT))
+    _draw_element(figure, design, name, boundaries or Boundaries.of(design))
+    return figure
+
+
+def _draw_element(
+    figure: Figure | SubFigure, design: Design, name: str, boundaries: Boundaries
+) -> None:
+    units, element = UNITS[design.device.motion], design.elements[name]
+    (region, limits), (step, impact) = figure.subplots(2, 2, gridspec_kw=_GRID)
+    draw_slice(region, boundaries, element, units)
+    _draw_limits(limits, design, name, units)
+    _draw_step(step, design, element, units)
+    _draw_impact(impact, design, element, units)
+    sizes = ", ".join(
+        f"{symbol} = {format_number(getattr(element, effect))} {units[effect]}"
+        for symbol, effect in (("K", "stiffness"), ("B", "damping"), ("M", "mass"))
+        if getattr(element, effect)
+    )
+    figure.suptitle(f"{_short_name(name)}: {sizes or 'nothing'}", fontsize=11, y=0.99)
+
+
+def _short_name(name: str) -> str:
+    """A name as a picture has room for it, without what matplotlib would take for a formula."""
+    plain = name.replace("$", r"\$")
+    return plain if len(plain) <= _SHORT else f"{plain[: _SHORT - 1]}…"
+
+
+def _draw_limits(axes: Axes, design: Design, name: str, units: dict[str, str]) -> None:
+    """A bar a limit, full where it is used up; those that bind are dark."""
+    uses = uses_of(design, name, units)
+    places = -np.arange(len(uses))
+    parts, colors = [min(use.part, _LONGEST) for use in uses], [_color(use) for use in uses]
+    axes.barh(places, parts, height=0.62, color=colors)
+    axes.axvline(1, color="k", lw=1)
+    for place, use in zip(places, uses, strict=True):
+        binds = f": limits {' and '.join(use.binds)}" if use.binds else ""
+        axes.text(0.01, float(place), use.words + binds, va="center", fontsize=7)
+    axes.set_yticks(places, [use.limit for use in uses], fontsize=8)
+    axes.set_xlim(0, _LONGEST)
+    axes.set_xticks([0, 0.5, 1], ["0", "half", "used up"], fontsize=7)
+    others = ", ".join(
+        f"{effect} {reason}"
+        for effect, reason in design.elements[name].limited_by.items()
+        if reason in {"wanted", "range", "stability", "not-perceptible"}
+    )
+    title = "part of each limit that is used" + (f"\nbesides: {others}" if others else "")
+    axes.set_title(title, fontsize=8, loc="left")
+
+
+def _color(use: Use) -> str:
+    if use.part > _BEYOND:
+        return "tab:red"
+    return "#74c476" if use.binds else "#d3e6d3"
+
+
+def _draw_step(axes: Axes, design: Design, element: ElementProfile, units: dict[str, str]) -> None:
+    """Position under a constant force, or speed where nothing brings the handle back."""
+    limit = design.device.force_limit
+    force = _STEP * limit.continuous if limit and limit.continuous else _WITHOUT_LIMIT
+    found = step_response(design, element, force)
+    sprung = element.stiffness > 0
+    _draw_devices(axes, found, found.position if sprung else found.speed)
+    axes.set_ylabel(f"position, {units['length']}" if sprung else f"speed, {units['speed']}")
+    set_small_title(axes, f"step: {force:.3g} {units['force']} on the handle; friction left out")
+
+
+def _draw_impact(
+    axes: Axes, design: Design, element: ElementProfile, units: dict[str, str]
+) -> None:
+    """Force of the element on a free device that enters it, and its speed."""
+    found = impact_response(design, element)
+    limit = design.device.force_limit
+    _draw_devices(axes, found, found.force)
+    if limit is not None:
+        most = max(float(np.max(np.abs(found.force))), 1e-12)
+        for level, words, dashes in (
+            (limit.continuous, "continuous force", ":"),
+            (limit.peak, "peak force", "--"),
+        ):
+            if level < 3 * most:
+                axes.axhline(-level, color="tab:red", lw=0.8, ls=dashes)
+                axes.axhline(level, color="tab:red", lw=0.8, ls=dashes, label=words)
+    axes.set_ylabel(f"force, {units['force']}")
+    beside = axes.twinx()
+    beside.plot(found.time, found.speed[0], color="tab:blue", lw=1)
+    beside.set_ylabel(f"speed, {units['speed']}", color="tab:blue")
+    beside.tick_params(axis="y", labelcolor="tab:blue", labelsize=8)
+    legend_above(axes)
+    pushes = ", pushes only" if element.one_sided else ""
+    speed = f"{element.motion.speed:g} {units['speed']}"
+    set_small_title(axes, f"impact at {speed}, no hand{pushes}")
+
+
+def _draw_devices(axes: Axes, found: Response, values: np.ndarray) -> None:
+    """Corners of the box light, the best estimate dark."""
+    for row, line in enumerate(values[1:]):
+        label = None if row else "corners of the box"
+        axes.plot(found.time, line, color="#9ecae1", lw=0.7, label=label)
+    axes.plot(found.time, values[0], color="k", lw=1.3, label="best estimate")
+    axes.axhline(0, color="0.7", lw=0.5, zorder=0)
+    axes.tick_params(labelsize=8)
+    axes.set_xlabel("time, s")
+    legend_above(axes)
+
+
+def place_labels(axes: Axes, labels: Sequence[tuple[float, float, str]]) -> list[Annotation]:
+    """Write a label near each point, off all other labels, points and lines, inside of the axes.
+
+    Where the axes are must be settled: no layout may move them afterwards. Labels are (x, y, text)
+    in the data of the axes; those for which there is no room are neither written nor returned.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    places = [axes.transData.transform((x, y)) for x, y, _ in labels]
+    points = [Bbox.from_extents(x - 3, y - 3, x + 3, y + 3) for x, y in places]
+    room = _Room(frame=axes.get_window_extent(), points=points)
+    pixels = figure.dpi / _POINTS_PER_INCH
+    found: list[Annotation] = []
+    for x, y, text in labels:
+        label = axes.annotate(text, (x, y), xytext=(0, 0), textcoords="offset points", fontsize=8)
+        across, up = (float(each) for each in axes.transData.transform((x, y)))
+        place = room.place(label.get_window_extent(renderer), (across, up), pixels)
+        if place is None:
+            label.remove()
+            continue
+        across, up, where = place
+        label.set_horizontalalignment(where)
+        label.set_position((across, up))
+        if max(abs(across), abs(up)) > _FAR:
+            arrow = {"arrowstyle": "-", "color": "0.6", "lw": 0.6}
+            end, unit = (across, up), "offset points"
+            axes.annotate("", (x, y), xytext=end, textcoords=unit, arrowprops=arrow)
+        found.append(label)
+    return found
+
+
+@dataclass(slots=True, kw_only=True)
+class _Room:
+    """What is taken inside of axes, in pixels: points, labels, and lines from one to the other."""
+
+    frame: Bbox
+    points: list[Bbox]
+    labels: list[Bbox] = field(default_factory=list[Bbox])
+    lines: list[Path] = field(default_factory=list[Path])
+
+    def place(self, size: Bbox, point: tuple[float, float], pixels: float) -> _Place | None:
+        """Take the first place that is free for a label of a size that begins at a point.
+
+        Places whose line crosses no label are sought first; None where no place is free. Pixels are
+        those of a point of a typographer.
+        """
+        for crossing in (False, True):
+            for across, up, where in _places():
+                left = across * pixels - (size.width if where == "right" else 0.0)
+                box = size.translated(left, up * pixels)
+                far = max(abs(across), abs(up)) > _FAR
+                end = (point[0] + across * pixels, point[1] + up * pixels)
+                line = Path([point, end]) if far else None
+                if self._free(box.padded(_GAP), line, crossing=crossing):
+                    self.labels.append(box)
+                    self.lines += [line] if line else []
+                    return across, up, where
+        return None
+
+    def _free(self, box: Bbox, line: Path | None, *, crossing: bool) -> bool:
+        """Whether a label and its line are free; with ``crossing``, lines may cross labels."""
+        inside = self.frame.x0 <= box.x0 and box.x1 <= self.frame.x1
+        inside = inside and self.frame.y0 <= box.y0 and box.y1 <= self.frame.y1
+        if not inside or any(box.overlaps(other) for other in (*self.points, *self.labels)):
+            return False
+        if crossing:
+            return True
+        crossed = line and any(line.intersects_bbox(each, filled=False) for each in self.labels)
+        return not crossed and not any(
+            each.intersects_bbox(box, filled=False) for each in self.lines
+        )
+
+
+def _places() -> Iterator[_Place]:
+    """Offsets that are tried, the nearest first, and how the text is aligned there."""
+    for distance in _DISTANCES:
+        for across, up in _DIRECTIONS:
+            yield distance * across, distance * up, "left" if across > 0 else "right"

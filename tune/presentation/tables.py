@@ -1,0 +1,407 @@
+"""Results as tables for a terminal or a page, and the sentences beside them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from tune.documents.units import UNITS
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    from identification import Device, Motion, Quantity
+    from tune._audit import Audit
+    from tune._what_if import Alternative
+    from tune.documents.certified import Certificate
+    from tune.documents.discrimination import Estimate
+    from tune.documents.loop_profile import LoopProfile
+    from tune.documents.profile import Contact, SafeProfile
+    from tune.documents.scene import MarginName
+    from tune.optimisation.candidates import Candidate, CandidateEffect
+
+#: Perceived steps that nobody would buy anything for.
+_HARDLY = 0.05
+
+
+def headed_table(
+    title: str, headings: Collection[str], *, right: Collection[str] = (), caption: str = ""
+) -> Table:
+    """An empty table with its columns; what is too wide for one is broken, never cut."""
+    table = Table(
+        title=title, title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD
+    )
+    for heading in headings:
+        side = "right" if heading in right else "left"
+        table.add_column(heading, justify=side, overflow="fold")
+    return table
+
+
+def units_of(motion: Motion | None) -> dict[str, str]:
+    """Units by quantity; both of each where nobody stated the motion."""
+    if motion is not None:
+        return UNITS[motion]
+    return {name: f"{unit} ({UNITS['rotary'][name]})" for name, unit in UNITS["linear"].items()}
+
+
+def elements_table(profile: SafeProfile) -> Table:
+    """One row an effect: value, perceived steps, gain and delay margin, ripple, what binds."""
+    units = UNITS[profile.device.motion]
+    numbers = ("value", "steps", "gain", "delay", "ripple")
+    place = f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"
+    lines = [*_rendered_lines(profile), *_contact_lines(profile, units)]
+    jitters = [each.margins.jitter for each in profile.elements.values()]
+    if jitters and None not in jitters:
+        least = _jitter_words(min(each or 0.0 for each in jitters))
+        lines.append(f"each step of the loop may vary by {least} (assessed, not proved)")
+    table = headed_table(
+        f"{place}; filters: {_filters(profile.loop)}",
+        ("effect", *numbers, "limited by"),
+        right=numbers,
+        caption="\n".join(lines),
+    )
+    for name, element in profile.elements.items():
+        for effect, reason in element.limited_by.items():
+            value: float = getattr(element, effect)
+            table.add_row(
+                f"{name} {effect}",
+                f"{value:.6g} {units[effect]}" if value else "-",
+                f"{element.perceived_steps.get(effect, 0.0):.3g}",
+                f"{element.margins.gain:.4g}",
+                f"{_further_delay(element.margins.extra_delay_samples)} T",
+                "-" if element.ripple is None else f"{element.ripple:.2g} {units['force']}",
+                reason,
+            )
+    return table
+
+
+def _further_delay(samples: float) -> str:
+    """A delay margin in samples, which is not looked for beyond `MOST_EXTRA_DELAY`."""
+    from tune.documents.profile import MOST_EXTRA_DELAY
+
+    return f"≥{MOST_EXTRA_DELAY}" if samples >= MOST_EXTRA_DELAY else f"+{samples:g}"
+
+
+def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
+    """What a hand feels of each element, mean and both ends of the motions people make."""
+    units = UNITS[profile.device.motion]
+    lines: list[str] = []
+    for name, element in profile.elements.items():
+        felt = element.rendered
+        if felt is None:
+            continue
+        parts = [
+            f"{effect} {mean:+.3g} {units[effect]} ({slow:+.3g} to {fast:+.3g})"
+            for effect, mean, (slow, fast) in (
+                ("mass", felt.mass, felt.mass_at_ends),
+                ("damping", felt.damping, felt.damping_at_ends),
+            )
+            if slow or fast
+        ]
+        if parts:
+            lines.append(f"{name}: {', '.join(parts)}")
+    heading = "felt of it in motions of 0.5 to 5 Hz, mean (at 0.5 to at 5 Hz):"
+    return (heading, *lines) if lines else ()
+
+
+def _filters(loop: LoopProfile) -> str:
+    cutoffs = {"velocity": loop.velocity_filter_hz, "acceleration": loop.acceleration_filter_hz}
+    parts = [f"{name} {cutoff:g} Hz" for name, cutoff in cutoffs.items() if cutoff is not None]
+    if loop.velocity_window_samples is not None:
+        parts.insert(0, f"velocity over {loop.velocity_window_samples} samples")
+    return ", ".join(parts) or "none"
+
+
+def candidates_table(
+    found: tuple[Candidate, ...], rows: tuple[CandidateEffect, ...], chosen: MarginName
+) -> Table:
+    """One column a candidate; the recommended one has a star, what does not fit is folded."""
+    profiles = [candidate.profile for candidate in found if candidate.profile is not None]
+    units = UNITS[profiles[0].device.motion] if profiles else {}
+    place = f"{profiles[0].scene} on {profiles[0].device.name}, " if profiles else ""
+    marked = [
+        f"{'> ' if each.name == chosen else ''}{each.name}{' *' if each.recommended else ''}"
+        for each in found
+    ]
+    table = headed_table(
+        f"{place}candidates (* recommended, > chosen)", ("effect", *marked), right=marked
+    )
+    by_effect: dict[str, dict[str, CandidateEffect]] = {}
+    for row in rows:
+        by_effect.setdefault(f"{row.element} {row.effect}", {})[row.candidate] = row
+    for label, each in by_effect.items():
+        cells = [_candidate_cells(each.get(candidate.name), units) for candidate in found]
+        labels = (label, "  steps", "  gain", "  delay", "  ripple", "  limited by")
+        for first, *others in zip(labels, *cells, strict=True):
+            table.add_row(first, *others)
+    return table
+
+
+def _candidate_cells(row: CandidateEffect | None, units: dict[str, str]) -> tuple[str, ...]:
+    """Value, steps, gain, delay, ripple and what binds; dashes where the margin has no profile."""
+    if row is None:
+        return ("-",) * 6
+    return (
+        f"{row.value:.6g} {units[row.effect]}" if row.value else "-",
+        _steps(row.steps),
+        f"{row.gain:.4g}",
+        f"{_further_delay(row.extra_delay_samples)} T",
+        "-" if row.ripple is None else f"{row.ripple:.2g} {units['force']}",
+        row.limited_by,
+    )
+
+
+def candidates_lines(
+    found: tuple[Candidate, ...], rows: tuple[CandidateEffect, ...]
+) -> tuple[str, ...]:
+    """What each margin demands and which filters it took, or why nothing can be played with it."""
+    from tune.documents.scene import MARGINS
+
+    lines: list[str] = []
+    for each in found:
+        margin, profile = MARGINS[each.margin], each.profile
+        late = margin.extra_delay_samples
+        samples = f"{late} extra sample{'' if late == 1 else 's'} of delay"
+        result = str(each.error) if profile is None else f"filters: {_filters(profile.loop)}"
+        lines.append(f"{each.name}: every gain up to {margin.gain:g}, {samples}; {result}")
+    sizes = [{(r.element, r.effect): r.value for r in rows if r.candidate == c.name} for c in found]
+    if rows and all(other == sizes[0] for other in sizes):
+        alike = "the same effects with every candidate: here the conservative one costs nothing"
+        lines.append(alike)
+    return tuple(lines)
+
+
+def _steps(steps: Estimate) -> str:
+    if steps.low is None or steps.high is None or steps.value == 0:
+        return f"{steps.value:.3g}"
+    return f"{steps.value:.3g} ({steps.low:.2g} to {steps.high:.2g})"
+
+
+def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
+    """What was certified, in words."""
+    worst = certificate.worst
+    delay = " to ".join(dict.fromkeys(f"{item:.4g}" for item in certificate.delay_samples))
+    beside = ["with modes"] if certificate.modes else []
+    beside += ["without a hand and in every hand"] if certificate.hand else []
+    own = certificate.position_stiffness
+    spring = f", own stiffness {own[0]:.6g} to {own[1]:.6g}" if own else ""
+    held = certificate.presliding_stiffness
+    spring += f", before sliding {held[0]:.6g} to {held[1]:.6g}" if held else ""
+    return (
+        f"proved for every device: mass {certificate.mass[0]:.6g} to {certificate.mass[1]:.6g}, "
+        f"damping {certificate.damping[0]:.6g} to {certificate.damping[1]:.6g}{spring} (together "
+        f"{100 * certificate.confidence:g} %), delay {delay} samples and up to "
+        f"{certificate.extra_delay_samples:g} more, every gain in (0, {certificate.gain:g}]"
+        + "".join(f", {part}" for part in beside),
+        f"{certificate.cells} cells excluded, {certificate.points} points judged; slowest of them: "
+        f"{' + '.join(worst.elements)}, pole radius 1 - {1 - worst.pole_radius:.2g}",
+        "not assessed: " + "; ".join(certificate.not_assessed),
+    )
+
+
+def _jitter_words(jitter: float) -> str:
+    """A jitter, which is not looked for beyond `tune.margins.jitter.MOST`."""
+    from tune.margins.jitter import MOST
+
+    return f"{jitter:.0%} or more" if jitter >= MOST else f"{jitter:.1%}"
+
+
+def _contact_lines(profile: SafeProfile, units: dict[str, str]) -> tuple[str, ...]:
+    """What a free device meets that enters each element at the speed of its motion."""
+    lines: list[str] = []
+    for name, element in profile.elements.items():
+        if element.contact is not None:
+            speed = f"{element.motion.speed:g} {units['speed']}"
+            parts = _contact_words(element.contact, units, speed)
+            lines += [f"{name}: {', '.join(parts)}"] if parts else []
+    return ("on entering, without a hand:", *lines) if lines else ()
+
+
+def _contact_words(contact: Contact, units: dict[str, str], speed: str) -> tuple[str, ...]:
+    """Bounce, depths, jolt, lead and energy of one element, those that it has, in words."""
+    bounce, length = contact.restitution, units["length"]
+    parts: list[str] = []
+    if bounce is not None:
+        low, high = bounce
+        parts.append(f"gives back {low:.2g} to {high:.2g} of the speed")
+    if contact.depth_at_continuous_force is not None:
+        shallow, deep = contact.depth_at_continuous_force, contact.depth_at_peak_force
+        parts.append(
+            f"all of the continuous force at {shallow:.3g} {length}, cut at {deep:.3g} {length}"
+        )
+    if contact.lead is not None:
+        side = "before" if contact.lead >= 0 else "behind"
+        parts.append(f"met up to {abs(contact.lead):.2g} {length} {side} its place at {speed}")
+    if contact.net_damping is not None:
+        parts.append(f"damps by {contact.net_damping:.3g} {units['damping']} net of its lag")
+    if contact.force_on_entry:
+        parts.append(f"{contact.force_on_entry:.3g} {units['force']} on entry at {speed}")
+    if contact.energy_per_entry is not None:
+        parts.append(f"up to {contact.energy_per_entry:.2g} J an entry at {speed}")
+    return tuple(parts)
+
+
+def device_table(device: Device) -> Table:
+    """Identified quantities with their 95 % intervals."""
+    units = units_of(None if "motion" in device.missing else device.motion)
+    table = headed_table(
+        f"{device.name}, axis {device.axis}",
+        ("quantity", "value", "95 % interval", "unit", "half-width"),
+        right=("value", "95 % interval", "half-width"),
+        caption="\n".join(
+            f"{words}: {', '.join(names)}"
+            for words, names in (
+                ("missing, to be stated before anything is certified", device.missing),
+                ("assumed, not known", device.assumed()),
+            )
+            if names
+        ),
+    )
+    for label, quantity, kind in _device_rows(device):
+        part = relative_half_width(quantity)
+        share = "-" if part is None else f"{100 * part:.2g} %"
+        table.add_row(label, *_with_interval(quantity), units[kind], share)
+    for label, found, kind in (
+        ("slope of friction", device.damping_slope, "damping"),
+        ("stiffness before sliding", device.presliding_stiffness, "stiffness"),
+    ):
+        if found is not None:
+            between = f"{found.low:.4g} .. {found.high:.4g}"
+            table.add_row(label, "-", between, units[kind], "-")
+    return table
+
+
+def _device_rows(device: Device) -> list[tuple[str, Quantity, str]]:
+    """(label, quantity, kind of its unit) of everything identified that has a value."""
+    rows = [
+        ("mass m", device.mass, "mass"),
+        ("damping b", device.damping, "damping"),
+        ("Coulomb friction Fc", device.coulomb_friction, "force"),
+        ("force offset f0", device.force_offset, "force"),
+    ]
+    for what, pair, kind in (
+        ("damping", device.damping_by_direction, "damping"),
+        ("Coulomb friction", device.friction_by_direction, "force"),
+    ):
+        if pair is not None:
+            rows += [(f"{what} forward", pair.forward, kind)]
+            rows += [(f"{what} backward", pair.backward, kind)]
+    if device.position_stiffness is not None:
+        rows.append(("force by position k", device.position_stiffness, "stiffness"))
+    if device.gravity is not None:
+        rows.append(("gravity, sine", device.gravity.sine, "force"))
+        rows.append(("gravity, cosine", device.gravity.cosine, "force"))
+    return rows
+
+
+def half_widths(device: Device) -> dict[str, float | None]:
+    """By label, half of each interval as part of its value; None where there is no such part."""
+    return {label: relative_half_width(quantity) for label, quantity, _ in _device_rows(device)}
+
+
+def _with_interval(quantity: Quantity) -> tuple[str, str]:
+    """Value and interval to two digits of the half-width."""
+    half = half_width(quantity)
+    if half == 0:
+        return f"{quantity.value:.6g}", "-"
+    digits = max(0, 1 - math.floor(math.log10(half)))
+    low, high = f"{quantity.low:.{digits}f}", f"{quantity.high:.{digits}f}"
+    return f"{quantity.value:.{digits}f}", f"{low} .. {high}"
+
+
+def half_width(quantity: Quantity) -> float:
+    """Half of the interval, in the unit of the quantity."""
+    return (quantity.high - quantity.low) / 2
+
+
+def relative_half_width(quantity: Quantity) -> float | None:
+    """Half of the interval as part of the value; None where it is exact or the value is zero."""
+    if quantity.exact or quantity.value == 0:
+        return None
+    return half_width(quantity) / abs(quantity.value)
+
+
+def audit_table(found: Audit) -> Table:
+    """Everything that was computed, with what is needed of it."""
+    design = found.design
+    delay = design.loop.extra_delay_samples
+    title = f"{design.device.name}, delay {delay:g} sample{'' if delay == 1 else 's'}"
+    title += f", margin {design.margin.name}"
+    table = headed_table(title, ("what", "seen", "needed"))
+    for row in _audit_rows(found):
+        table.add_row(*row)
+    return table
+
+
+def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
+    """(what, seen, needed) of everything that was computed."""
+    from tune._audit import ELEMENT
+
+    design, margins = found.design, found.margins
+    units, limit = UNITS[design.device.motion], design.device.force_limit
+    force, late = units["force"], found.delay_samples
+    yield "gain margin over the box", f"{found.gain:.4g}", f"{design.margin.gain:g}"
+    seen = "-" if math.isnan(late) else _further_delay(late)
+    yield "extra delay, samples, over the box", seen, f"{design.margin.extra_delay_samples}"
+    yield "steps longer or shorter, assessed", f"by {_jitter_words(found.jitter)}", "-"
+    for what, value, most in (
+        ("sustained force", found.sustained, limit and limit.continuous),
+        ("peak force", found.peak, limit and limit.peak),
+    ):
+        yield what, f"{value:.4g} {force}", "-" if most is None else f"at most {most:g}"
+    if found.ripple is not None:
+        allowed = f"at most {design.ripple_limit:g}"
+        yield "force ripple from the encoder", f"{found.ripple:.3g} {force} rms", allowed
+    if found.vibration is not None:
+        felt = "felt" if found.felt is not None and found.felt > 1 else "not felt"
+        share = "" if found.felt is None else f", {found.felt:.2g} of what is felt: {felt}"
+        seen = f"{found.vibration:.2g} {units['length']} rms{share}"
+        yield "vibration of the handle", seen, "-"
+    for name, jump in found.jumps.items():
+        yield f"one count through {name}", f"{jump:.3g} {force}", "-"
+    speed = f"{design.elements[ELEMENT].motion.speed:g} {units['speed']}"
+    for words in _contact_words(found.wall, units, speed):
+        yield "as a wall that only pushes, a free device", words, "-"
+    if margins is None:
+        return
+    disk, passive = margins.disk, margins.passivity
+    yield "slowest decay", f"{margins.decay:.4g} 1/s", "-"
+    yield "least damping ratio", f"{margins.damping_ratio:.3g}", "-"
+    yield "phase margin", f"{margins.phase:.3g}°", "-"
+    yield "disk margin", f"{disk.balanced:.3g} at {disk.balanced_hz:.3g} Hz", "-"
+    seen = "not applicable: " + passive.reason
+    if passive.damping_needed is not None:
+        above = f"{passive.damping_needed:.5g} {units['damping']}"
+        seen = f"{'yes' if passive.passive else 'no'}, needs b above {above}"
+    yield "passive", seen, "-"
+
+
+def alternatives_table(found: tuple[Alternative, ...]) -> Table:
+    """One row a change of the hardware: perceived steps in all, and where most are won or lost."""
+    now = found[0]
+    table = headed_table(
+        "what would help: perceived steps with one fact of the hardware changed",
+        ("with", "steps", "won", "most of it"),
+        right=("steps", "won"),
+    )
+    for each in found:
+        won = steps_won(each, now)
+        most = max(won, key=lambda name: abs(won[name]), default=None)
+        table.add_row(
+            each.change,
+            "none" if each.reason is not None else f"{each.total:.3g}",
+            "-" if each is now or each.reason is not None else f"{each.total - now.total:+.2g}",
+            "-" if most is None or abs(won[most]) < _HARDLY else f"{most} {won[most]:+.2g}",
+        )
+    return table
+
+
+def steps_won(each: Alternative, now: Alternative) -> dict[str, float]:
+    """Steps more than the device as it is has, by "element.effect"."""
+    return {
+        name: each.steps.get(name, 0.0) - now.steps.get(name, 0.0)
+        for name in dict.fromkeys((*now.steps, *each.steps))
+    }

@@ -11,7 +11,6 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
     from tune._audit import Audit, audit
-    from tune._what_if import Alternative, what_if
     from tune.certificate.check import CheckReport, check
     from tune.comparison import Change, Comparison, compare
     from tune.documents.effects import Effects
@@ -34,8 +33,13 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.margins.passivity import Passivity, damping_needed
     from tune.margins.response import DiskMargin, disk_margin, phase_margin
     from tune.optimisation._optimise import optimise
-    from tune.optimisation.candidates import candidates, compare_candidates
-    from tune.optimisation.candidates_picture import candidates_picture
+    from tune.optimisation.alternatives import (
+        Alternative,
+        candidates,
+        candidates_picture,
+        compare_candidates,
+        what_if,
+    )
     from tune.presentation.profile_picture import profile_picture, profile_sheet
     from tune.rendering.ripple import CountJump, count_jump, force_ripple, handle_vibration
     from tune.rendering.vibration import ThresholdCurve, default_thresholds, vibration_in_thresholds
@@ -116,7 +120,6 @@ __all__ = [
 _HOMES = {
     "_audit": "Audit audit",
     "comparison": "Change Comparison compare",
-    "_what_if": "Alternative what_if",
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",
     "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
@@ -133,8 +136,9 @@ _HOMES = {
     "margins.passivity": "Passivity damping_needed",
     "margins.response": "DiskMargin disk_margin phase_margin",
     "optimisation._optimise": "optimise",
-    "optimisation.candidates": "candidates compare_candidates",
-    "optimisation.candidates_picture": "candidates_picture",
+    "optimisation.alternatives": (
+        "Alternative candidates candidates_picture compare_candidates what_if"
+    ),
     "presentation.profile_picture": "profile_picture profile_sheet",
     "rendering.ripple": "CountJump count_jump force_ripple handle_vibration",
     "rendering.vibration": "ThresholdCurve default_thresholds vibration_in_thresholds",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from identification import Device, Identification, Motion
     from tune.documents.profile import Design
-    from tune.optimisation.candidates import CandidateEffect
+    from tune.optimisation.alternatives import CandidateEffect
 
 #: Kinds of picture beside PNG, by the ending of the file.
 _VECTORS = {".svg": "svg", ".pdf": "pdf"}
@@ -82,6 +82,6 @@ def draw_candidates(
     session: Session, picture: Path, rows: Sequence[CandidateEffect], motion: Motion
 ) -> None:
     """Draw the steps of every effect with each candidate."""
-    from tune.optimisation.candidates_picture import candidates_picture
+    from tune.optimisation.alternatives import candidates_picture
 
     draw(session, picture, candidates_picture(rows, motion))

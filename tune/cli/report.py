@@ -17,8 +17,8 @@ from tune.cli.session import Session, run_command
 
 if TYPE_CHECKING:
     from identification import Device, Hardware, Identification, LogColumns, Trajectory
-    from tune._what_if import Alternative
     from tune.documents.profile import SafeProfile
+    from tune.optimisation.alternatives import Alternative
 
 
 @with_log_options()

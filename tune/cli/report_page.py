@@ -18,8 +18,8 @@ from tune.presentation.page import FindingView, Page, PictureView, Statement, pi
 
 if TYPE_CHECKING:
     from identification import Identification
-    from tune._what_if import Alternative
     from tune.documents.profile import SafeProfile
+    from tune.optimisation.alternatives import Alternative
     from tune.presentation.boundaries import Boundaries
 
 #: What a reader takes away.

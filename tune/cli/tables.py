@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tune.documents.loop_profile import LoopProfile
     from tune.documents.profile import SafeProfile
     from tune.documents.scene import MarginName
-    from tune.optimisation.candidates import Candidate, CandidateEffect
+    from tune.optimisation.alternatives import Candidate, CandidateEffect
 
 
 def units_of(motion: Motion | None) -> dict[str, str]:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tune.documents.perception import PerceptionTable
     from tune.documents.profile import SafeProfile
     from tune.documents.scene import Scene
-    from tune.optimisation.candidates import Candidate, CandidateEffect
+    from tune.optimisation.alternatives import Candidate, CandidateEffect
 
 
 #: Where to state what a device file lacks.
@@ -148,7 +148,7 @@ def _choose_candidate(
         CheckFailedError: what it allows was not certified.
     """
     from tune.cli.tables import candidates_lines, candidates_table
-    from tune.optimisation.candidates import candidates, compare_candidates
+    from tune.optimisation.alternatives import candidates, compare_candidates
 
     with session.progress() as say:
         found = candidates(device, wish.scene, table=wish.table, progress=say)

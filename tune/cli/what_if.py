@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tune._what_if import Alternative, what_if
 from tune.cli.session import Session
+from tune.optimisation.alternatives import Alternative, what_if
 
 if TYPE_CHECKING:
     from tune.documents.perception import PerceptionTable

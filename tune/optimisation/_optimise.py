@@ -173,7 +173,7 @@ def design_of(
     """What was chosen for every element, with its margins and why it is no larger, uncertified."""
     device, scene, table = task.device, task.scene, task.table
     felt = [
-        SizedMoment(problem=solved.problem, moment=moment, sizes=solved.sizes)
+        SizedMoment(solved.problem, moment, solved.sizes)
         for solved in solutions
         for moment in solved.problem.moments
         if any(moment.members)
@@ -186,7 +186,7 @@ def design_of(
     # Of every moment the elements of which something is left.
     there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
     margins = [
-        replace(found[part], elements=each)
+        found[part]._replace(elements=each)
         for each in scene.subsets()
         if (part := tuple(name for name in each if name in there)) in found
     ]

@@ -50,13 +50,9 @@ _Content = dict[str, object]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A scene tuned with one margin: its certified profile, or why there is none.
+    """A scene tuned with one margin, or with one effect favoured: its certified profile, if any.
 
-    Attributes:
-        margin: by name; its numbers are those of `MARGINS`.
-        favour: the effect of which there is more; None where all count alike.
-        profile: None where nothing can be rendered, or nothing certified.
-        error: why, with its numbers; None where there is a profile.
+    The error says with its numbers why nothing can be rendered, or nothing certified.
     """
 
     margin: MarginName
@@ -77,19 +73,10 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateEffect:
-    """One effect of one element with one margin: a row of the comparison.
+    """One effect of one element of a candidate, by its name: a row of the comparison.
 
-    Attributes:
-        candidate: its name.
-        margin: of the candidate.
-        element: name in the scene.
-        effect: stiffness, damping or mass.
-        value: SI; 0 where it was dropped.
-        steps: perceived, with the interval that the perception table leaves them.
-        gain: stable for every gain in (0, gain].
-        extra_delay_samples: further whole samples of delay with every gain in (0, 1] stable.
-        ripple: force from encoder quantisation, N (N·m) rms; None where the encoder is not known.
-        limited_by: the constraint that binds.
+    Values are SI, 0 where the effect was dropped; steps have the interval that the perception table
+    leaves them; the ripple of force is N (N·m) rms, None where the encoder is not known.
     """
 
     candidate: str
@@ -311,19 +298,15 @@ def _changed(device: Device) -> Iterator[tuple[str, _Content]]:
     if device.force_limit is not None:
         yield "twice the force", scaled("force_limit", 2.0)
     for words, factor in (("half the damping", 0.5), ("twice the damping", 2.0)):
-        keys = [
-            key for key in ("damping", "damping_slope", "damping_by_direction") if key in content
-        ]
-        yield words, content | {key: _scaled(content[key], factor) for key in keys}
+        keys = ("damping", "damping_slope", "damping_by_direction")
+        yield words, content | {k: _scaled(content[k], factor) for k in keys if k in content}
     for place, mode in enumerate(device.modes):
         given = mode.damping_ratio
         ratio = quantity(given.value * 2.0, given.low * 2.0, given.high * 2.0)
         better = list(device.modes)
         better[place] = mode.model_copy(update={"damping_ratio": ratio})
-        yield (
-            f"the mode at {mode.frequency_hz.value:.4g} Hz damped twice as well",
-            to_mapping(device.model_copy(update={"modes": tuple(better)})),
-        )
+        words = f"the mode at {mode.frequency_hz.value:.4g} Hz damped twice as well"
+        yield words, to_mapping(device.model_copy(update={"modes": tuple(better)}))
 
 
 def _scaled(item: object, factor: float) -> object:

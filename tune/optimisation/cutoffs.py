@@ -93,13 +93,15 @@ class _Search:
         self.last: dict[tuple[str, ...], Tuned] = {}
         #: Whether all effects of each group are kept, by the filters that it uses.
         self.whole: dict[tuple[tuple[str, ...], Filters], bool] = {}
-        #: Effects of each group that uses a filter.
+        #: Effects of each group that uses a filter, and how many of them over all its elements.
+        self.wished: dict[tuple[str, ...], int] = {}
         self.asked: dict[tuple[str, ...], set[EffectName]] = {}
         elements = task.scene.elements
         for group in groups(task.scene):
             wishes = set[EffectName]().union(*(elements[name].wishes() for name in group))
             if wishes & {"damping", "mass"}:
                 self.asked[group] = wishes
+                self.wished[group] = sum(len(elements[name].wishes()) for name in group)
 
     def best(self) -> Filters:
         """The least filtering of all tried that is worth nearly as much as the best."""
@@ -107,7 +109,8 @@ class _Search:
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
             return self._filters(point)
-        if self._coupled():
+        if len(free) == 2 and any({"damping", "mass"} <= asked for asked in self.asked.values()):
+            # Elements that are tuned together use both filters.
             for start in self._starts(point):
                 self._refined(start, free)
         else:
@@ -157,9 +160,10 @@ class _Search:
             used = self._of(elements, filters)
             if (elements, used) not in self.whole:
                 self._say(filters)
-                found = _tune_all(self.task, elements, used, self.last.get(elements))
-                self.whole[elements, used] = found is not None
-                if found is not None:
+                last, wished = self.last.get(elements), self.wished[elements]
+                found = tune_with_filters(self.task, elements, used, last, choosing=False)
+                self.whole[elements, used] = sum(found.worth.kept) == wished
+                if self.whole[elements, used]:
                     self.known[elements, used] = self.last[elements] = found
             if not self.whole[elements, used]:
                 return None
@@ -169,12 +173,6 @@ class _Search:
         self.say(
             f"trying filters: velocity {_hertz(filters.velocity_filter_hz)}, "
             f"acceleration {_hertz(filters.acceleration_filter_hz)}"
-        )
-
-    def _coupled(self) -> bool:
-        """True where elements that are tuned together use both filters, and both are free."""
-        return all(axis.free for axis in self.axes) and any(
-            {"damping", "mass"} <= asked for asked in self.asked.values()
         )
 
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
@@ -321,15 +319,6 @@ class Tuned:
     optimum: Optimum | None
 
 
-def _tune_all(
-    task: DesignTask, elements: Sequence[str], filters: Filters, before: Tuned | None = None
-) -> Tuned | None:
-    """A group tuned by one solver; None where not all of its effects can be kept."""
-    wished = sum(len(task.scene.elements[name].wishes()) for name in elements)
-    found = tune_with_filters(task, elements, filters, before, choosing=False)
-    return found if sum(found.worth.kept) == wished else None
-
-
 def tune_with_filters(
     task: DesignTask,
     elements: Sequence[str],
@@ -347,7 +336,13 @@ def tune_with_filters(
     def known(problem: Problem) -> list[FloatArray]:
         if before is None or before.optimum is None or before.optimum.sizes is None:
             return []
-        return _taken_over(problem, before.problem, before.optimum.sizes)
+        sizes, labels = before.optimum.sizes, [u.label for u in before.problem.unknowns]
+        if sizes.size < 2 or [u.label for u in problem.unknowns] != labels:
+            return []
+        # Allowed as far as doubles tell: what is written in the end is not found from here.
+        points = np.maximum(np.minimum(np.outer(_RETREATS, sizes), problem.high), problem.low)
+        points = points[passes_cheap_limits(problem, points)]
+        return [*points[stable_in_doubles(problem, points)][:1]]
 
     try:
         problem, optimum, _ = optimum_of(
@@ -385,13 +380,9 @@ def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
     if optimum is None or optimum.sizes is None:
         return 0.0
     elements = list(dict.fromkeys(unknown.element for unknown in problem.unknowns))
-    labels = {unknown.label for unknown in problem.unknowns}
-    gone = frozenset(
-        f"{name}.{effect}"
-        for name in elements
-        for effect in task.scene.elements[name].wishes()
-        if f"{name}.{effect}" not in labels
-    )
+    wished = ((name, effect) for name in elements for effect in task.scene.elements[name].wishes())
+    gone = frozenset(f"{name}.{effect}" for name, effect in wished)
+    gone -= {unknown.label for unknown in problem.unknowns}
     beside = pose(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
     sizes = optimum.sizes
     # Of one effect beside wanted values that are met, the largest is known without a program.
@@ -439,15 +430,3 @@ def _value(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
     """The weighed sum of the logarithms of steps."""
     each = zip(_weights(task, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
     return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))
-
-
-def _taken_over(problem: Problem, before: Problem, sizes: FloatArray) -> list[FloatArray]:
-    """Sizes that were good with other filters, as far as they are allowed with these.
-
-    Allowed as far as doubles tell: what is written in the end is not found from here.
-    """
-    if sizes.size < 2 or [u.label for u in problem.unknowns] != [u.label for u in before.unknowns]:
-        return []
-    points = np.maximum(np.minimum(np.outer(_RETREATS, sizes), problem.high), problem.low)
-    points = points[passes_cheap_limits(problem, points)]
-    return [*points[stable_in_doubles(problem, points)][:1]]

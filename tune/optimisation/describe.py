@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ from tune.margins.jitter import jitter_margin
 from tune.margins.passivity import damping_needed
 from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
 from tune.optimisation.problem import Moment, Problem
-from tune.optimisation.region import Loops
 from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered_mass_and_damping
 from tune.stability.bracketing import CLOSE
@@ -64,8 +63,7 @@ _SLOWER = 2.0
 _DIGIT = 0.01
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SizedMoment:
+class SizedMoment(NamedTuple):
     """One moment of a problem at certain sizes of the unknowns."""
 
     problem: Problem
@@ -117,12 +115,11 @@ def _holding(felt: Sequence[SizedMoment], parts: NDArray[np.int64]) -> BoolArray
             sprung = bool(one.moment.members[0])
             together.setdefault((id(one.problem.loops), late, sprung), []).append(place)
     for (_, late, _), places in together.items():
-        loops = felt[places[0]].problem.loops
-        good[places] = _stable([felt[place] for place in places], loops, late)
+        good[places] = _stable([felt[place] for place in places], late)
     return good
 
 
-def _stable(felt: Sequence[SizedMoment], loops: Loops, late: float) -> BoolArray:
+def _stable(felt: Sequence[SizedMoment], late: float) -> BoolArray:
     """Moments with the same loops, all with a spring or all without, at one extra delay."""
     each = [one.problem.effects(one.moment, one.sizes) for one in felt]
     totals: dict[EffectName, FloatArray | None] = {}
@@ -132,7 +129,7 @@ def _stable(felt: Sequence[SizedMoment], loops: Loops, late: float) -> BoolArray
         totals[name] = np.array([[value or 0.0] for value in values]) if there else None
     effects = Effects(**totals)
     good = np.ones(len(felt), dtype=np.bool_)
-    for loop in loops.latest(late):
+    for loop in felt[0].problem.loops.latest(late):
         good &= np.all(safe_up_to(loop, effects, 1 + CLOSE), axis=1)
     return good
 
@@ -163,11 +160,7 @@ def _bounds(
         unknown = problem.unknowns[index]
         least = min(top, stable)
         noisy = ripple_bound(problem, sizes, index, least)
-        found: dict[LimitedBy, float] = {
-            **linear[index],
-            "delay-margin": stable,
-            "ripple": noisy,
-        }
+        found: dict[LimitedBy, float] = {**linear[index], "delay-margin": stable, "ripple": noisy}
         if unknown.wish.kind == "value":
             found["wanted"] = unknown.high
         elif unknown.wish.kind == "range":
@@ -198,8 +191,7 @@ def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
     return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MomentMargins:
+class MomentMargins(NamedTuple):
     """Margins of one moment at the sizes written.
 
     Attributes:
@@ -226,18 +218,13 @@ def moment_margins(
     late = min(float(MOST_EXTRA_DELAY), late)
     if slack:
         gain = max(gain * (1 - slack), min(gain, kept.gain))
-        late = max(
-            float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
-        )
+        less = float(np.floor(late * (1 - slack) * 10) / 10)
+        late = max(less, min(late, kept.extra_delay_samples))
     felt = one.problem.effects(one.moment, one.sizes)
     K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
     places = corners_of(device, one.problem.region.box)
-    return MomentMargins(
-        elements=one.moment.elements,
-        gain=gain,
-        late=late,
-        jitter=min(MOST_JITTER, jitter_margin(places, one.problem.filters, (K, B, M))),
-    )
+    jitter = min(MOST_JITTER, jitter_margin(places, one.problem.filters, (K, B, M)))
+    return MomentMargins(one.moment.elements, gain, late, jitter)
 
 
 def element_profile(
@@ -325,11 +312,8 @@ def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design
     filters = filters_of(design.loop)
     elements: dict[str, ElementProfile] = {}
     for name, element in design.elements.items():
-        left = min(
-            ((peak - sum(deep[each] for each in m)) / len(m) for m in at_once if name in m),
-            default=0.0,
-        )
-        level = _floored(deep[name] + left) if name in deep else 0.0
+        shares = ((peak - sum(deep[each] for each in m)) / len(m) for m in at_once if name in m)
+        level = _floored(deep[name] + min(shares, default=0.0)) if name in deep else 0.0
         felt = element.model_copy(update={"force_level": level})
         told = contact(device, box, filters, felt, design.margin.extra_delay_samples)
         elements[name] = felt.model_copy(update={"contact": told})
@@ -373,25 +357,23 @@ def with_fades(design: Design, scene: Scene) -> Design:
             needed[name] = max(needed[name], time)
     elements = dict(design.elements)
     for name, time in needed.items():
-        least = (
-            round(float(np.ceil(time / _DIGIT - 1e-9)) * _DIGIT, 2) if np.isfinite(time) else time
-        )
-        elements[name] = elements[name].model_copy(
-            update={"fade_time": _stated(name, least, scene.elements[name].fade_time)}
-        )
+        least = time
+        if np.isfinite(time):
+            least = round(float(np.ceil(time / _DIGIT - 1e-9)) * _DIGIT, 2)
+        stated = _stated(name, least, scene.elements[name].fade_time)
+        elements[name] = elements[name].model_copy(update={"fade_time": stated})
     return design.model_copy(update={"elements": elements})
 
 
 def _stated(name: str, least: float, wanted: float | None) -> float:
     """The fade time of an element that must fade over a least time, s."""
     if least > LONGEST_FADE:
-        raise NoFeasibleEffectError(
-            (
-                f"{name}: a hand that enters and leaves it in time could pump the device however "
-                "slowly it fades. Give its spring an element of its own, felt together with it, or "
-                "ask for damping in the same element, or for less mass",
-            )
+        why = (
+            f"{name}: a hand that enters and leaves it in time could pump the device however "
+            "slowly it fades. Give its spring an element of its own, felt together with it, or "
+            "ask for damping in the same element, or for less mass"
         )
+        raise NoFeasibleEffectError((why,))
     if wanted is not None and wanted < least:
         raise InvalidInputError(
             f"elements.{name}.fade_time",
@@ -455,8 +437,5 @@ def _places(design: Design, extra: float) -> tuple[Corner, ...]:
 
 def _sum(elements: Sequence[ElementProfile]) -> Values:
     """K, B and M of some elements together."""
-    return (
-        sum((each.stiffness for each in elements), 0.0),
-        sum((each.damping for each in elements), 0.0),
-        sum((each.mass for each in elements), 0.0),
-    )
+    K, B, M = (sum((getattr(each, name) for each in elements), 0.0) for name in EFFECT_NAMES)
+    return K, B, M

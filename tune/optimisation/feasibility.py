@@ -364,7 +364,10 @@ def initial_points_of(problem: Problem, count: int = _STARTS) -> list[FloatArray
     steps, places = np.unique(steps, axis=0, return_index=True)
     kept = np.flatnonzero(passes_cheap_limits(problem, _sizes(problem, steps)))
     ranks = np.array([unknown.level for unknown in unknowns])
-    order = kept[_best_first(np.log(steps[kept]), ranks)]
+    # The best first: by the product of the steps of the first rank, then of the next.
+    logs = np.log(steps[kept])
+    sums = [np.sum(logs[:, ranks == rank], axis=1) for rank in np.unique(ranks)]
+    order = kept[np.lexsort([-each for each in reversed(sums)])]
     wanted = np.array([unknown.wish.kind == "value" for unknown in unknowns])
     found: list[FloatArray] = []
     ray = places // _LEVELS
@@ -391,12 +394,6 @@ def _sizes(problem: Problem, steps: FloatArray) -> FloatArray:
     """Sizes of perceived steps, (points, unknowns), none below the least or above the most."""
     sizes = [u.size_at(column) for u, column in zip(problem.unknowns, steps.T, strict=True)]
     return np.clip(problem.linear.with_leads(np.stack(sizes, axis=1)), problem.low, problem.high)
-
-
-def _best_first(logs: FloatArray, ranks: NDArray[np.int64]) -> NDArray[np.intp]:
-    """The order of rows of logarithms of steps: by the product of the first rank, then the next."""
-    sums = [np.sum(logs[:, ranks == rank], axis=1) for rank in np.unique(ranks)]
-    return np.lexsort([-each for each in reversed(sums)])
 
 
 def _rays(count: int) -> FloatArray:

@@ -20,6 +20,18 @@ from tune.rendering.rendered import Band, Shares
 FloatArray = NDArray[np.float64]
 
 
+LinearWord = Literal["force", "rendering", "lead"]
+#: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
+_OF_A_STEP = 0.997
+#: Newton's method ends where it moves by less, relative.
+_SAME = 1e-14
+#: N: an actuator without any force is taken to have this much.
+_NO_FORCE = 1e-30
+#: Walls to begin a search with: so many, up to so many times the least stiffness, with dampers at
+#: these parts of the way from the least to the most.
+_WALLS, _STIFFEST, _BETWEEN = 64, 1e6, (0.05, 0.5, 0.95)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
     """One effect of one element whose size is looked for.
@@ -69,12 +81,6 @@ class Unknown:
         """The size that is perceived as so many steps, of their shape."""
         given = np.asarray(steps, dtype=np.float64)
         return self.sign * self.scale.value_at(given, self.sign)
-
-
-#: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
-_OF_A_STEP = 0.997
-#: Newton's method ends where it moves by less, relative.
-_SAME = 1e-14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,15 +187,6 @@ def renderings(
                     yield Rendering(scale=own, least=least, given=given, asked=asked, sign=sign)
 
 
-LinearWord = Literal["force", "rendering", "lead"]
-
-#: N: an actuator without any force is taken to have this much.
-_NO_FORCE = 1e-30
-#: Walls to begin a search with: so many, up to so many times the least stiffness, with dampers at
-#: these parts of the way from the least to the most.
-_WALLS, _STIFFEST, _BETWEEN = 64, 1e6, (0.05, 0.5, 0.95)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
     """Elements felt at once: which unknowns add up, and the motion of each element.
@@ -255,9 +252,8 @@ class LinearLimits:
     @property
     def ratios(self) -> list[tuple[int, int, float]]:
         """(i, j, factor): factor·size i <= size j, two of each lead."""
-        return [
-            pair for K, B, least, most in self.leads for pair in ((K, B, least), (B, K, 1 / most))
-        ]
+        leads = self.leads
+        return [pair for K, B, low, high in leads for pair in ((K, B, low), (B, K, 1 / high))]
 
     def lead_points(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Walls of all stiffnesses with dampers between their least and most, the rest at least."""
@@ -316,21 +312,3 @@ def force_rows(
             yield costs[0] / max(continuous, _NO_FORCE)
         if peak is not None:
             yield costs.sum(axis=0) / max(peak, _NO_FORCE)
-
-
-def lead_limits(
-    elements: Sequence[tuple[str, float, float]],
-    unknowns: Sequence[Unknown],
-    late: float,
-    present: float,
-) -> Iterator[tuple[int, int, float, float]]:
-    """Walls whose damper more than repays the lag of their spring, and acts before the face a bit.
-
-    0 <= speed·(B/K - τ) <= lead (docs/theory.md, 11), where the damping is not a wanted value; τ of
-    a spring is ``late`` at the longest delay of the margin and ``present`` at the stated delay, s.
-    """
-    for name, speed, lead in elements:
-        own = {u.effect: i for i, u in enumerate(unknowns) if u.element == name and not u.settled}
-        K, B = own.get("stiffness"), own.get("damping")
-        if K is not None and B is not None and unknowns[B].wish.kind != "value":
-            yield K, B, late, present + lead / speed

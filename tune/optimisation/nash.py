@@ -116,15 +116,15 @@ def single_unknown_optimum(problem: Problem) -> Optimum:
 
 
 def largest_product(
-    problem: Problem,
-    backends: Sequence[Backend],
-    known: Sequence[FloatArray] = (),
+    problem: Problem, backends: Sequence[Backend], known: Sequence[FloatArray] = ()
 ) -> Optimum:
-    """The largest product of the steps of several unknowns, rank after rank.
+    """The largest product of the steps of all unknowns, rank after rank.
 
     All solvers propose and the best allowed proposal is taken. What is known are sizes that are
     allowed, to begin with; where there are none, the best of some rays.
     """
+    if len(problem.unknowns) == 1:
+        return single_unknown_optimum(problem)
     starts = list(known) or initial_points_of(problem)
     if not starts:
         return Optimum(sizes=None, methods=(), disagreements=0.0)
@@ -139,7 +139,9 @@ def largest_product(
         if level != levels[-1]:
             search.ease(active)
         for index in np.flatnonzero(active & [unknown.yields > 0 for unknown in problem.unknowns]):
-            search.low[index] = _yielded(problem.unknowns[index], search.sizes[index])
+            unknown = problem.unknowns[index]
+            kept = max(unknown.steps(search.sizes[index]) - unknown.yields, 0.0)
+            search.low[index] = max(unknown.low, float(unknown.size_at(kept)))
         fixed |= active
         starts = [search.sizes]
     return Optimum(
@@ -252,12 +254,6 @@ class _Search:
         if proposal is None:
             return None
         return _bisect_to_feasible(self.problem, np.exp(start), proposal)
-
-
-def _yielded(unknown: Unknown, size: float) -> float:
-    """The least that one unknown may be taken back to for the next rank."""
-    least = unknown.size_at(max(unknown.steps(size) - unknown.yields, 0.0))
-    return max(unknown.low, float(least))
 
 
 def _bisect_to_feasible(

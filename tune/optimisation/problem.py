@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import cast
@@ -22,7 +22,6 @@ from tune.optimisation.linear_limits import (
     Moment,
     Unknown,
     force_rows,
-    lead_limits,
     renderings,
 )
 from tune.optimisation.region import Loops, Region
@@ -159,11 +158,7 @@ class DesignTask:
 
     @classmethod
     def of(
-        cls,
-        device: Device,
-        scene: Scene,
-        table: PerceptionTable,
-        favour: EffectName | None = None,
+        cls, device: Device, scene: Scene, table: PerceptionTable, favour: EffectName | None = None
     ) -> DesignTask:
         """The task over the device's simultaneous box."""
         extra = max(margin.extra_delay_samples for margin in MARGINS.values())
@@ -246,12 +241,7 @@ def pose(
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
     forces = force_rows(moments, len(unknowns), continuous, peak)
     ends = renderings(unknowns, Shares.of(device, used), asking.scale, scene.walls) if felt else ()
-    walls = [
-        (name, scene.motion(name, device.motion).speed, lead)
-        for name in elements
-        if (lead := scene.lead(name, device.motion)) is not None
-    ]
-    leads = lead_limits(walls, unknowns, *_spring_lags(task, margin))
+    leads = _lead_limits(task, margin, elements, unknowns)
     return Problem(
         unknowns=unknowns,
         moments=moments,
@@ -339,12 +329,25 @@ def _serves(given: Element) -> bool:
     return given.one_sided and given.favour != "both"
 
 
-def _spring_lags(task: DesignTask, margin: Margin) -> tuple[float, float]:
-    """Delay, half a sample and current lag, s: the margin's latest, and as they are stated."""
+def _lead_limits(
+    task: DesignTask, margin: Margin, elements: Sequence[str], unknowns: Sequence[Unknown]
+) -> Iterator[tuple[int, int, float, float]]:
+    """Walls whose damper more than repays the lag of their spring, and acts before the face a bit.
+
+    0 <= speed·(B/K - τ) <= lead (docs/theory.md, 11), where the damping is not a wanted value.
+    """
+    scene, motion, step = task.scene, task.device.motion, task.device.sample_time
     box, lag = task.region.box, task.region.current_lag
+    # τ: delay, half a sample and current lag, s, the margin's latest, and as they are stated.
     late = box.delay[1] + (margin.extra_delay_samples + 0.5) * box.sample_time[1]
-    present = task.device.delay.value + 0.5 * task.device.sample_time.value
-    return (late, present) if lag is None else (late + lag.high, present + lag.value)
+    present = task.device.delay.value + 0.5 * step.value
+    late, present = (late, present) if lag is None else (late + lag.high, present + lag.value)
+    for name in elements:
+        lead = scene.lead(name, motion)
+        own = {u.effect: i for i, u in enumerate(unknowns) if u.element == name and not u.settled}
+        K, B = own.get("stiffness"), own.get("damping")
+        if not (lead is None or K is None or B is None or unknowns[B].wish.kind == "value"):
+            yield K, B, late, present + lead / scene.motion(name, motion).speed
 
 
 def _moment(

@@ -27,7 +27,6 @@ from tune.optimisation.nash import (
     feasible_sizes,
     feasible_subsets,
     largest_product,
-    single_unknown_optimum,
 )
 from tune.optimisation.problem import DesignTask, Problem, may_saturate, pose
 
@@ -88,14 +87,8 @@ def solve(
     """Tune one group; effects of which one step is out of reach are dropped, with what they miss.
 
     Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
-    can be proved safe so at the scene's margin; else the usual motion bounds them.
-
-    Args:
-        task: device, scene, perception and region.
-        elements: of the group.
-        filters: of the controller.
-        before: what was tuned already and may be felt beside it.
-        second_opinion: ask all solvers, and for proofs of what may be cut.
+    can be proved safe so at the scene's margin; else the usual motion bounds them. What was tuned
+    before may be felt beside it. A second opinion asks all solvers, and for proofs of clamps.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -140,14 +133,15 @@ def _solved(
             cut=cut,
             settled=settled,
             room=room,
+            choosing=not room,
             second_opinion=second_opinion,
             gone=gone,
-            choosing=not room,
         )
 
     problem, optimum, dropped = tuned(0.0)
+    nothing = Solution(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
     if optimum is None or optimum.sizes is None:
-        return Solution(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
+        return nothing
     linear = sizes = round_sizes(problem, optimum.sizes)
     found: AllFound = {}
     if second_opinion and any(moment.absolute for moment in problem.moments):
@@ -156,27 +150,19 @@ def _solved(
         if gain < problem.proved_gain:
             clash = _pair(task.scene, elements, tightest)
             if clash is not None:
-                return Solution(
-                    problem=problem, sizes=np.empty(0), dropped=dropped, method="none", clash=clash
-                )
+                return replace(nothing, clash=clash)
             own = [u for u in problem.unknowns if not u.settled]
             label = min(own, key=lambda u: u.effect != "stiffness").label
             why = f"pushing on one side, or cut, it is proved stable to a gain of {gain:.4g} only"
             reason = {label: why}
             _refuse_broken_ranges(problem, reason)
+            left = dropped | reason
             return _solved(
-                task,
-                elements,
-                filters,
-                cut,
-                settled,
-                second_opinion=second_opinion,
-                gone=dropped | reason,
+                task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
             )
-    return Solution(
-        problem=problem,
+    return replace(
+        nothing,
         sizes=sizes,
-        dropped=dropped,
         method=" and ".join(optimum.methods) or "start",
         disagreement=optimum.disagreements,
         unrounded=optimum.sizes,
@@ -246,19 +232,10 @@ def optimum_of(
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
-    Args:
-        task: device, scene, perception and region.
-        elements: of the group.
-        filters: of the controller.
-        cut: elements whose force may be cut at its limit.
-        settled: sizes by label of what was tuned before and may be felt beside them.
-        room: part of the gain margin kept beyond it.
-        second_opinion: ask all solvers.
-        known: sizes of all effects of a problem to begin with, allowed as far as doubles tell,
-            where there are some.
-        gone: effects that are left out, with the reason.
-        choosing: where effects that are possible alone are not so together, choose which are kept;
-            else the optimum has no sizes there.
+    Beside the choices of `pose`, ``known`` gives sizes of all effects of a problem to begin with,
+    allowed as far as doubles tell, where there are some. What is ``gone`` is left out, with the
+    reason. Where effects that are possible alone are not so together, it is chosen which are kept;
+    without ``choosing`` the optimum has no sizes there.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -268,21 +245,10 @@ def optimum_of(
         # Without its stiffness the damper of a wall would act everywhere.
         gone |= {f"{e}.damping" for e in task.scene.walls if f"{e}.stiffness" in gone}
         return pose(
-            task,
-            elements=elements,
-            filters=filters,
-            gone=gone,
-            cut=cut,
-            settled=settled,
-            room=room,
+            task, elements=elements, filters=filters, gone=gone, cut=cut, settled=settled, room=room
         )
 
-    def best(problem: Problem, known: Sequence[FloatArray] = ()) -> Optimum:
-        if len(problem.unknowns) == 1:
-            return single_unknown_optimum(problem)
-        return largest_product(problem, backends(second_opinion=second_opinion), known)
-
-    dropped = dict(gone or {})
+    solvers, dropped = backends(second_opinion=second_opinion), dict(gone or {})
     problem = posed(frozenset(dropped))
     while impossible := reasons_for_nothing(problem):
         _refuse_broken_ranges(problem, impossible)
@@ -293,12 +259,11 @@ def optimum_of(
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
     if not own:
         return problem, None, dropped
-    found = best(problem, [] if dropped or known is None else known(problem))
+    begin: Sequence[FloatArray] = [] if dropped or known is None else known(problem)
+    found = largest_product(problem, solvers, begin)
     if found.sizes is not None or not choosing:
         return problem, found, dropped
-    every = frozenset(own)
-    before = frozenset(dropped)
-
+    every, before = frozenset(own), frozenset(dropped)
     starts: dict[frozenset[str], FloatArray | None] = {}
 
     def feasible(labels: frozenset[str]) -> bool:
@@ -315,7 +280,7 @@ def optimum_of(
     optima: list[tuple[Problem, Optimum | None]] = []
     for labels in sets:
         start, each = starts.get(labels), posed(before | (every - labels))
-        optima.append((each, None if start is None else best(each, [start])))
+        optima.append((each, None if start is None else largest_product(each, solvers, [start])))
     chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
     found = {} if optimum is None or optimum.sizes is None else _by_label(chosen, optimum.sizes)
     for label in [u.label for u in problem.unknowns if u.label in own and u.label not in found]:
@@ -361,13 +326,11 @@ def backends(*, second_opinion: bool = True) -> list[Backend]:
 
 def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
     """A range is a promise: its lower end is met or nothing is written."""
+    ranges = [u for u in problem.unknowns if u.wish.kind == "range" and u.label in impossible]
     broken = tuple(
-        f"{unknown.label}: its range starts at {unknown.wish.low:g}, {impossible[unknown.label]}"
-        for unknown in problem.unknowns
-        if unknown.wish.kind == "range"
-        and unknown.label in impossible
-        and unknown.high >= unknown.low
-        and unknown.wish.low
+        f"{u.label}: its range starts at {u.wish.low:g}, {impossible[u.label]}"
+        for u in ranges
+        if u.high >= u.low and u.wish.low
     )
     if broken:
         raise NoFeasibleEffectError(broken)
@@ -380,6 +343,8 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
     gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
     limits = problem.limits
     nothing = np.zeros(len(problem.unknowns))
+    # A positive damper of the same element holds an effect on a device without damping.
+    damped = {u.element for u in problem.unknowns if u.effect == "damping" and u.sign > 0}
     for index, unknown in enumerate(problem.unknowns):
         if unknown.settled:
             continue
@@ -400,7 +365,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
                 f"continuous and {limits.peak_force:g} at the peak; at most {most:.4g} keeps to it "
                 "in this motion. Ask for less"
             )
-        elif weakest <= 0 and not _helped(problem, index):
+        elif weakest <= 0 and (weakest < 0 or unknown.element not in damped):
             reasons[unknown.label] = (
                 f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
                 "its damping would hold this effect. Take a longer log, or add damping"
@@ -428,15 +393,6 @@ def _imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
     return (
         f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
         f"limited by {word}"
-    )
-
-
-def _helped(problem: Problem, index: int) -> bool:
-    """True where a positive damper of the same element is there to hold the effect."""
-    unknown = problem.unknowns[index]
-    return problem.region.box.damping[0] == 0 and any(
-        other.element == unknown.element and other.effect == "damping" and other.sign > 0
-        for other in problem.unknowns
     )
 
 

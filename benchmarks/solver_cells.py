@@ -14,10 +14,8 @@ from benchmarks.section import Cell
 from benchmarks.solvers import SOLVERS, Task
 from tests.optimum_reference import Reference
 from tests.optimum_search import highest
-from tune.optimisation.backends import Rank
-from tune.optimisation.backends.program import program_of
-from tune.optimisation.initial_points import initial_points_of
-from tune.optimisation.limits import least_margin_loops
+from tune.optimisation.backends import Rank, program_of
+from tune.optimisation.feasibility import initial_points_of, least_margin_loops
 from tune.optimisation.nash import largest_product, single_unknown_optimum
 from tune.optimisation.problem import Problem
 from tune.optimisation.solve import backends

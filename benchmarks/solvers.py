@@ -11,11 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.optimisation.backends import Backend, Rank
-from tune.optimisation.backends.casadi_ import Ipopt
-from tune.optimisation.backends.evaluation import Evaluation
-from tune.optimisation.backends.nlopt_ import Slsqp
-from tune.optimisation.backends.program import Program
+from tune.optimisation.backends import Backend, Evaluation, Ipopt, Program, Rank, Slsqp
 
 FloatArray = NDArray[np.float64]
 

@@ -341,12 +341,12 @@ FAULTS: tuple[Fault, ...] = (
     ),
     # Limits of the tuner.
     *_of(
-        "tune/optimisation/limits.py",
+        "tune/optimisation/feasibility.py",
         f"{_EDGES} -k tuner",
         ("ripple of one effect", "limit=limits.ripple,", "limit=2 * limits.ripple,"),
     ),
     *_of(
-        "tune/optimisation/bounds.py",
+        "tune/optimisation/feasibility.py",
         f"{_EDGES} -k tuner",
         (
             "force and lead",
@@ -356,7 +356,7 @@ FAULTS: tuple[Fault, ...] = (
         ("the margin of one effect", "unknown.sign, late=late) / gain", "unknown.sign, late=late)"),
     ),
     *_of(
-        "tune/optimisation/bounds.py",
+        "tune/optimisation/feasibility.py",
         "tests/test_limited_by.py tests/test_optimum.py",
         (
             "ripple of several",

@@ -11,7 +11,7 @@ from identification import Device, ForceLimit, load_device, quantity
 from tune.documents.perception import default_table
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
-from tune.optimisation.cutoff_objective import CutoffObjective, ranks_of, tune_with_filters
+from tune.optimisation.cutoffs import CutoffObjective, ranks_of, tune_with_filters
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import groups
 
@@ -98,4 +98,4 @@ def best_of_grid(task: DesignTask, count: int) -> CutoffObjective:
                 filters = Filters(velocity_filter_hz=velocity, acceleration_filter_hz=acceleration)
                 known[key] = tune_with_filters(task, elements, filters).worth
             total[pair] = before.plus(known[key])
-    return max(total.values(), key=lambda each: each.order)
+    return max(total.values())

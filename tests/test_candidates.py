@@ -20,8 +20,12 @@ from tune.documents.perception import PerceptionTable, default_table
 from tune.documents.profile import SafeProfile, load_profile
 from tune.documents.scene import MarginName, Scene
 from tune.optimisation._optimise import optimise
-from tune.optimisation.candidates import Candidate, candidates, compare_candidates
-from tune.optimisation.candidates_picture import candidates_picture
+from tune.optimisation.alternatives import (
+    Candidate,
+    candidates,
+    candidates_picture,
+    compare_candidates,
+)
 
 #: gain and further samples of delay, as the README promises them
 PROMISED: dict[MarginName, tuple[float, int]] = {
@@ -146,7 +150,7 @@ def test_a_candidate_that_is_not_certified_is_told_like_any_other(
             raise CheckFailedError(("an unstable corner",))
         return profile
 
-    monkeypatch.setattr("tune.optimisation.candidates.optimise", fails_when_firm)
+    monkeypatch.setattr("tune.optimisation.alternatives.optimise", fails_when_firm)
     *rest, firm = candidates(device, _scene())
     assert all(candidate.profile is not None for candidate in rest)
     assert str(firm.error) == "check failed: an unstable corner"

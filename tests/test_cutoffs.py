@@ -21,8 +21,7 @@ from tests.unlimited import stated
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune.documents.perception import default_table
 from tune.loop.filters import Filters
-from tune.optimisation.cutoff_objective import CutoffObjective, slope_of, tune_with_filters
-from tune.optimisation.cutoffs import choose_filters
+from tune.optimisation.cutoffs import CutoffObjective, choose_filters, slope_of, tune_with_filters
 from tune.optimisation.problem import DesignTask
 
 #: The product of all steps is right to this, in its logarithm: a per cent.
@@ -35,7 +34,7 @@ def _silent(sentence: str) -> None:
 
 def _within(worth: CutoffObjective, best: CutoffObjective) -> bool:
     """As many effects kept, and a product within a per cent."""
-    return worth.order >= (best.kept, best.value - ONE_PERCENT)
+    return worth >= (best.kept, best.value - ONE_PERCENT)
 
 
 def demo_choice() -> tuple[float, float, float]:
@@ -94,7 +93,7 @@ def test_a_grid_finds_what_a_poor_choice_loses() -> None:
     best = worth_of(task, filters)
     for poor in (None, filters.acceleration_filter_hz / 2, filters.acceleration_filter_hz * 2):
         worth = worth_of(task, replace(filters, acceleration_filter_hz=poor))
-        assert worth.order < (best.kept, best.value - 10 * ONE_PERCENT)
+        assert worth < (best.kept, best.value - 10 * ONE_PERCENT)
 
 
 @pytest.mark.parametrize("name", ["homerehab", "light", "heavy"])

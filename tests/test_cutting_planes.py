@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from tune.optimisation.cutting_planes import maximise
+from tune.optimisation.linear_programs import maximise
 
 _ENDS = [(-2.0, 2.0), (-2.0, 2.0)]
 

@@ -17,7 +17,7 @@ from tune import Scene, optimise
 from tune.loop.filters import Filters
 from tune.loop.state_space import Corner
 from tune.margins.fading import Values, shortest_fade
-from tune.optimisation.fades import with_fades
+from tune.optimisation.describe import with_fades
 
 LEVELS = np.linspace(0, 1, STEPS + 1)
 #: A fade is this many times slower than the shortest that no wave was found to pump.

@@ -16,9 +16,8 @@ from tests.thinned import thinned
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.perception import default_table
 from tune.documents.profile import LimitedBy
-from tune.optimisation.bounds import largest_allowed
 from tune.optimisation.describe import bindings
-from tune.optimisation.limits import stable_points
+from tune.optimisation.feasibility import largest_allowed, stable_points
 from tune.optimisation.problem import DesignTask, Problem
 from tune.optimisation.solve import solve
 

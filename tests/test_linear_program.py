@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, nnls
 
-from tune.optimisation.linear_program import nonnegative_combination, solve_linear_program
+from tune.optimisation.linear_programs import nonnegative_combination, solve_linear_program
 
 
 @pytest.mark.parametrize("seed", range(20))

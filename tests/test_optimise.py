@@ -20,7 +20,7 @@ from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.optimisation._optimise import optimise
-from tune.optimisation.limits import is_feasible
+from tune.optimisation.feasibility import is_feasible
 from tune.optimisation.nash import largest_product
 from tune.optimisation.problem import DesignTask, pose
 from tune.optimisation.solve import backends, groups

@@ -13,14 +13,12 @@ from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import Reference
 from tests.thinned import thinned
 from tune.documents.perception import default_table
-from tune.optimisation.backends import Rank
-from tune.optimisation.backends.multipliers import multipliers
-from tune.optimisation.backends.program import program_of
-from tune.optimisation.backends.reach import Reach
-from tune.optimisation.initial_points import initial_points_of
-from tune.optimisation.limits import is_feasible, least_margin_loops
+from tune.optimisation.backends import Rank, program_of
+from tune.optimisation.feasibility import initial_points_of, is_feasible, least_margin_loops
+from tune.optimisation.linear_programs import multipliers
 from tune.optimisation.nash import largest_product
 from tune.optimisation.problem import DesignTask, Problem
+from tune.optimisation.reach import Reach
 from tune.optimisation.solve import backends, solve
 
 FloatArray = NDArray[np.float64]
@@ -144,7 +142,7 @@ def test_multipliers_are_what_a_limit_is_worth(seed: int) -> None:
     assert risen is not None
     gained = program.product(risen, rank.weights)[0] - program.product(best, rank.weights)[0]
     # The compiled rows come after those of the ripple; the last of them are linear.
-    smooth = int(program.functions.smooth.numel_out(0))
+    smooth = int(program.structure.smooth.numel_out(0))
     linear = found[smooth - len(rows) : smooth]
     assert gained == pytest.approx(float(np.sum(linear)) * more, rel=0.02, abs=1e-8)
 

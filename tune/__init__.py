@@ -11,7 +11,6 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
     from tune._audit import Audit, audit
-    from tune._what_if import Alternative, what_if
     from tune.certificate.check import CheckReport, check
     from tune.comparison import Change, Comparison, compare
     from tune.documents.effects import Effects
@@ -37,6 +36,14 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.optimisation.candidates import candidates, compare_candidates
     from tune.optimisation.candidates_picture import candidates_picture
     from tune.presentation.pictures import profile_picture, profile_sheet
+    from tune.optimisation.alternatives import (
+        Alternative,
+        candidates,
+        candidates_picture,
+        compare_candidates,
+        what_if,
+    )
+    from tune.presentation.profile_picture import profile_picture, profile_sheet
     from tune.rendering.ripple import CountJump, count_jump, force_ripple, handle_vibration
     from tune.rendering.vibration import ThresholdCurve, default_thresholds, vibration_in_thresholds
     from tune.stability.verdict import (
@@ -116,7 +123,6 @@ __all__ = [
 _HOMES = {
     "_audit": "Audit audit",
     "comparison": "Change Comparison compare",
-    "_what_if": "Alternative what_if",
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",
     "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
@@ -133,9 +139,16 @@ _HOMES = {
     "margins.passivity": "Passivity damping_needed",
     "margins.response": "DiskMargin disk_margin phase_margin",
     "optimisation._optimise": "optimise",
+<<<<<<< HEAD
     "optimisation.candidates": "candidates compare_candidates",
     "optimisation.candidates_picture": "candidates_picture",
     "presentation.pictures": "profile_picture profile_sheet",
+=======
+    "optimisation.alternatives": (
+        "Alternative candidates candidates_picture compare_candidates what_if"
+    ),
+    "presentation.profile_picture": "profile_picture profile_sheet",
+>>>>>>> hf
     "rendering.ripple": "CountJump count_jump force_ripple handle_vibration",
     "rendering.vibration": "ThresholdCurve default_thresholds vibration_in_thresholds",
     "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",

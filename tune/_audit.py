@@ -1,13 +1,13 @@
-"""Audit: are these gains safe on this device, why not, and which are the nearest safe ones.
-
-One file: one verb and the report that it returns.
-"""
+"""Audit: are these gains safe on this device, why not, and which are the nearest safe ones."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification import Device, Fact, as_stored, parse_document, to_mapping
 from tune.certificate.refusal import refusal_of
@@ -21,26 +21,36 @@ from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
 from tune.margins.margins import LoopMargins, margins_of
 from tune.optimisation._optimise import SLACK, design_of
-from tune.optimisation.delays import SizedMoment, extra_delays
-from tune.optimisation.faults import Fault, faults_of
-from tune.optimisation.limits import forces, ripple, worst_gain
-from tune.optimisation.nash import Solution, largest_product, single_unknown_optimum
+from tune.optimisation.describe import SizedMoment, extra_delays
+from tune.optimisation.feasibility import forces, ripple, worst_gain
+from tune.optimisation.nash import Solution, largest_product
 from tune.optimisation.problem import DesignTask, Problem, pose
-from tune.optimisation.reasons import reasons_for_nothing
-from tune.optimisation.rounding import round_sizes
-from tune.optimisation.solve import backends
+from tune.optimisation.solve import backends, reasons_for_nothing, round_sizes
 from tune.rendering.contact import contact
 from tune.rendering.ripple import count_jump, handle_vibration
 from tune.rendering.vibration import vibration_in_thresholds
 
+FloatArray = NDArray[np.float64]
+
+Word = Literal[
+    "device", "stability", "gain-margin", "delay-margin", "force", "ripple", "certificate"
+]
 #: What stability rests on; force limit and encoder are judged against where they are stated.
 NEEDED: tuple[Fact, ...] = ("motion", "sample_time", "delay")
-
 #: The one element of the scene that an audit makes of the gains.
 ELEMENT = "gains"
-
 #: What stays this close to the least size that is looked at is nothing.
 _MORE = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One reason why gains are not fit: which limit, what was seen, what is needed."""
+
+    limit: Word
+    seen: str
+    needed: str
+    remedy: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +136,7 @@ def audit(
     """
     device.require_stated(NEEDED)
     filters = filters or Filters()
-    later = to_mapping(_later(_as_stated(device), extra_delay_samples))
+    later = to_mapping(_as_judged(device, extra_delay_samples))
     device = parse_document(Device, later, "the device with its extra delay")
     scene = parse_document(Scene, _scene_of(effects, filters, margin), "the gains and filters")
     task = DesignTask.of(device, scene, default_table())
@@ -139,7 +149,7 @@ def audit(
     design = as_stored(design_of(task, filters, [solved], {}))
     noise = ripple(problem, moment, sizes) if stable else None
     refusal = refusal_of(device)
-    faults = tuple(faults_of(problem, sizes, gain, noise))
+    faults = tuple(_faults_of(problem, sizes, gain, noise))
     if refusal is not None:
         faults = (Fault(limit="device", **asdict(refusal)), *faults)
     certificate = None
@@ -147,27 +157,24 @@ def audit(
         try:
             design, certificate = _certified(task, filters, solved)
         except CheckFailedError as error:
-            faults = tuple(
-                Fault(limit="certificate", seen=failure, needed="proved", remedy="Lower the gains.")
-                for failure in error.failures
-            )
+            least = "Lower the gains."
+            faults = tuple(Fault("certificate", why, "proved", least) for why in error.failures)
+    wall = design.elements[ELEMENT].model_copy(update={"one_sided": True})
+    extra = problem.margin.extra_delay_samples
     sustained, peak = (float(force) for force in forces(moment, sizes))
-    felt, at = (
-        problem.effects(moment, sizes),
-        SizedMoment(problem=problem, moment=moment, sizes=sizes),
-    )
+    felt = problem.effects(moment, sizes)
     vibration, thresholds = _vibration(device, felt, filters) if stable else (None, None)
     return Audit(
         design=design,
         gain=gain,
-        delay_samples=extra_delays([at])[0] if stable else np.nan,
+        delay_samples=extra_delays([SizedMoment(problem, moment, sizes)])[0] if stable else np.nan,
         margins=margins_of(device, felt, filters) if stable else None,
         sustained=sustained,
         peak=peak,
         ripple=noise,
         vibration=vibration,
         felt=thresholds,
-        wall=_wall(problem, design),
+        wall=contact(design.device, problem.region.box, problem.filters, wall, extra),
         jumps=_jumps(device, felt, filters),
         faults=faults,
         nearest=_nearest(task, filters) if faults and refusal is None else None,
@@ -175,12 +182,38 @@ def audit(
     )
 
 
-def _certified(task: DesignTask, filters: Filters, solved: Solution) -> tuple[Design, Certificate]:
-    """The gains with all the margin that can be proved, at least the one asked for.
+def _faults_of(
+    problem: Problem, sizes: FloatArray, gain: float, noise: float | None
+) -> Iterator[Fault]:
+    """Every limit that the sizes break, in words; their gain margin and ripple are known."""
+    (moment,) = problem.moments
+    margin, limits = problem.margin, problem.limits
+    late = worst_gain(problem, moment, sizes)
+    extra = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
+    needed, smaller = f"{margin.gain:g}", "Lower the gains, or filter velocity and acceleration."
+    if gain <= 1:
+        upto = f": every gain from 0 holds up to {gain:.4g} of these" if gain else ""
+        yield Fault("stability", f"unstable{upto}", needed, smaller)
+    elif gain <= margin.gain:
+        yield Fault("gain-margin", f"stable up to {gain:.4g} of these gains", needed, smaller)
+    elif late <= margin.gain:
+        seen = f"with {extra} of delay stable up to {late:.4g} of these gains"
+        yield Fault("delay-margin", seen, needed, "Lower the gains, or shorten the delay.")
+    words = ("K·penetration", "K·penetration + |B|·speed + |M|·acceleration")
+    most = (limits.continuous_force, limits.peak_force)
+    for name, force, limit in zip(words, forces(moment, sizes), most, strict=True):
+        if limit is not None and force > limit:
+            remedy = "Lower the gains, or keep to less penetration."
+            yield Fault("force", f"{name} is {force:.4g}", f"{limit:.4g} at most", remedy)
+    if noise is not None and noise > limits.ripple:
+        seen = f"the encoder makes the force ripple by {noise:.3g} rms"
+        unnoticed = f"{limits.ripple:g} at most, what a hand does not notice"
+        remedy = "Filter velocity and acceleration, or lower damping and mass."
+        yield Fault("ripple", seen, unnoticed, remedy)
 
-    Raises:
-        CheckFailedError: they do not keep that margin, or not even that could be proved.
-    """
+
+def _certified(task: DesignTask, filters: Filters, solved: Solution) -> tuple[Design, Certificate]:
+    """The gains with all the margin that can be proved, at least the one asked for."""
     from tune.certificate.certify import certify
 
     for slack in (0.0, *SLACK):
@@ -204,15 +237,12 @@ def _scene_of(effects: Effects, filters: Filters, margin: MarginName) -> dict[st
     return {"name": "audit", "margin": margin, "elements": {ELEMENT: gains}, "loop": loop}
 
 
-def _as_stated(device: Device) -> Device:
-    """The device without force limit and encoder that nobody stated."""
-    return device.model_copy(update=dict.fromkeys(device.unstated()))
-
-
-def _later(device: Device, samples: float) -> Device:
+def _as_judged(device: Device, samples: float) -> Device:
+    """The device with its extra delay, without force limit and encoder that nobody stated."""
     delay, step = device.delay, device.sample_time.value
     shift = {name: getattr(delay, name) + samples * step for name in ("value", "low", "high")}
-    return device.model_copy(update={"delay": delay.model_copy(update=shift)})
+    later = {"delay": delay.model_copy(update=shift)}
+    return device.model_copy(update={**dict.fromkeys(device.unstated()), **later})
 
 
 def _vibration(
@@ -225,13 +255,6 @@ def _vibration(
     loop = Loop.from_parts(device, used_filters(filters, felt))
     shaken = float(handle_vibration(loop, felt, count))
     return shaken, vibration_in_thresholds(loop, felt, count) if device.motion == "linear" else None
-
-
-def _wall(problem: Problem, design: Design) -> Contact:
-    """The contact with the gains as a wall that only pushes."""
-    element = design.elements[ELEMENT].model_copy(update={"one_sided": True})
-    extra = problem.margin.extra_delay_samples
-    return contact(design.device, problem.region.box, problem.filters, element, extra)
 
 
 def _jumps(device: Device, felt: Effects, filters: Filters) -> dict[str, float]:
@@ -252,11 +275,7 @@ def _nearest(task: DesignTask, filters: Filters) -> Effects | None:
         problem = pose(task, elements=[ELEMENT], filters=filters, gone=gone, felt=False)
     if not problem.unknowns:
         return None
-    found = (
-        single_unknown_optimum(problem)
-        if len(problem.unknowns) == 1
-        else largest_product(problem, backends())
-    )
+    found = largest_product(problem, backends())
     if found.sizes is None:
         return None
     sizes = round_sizes(problem, found.sizes)

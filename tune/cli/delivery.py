@@ -17,9 +17,9 @@ from tune.cli.tuning import read_request, say_what_would_help
 
 if TYPE_CHECKING:
     from identification import Device, Hardware, LogColumns, Trajectory
-    from tune._what_if import Alternative
     from tune.documents.profile import SafeProfile
     from tune.exporters import Target
+    from tune.optimisation.alternatives import Alternative
 
 #: A node's name, or all of it from the root.
 _NODE = re.compile(r"[A-Za-z_]\w*|(/[A-Za-z_]\w*)+", re.ASCII)

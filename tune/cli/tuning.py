@@ -15,12 +15,11 @@ from tune.cli.session import Session
 
 if TYPE_CHECKING:
     from identification import Device
-    from tune._what_if import Alternative
     from tune.documents.perception import PerceptionTable
     from tune.documents.profile import Design, SafeProfile
     from tune.documents.result_details import AlternativeResult
     from tune.documents.scene import Scene
-    from tune.optimisation.candidates import Candidate, CandidateEffect
+    from tune.optimisation.alternatives import Alternative, Candidate, CandidateEffect
 
 #: Where to state what a device file lacks.
 IN_DEVICE = (
@@ -188,7 +187,7 @@ def _choose_candidate(
     session: Session, device: Device, wish: TuningRequest, sheet: Path | None
 ) -> SafeProfile:
     """The candidate with the scene's margin, or why there is none, after all three were shown."""
-    from tune.optimisation.candidates import candidates, compare_candidates
+    from tune.optimisation.alternatives import candidates, compare_candidates
     from tune.presentation.tables import candidates_lines, candidates_table
 
     with session.progress() as say:
@@ -205,7 +204,7 @@ def _choose_candidate(
         assert chosen.error is not None
         raise chosen.error
     if sheet is not None:
-        from tune.optimisation.candidates_picture import candidates_picture
+        from tune.optimisation.alternatives import candidates_picture
 
         session.draw(sheet, candidates_picture(rows, device.motion))
     return chosen.profile
@@ -241,7 +240,7 @@ def say_what_would_help(
     session: Session, profile: SafeProfile, scene: Scene, perception: PerceptionTable
 ) -> tuple[Alternative, ...]:
     """Tune for each changed device, the best change first, and show what it brings."""
-    from tune._what_if import what_if
+    from tune.optimisation.alternatives import what_if
     from tune.presentation.tables import alternatives_table
 
     with session.progress() as say:

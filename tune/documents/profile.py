@@ -127,12 +127,11 @@ class Contact(Document):
 class ElementProfile(Document):
     """What one element plays; effects that do not act are zero.
 
-    ``perceived_steps`` count what is felt of an effect at the motions people make, none where less
-    than nothing is left of the device; ``rendered`` and ``contact`` are absent in profiles written
-    before they were computed, which `check` refuses. A ``one_sided`` element pushes only; its force
-    fades in and out over ``fade_time``, s, where 0 lets it be switched at any moment. What is felt
-    lies within one step of what is asked for, but of an element whose every effect was wanted with
-    one value: it is played ``as_commanded``.
+    ``perceived_steps`` count what is felt of an effect at the motions people make; ``rendered`` and
+    ``contact`` are absent in profiles written before they were computed, which `check` refuses. A
+    ``one_sided`` element pushes only; its force fades in and out over ``fade_time``, s, where 0
+    lets it be switched at any moment. What is felt lies within one step of what is asked for, but
+    of an element whose every effect was wanted with one value: it is played ``as_commanded``.
     """
 
     stiffness: float

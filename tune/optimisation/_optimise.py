@@ -1,7 +1,4 @@
-"""The one verb: device + scene → certified profile.
-
-One file: the steps of one verb, in their order.
-"""
+"""The one verb: device + scene to a certified profile."""
 
 from __future__ import annotations
 
@@ -23,9 +20,14 @@ from tune.documents.profile import Design, MarginProfile, PerceptionProfile, Saf
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.filters import Filters
 from tune.optimisation.cutoffs import choose_filters
-from tune.optimisation.delays import SizedMoment, extra_delays
-from tune.optimisation.describe import element_profile, moment_margins, with_levels_and_contacts
-from tune.optimisation.fades import with_fades
+from tune.optimisation.describe import (
+    SizedMoment,
+    element_profile,
+    extra_delays,
+    moment_margins,
+    with_fades,
+    with_levels_and_contacts,
+)
 from tune.optimisation.nash import SAME, Solution
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.region import PlantPoint
@@ -71,7 +73,7 @@ def optimise(
     from tune.certificate.certify import certify
 
     device.require_stated()
-    say = progress or _silent
+    say = progress or silent
     refusal = refusal_of(device)
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
@@ -92,6 +94,11 @@ def optimise(
         profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
         return as_stored(profile).signed()
     raise AssertionError("the last attempt returns or raises")
+
+
+def silent(sentence: str) -> None:
+    """No report of progress."""
+    del sentence
 
 
 def _proposed(
@@ -116,29 +123,14 @@ def _proposed(
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
-    return task, as_stored(design), _witnesses(task, solutions)
+    found, witnesses = _proved(solutions), dict[str, AbsoluteStability]()
+    if found:
+        from tune.optimisation.saturation import witness_of
 
-
-def _witnesses(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
-    """What proves the moments that are one-sided, by their elements."""
-    found = _proved(solutions)
-    if not found:
-        return {}
-    from tune.optimisation.saturation import witness_of
-
-    margin = MARGINS[task.scene.margin]
-    return {
-        " + ".join(names): as_stored(witness_of(one, margin, task.slack))
-        for names, one in found.items()
-    }
-
-
-def _of_effect(
-    scene: Scene, solutions: Sequence[Solution]
-) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Every moment, and its elements of which something is left."""
-    there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
-    return {each: tuple(name for name in each if name in there) for each in scene.subsets()}
+        kept, slack = MARGINS[task.scene.margin], task.slack
+        for names, one in found.items():
+            witnesses[" + ".join(names)] = as_stored(witness_of(one, kept, slack))
+    return task, as_stored(design), witnesses
 
 
 def _proved(solutions: Sequence[Solution]) -> AllFound:
@@ -176,32 +168,27 @@ def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
 
 
 def design_of(
-    task: DesignTask,
-    filters: Filters,
-    solutions: Sequence[Solution],
-    dropped: dict[str, str],
+    task: DesignTask, filters: Filters, solutions: Sequence[Solution], dropped: dict[str, str]
 ) -> Design:
     """What was chosen for every element, with its margins and why it is no larger, uncertified."""
-    device, scene = task.device, task.scene
+    device, scene, table = task.device, task.scene, task.table
     felt = [
-        SizedMoment(problem=solved.problem, moment=moment, sizes=solved.sizes)
+        SizedMoment(solved.problem, moment, solved.sizes)
         for solved in solutions
         for moment in solved.problem.moments
         if any(moment.members)
     ]
-    names = [one.moment.elements for one in felt]
-    delays = dict(zip(names, extra_delays(felt), strict=True))
     kept = MARGINS[scene.margin]
     found = {
-        one.moment.elements: moment_margins(
-            device, one, delays[one.moment.elements], kept, task.slack
-        )
-        for one in felt
+        one.moment.elements: moment_margins(device, one, late, kept, task.slack)
+        for one, late in zip(felt, extra_delays(felt), strict=True)
     }
+    # Of every moment the elements of which something is left.
+    there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
     margins = [
-        replace(found[part], elements=each)
-        for each, part in _of_effect(scene, solutions).items()
-        if part in found
+        found[part]._replace(elements=each)
+        for each in scene.subsets()
+        if (part := tuple(name for name in each if name in there)) in found
     ]
     absolute = _proved(solutions)
     elements = {
@@ -211,16 +198,11 @@ def design_of(
         if any(u.element == name for u in solved.problem.unknowns)
         or any(label.rpartition(".")[0] == name for label in solved.dropped)
     }
-    methods = {
-        ", ".join(own): solved.method
-        + (
-            f"; solvers differ by {solved.disagreement:.1e}, settled by the exact check"
-            if solved.disagreement > SAME
-            else ""
-        )
-        for solved, own in zip(solutions, groups(scene), strict=True)
-        if solved.by_label()
-    }
+    methods: dict[str, str] = {}
+    for solved, own in zip(solutions, groups(scene), strict=True):
+        if solved.by_label():
+            apart = f"; solvers differ by {solved.disagreement:.1e}, settled by the exact check"
+            methods[", ".join(own)] = solved.method + apart * (solved.disagreement > SAME)
     played = {name: elements[name] for name in scene.elements if name in elements}
     design = Design(
         device=device,
@@ -238,8 +220,14 @@ def design_of(
         elements=played,
         together=groups_of(scene.elements, scene.together),
         apart=groups_of(scene.elements, scene.apart),
-        ripple_limit=scene.ripple_limit or task.table.threshold(device.motion),
-        perception=_perception(task),
+        ripple_limit=scene.ripple_limit or table.threshold(device.motion),
+        perception=PerceptionProfile(
+            name=table.name,
+            stiffness=table.stiffness.value,
+            damping=table.damping.value,
+            mass=table.mass.value,
+            threshold=table.threshold(device.motion),
+        ),
         notes=(
             *(note_of_dropped(label) + why for label, why in dropped.items()),
             *(note_of_apart(pair) for pair in task.apart),
@@ -248,18 +236,3 @@ def design_of(
     )
     design = with_levels_and_contacts(design, device, task.region.box)
     return design.model_copy(update={"skipped": skipped_parts(design)})
-
-
-def _perception(task: DesignTask) -> PerceptionProfile:
-    table = task.table
-    return PerceptionProfile(
-        name=table.name,
-        stiffness=table.stiffness.value,
-        damping=table.damping.value,
-        mass=table.mass.value,
-        threshold=table.threshold(task.device.motion),
-    )
-
-
-def _silent(sentence: str) -> None:
-    del sentence

@@ -1,30 +1,47 @@
-"""Filter cut-offs where a scene leaves them free: as little filtering as does nearly as well.
-
-One file: one search along two axes.
-"""
+"""Filter cut-offs where a scene leaves them free: as little filtering as does nearly as well."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import round_to_digits
 from tune.documents.effects import EffectName
+from tune.documents.errors import NoFeasibleEffectError
+from tune.documents.scene import Cutoff
 from tune.loop.filters import Filters
-from tune.optimisation.cutoff_axis import COARSE, CutoffAxis
-from tune.optimisation.cutoff_objective import (
-    CutoffObjective,
-    Tuned,
-    ranks_of,
-    slope_of,
-    tune_all_effects,
-    tune_with_filters,
+from tune.optimisation.backends import Evaluation, Rank, program_of
+from tune.optimisation.feasibility import (
+    largest_allowed,
+    least_margin_loops,
+    passes_cheap_limits,
+    stable_in_doubles,
 )
-from tune.optimisation.cutting_planes import maximise
-from tune.optimisation.problem import DesignTask
-from tune.optimisation.solve import groups
+from tune.optimisation.linear_programs import maximise, multipliers
+from tune.optimisation.nash import SAME, Optimum
+from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, pose
+from tune.optimisation.solve import groups, optimum_of
+from tune.rendering.rendered import FASTEST
 
+FloatArray = NDArray[np.float64]
+
+#: Hz; a filter must pass the motions people make.
+_LOWEST = FASTEST
+#: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
+#: a mass it rises with each octave of filtering, until force, stability or honey makes it fall.
+_COARSE = 3.0
+#: Digits of a written cut-off.
+_DIGITS = 4
+#: What a rank counts beside the one before it.
+_NEXT_RANK = 0.1
+#: Parts to which sizes that were good with other cut-offs are taken back until they are allowed.
+_RETREATS = (1.0, 0.98, 0.9, 0.75, 0.5, 0.25)
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 1e-3
 #: This little is given for less filtering.
@@ -38,9 +55,8 @@ _TIED = 1e-6
 def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
     """The fixed cut-offs, and for free ones the least filtering that does nearly as well as any.
 
-    What a cut-off is worth is told by `cutoff_objective`, for all elements together. Free cut-offs
-    are looked for coarsely, one after the other in both orders, then together by cutting planes, on
-    a logarithmic scale above which there is no filter.
+    Free cut-offs are looked for coarsely, for all elements together, one after the other in both
+    orders, then together by cutting planes, on a logarithmic scale above which there is no filter.
     A filter is only there for an effect that uses it: without a damper no velocity filter, without
     a virtual mass no acceleration filter.
     """
@@ -57,60 +73,35 @@ def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
     with_velocity = "damping" in wishes and windowed is None
     velocity = scene.loop.velocity_filter_hz if with_velocity else "none"
     acceleration = scene.loop.acceleration_filter_hz if "mass" in wishes else "none"
-    search = _Search(
-        task=task,
-        kind=kind,
-        say=say,
-        axes=(
-            CutoffAxis.of(
-                velocity if "damping" in wishes and windowed is None else "none", nyquist
-            ),
-            CutoffAxis.of(acceleration if "mass" in wishes else "none", nyquist),
-        ),
-    )
-    return search.best()
+    axes = _Axis.of(velocity, nyquist), _Axis.of(acceleration, nyquist)
+    return _Search(task, kind, axes, say).best()
 
 
-@dataclass(slots=True, kw_only=True)
 class _Search:
-    """Filters that were tried, and what they are worth.
+    """Filters that were tried, and what they are worth."""
 
-    Attributes:
-        task: what is tuned.
-        kind: order, damping ratio and window of the filters.
-        say: called before each try.
-        axes: choices of the velocity and the acceleration filter.
-        tried: worth of all elements.
-        known: each group as tuned by the filters that it uses.
-        last: each group as it was tuned last.
-        whole: whether all effects of each group are kept, by the filters that it uses.
-        asked: effects of each group that uses a filter.
-    """
-
-    task: DesignTask
-    kind: Filters
-    say: Callable[[str], None]
-    axes: tuple[CutoffAxis, CutoffAxis]
-    tried: dict[Filters, CutoffObjective] = field(default_factory=dict[Filters, CutoffObjective])
-    known: dict[tuple[tuple[str, ...], Filters], Tuned] = field(
-        default_factory=dict[tuple[tuple[str, ...], Filters], Tuned]
-    )
-    last: dict[tuple[str, ...], Tuned] = field(default_factory=dict[tuple[str, ...], Tuned])
-    whole: dict[tuple[tuple[str, ...], Filters], bool] = field(
-        default_factory=dict[tuple[tuple[str, ...], Filters], bool]
-    )
-    asked: dict[tuple[str, ...], frozenset[EffectName]] = field(
-        init=False, default_factory=dict[tuple[str, ...], frozenset[EffectName]]
-    )
-
-    def __post_init__(self) -> None:
-        scene = self.task.scene
-        for elements in groups(scene):
-            wishes = frozenset[EffectName](
-                effect for name in elements for effect in scene.elements[name].wishes()
-            )
+    def __init__(
+        self, task: DesignTask, kind: Filters, axes: tuple[_Axis, _Axis], say: Callable[[str], None]
+    ) -> None:
+        #: Order, damping ratio and window of the filters are those of this kind; the axes are the
+        #: choices of the velocity and the acceleration filter.
+        self.task, self.kind, self.axes, self.say = task, kind, axes, say
+        #: Worth of all elements.
+        self.tried: dict[Filters, CutoffObjective] = {}
+        #: Each group as tuned by the filters that it uses, and as it was tuned last.
+        self.known: dict[tuple[tuple[str, ...], Filters], Tuned] = {}
+        self.last: dict[tuple[str, ...], Tuned] = {}
+        #: Whether all effects of each group are kept, by the filters that it uses.
+        self.whole: dict[tuple[tuple[str, ...], Filters], bool] = {}
+        #: Effects of each group that uses a filter, and how many of them over all its elements.
+        self.wished: dict[tuple[str, ...], int] = {}
+        self.asked: dict[tuple[str, ...], set[EffectName]] = {}
+        elements = task.scene.elements
+        for group in groups(task.scene):
+            wishes = set[EffectName]().union(*(elements[name].wishes() for name in group))
             if wishes & {"damping", "mass"}:
-                self.asked[elements] = wishes
+                self.asked[group] = wishes
+                self.wished[group] = sum(len(elements[name].wishes()) for name in group)
 
     def best(self) -> Filters:
         """The least filtering of all tried that is worth nearly as much as the best."""
@@ -118,15 +109,16 @@ class _Search:
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
             return self._filters(point)
-        if self._coupled():
+        if len(free) == 2 and any({"damping", "mass"} <= asked for asked in self.asked.values()):
+            # Elements that are tuned together use both filters.
             for start in self._starts(point):
                 self._refined(start, free)
         else:
             for index in free:
                 point = self._refined(self._along(point, index), [index])
-        most = max(self.tried.values(), key=lambda each: each.order)
-        enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH).order
-        return min((f for f, worth in self.tried.items() if worth.order >= enough), key=_lag)
+        most = max(self.tried.values())
+        enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH)
+        return min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
 
     def _starts(self, middle: list[float]) -> list[list[float]]:
         """Points to climb from: one cut-off after the other, in both orders.
@@ -168,9 +160,10 @@ class _Search:
             used = self._of(elements, filters)
             if (elements, used) not in self.whole:
                 self._say(filters)
-                found = tune_all_effects(self.task, elements, used, self.last.get(elements))
-                self.whole[elements, used] = found is not None
-                if found is not None:
+                last, wished = self.last.get(elements), self.wished[elements]
+                found = tune_with_filters(self.task, elements, used, last, choosing=False)
+                self.whole[elements, used] = sum(found.worth.kept) == wished
+                if self.whole[elements, used]:
                     self.known[elements, used] = self.last[elements] = found
             if not self.whole[elements, used]:
                 return None
@@ -180,12 +173,6 @@ class _Search:
         self.say(
             f"trying filters: velocity {_hertz(filters.velocity_filter_hz)}, "
             f"acceleration {_hertz(filters.acceleration_filter_hz)}"
-        )
-
-    def _coupled(self) -> bool:
-        """True where elements that are tuned together use both filters, and both are free."""
-        return all(axis.free for axis in self.axes) and any(
-            {"damping", "mass"} <= asked for asked in self.asked.values()
         )
 
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
@@ -209,7 +196,7 @@ class _Search:
 
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
-        radius = math.log(COARSE) / 2
+        radius = math.log(_COARSE) / 2
         return whole(maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
 
     def _slope(self, point: Sequence[float], index: int) -> float:
@@ -260,9 +247,9 @@ class _Search:
 
 def _most(found: Sequence[tuple[CutoffObjective, list[float]]]) -> list[float]:
     """The first of the points that are worth most; they tie where a cut-off changes nothing."""
-    most = max((worth for worth, _ in found), key=lambda each: each.order)
-    enough = CutoffObjective(kept=most.kept, value=most.value - _TIED).order
-    return next(point for worth, point in found if worth.order >= enough)
+    most = max(worth for worth, _ in found)
+    enough = CutoffObjective(kept=most.kept, value=most.value - _TIED)
+    return next(point for worth, point in found if worth >= enough)
 
 
 def _lag(filters: Filters) -> float:
@@ -274,3 +261,172 @@ def _lag(filters: Filters) -> float:
 
 def _hertz(cutoff: float | None) -> str:
     return "none" if cutoff is None else f"{cutoff:g} Hz"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Axis:
+    """The choices of one cut-off on a logarithmic scale, from coarse places to written hertz.
+
+    Beyond the last but one of the first places there is no filter; there is one place where the
+    cut-off is not free, but fixed.
+    """
+
+    first: tuple[float, ...]
+    fixed: float | None = None
+
+    @classmethod
+    def of(cls, cutoff: Cutoff, nyquist: float) -> _Axis:
+        if cutoff != "free" or nyquist <= _LOWEST:
+            return cls(first=(0.0,), fixed=cutoff if isinstance(cutoff, float) else None)
+        low, high = math.log(_LOWEST), math.log(nyquist)
+        count = math.ceil((high - low) / math.log(_COARSE))
+        return cls(first=tuple(low + (high - low) * k / count for k in range(count + 2)))
+
+    @property
+    def free(self) -> bool:
+        return len(self.first) > 1
+
+    def hertz(self, place: float) -> float | None:
+        """The cut-off as it is written; None for no filter."""
+        if not self.free:
+            return self.fixed
+        return None if place > self.first[-2] else round_to_digits(math.exp(place), _DIGITS)
+
+
+class CutoffObjective(NamedTuple):
+    """What elements are worth with certain filters; the greater is worth more.
+
+    By rank as many effects as can be kept count first, the first rank first; then the sum of the
+    logarithms of steps, those of a wanted value over all that it asks for, each rank a tenth of the
+    one before.
+    """
+
+    kept: tuple[int, ...]
+    value: float
+
+    def plus(self, other: CutoffObjective) -> CutoffObjective:
+        """The objective of both groups together."""
+        kept = tuple(a + b for a, b in zip(self.kept, other.kept, strict=True))
+        return CutoffObjective(kept=kept, value=self.value + other.value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned:
+    """A group tuned with certain filters: the problem of what is kept, its optimum if any."""
+
+    worth: CutoffObjective
+    problem: Problem
+    optimum: Optimum | None
+
+
+def tune_with_filters(
+    task: DesignTask,
+    elements: Sequence[str],
+    filters: Filters,
+    before: Tuned | None = None,
+    *,
+    choosing: bool = True,
+) -> Tuned:
+    """A group tuned by one solver, from where it was with other filters.
+
+    Nothing is worth less than a range that cannot be met. Of effects that cannot be kept together
+    the best set is chosen, at a cost; without ``choosing`` all of them count as left out.
+    """
+
+    def known(problem: Problem) -> list[FloatArray]:
+        if before is None or before.optimum is None or before.optimum.sizes is None:
+            return []
+        sizes, labels = before.optimum.sizes, [u.label for u in before.problem.unknowns]
+        if sizes.size < 2 or [u.label for u in problem.unknowns] != labels:
+            return []
+        # Allowed as far as doubles tell: what is written in the end is not found from here.
+        points = np.maximum(np.minimum(np.outer(_RETREATS, sizes), problem.high), problem.low)
+        points = points[passes_cheap_limits(problem, points)]
+        return [*points[stable_in_doubles(problem, points)][:1]]
+
+    try:
+        problem, optimum, _ = optimum_of(
+            task,
+            elements,
+            filters,
+            cut=may_saturate(task, elements),
+            second_opinion=False,
+            known=known,
+            choosing=choosing,
+        )
+    except NoFeasibleEffectError:
+        problem = pose(task, elements=elements, filters=filters, cut=may_saturate(task, elements))
+        kept = (-len(problem.unknowns),) * len(ranks_of(task))
+        return Tuned(worth=CutoffObjective(kept=kept, value=0.0), problem=problem, optimum=None)
+    sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
+    levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
+    kept = tuple(levels.count(rank) for rank in ranks_of(task))
+    worth = CutoffObjective(kept=kept, value=_value(task, problem, sizes))
+    return Tuned(worth=worth, problem=problem, optimum=optimum)
+
+
+def ranks_of(task: DesignTask) -> tuple[int, ...]:
+    """Ranks of a scene; see `Unknown`."""
+    elements = task.scene.elements.values()
+    return tuple(sorted({level_of(each, effect) for each in elements for effect in each.wishes()}))
+
+
+def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
+    """How much more a group is worth with filters that are moved a little, to first order.
+
+    It follows from the multipliers of what binds (envelope theorem): sizes are not found anew.
+    """
+    problem, optimum = found.problem, found.optimum
+    if optimum is None or optimum.sizes is None:
+        return 0.0
+    elements = list(dict.fromkeys(unknown.element for unknown in problem.unknowns))
+    wished = ((name, effect) for name in elements for effect in task.scene.elements[name].wishes())
+    gone = frozenset(f"{name}.{effect}" for name, effect in wished)
+    gone -= {unknown.label for unknown in problem.unknowns}
+    beside = pose(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
+    sizes = optimum.sizes
+    # Of one effect beside wanted values that are met, the largest is known without a program.
+    open_ends = np.flatnonzero(sizes < problem.high * (1 - SAME))
+    if open_ends.size <= 1:
+        return max(_value_alone(task, beside, sizes, open_ends) - found.worth.value, -1.0)
+    weights = np.array(_weights(task, problem))
+    rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
+    scenarios = list(optimum.scenarios)
+    prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
+    if prices is None:
+        scenarios = sorted(least_margin_loops(problem, sizes))
+        prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
+    change = _value(task, beside, sizes) - found.worth.value
+    if prices is None:
+        # Where one rank came before the next no sum of both is at its largest.
+        again = tune_with_filters(task, elements, moved, found).worth
+        return again.value - found.worth.value if again.kept == found.worth.kept else change
+    rows = [
+        Evaluation(program_of(each, scenarios), rank).at(np.log(sizes)).constraints
+        for each in (problem, beside)
+    ]
+    if rows[0].size != rows[1].size:
+        return change
+    binding = prices > 0
+    return change - float(prices[binding] @ (rows[1] - rows[0])[binding])
+
+
+def _value_alone(
+    task: DesignTask, problem: Problem, sizes: FloatArray, raised: NDArray[np.intp]
+) -> float:
+    """The objective where all sizes stay but at most one, which is as large as it may be."""
+    sizes = np.minimum(sizes, problem.high)
+    for index in raised.tolist():
+        sizes[index] = largest_allowed(problem, sizes, index)
+    return _value(task, problem, sizes) if np.all(sizes > 0) else -np.inf
+
+
+def _weights(task: DesignTask, problem: Problem) -> list[float]:
+    ranks = ranks_of(task)
+    return [u.weight * _NEXT_RANK ** ranks.index(u.level) for u in problem.unknowns]
+
+
+def _value(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
+    """The weighed sum of the logarithms of steps."""
+    each = zip(_weights(task, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
+    return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))

@@ -1,46 +1,47 @@
-"""Description of a chosen setting: which limit binds, margins, steps, what was not needed.
-
-One file: all that is said of one chosen setting.
-"""
+"""Description of chosen sizes: what binds, margins, steps, levels, contacts and fade times."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Box, Device, round_to_digits
-from tune.documents.effects import EFFECT_NAMES, SHORTEST_FADE, EffectName, Effects
+from identification import Box, Device, InvalidInputError, round_to_digits
+from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName, Effects
+from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.profile import MOST_EXTRA_DELAY, Design, ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Margin, Scene
-from tune.loop.filters import Filters, used_filters
-from tune.loop.sampled_plant import WHOLE
-from tune.loop.state_space import corners_of
+from tune.loop.filters import Filters, filters_of, used_filters
+from tune.loop.sampled_plant import LONGEST_DELAY, WHOLE
+from tune.loop.state_space import Corner, corners_of
+from tune.margins.fading import Values, shortest_fade
 from tune.margins.jitter import MOST as MOST_JITTER
 from tune.margins.jitter import jitter_margin
 from tune.margins.passivity import damping_needed
-from tune.optimisation.bounds import ripple_bound, stable_bounds
-from tune.optimisation.delays import SizedMoment
-from tune.optimisation.limits import ripple, worst_gain
-from tune.optimisation.problem import Problem
+from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
+from tune.optimisation.problem import Moment, Problem
 from tune.rendering.contact import contact
 from tune.rendering.rendered import rendered_mass_and_damping
+from tune.stability.bracketing import CLOSE
+from tune.stability.verdict import safe_up_to
 
 if TYPE_CHECKING:
     from tune.optimisation.nash import Solution
     from tune.optimisation.saturation import AllFound
 
+BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 
+#: Parts of a sample in which a delay margin is looked for and claimed.
+_PARTS = 10
 #: A limit binds where it leaves less than this, relative; written values are rounded by 1e-5.
 _BINDS = 1e-4
 #: Claimed margins are cut to this many digits, downwards, and capped: more says nothing.
 _MARGIN_CAP = 1000.0
-
-
 #: Limits are looked for up to so many times the size at hand, where one is as a rule, then beyond.
 _NEAR = 1.01
 #: Which limit is named where several bind.
@@ -55,24 +56,92 @@ _ORDER: tuple[LimitedBy, ...] = (
     "gain-margin",
     "delay-margin",
 )
+#: A fade is so many times slower than the shortest at which no wave of the level was found to pump:
+#: of random ones, and of levels that chase a swing, the slowest that pump are 1.2 times as slow.
+_SLOWER = 2.0
+#: Fades are told in steps of this, s.
+_DIGIT = 0.01
+
+
+class SizedMoment(NamedTuple):
+    """One moment of a problem at certain sizes of the unknowns."""
+
+    problem: Problem
+    moment: Moment
+    sizes: FloatArray
+
+
+def extra_delays(felt: Sequence[SizedMoment]) -> list[float]:
+    """Extra samples of delay up to which every gain in (0, 1] is stable at every corner, by moment.
+
+    Looked for at whole samples and, before the first that fails, at tenths; what lies between is
+    for the certificate to prove. `MOST_EXTRA_DELAY` where more may be borne.
+    """
+    boxes = [one.problem.region.box for one in felt]
+    # Samples that can be added before a loop is longer than any that can be judged.
+    left = [int(LONGEST_DELAY - box.delay[1] / box.sample_time[0]) for box in boxes]
+    tops = np.clip(np.array(left, dtype=np.int64), 0, MOST_EXTRA_DELAY)
+    holds = np.zeros(len(felt), dtype=np.int64)
+    rising = holds < tops
+    while rising.any():
+        # Of those that hold so far, the next whole sample.
+        chosen = np.flatnonzero(rising)
+        good = _holding([felt[int(i)] for i in chosen], _PARTS * (holds[chosen] + 1))
+        holds[chosen[good]] += 1
+        rising[chosen[~good]] = False
+        rising &= holds < tops
+    low, high = np.zeros(len(felt), dtype=np.int64), np.full(len(felt), _PARTS)
+    open_ = np.flatnonzero(holds < tops)
+    while np.any(high[open_] - low[open_] > 1):
+        middle = (low + high) // 2
+        good = _holding([felt[int(i)] for i in open_], (_PARTS * holds + middle)[open_])
+        low[open_[good]] = middle[open_[good]]
+        high[open_[~good]] = middle[open_[~good]]
+    return [round(float(whole + part / _PARTS), 1) for whole, part in zip(holds, low, strict=True)]
+
+
+def _holding(felt: Sequence[SizedMoment], parts: NDArray[np.int64]) -> BoolArray:
+    """Whether each moment is stable at its own parts of a sample more, at every gain in (0, 1]."""
+    good = np.zeros(len(felt), dtype=np.bool_)
+    together: dict[tuple[int, float, bool], list[int]] = {}
+    for place, (one, part) in enumerate(zip(felt, parts.tolist(), strict=True)):
+        late = part / _PARTS
+        alone = one.moment.lone
+        if alone is not None:
+            unknown = one.problem.unknowns[alone]
+            end = one.problem.loops.end_alone_at(unknown.effect, unknown.sign, late)
+            good[place] = end > float(one.sizes[alone]) * (1 + CLOSE)
+        else:
+            sprung = bool(one.moment.members[0])
+            together.setdefault((id(one.problem.loops), late, sprung), []).append(place)
+    for (_, late, _), places in together.items():
+        good[places] = _stable([felt[place] for place in places], late)
+    return good
+
+
+def _stable(felt: Sequence[SizedMoment], late: float) -> BoolArray:
+    """Moments with the same loops, all with a spring or all without, at one extra delay."""
+    each = [one.problem.effects(one.moment, one.sizes) for one in felt]
+    totals: dict[EffectName, FloatArray | None] = {}
+    for name in EFFECT_NAMES:
+        values: list[float | None] = [getattr(effects, name) for effects in each]
+        there = any(value is not None for value in values)
+        totals[name] = np.array([[value or 0.0] for value in values]) if there else None
+    effects = Effects(**totals)
+    good = np.ones(len(felt), dtype=np.bool_)
+    for loop in felt[0].problem.loops.latest(late):
+        good &= np.all(safe_up_to(loop, effects, 1 + CLOSE), axis=1)
+    return good
 
 
 def bindings(problem: Problem, sizes: FloatArray, indices: Sequence[int]) -> list[LimitedBy]:
-    """The constraint that keeps each of some effects from being larger, the others as they are.
-
-    Sizes have shape (unknowns,), SI units.
-    """
+    """The constraint that keeps each of some effects from being larger, the others as they are."""
     near = {index: float(sizes[index]) * _NEAR for index in indices}
     bounds = _bounds(problem, sizes, near)
     free = {index: np.inf for index, found in bounds.items() if not found}
     bounds |= _bounds(problem, sizes, free)
-
-    return [_first(bounds[index]) for index in indices]
-
-
-def _first(found: dict[LimitedBy, float]) -> LimitedBy:
-    words: list[LimitedBy] = sorted(found, key=_ORDER.index)
-    return words[0] if words else "force"
+    tightest = [sorted(bounds[index], key=_ORDER.index) for index in indices]
+    return [words[0] if words else "force" for words in tightest]
 
 
 def _bounds(
@@ -80,8 +149,7 @@ def _bounds(
 ) -> dict[int, dict[LimitedBy, float]]:
     """The tightest limits of each unknown, by its index, as far as they lie below the given tops.
 
-    Returns:
-        Sizes by word for each index; empty where nothing limits it up to the top.
+    Sizes by word; none where nothing limits it up to the top.
     """
     gain = problem.margin.gain
     linear = {index: problem.linear.bounds(sizes, index) for index in tops}
@@ -92,11 +160,7 @@ def _bounds(
         unknown = problem.unknowns[index]
         least = min(top, stable)
         noisy = ripple_bound(problem, sizes, index, least)
-        found: dict[LimitedBy, float] = {
-            **linear[index],
-            "delay-margin": stable,
-            "ripple": noisy,
-        }
+        found: dict[LimitedBy, float] = {**linear[index], "delay-margin": stable, "ripple": noisy}
         if unknown.wish.kind == "value":
             found["wanted"] = unknown.high
         elif unknown.wish.kind == "range":
@@ -127,12 +191,10 @@ def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
     return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MomentMargins:
+class MomentMargins(NamedTuple):
     """Margins of one moment at the sizes written.
 
     Attributes:
-        elements: felt at the same time.
         gain: stable for every gain below it, at the device's own delay.
         late: extra samples of delay that it bears, 10 at most.
         jitter: how uneven the steps may be, in parts of the sample time.
@@ -147,31 +209,22 @@ class MomentMargins:
 def moment_margins(
     device: Device, one: SizedMoment, late: float, kept: Margin, slack: float
 ) -> MomentMargins:
-    """Margins of one moment.
+    """Margins of one moment that bears so many extra samples of delay.
 
-    Args:
-        device: as it is stored.
-        one: moment and sizes.
-        late: extra samples of delay that it bears.
-        kept: the margin of the scene.
-        slack: part of its margins that is not claimed, where a proof came too close to the edge.
+    A part of what is beyond the kept margin, the slack, is not claimed, where a proof came too
+    close to the edge.
     """
     gain = min(worst_gain(one.problem, one.moment, one.sizes, late=False), _MARGIN_CAP)
     late = min(float(MOST_EXTRA_DELAY), late)
     if slack:
         gain = max(gain * (1 - slack), min(gain, kept.gain))
-        late = max(
-            float(np.floor(late * (1 - slack) * 10) / 10), min(late, kept.extra_delay_samples)
-        )
+        less = float(np.floor(late * (1 - slack) * 10) / 10)
+        late = max(less, min(late, kept.extra_delay_samples))
     felt = one.problem.effects(one.moment, one.sizes)
     K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
     places = corners_of(device, one.problem.region.box)
-    return MomentMargins(
-        elements=one.moment.elements,
-        gain=gain,
-        late=late,
-        jitter=min(MOST_JITTER, jitter_margin(places, one.problem.filters, (K, B, M))),
-    )
+    jitter = min(MOST_JITTER, jitter_margin(places, one.problem.filters, (K, B, M)))
+    return MomentMargins(one.moment.elements, gain, late, jitter)
 
 
 def element_profile(
@@ -185,14 +238,8 @@ def element_profile(
 ) -> ElementProfile:
     """The profile entry of one element, every number computed from the written sizes.
 
-    Args:
-        device: as it is stored.
-        scene: what was wanted.
-        solved: the group of the element.
-        name: of the element.
-        margins: of all moments of the scene.
-        absolute: gains of the moments that are proved absolutely stable.
-        slack: part of their margins that is not claimed, where a proof came too close to the edge.
+    Margins are those of all moments of the scene; absolute are the gains of the moments that are
+    proved absolutely stable, of which the slack is not claimed.
     """
     problem, sizes = solved.problem, solved.sizes
     values = dict.fromkeys(EFFECT_NAMES, 0.0)
@@ -204,22 +251,21 @@ def element_profile(
     for index, word in zip(own, bindings(problem, sizes, own), strict=True):
         unknown = problem.unknowns[index]
         values[unknown.effect] = unknown.sign * float(sizes[index])
-        counted = unknown.steps(float(sizes[index]))
-        if np.isfinite(counted):
-            steps[unknown.effect] = round_to_digits(counted, 4)
+        steps[unknown.effect] = round_to_digits(unknown.steps(float(sizes[index])), 4)
         limited[unknown.effect] = "saturation" if index in solved.stepped_back else word
     alone = [m for m in problem.moments if m.elements == (name,) and any(m.members)]
     mine = [each for each in margins if name in each.elements]
     gains = [each.gain for each in mine]
     # What an unstable loop makes of the encoder's noise has no number.
     noise = ripple(problem, alone[0], sizes) if alone and min(gains) > 1 else None
-    absolute_gain = _absolute_gain(absolute, scene, name, slack)
-    if absolute_gain is not None:
-        gains.append(absolute_gain)
-    wanted, motion = (
-        scene.elements[name],
-        scene.motion(name, device.motion, cut=name in problem.cut),
-    )
+    absolute_gain = None
+    if absolute:
+        from tune.optimisation.saturation import witness_of
+
+        kept = MARGINS[scene.margin]
+        clamped = [witness_of(one, kept, slack).gain for m, one in absolute.items() if name in m]
+        absolute_gain = min(clamped, default=None)
+        gains += clamped
     pumps = bool(values["mass"]) or min(values.values()) < 0
     return ElementProfile(
         stiffness=values["stiffness"],
@@ -235,9 +281,9 @@ def element_profile(
         ),
         ripple=None if noise is None else round_to_digits(noise, 4),
         limited_by=limited,
-        motion=motion,
+        motion=scene.motion(name, device.motion, cut=name in problem.cut),
         rendered=rendered_mass_and_damping(device, problem.filters, **values),
-        one_sided=wanted.one_sided,
+        one_sided=scene.elements[name].one_sided,
         lead=scene.lead(name, device.motion),
         fade_time=SHORTEST_FADE if pumps else 0.0,
         as_commanded=bool(own) and all(problem.unknowns[i].wish.kind == "value" for i in own),
@@ -250,29 +296,11 @@ def _floored(force: float) -> float:
     return round_to_digits(float(np.floor(force / unit * (1 + 1e-12)) * unit), 6)
 
 
-def _absolute_gain(absolute: AllFound, scene: Scene, name: str, slack: float) -> float | None:
-    """What is claimed of all clamped moments with an element; None where there are none."""
-    if not absolute:
-        return None
-    from tune.optimisation.saturation import witness_of
-
-    margin = MARGINS[scene.margin]
-    return min(
-        (witness_of(one, margin, slack).gain for names, one in absolute.items() if name in names),
-        default=None,
-    )
-
-
 def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design:
     """The design with the force at which each spring is cut, and what entering each amounts to.
 
     A cut round a sum of springs is not a clamp of one signal: each has a level of its own. Those
     that may push at once share alike what the depths that are stated leave of the peak force.
-
-    Args:
-        design: with the sizes that are played.
-        device: as it is stored.
-        box: of it.
     """
     deep = {
         name: element.stiffness * (element.motion.penetration or 0.0)
@@ -281,14 +309,11 @@ def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design
     }
     at_once = [deep.keys() & {*moment} for moment in design.moments()]
     peak = np.inf if device.force_limit is None else device.force_limit.peak
-    filters = Filters(**design.loop.filter_settings())
+    filters = filters_of(design.loop)
     elements: dict[str, ElementProfile] = {}
     for name, element in design.elements.items():
-        left = min(
-            ((peak - sum(deep[each] for each in m)) / len(m) for m in at_once if name in m),
-            default=0.0,
-        )
-        level = _floored(deep[name] + left) if name in deep else 0.0
+        shares = ((peak - sum(deep[each] for each in m)) / len(m) for m in at_once if name in m)
+        level = _floored(deep[name] + min(shares, default=0.0)) if name in deep else 0.0
         felt = element.model_copy(update={"force_level": level})
         told = contact(device, box, filters, felt, design.margin.extra_delay_samples)
         elements[name] = felt.model_copy(update={"contact": told})
@@ -304,15 +329,113 @@ def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Litera
         return "not-applicable"
     felt = Effects(damping=values["damping"] or None, mass=values["mass"] or None)
     filters = used_filters(problem.filters, felt)
+    K, B, M = values["stiffness"], values["damping"], values["mass"]
     needed = max(
-        damping_needed(
-            values["stiffness"],
-            values["damping"],
-            values["mass"],
-            step,
-            filters,
-            delay_samples=whole,
-        )
+        damping_needed(K, B, M, step, filters, delay_samples=whole)
         for step in dict.fromkeys(region.box.sample_time)
     )
     return bool(region.box.damping[0] > needed)
+
+
+def with_fades(design: Design, scene: Scene) -> Design:
+    """The design with the fade time of every element that fades, so slow that no hand pumps.
+
+    It is looked for with the margin of gain used up, and with that of delay. Where several of a
+    moment fade, each at any time, all of them together move a swing as their sum does, and each
+    takes so many times longer.
+
+    Raises:
+        InvalidInputError: the scene asks for a shorter time.
+        NoFeasibleEffectError: no fade is slow enough.
+    """
+    needed = {name: SHORTEST_FADE for name, element in design.elements.items() if element.fades}
+    # While a wall pushes no level moves.
+    for moment in (each for each in design.moments() if design.walls.isdisjoint(each)):
+        fading = [name for name in moment if name in needed]
+        for name in fading:
+            time = len(fading) * _slowest(design, moment, fading, name)
+            needed[name] = max(needed[name], time)
+    elements = dict(design.elements)
+    for name, time in needed.items():
+        least = time
+        if np.isfinite(time):
+            least = round(float(np.ceil(time / _DIGIT - 1e-9)) * _DIGIT, 2)
+        stated = _stated(name, least, scene.elements[name].fade_time)
+        elements[name] = elements[name].model_copy(update={"fade_time": stated})
+    return design.model_copy(update={"elements": elements})
+
+
+def _stated(name: str, least: float, wanted: float | None) -> float:
+    """The fade time of an element that must fade over a least time, s."""
+    if least > LONGEST_FADE:
+        why = (
+            f"{name}: a hand that enters and leaves it in time could pump the device however "
+            "slowly it fades. Give its spring an element of its own, felt together with it, or "
+            "ask for damping in the same element, or for less mass"
+        )
+        raise NoFeasibleEffectError((why,))
+    if wanted is not None and wanted < least:
+        raise InvalidInputError(
+            f"elements.{name}.fade_time",
+            f"{wanted:g} s is too fast: a hand that enters and leaves it in time could pump the "
+            f"device; it must fade over {least:g} s",
+            f"Ask for {least:g} s or more, or leave fade_time out",
+        )
+    return least if wanted is None else wanted
+
+
+def _slowest(design: Design, moment: Sequence[str], fading: Sequence[str], name: str) -> float:
+    """s, for one element of a moment: with the others that fade beside it, or along with it."""
+    elements = design.elements
+    others = [elements[each] for each in moment if each not in fading]
+    along = [elements[each] for each in fading if each != name]
+    own = elements[name]
+    undamped = [each.model_copy(update={"damping": min(each.damping, 0.0)}) for each in others]
+    cases = [(others, [own, *along]), (undamped, [own, *along])]
+    if along:
+        cases += [([*others, *along], [own]), ([*undamped, *along], [own])]
+    # Dampers beside it are switched at any moment.
+    pairs = dict.fromkeys((_sum(beside), _sum(moved)) for beside, moved in cases)
+    margin, filters = design.margin, filters_of(design.loop)
+    # With both used up nothing is left by which any swing would die out.
+    used = ((margin.gain, 0.0), (1.0, margin.extra_delay_samples))
+    return max(
+        _SLOWER * _found(_places(design, extra), filters, _times(gain, beside), _times(gain, moved))
+        for beside, moved in pairs
+        for gain, extra in used
+    )
+
+
+def _times(gain: float, values: Values) -> Values:
+    return (gain * values[0], gain * values[1], gain * values[2])
+
+
+@lru_cache(maxsize=1024)
+def _found(places: tuple[Corner, ...], filters: Filters, beside: Values, fading: Values) -> float:
+    """Fade time of an element beside a moment, kept because it is asked for more than once.
+
+    A spring that fades in from nothing swings so slowly at low levels that only what the device
+    loses bounds it there: where that is too little, it is taken to go all the way in and out.
+    """
+    found = shortest_fade(places, filters, beside, fading)
+    if np.isfinite(found) or not fading[0]:
+        return found
+    return shortest_fade(places, filters, beside, fading, whole=True)
+
+
+def _places(design: Design, extra: float) -> tuple[Corner, ...]:
+    """Corners of the box where least is lost: least damping, longest delay and extra samples."""
+    box = design.device.simultaneous_box()
+    corners = corners_of(design.device, box)
+    loss, late = min(c.damping for c in corners), max(c.delay for c in corners)
+    return tuple(
+        replace(corner, delay=late + extra * corner.sample_time)
+        for corner in corners
+        if corner.damping == loss and corner.delay == late
+    )
+
+
+def _sum(elements: Sequence[ElementProfile]) -> Values:
+    """K, B and M of some elements together."""
+    K, B, M = (sum((getattr(each, name) for each in elements), 0.0) for name in EFFECT_NAMES)
+    return K, B, M

@@ -1,27 +1,31 @@
 """Nash product: the largest product of perceived steps, rank after rank.
 
 Wanted values first, then the priorities: the product of the steps of one rank is made as large as
-can be, with at least one step for every effect of lower rank; then its sizes stay. One file: the
-search over one rank after another, and its proposals.
+can be, with at least one step for every effect of lower rank; then its sizes stay. Which effects
+can have a step at all is told by maximum feasible subsets.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.optimisation.backends import Backend, Rank
-from tune.optimisation.backends.multipliers import multipliers
-from tune.optimisation.backends.program import Scenario, program_of
-from tune.optimisation.bounds import largest_allowed
-from tune.optimisation.initial_points import initial_points_of
-from tune.optimisation.limits import feasible_points, is_feasible, least_margin_loops
+from tune.optimisation.backends import Backend, Rank, Scenario, least_violation, program_of
+from tune.optimisation.feasibility import (
+    feasible_points,
+    initial_points_of,
+    is_feasible,
+    largest_allowed,
+    least_margin_loops,
+)
+from tune.optimisation.linear_limits import Unknown
+from tune.optimisation.linear_programs import multipliers
 from tune.optimisation.problem import Problem
-from tune.optimisation.unknown import Unknown
 
 if TYPE_CHECKING:
     from tune.documents.certified import AbsoluteStability
@@ -42,6 +46,14 @@ _SECTIONS = 16
 _MOST_ROUNDS = 8
 #: Times the solvers are asked from the best answer before.
 _MOST_ATTEMPTS = 4
+#: Sets of one rank that are tried before the faintest are left out one after the other.
+_MOST_SETS = 32
+#: Where a search for any allowed setting begins: sizes over the least, as a part of the way up.
+_BEGINNINGS = (0.0, 0.3, 0.6)
+#: ... or one of them by this part, the others at their least.
+_ALONE = 0.8
+#: Searches of one beginning, each shown the corners that the one before broke.
+_MOST_SEARCHES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +61,7 @@ class Optimum:
     """Where the search ended.
 
     Attributes:
-        sizes: of the unknowns, shape (unknowns,), allowed exactly; None where nothing is.
+        sizes: of the unknowns, allowed exactly; None where nothing is.
         methods: names of what proposed each accepted answer.
         disagreements: largest difference of solvers in the logarithm of a product, 0 if none.
         scenarios: corners whose stability the solvers had to be shown.
@@ -67,11 +79,10 @@ class Solution:
 
     Attributes:
         problem: with only the unknowns that are perceptible and feasible.
-        sizes: rounded, allowed exactly, shape (unknowns,).
-        unrounded: as they were found, shape (unknowns,); empty where nothing was looked for.
+        sizes: rounded, allowed exactly.
         dropped: reason by label of every effect that was left out.
-        method: what found the answer.
         disagreement: of the solvers, in the logarithm of the product of steps.
+        unrounded: sizes as they were found; empty where nothing was looked for.
         absolute: gains of the moments that must be absolutely stable.
         stepped_back: unknowns that are smaller for it.
         clash: a wall and an element that cannot be met together at one step of each; None if all
@@ -105,23 +116,19 @@ def single_unknown_optimum(problem: Problem) -> Optimum:
 
 
 def largest_product(
-    problem: Problem,
-    backends: Sequence[Backend],
-    known: Sequence[FloatArray] = (),
+    problem: Problem, backends: Sequence[Backend], known: Sequence[FloatArray] = ()
 ) -> Optimum:
-    """The largest product of the steps of several unknowns, rank after rank.
+    """The largest product of the steps of all unknowns, rank after rank.
 
-    Each setting has shape (unknowns,), SI units.
-
-    Args:
-        problem: at least two unknowns.
-        backends: solvers; all propose and the best allowed proposal is taken.
-        known: sizes that are allowed, to begin with; where there are none, the best of some rays.
+    All solvers propose and the best allowed proposal is taken. What is known are sizes that are
+    allowed, to begin with; where there are none, the best of some rays.
     """
+    if len(problem.unknowns) == 1:
+        return single_unknown_optimum(problem)
     starts = list(known) or initial_points_of(problem)
     if not starts:
         return Optimum(sizes=None, methods=(), disagreements=0.0)
-    search = Search(problem=problem, backends=backends, start=starts[0])
+    search = _Search(problem, backends, starts[0])
     fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
     levels = sorted({unknown.level for unknown in problem.unknowns})
     for level in levels:
@@ -132,7 +139,9 @@ def largest_product(
         if level != levels[-1]:
             search.ease(active)
         for index in np.flatnonzero(active & [unknown.yields > 0 for unknown in problem.unknowns]):
-            search.low[index] = _yielded(problem.unknowns[index], search.sizes[index])
+            unknown = problem.unknowns[index]
+            kept = max(unknown.steps(search.sizes[index]) - unknown.yields, 0.0)
+            search.low[index] = max(unknown.low, float(unknown.size_at(kept)))
         fixed |= active
         starts = [search.sizes]
     return Optimum(
@@ -143,20 +152,14 @@ def largest_product(
     )
 
 
-class Search:
+class _Search:
     """The best allowed setting so far, and the corners that solvers have been shown.
 
     Stability is shown to them only once a proposal breaks it: where something else binds, it costs
     most and decides nothing.
     """
 
-    def __init__(
-        self,
-        *,
-        problem: Problem,
-        backends: Sequence[Backend],
-        start: FloatArray,
-    ) -> None:
+    def __init__(self, problem: Problem, backends: Sequence[Backend], start: FloatArray) -> None:
         self.problem = problem
         self.backends = backends
         self.sizes = start
@@ -169,24 +172,26 @@ class Search:
     def raise_rank(
         self, active: NDArray[np.bool_], fixed: NDArray[np.bool_], starts: Sequence[FloatArray]
     ) -> None:
-        """The largest product of the steps of the active unknowns, those before them fixed.
-
-        Both masks and every start have shape (unknowns,).
-        """
+        """The largest product of the steps of the active unknowns, those before them fixed."""
         high = self.problem.high
         if np.all(self.sizes[active] >= high[active] * (1 - SAME)):
             return  # no solver is needed for what cannot be wanted any larger
         if np.sum(~fixed) == 1 and self._raised_alone(int(np.argmin(fixed))):
             return
-        rank = self.rank(active, fixed)
-        value = self.value(self.sizes, rank)
+        here = np.log(self.sizes)
+        rank = Rank(
+            weights=np.where(active, [u.weight for u in self.problem.unknowns], 0.0),
+            lower=np.where(fixed, here, np.log(self.low)),
+            upper=np.where(fixed, here, np.log(high)),
+        )
+        value = self._value(self.sizes, rank)
         for attempt in range(_MOST_ATTEMPTS):
             # Where all solvers end alike from the first start, the others are not asked.
             begun: Sequence[FloatArray] = ()
             if attempt < 2:
                 begun = starts[1:] if attempt else starts[:1]
             found = [
-                (self.value(proposal, rank), proposal, backend.name)
+                (self._value(proposal, rank), proposal, backend.name)
                 for start in (begun or [self.sizes])
                 for backend in self.backends
                 for proposal in [self._proposed(backend, rank, np.log(start))]
@@ -218,21 +223,11 @@ class Search:
         self.methods.append("closed form")
         return True
 
-    def rank(self, active: NDArray[np.bool_], fixed: NDArray[np.bool_]) -> Rank:
-        """What is raised, between which ends; both masks have shape (unknowns,)."""
-        here = np.log(self.sizes)
-        return Rank(
-            weights=np.where(active, [u.weight for u in self.problem.unknowns], 0.0),
-            lower=np.where(fixed, here, np.log(self.low)),
-            upper=np.where(fixed, here, np.log(self.problem.high)),
-        )
-
-    def value(self, sizes: FloatArray, rank: Rank) -> float:
-        """The logarithm of the product that is raised, at sizes of shape (unknowns,)."""
+    def _value(self, sizes: FloatArray, rank: Rank) -> float:
         return self.program.product(sizes, rank.weights)[0]
 
     def ease(self, active: NDArray[np.bool_]) -> None:
-        """Give up a little of what is settled, where a mask of shape (unknowns,) allows it."""
+        """Give up a little of what is settled, where that is allowed."""
         more = active & (self.sizes < self.problem.high * (1 - SAME))
         eased = np.where(more, self.sizes * (1 - _EASE), self.sizes)
         if np.any(more) and np.all(eased >= self.problem.low) and is_feasible(self.problem, eased):
@@ -256,24 +251,15 @@ class Search:
                 break
             self.scenarios += sorted(broken)
             self.program = program_of(self.problem, self.scenarios)
-        return (
-            None if proposal is None else bisect_to_feasible(self.problem, np.exp(start), proposal)
-        )
+        if proposal is None:
+            return None
+        return _bisect_to_feasible(self.problem, np.exp(start), proposal)
 
 
-def _yielded(unknown: Unknown, size: float) -> float:
-    """The least that one unknown may be taken back to for the next rank."""
-    least = unknown.size_at(max(unknown.steps(size) - unknown.yields, 0.0))
-    return max(unknown.low, float(least))
-
-
-def bisect_to_feasible(
+def _bisect_to_feasible(
     problem: Problem, inner: FloatArray, proposal: FloatArray
 ) -> FloatArray | None:
-    """The last feasible point on the way from a feasible setting to a proposal.
-
-    All settings have shape (unknowns,), SI units.
-    """
+    """The last feasible point on the way from a feasible setting to a proposal."""
     # Towards the proposal in smaller and smaller steps: most are only a little beyond.
     parts = 1 - np.asarray(np.geomspace(1.0, SAME / 100, _SECTIONS), dtype=np.float64)
     while True:
@@ -284,3 +270,86 @@ def bisect_to_feasible(
         if first in (0, _SECTIONS) or parts[first] - parts[last] < SAME / 100:
             return points[last] if first else None
         parts = np.linspace(float(parts[last]), float(parts[first]), _SECTIONS)
+
+
+def feasible_subsets(
+    unknowns: Sequence[Unknown], feasible: Callable[[frozenset[str]], bool]
+) -> list[frozenset[str]]:
+    """Maximum feasible subsets, by label: as many effects of each rank as can be kept.
+
+    Of the first rank as many as can be kept together, then of the next beside them, and so on.
+    Nothing is weighed against the product of steps: an effect is left out only where one step of it
+    is out of reach. Several sets of one size where that leaves a choice; ranges are in all of them.
+    Empty where a range cannot be.
+
+    Args:
+        unknowns: the faintest last.
+        feasible: whether a set can be kept, each of it at one step or where its range begins.
+    """
+    sets = [frozenset[str]()]
+    for level in sorted({unknown.level for unknown in unknowns}):
+        mine = [unknown for unknown in unknowns if unknown.level == level]
+        found: list[frozenset[str]] = []
+        tried = 0
+        for chosen in _largest_first(mine):
+            if found and len(found[0]) - len(sets[0]) > len(chosen):
+                break
+            promised = {unknown.label for unknown in mine if unknown.wish.kind == "range"}
+            if not promised <= chosen:
+                continue
+            for before in sets:
+                tried += 1
+                if before | chosen == before or feasible(before | chosen):
+                    found.append(before | chosen)
+            if found and tried > _MOST_SETS:
+                break
+        if not found:
+            return []
+        sets = found
+    return sets
+
+
+def _largest_first(unknowns: Sequence[Unknown]) -> Iterator[frozenset[str]]:
+    """All sets of labels, the largest first, without the last of the unknowns first."""
+    labels = [unknown.label for unknown in unknowns]
+    for size in range(len(labels), -1, -1):
+        for index, chosen in enumerate(combinations(labels, size)):
+            if index >= _MOST_SETS:
+                break
+            yield frozenset(chosen)
+
+
+def feasible_sizes(problem: Problem) -> FloatArray | None:
+    """Some setting that every limit allows, each effect at its least or above, if one is found.
+
+    On rays first, then where the most broken limit is the least broken.
+    """
+    if len(problem.unknowns) == 1:
+        return single_unknown_optimum(problem).sizes
+    found = initial_points_of(problem, 1)
+    return found[0] if found else _least_broken(problem)
+
+
+def _least_broken(problem: Problem) -> FloatArray | None:
+    low, high = np.log(problem.low), np.log(problem.high)
+    rank = Rank(weights=np.zeros(low.size), lower=low, upper=high)
+    least = problem.nothing
+    most = [largest_allowed(problem, least, i) for i in range(low.size)]
+    up = np.log(np.maximum(most, problem.low)) - low
+    beginnings = [part * up for part in _BEGINNINGS] + list(_ALONE * np.diag(up))
+    scenarios = sorted(least_margin_loops(problem, problem.low))
+    for begins in beginnings:
+        start = low + begins
+        for _ in range(_MOST_SEARCHES):
+            answer = least_violation(program_of(problem, scenarios), rank, start)
+            if answer is None:
+                break
+            sizes = np.exp(np.clip(answer, low, high))
+            if is_feasible(problem, sizes):
+                return sizes
+            broken = set(least_margin_loops(problem, sizes, broken=True)) - set(scenarios)
+            if not broken:
+                break
+            scenarios += sorted(broken)
+            start = answer
+    return None

@@ -1,11 +1,8 @@
-"""The design problem of elements that share a moment: unknowns, moments, loops and limits.
-
-One file: the parts of one problem, none of use alone.
-"""
+"""Design problem of elements that share a moment: unknowns, moments, loops and limits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import cast
@@ -17,47 +14,38 @@ from identification import Device
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.hand import hand_of
 from tune.documents.perception import PerceptionTable
-from tune.documents.scene import DEFAULT_MOTION, MARGINS, Margin, Scene, Wish
+from tune.documents.scene import DEFAULT_MOTION, MARGINS, Element, Margin, Scene, Wish
+from tune.documents.steps import Scale
 from tune.loop.filters import Filters, used_filters
-from tune.optimisation.linear import LinearLimits, force_rows, lead_limits
-from tune.optimisation.loops import Loops
-from tune.optimisation.region import Region
-from tune.optimisation.rendering import renderings
-from tune.optimisation.scene_unknowns import NOTHING, Asking
-from tune.optimisation.unknown import Unknown
+from tune.optimisation.linear_limits import (
+    LinearLimits,
+    Moment,
+    Unknown,
+    force_rows,
+    renderings,
+)
+from tune.optimisation.region import Loops, Region
 from tune.rendering.rendered import Shares
 
 FloatArray = NDArray[np.float64]
+
 #: Of the gain of a clamp, kept for what lies between the corners of the box.
 ROOM = 2e-3
-_NONE: Mapping[str, float] = MappingProxyType({})
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
-    """Elements felt at once: which unknowns add up, and the motion of each element.
-
-    Attributes:
-        elements: names.
-        members: indices of unknowns, for K, B and M.
-        reach: (penetration, m; speed, m/s; acceleration, m/s²) for each unknown, in the order of
-            ``members``; None where the force is cut by a clamp and bounds nothing.
-        absolute: the moment must be absolutely stable: the clamp of one of its springs may be
-            reached, as that of a wall always is.
-        meeting: a wall is met beside other elements; its ripple is told, not bound.
-    """
-
-    elements: tuple[str, ...]
-    members: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
-    reach: tuple[tuple[float | None, ...], tuple[float | None, ...], tuple[float | None, ...]]
-    absolute: bool = False
-    meeting: bool = False
-
-    @property
-    def lone(self) -> int | None:
-        """The only unknown of the moment, None where there are several or none."""
-        found = [index for indices in self.members for index in indices]
-        return found[0] if len(found) == 1 else None
+#: Sizes below this part of the reference are as good as nothing: a ten-thousandth of a step.
+_NOTHING = 1e-5
+#: Steps that an effect keeps at least: no hand tells less from nothing. The rest is for rounding.
+_LEAST = 1 + 2e-5
+#: Sizes above this multiple of the reference are no haptic effect on any device (46 steps at 34 %).
+_BOUNDLESS = 1e6
+#: A device made lighter (less damped) keeps at least this part of what it has.
+_REMAINS = 1e-3
+#: Exponent of the steps of a favoured effect (the asymmetric bargaining solution).
+_FAVOURED = 4.0
+#: Steps of its stiffness that a wall gives up for more damping.
+_YIELDS = 0.5
+#: An effect of which less than this part is felt, or its opposite, counts as felt this little: no
+#: size of it that is sensible then reaches a step worth having, and logarithms stay finite.
+_BARELY_FELT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,11 +63,6 @@ class Problem:
     """Unknowns of elements that share moments, and everything that bounds them.
 
     Attributes:
-        unknowns: whose sizes are looked for.
-        moments: elements felt at once.
-        margin: of gain and delay.
-        loops: of the region.
-        limits: of force, ripple and encoder.
         linear: limits of force and rendering as rows.
         cut: elements whose force may be cut at its limit.
         proved_gain: what the proof of a clamp has to reach; the margin's, and room for what lies
@@ -97,17 +80,17 @@ class Problem:
 
     @property
     def low(self) -> FloatArray:
-        """The least sizes that are kept, shape (unknowns,)."""
+        """The least sizes that are kept."""
         return np.array([unknown.low for unknown in self.unknowns])
 
     @property
     def nothing(self) -> FloatArray:
-        """Sizes as good as none, that leave no loop without its spring, shape (unknowns,)."""
-        return NOTHING * np.array([unknown.scale.reference for unknown in self.unknowns])
+        """Sizes as good as none, that leave no loop without its spring."""
+        return _NOTHING * np.array([unknown.scale.reference for unknown in self.unknowns])
 
     @property
     def high(self) -> FloatArray:
-        """The largest sizes wanted, shape (unknowns,)."""
+        """The largest sizes wanted."""
         return np.array([unknown.high for unknown in self.unknowns])
 
     @property
@@ -123,12 +106,7 @@ class Problem:
     def shares(self, *, sprung: bool, meetings: bool = True) -> FloatArray:
         """What each unknown adds to K, B and M of the moments with a spring, or of those without.
 
-        Args:
-            sprung: with a spring.
-            meetings: those of walls with others as well.
-
-        Returns:
-            The signs, shape (moments, 3, unknowns).
+        Signs of shape (moments, 3, unknowns); meetings are those of walls with others.
         """
         moments = [
             moment
@@ -143,10 +121,7 @@ class Problem:
         return shares
 
     def effects(self, moment: Moment, sizes: FloatArray) -> Effects:
-        """The sum of effects of one moment; an effect no element has is absent.
-
-        Sizes have shape (unknowns,).
-        """
+        """The sum of effects of one moment; an effect no element has is absent."""
         total = [
             float(sum(self.unknowns[i].sign * sizes[i] for i in indices)) if indices else None
             for indices in moment.members
@@ -158,16 +133,13 @@ class Problem:
 class DesignTask:
     """What is to be tuned: a scene on a device, with what is perceptible and where it must hold.
 
+    Loops and moments are built when first asked for and kept.
+
     Attributes:
-        device: as it is stored.
-        scene: what is wanted.
-        table: Weber fractions and thresholds.
         region: that must be safe.
         slack: part of the margin that is kept on top of it.
         favour: an effect whose steps count more in the product; None for none.
         apart: pairs that could not be kept together, beside those of the scene.
-
-    Loops and moments are built when first asked for and kept.
     """
 
     device: Device
@@ -186,11 +158,7 @@ class DesignTask:
 
     @classmethod
     def of(
-        cls,
-        device: Device,
-        scene: Scene,
-        table: PerceptionTable,
-        favour: EffectName | None = None,
+        cls, device: Device, scene: Scene, table: PerceptionTable, favour: EffectName | None = None
     ) -> DesignTask:
         """The task over the device's simultaneous box."""
         extra = max(margin.extra_delay_samples for margin in MARGINS.values())
@@ -203,14 +171,6 @@ class DesignTask:
         first, second = sorted(pair, key=order.index)
         scene = self.scene.model_copy(update={"apart": (*self.scene.apart, (first, second))})
         return replace(self, scene=scene, apart=(*self.apart, (first, second)))
-
-    def spring_lags(self, margin: Margin) -> tuple[float, float]:
-        """Delay, half a sample and current lag, s: the margin's latest, and as they are stated."""
-        box, lag = self.region.box, self.region.current_lag
-        step = self.device.sample_time
-        late = box.delay[1] + (margin.extra_delay_samples + 0.5) * box.sample_time[1]
-        present = self.device.delay.value + 0.5 * step.value
-        return (late, present) if lag is None else (late + lag.high, present + lag.value)
 
     def loops(self, filters: Filters) -> Loops:
         """The loops with these filters at all corners, to the margin's extra delay."""
@@ -234,7 +194,7 @@ def pose(
     filters: Filters,
     gone: frozenset[str] = frozenset(),
     cut: frozenset[str] = frozenset(),
-    settled: Mapping[str, float] = _NONE,
+    settled: Mapping[str, float] = MappingProxyType({}),
     room: float = 0.0,
     felt: bool = True,
 ) -> Problem:
@@ -256,22 +216,13 @@ def pose(
     room = max(room, 2 * ROOM) if scene.walls.intersection(elements) else room
     kept = margin.gain * (1 + task.slack)
     margin = margin.model_copy(update={"gain": kept * (1 + room)})
-    asking = Asking(
-        device=device,
-        scene=scene,
-        box=task.region.box,
-        table=task.table,
-        favour=task.favour,
-        gain=margin.gain,
-        filters=filters,
-        felt=felt,
-    )
+    asking = _Asking(task=task, gain=margin.gain, filters=filters, felt=felt)
     unknowns = tuple(
         asking.unknown(element, effect)
         for element in elements
         for effect in scene.elements[element].wishes()
         if f"{element}.{effect}" not in gone
-    ) + tuple(_settled(asking, *each) for each in settled.items())
+    ) + tuple(asking.settled(*each) for each in settled.items())
     within = {*elements, *(unknown.element for unknown in unknowns)}
     subsets = [
         subset
@@ -280,22 +231,17 @@ def pose(
         if within >= {*subset} and not {*elements}.isdisjoint(subset)
     ]
     moments = tuple(
-        _moment(device, scene, subset, unknowns, cut)
+        _moment(task, subset, unknowns, cut)
         for subset in sorted(subsets, key=lambda each: (len(each), each))
         if any(u.element in subset for u in unknowns)
     )
     wanted = {unknown.effect: 0.0 for unknown in unknowns}
     used = used_filters(filters, Effects(**wanted))
-    limit = device.force_limit
+    limit, encoder = device.force_limit, device.encoder_resolution
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
     forces = force_rows(moments, len(unknowns), continuous, peak)
     ends = renderings(unknowns, Shares.of(device, used), asking.scale, scene.walls) if felt else ()
-    walls = [
-        (name, scene.motion(name, device.motion).speed, lead)
-        for name in elements
-        if (lead := scene.lead(name, device.motion)) is not None
-    ]
-    lags = task.spring_lags(margin)
+    leads = _lead_limits(task, margin, elements, unknowns)
     return Problem(
         unknowns=unknowns,
         moments=moments,
@@ -304,49 +250,123 @@ def pose(
         limits=Limits(
             continuous_force=continuous,
             peak_force=peak,
-            encoder_resolution=(
-                None if device.encoder_resolution is None else device.encoder_resolution.value
-            ),
+            encoder_resolution=None if encoder is None else encoder.value,
             ripple=scene.ripple_limit or task.table.threshold(device.motion),
         ),
-        linear=LinearLimits.of(forces, len(unknowns), ends, lead_limits(walls, unknowns, *lags)),
+        linear=LinearLimits.of(forces, len(unknowns), ends, leads),
         cut=cut,
         proved_gain=kept * (1 + ROOM),
     )
 
 
-def _settled(asking: Asking, label: str, size: float) -> Unknown:
-    """An effect whose size is not looked for any more."""
-    element, _, effect = label.rpartition(".")
-    known = asking.unknown(element, cast("EffectName", effect))
-    wish = Wish(kind="value", low=known.sign * size, high=known.sign * size)
-    return replace(known, low=size, high=size, wish=wish, level=-1, weight=0.0, yields=0.0)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asking:
+    """What all unknowns of a problem share: the gain of the margin, and whether they are felt."""
+
+    task: DesignTask
+    gain: float
+    filters: Filters
+    felt: bool
+
+    def scale(self, name: str, effect: EffectName) -> Scale:
+        """The scale of what is felt of one effect of an element."""
+        device, table = self.task.device, self.task.table
+        return Scale.of(effect, device, table, self.task.scene.motion(name, device.motion))
+
+    def unknown(self, name: str, effect: EffectName) -> Unknown:
+        """The unknown of one effect of an element."""
+        given, box = self.task.scene.elements[name], self.task.region.box
+        wish, felt = given.wishes()[effect], self.scale(name, effect)
+        scale = felt.through(self._share(effect))
+        bare = felt.reference
+        high = _BOUNDLESS * max(bare, felt.floor) if wish.high is None else abs(wish.high)
+        if wish.sign < 0:
+            # The bare device must keep the same margin downwards: M >= -m_low/g, B >= -b_low/g.
+            lowest = {"mass": box.mass[0], "damping": box.damping[0]}[effect]
+            most = min(lowest / self.gain, (1 - _REMAINS) * min(bare, scale.reference))
+            high = most if wish.high is None else min(high, most)
+        least = abs(scale.value_at(_LEAST, wish.sign))
+        if not self.felt:
+            least = min(_NOTHING * bare, high)
+        starts = wish.low if wish.kind == "range" and wish.low else 0.0
+        return Unknown(
+            element=name,
+            effect=effect,
+            sign=wish.sign,
+            low=max(least, starts),
+            high=high,
+            wish=wish,
+            scale=scale,
+            level=level_of(given, effect),
+            yields=_YIELDS if effect == "stiffness" and _serves(given) else 0.0,
+            weight=_FAVOURED if effect == self.task.favour else 1.0,
+        )
+
+    def settled(self, label: str, size: float) -> Unknown:
+        """An effect whose size is not looked for any more."""
+        element, _, effect = label.rpartition(".")
+        known = self.unknown(element, cast("EffectName", effect))
+        wish = Wish(kind="value", low=known.sign * size, high=known.sign * size)
+        return replace(known, low=size, high=size, wish=wish, level=-1, weight=0.0, yields=0.0)
+
+    def _share(self, effect: EffectName) -> float:
+        """The part of a commanded effect that a hand feels as such; all of a spring."""
+        if effect == "stiffness":
+            return 1.0
+        shares = Shares.of(self.task.device, self.filters)
+        return max((shares.damping if effect == "damping" else shares.mass).mean, _BARELY_FELT)
+
+
+def level_of(given: Element, effect: EffectName) -> int:
+    """Rank of one effect of an element; see `Unknown`."""
+    if given.wishes()[effect].kind == "value":
+        return 0
+    return 2 * given.priority + (effect == "damping" and _serves(given))
+
+
+def _serves(given: Element) -> bool:
+    """Whether it is a wall whose damping is there for its stiffness."""
+    return given.one_sided and given.favour != "both"
+
+
+def _lead_limits(
+    task: DesignTask, margin: Margin, elements: Sequence[str], unknowns: Sequence[Unknown]
+) -> Iterator[tuple[int, int, float, float]]:
+    """Walls whose damper more than repays the lag of their spring, and acts before the face a bit.
+
+    0 <= speed·(B/K - τ) <= lead (docs/theory.md, 11), where the damping is not a wanted value.
+    """
+    scene, motion, step = task.scene, task.device.motion, task.device.sample_time
+    box, lag = task.region.box, task.region.current_lag
+    # τ: delay, half a sample and current lag, s, the margin's latest, and as they are stated.
+    late = box.delay[1] + (margin.extra_delay_samples + 0.5) * box.sample_time[1]
+    present = task.device.delay.value + 0.5 * step.value
+    late, present = (late, present) if lag is None else (late + lag.high, present + lag.value)
+    for name in elements:
+        lead = scene.lead(name, motion)
+        own = {u.effect: i for i, u in enumerate(unknowns) if u.element == name and not u.settled}
+        K, B = own.get("stiffness"), own.get("damping")
+        if not (lead is None or K is None or B is None or unknowns[B].wish.kind == "value"):
+            yield K, B, late, present + lead / scene.motion(name, motion).speed
 
 
 def _moment(
-    device: Device,
-    scene: Scene,
-    subset: tuple[str, ...],
-    unknowns: tuple[Unknown, ...],
-    cut: frozenset[str],
+    task: DesignTask, subset: tuple[str, ...], unknowns: tuple[Unknown, ...], cut: frozenset[str]
 ) -> Moment:
-    motions = {name: scene.motion(name, device.motion, cut=name in cut) for name in subset}
-    clamped = {name for name in subset if name in cut and name in scene.walls}
-    chosen = [
-        [i for i, u in enumerate(unknowns) if u.element in subset and u.effect == effect]
+    scene = task.scene
+    own = [scene.motion(u.element, task.device.motion, cut=u.element in cut) for u in unknowns]
+    clamped = cut & scene.walls
+    k, b, m = (
+        tuple(i for i, u in enumerate(unknowns) if u.element in subset and u.effect == effect)
         for effect in EFFECT_NAMES
-    ]
-    k, b, m = (tuple(part) for part in chosen)
+    )
     return Moment(
         elements=subset,
         members=(k, b, m),
         reach=(
-            tuple(motions[unknowns[i].element].penetration for i in k),
-            tuple(
-                None if unknowns[i].element in clamped else motions[unknowns[i].element].speed
-                for i in b
-            ),
-            tuple(motions[unknowns[i].element].acceleration for i in m),
+            tuple(own[i].penetration for i in k),
+            tuple(None if unknowns[i].element in clamped else own[i].speed for i in b),
+            tuple(own[i].acceleration for i in m),
         ),
         absolute=any(unknowns[i].element in cut | scene.walls for i in k),
         meeting=bool(scene.walls.intersection(subset)) and not scene.walls.issuperset(subset),

@@ -1,25 +1,32 @@
 """Region: everything a profile must hold for, as the loops of its corners.
 
 The corners propose; that the whole region between them holds is for the certificate to prove, and
-where it finds a worse point, that point joins the region as one more loop. One file: corners and
-later points become loops in the same way.
+where it finds a worse point, that point joins the region as one more loop.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification import Box, Device, Mode, Quantity
+from tune.documents.effects import EffectName, Effects
 from tune.documents.errors import LoopError
 from tune.documents.hand import Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.loop.mechanism import HandNumbers, ModeNumbers
 from tune.loop.sampled_plant import LONGEST_DELAY, WHOLE, SampledPlant
+from tune.loop.stacking import stack_loops
+from tune.rendering.ripple import force_ripple
+from tune.stability.bracketing import last_within
+from tune.stability.verdict import stable_values
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,15 +61,12 @@ class DelayedLoops:
 class Region:
     """Box of the device, box of the hand, and points found later.
 
+    Plants are sampled when first asked for and kept, whatever the filters around them.
+
     Attributes:
-        box: of the device, simultaneous.
-        modes: of the mechanism, each with its intervals.
-        current_lag: s, or None.
         presliding: stiffness of friction that holds before it slides, N/m above zero, or None.
         hand: grips; the device alone is in the region in any case.
         found: points between the corners that were worse than they.
-
-    Plants are sampled when first asked for and kept, whatever the filters around them.
     """
 
     box: Box
@@ -104,12 +108,7 @@ class Region:
         )
 
     def loops(self, filters: Filters, extra: float) -> tuple[DelayedLoops, ...]:
-        """Loops of all corners at the ends of the delay, at every whole sample between and beyond.
-
-        Args:
-            filters: of the controller.
-            extra: samples of delay on top of the device's, at most.
-        """
+        """Loops of all corners at both ends of the delay and every whole sample up to the extra."""
         late: list[DelayedLoops] = []
         for step in dict.fromkeys(self.box.sample_time):
             first, last = (_snapped(delay / step) for delay in self.box.delay)
@@ -138,9 +137,8 @@ class Region:
     def _at(self, step: float, samples: float) -> tuple[SampledPlant, ...]:
         """All corners at one sample time and delay: the device alone, held by friction, in hand."""
         if (step, samples) not in self._plants:
-            points = list(self._corners(step, samples * step))
             alike: dict[tuple[bool, bool], list[PlantPoint]] = {}
-            for point in points:
+            for point in self._corners(step, samples * step):
                 key = (point.hand is None, point.position_stiffness == 0)
                 alike.setdefault(key, []).append(point)
             self._plants[step, samples] = tuple(
@@ -150,10 +148,15 @@ class Region:
 
     def _plant(self, points: Sequence[PlantPoint], samples: float) -> SampledPlant:
         """Spots of one sample time and delay, all in a hand or all without, all sprung or none."""
+
+        def column(name: str) -> FloatArray:
+            return np.array([getattr(point, name) for point in points])
+
         grips = [point.hand for point in points if point.hand is not None]
+        hand = [np.array(numbers) for numbers in zip(*grips, strict=True)]
         return SampledPlant.from_numbers(
-            mass=np.array([point.mass for point in points]),
-            damping=np.array([point.damping for point in points]),
+            mass=column("mass"),
+            damping=column("damping"),
             sample_time=points[0].sample_time,
             delay_samples=samples,
             modes=tuple(
@@ -165,29 +168,19 @@ class Region:
                 )
                 for index, mode in enumerate(self.modes)
             ),
-            current_lag=np.array([point.current_lag for point in points]),
-            position_stiffness=np.array([point.position_stiffness for point in points]),
-            hand=(
-                None
-                if not grips
-                else HandNumbers(
-                    mass=np.array([grip[0] for grip in grips]),
-                    damping=np.array([grip[1] for grip in grips]),
-                    stiffness=np.array([grip[2] for grip in grips]),
-                )
-            ),
+            current_lag=column("current_lag"),
+            position_stiffness=column("position_stiffness"),
+            hand=HandNumbers(mass=hand[0], damping=hand[1], stiffness=hand[2]) if hand else None,
         )
 
     def _corners(self, step: float, delay: float) -> Iterator[PlantPoint]:
         """Every corner at one sample time and delay; modes shift and are damped all together."""
         ways = ((),)
         if self.modes:
+            ends = [(_pair(m.frequency_hz), _pair(m.damping_ratio)) for m in self.modes]
             ways = tuple(
-                tuple(
-                    (_end(mode.frequency_hz, fast), _end(mode.damping_ratio, damped))
-                    for mode in self.modes
-                )
-                for fast, damped in product((False, True), repeat=2)
+                tuple((frequency[fast], ratio[damped]) for frequency, ratio in ends)
+                for fast, damped in product((0, 1), repeat=2)
             )
         grips: list[tuple[float, float, float] | None] = [None]
         if self.hand is not None:
@@ -214,13 +207,13 @@ class Region:
             )
 
 
-def _end(interval: Quantity, upper: bool) -> float:  # noqa: FBT001 - one side or the other
-    return interval.high if upper else interval.low
+def _pair(interval: Quantity) -> tuple[float, float]:
+    return interval.low, interval.high
 
 
 def _ends(interval: Quantity) -> tuple[float, ...]:
     """Both ends of an interval, or the one number."""
-    return tuple(dict.fromkeys((interval.low, interval.high)))
+    return tuple(dict.fromkeys(_pair(interval)))
 
 
 def _snapped(samples: float) -> float:
@@ -233,3 +226,106 @@ def _delays(first: float, last: float, extra: float) -> list[float]:
     """Both ends of the delay, the whole samples between them and beyond, and the very last."""
     whole = range(int(np.ceil(first)), int(np.floor(last + extra)) + 1)
     return sorted({first, last, last + extra, *map(float, whole)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loops:
+    """The loops of a region with one set of filters, built once and kept for every element.
+
+    They belong to the device, and so does what one effect may be alone: an element only adds its
+    own wishes and motion.
+
+    Attributes:
+        present: loops of the corners of the region at every delay the device may have.
+        late: the same with up to the margin's extra delay as well.
+        nominal: the device alone at its best estimate and longest delay, for the ripple.
+    """
+
+    region: Region
+    filters: Filters
+    present: tuple[Loop, ...]
+    late: tuple[Loop, ...]
+    nominal: Loop
+    _stacks: dict[tuple[str, float], tuple[Loop, ...]] = field(
+        default_factory=dict[tuple[str, float], tuple[Loop, ...]], init=False, repr=False
+    )
+    _ends: dict[tuple[EffectName, int, str, float], float] = field(
+        default_factory=dict[tuple[EffectName, int, str, float], float], init=False, repr=False
+    )
+
+    @classmethod
+    def of(cls, device: Device, region: Region, filters: Filters, extra: float) -> Loops:
+        """The loops of a device, with up to ``extra`` samples of delay on top of its own."""
+        loops = region.loops(filters, extra)
+        later = (device.delay.high - device.delay.value) / device.sample_time.value
+        return cls(
+            region=region,
+            filters=filters,
+            present=_side_by_side([one.loop for one in loops if not one.beyond]),
+            late=_side_by_side([one.loop for one in loops]),
+            nominal=Loop.from_parts(device, filters, extra_delay_samples=later),
+        )
+
+    def latest(self, extra: float) -> tuple[Loop, ...]:
+        """Loops of all corners at the device's longest delay and ``extra`` samples more."""
+        if ("latest", extra) not in self._stacks:
+            latest = self.region.latest(self.filters, extra)
+            self._stacks["latest", extra] = _side_by_side(latest)
+        return self._stacks["latest", extra]
+
+    def between(self, extra: float) -> tuple[Loop, ...]:
+        """The late loops, and those half-way between the samples of the margin's extra delay."""
+        if ("between", extra) not in self._stacks:
+            halves = [self.latest(part - 0.5) for part in range(1, int(extra) + 1)]
+            late = [*self.late, *(loop for each in halves for loop in each)]
+            self._stacks["between", extra] = _side_by_side(late)
+        return self._stacks["between", extra]
+
+    def end_alone(self, effect: EffectName, sign: int, *, late: bool) -> float:
+        """The size of one effect, felt alone, up to which it is stable; 0 or inf possible.
+
+        Its gain margin is this over its size, because a gain only scales it.
+        """
+        which, loops = ("late", self.late) if late else ("present", self.present)
+        return self._kept((effect, sign, which, 0.0), lambda: _least_end(loops, effect, sign))
+
+    def end_alone_at(self, effect: EffectName, sign: int, extra: float) -> float:
+        """Stable size of one effect, felt alone, ``extra`` samples beyond the longest delay."""
+        return self._kept(
+            (effect, sign, "latest", extra), lambda: _least_end(self.latest(extra), effect, sign)
+        )
+
+    def quiet_alone(
+        self, effect: EffectName, sign: int, *, resolution: float, limit: float, top: float
+    ) -> float:
+        """The size of one effect, felt alone, up to which the ripple keeps to its limit, N rms.
+
+        Sizes up to the top are looked at; inf is the answer where all of them keep to it.
+        """
+
+        def noise(size: float) -> float:
+            effects = Effects(**{effect: sign * size})
+            return float(force_ripple(self.nominal, effects, resolution))
+
+        key = (effect, sign, f"ripple {resolution!r} {limit!r}", top)
+        return self._kept(key, lambda: last_within(noise, limit, top))
+
+    def _kept(self, key: tuple[EffectName, int, str, float], compute: Callable[[], float]) -> float:
+        if key not in self._ends:
+            self._ends[key] = compute()
+        return self._ends[key]
+
+
+def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:
+    """One loop of all that are free and one of all whose position is bound."""
+    alike = [[loop for loop in loops if loop.grounded == grounded] for grounded in (False, True)]
+    return tuple(stack_loops(group) for group in alike if group)
+
+
+def _least_end(loops: Sequence[Loop], effect: EffectName, sign: int) -> float:
+    """Least end, over all loops, of the stable sizes that are connected to nothing."""
+    ends: list[float] = []
+    for loop in loops:
+        low, high = stable_values(loop, effect, sign=sign)
+        ends.append(float(np.min(np.where(low[0] == 0, high[0], 0.0))))
+    return min(ends)

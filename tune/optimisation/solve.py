@@ -1,35 +1,50 @@
-"""Elements that share moments to their largest perceivable effects, rounded and allowed exactly.
-
-One file: rank after rank, what is kept and what is dropped is one loop.
-"""
+"""Elements that share moments to their largest perceivable effects, rounded and allowed exactly."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import round_to_digits
 from tune.documents.errors import NoFeasibleEffectError
+from tune.documents.profile import LimitedBy
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
-from tune.optimisation.backends import Backend
-from tune.optimisation.bounds import largest_allowed
+from tune.optimisation.backends import Backend, Ipopt, Slsqp
 from tune.optimisation.describe import bindings
-from tune.optimisation.feasible_subsets import feasible_sizes, feasible_subsets
-from tune.optimisation.nash import Optimum, Solution, largest_product, single_unknown_optimum
+from tune.optimisation.feasibility import feasible_points, largest_allowed, stable_points
+from tune.optimisation.linear_limits import Unknown
+from tune.optimisation.nash import (
+    SAME,
+    Optimum,
+    Solution,
+    feasible_sizes,
+    feasible_subsets,
+    largest_product,
+)
 from tune.optimisation.problem import DesignTask, Problem, may_saturate, pose
-from tune.optimisation.reasons import imperceptible, reasons_for_nothing
-from tune.optimisation.rounding import round_sizes
 
 if TYPE_CHECKING:
     from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]
 
+#: Steps that are not worth a number.
+_NOTHING = 1e-3
+
+
+#: Significant digits of a written effect; what is lost is 1e-5 at most.
+_DIGITS = 6
+#: Parts by which sizes that are a little beyond are taken back.
+_RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
+#: Effects that are rounded either way, all ways tried.
+_MOST_WAYS = 5
 #: Tries with more room for the proof of clamps, each so much of what the last one was short of, and
 #: so much at least; one that is short of more than this part of the one before does not help.
 _MOST_ROOMS, _LESS_ROOM, _LEAST_ROOM, _HELPS = 10, 0.7, 3e-4, 0.97
@@ -72,14 +87,8 @@ def solve(
     """Tune one group; effects of which one step is out of reach are dropped, with what they miss.
 
     Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
-    can be proved safe so at the scene's margin; else the usual motion bounds them.
-
-    Args:
-        task: device, scene, perception and region.
-        elements: of the group.
-        filters: of the controller.
-        before: what was tuned already and may be felt beside it.
-        second_opinion: ask all solvers, and for proofs of what may be cut.
+    can be proved safe so at the scene's margin; else the usual motion bounds them. What was tuned
+    before may be felt beside it. A second opinion asks all solvers, and for proofs of clamps.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -111,18 +120,9 @@ def _solved(
     second_opinion: bool,
     gone: Mapping[str, str] | None = None,
 ) -> Solution:
-    """One group with certain springs cut at the limit of force.
+    """One group with certain springs cut at the limit of force, beside what is settled.
 
-    What is proved to less than one step is dropped, and the rest is tuned without it.
-
-    Args:
-        task: device, scene, perception and region.
-        elements: of the group.
-        filters: of the controller.
-        cut: elements whose springs are cut.
-        settled: sizes by label of what was tuned before.
-        second_opinion: ask all solvers, and for proofs of what is cut or one-sided.
-        gone: effects that are left out, with the reason.
+    What is proved to less than one step is gone, with its reason, and the rest is tuned without it.
     """
 
     def tuned(room: float) -> tuple[Problem, Optimum | None, dict[str, str]]:
@@ -133,14 +133,15 @@ def _solved(
             cut=cut,
             settled=settled,
             room=room,
+            choosing=not room,
             second_opinion=second_opinion,
             gone=gone,
-            choosing=not room,
         )
 
     problem, optimum, dropped = tuned(0.0)
+    nothing = Solution(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
     if optimum is None or optimum.sizes is None:
-        return Solution(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
+        return nothing
     linear = sizes = round_sizes(problem, optimum.sizes)
     found: AllFound = {}
     if second_opinion and any(moment.absolute for moment in problem.moments):
@@ -149,27 +150,19 @@ def _solved(
         if gain < problem.proved_gain:
             clash = _pair(task.scene, elements, tightest)
             if clash is not None:
-                return Solution(
-                    problem=problem, sizes=np.empty(0), dropped=dropped, method="none", clash=clash
-                )
+                return replace(nothing, clash=clash)
             own = [u for u in problem.unknowns if not u.settled]
             label = min(own, key=lambda u: u.effect != "stiffness").label
             why = f"pushing on one side, or cut, it is proved stable to a gain of {gain:.4g} only"
             reason = {label: why}
             _refuse_broken_ranges(problem, reason)
+            left = dropped | reason
             return _solved(
-                task,
-                elements,
-                filters,
-                cut,
-                settled,
-                second_opinion=second_opinion,
-                gone=dropped | reason,
+                task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
             )
-    return Solution(
-        problem=problem,
+    return replace(
+        nothing,
         sizes=sizes,
-        dropped=dropped,
         method=" and ".join(optimum.methods) or "start",
         disagreement=optimum.disagreements,
         unrounded=optimum.sizes,
@@ -186,14 +179,8 @@ def _stepped_back(
 ) -> tuple[FloatArray, AllFound, tuple[str, ...]]:
     """Sizes whose clamps are proved, by what, and the moment that linear sizes proved least.
 
-    More room is left to linear limits until the proof holds, or as long as that helps. All sizes
-    have shape (unknowns,), SI units.
-
-    Args:
-        problem: with clamps.
-        linear: sizes that linear limits allow.
-        tuned: the optimum with some more room.
-        dropped: what is left out; with more room no more may be.
+    More room is left to linear limits until the proof holds, or as long as that helps; no more may
+    be dropped for it.
     """
     from tune.optimisation.saturation import prove_moments
 
@@ -245,21 +232,10 @@ def optimum_of(
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
-    All sizes have shape (unknowns,), SI units.
-
-    Args:
-        task: device, scene, perception and region.
-        elements: of the group.
-        filters: of the controller.
-        cut: elements whose force may be cut at its limit.
-        settled: sizes by label of what was tuned before and may be felt beside them.
-        room: part of the gain margin kept beyond it.
-        second_opinion: ask all solvers.
-        known: sizes of all effects of a problem to begin with, allowed as far as doubles tell,
-            where there are some.
-        gone: effects that are left out, with the reason.
-        choosing: where effects that are possible alone are not so together, choose which are kept;
-            else the optimum has no sizes there.
+    Beside the choices of `pose`, ``known`` gives sizes of all effects of a problem to begin with,
+    allowed as far as doubles tell, where there are some. What is ``gone`` is left out, with the
+    reason. Where effects that are possible alone are not so together, it is chosen which are kept;
+    without ``choosing`` the optimum has no sizes there.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -269,21 +245,10 @@ def optimum_of(
         # Without its stiffness the damper of a wall would act everywhere.
         gone |= {f"{e}.damping" for e in task.scene.walls if f"{e}.stiffness" in gone}
         return pose(
-            task,
-            elements=elements,
-            filters=filters,
-            gone=gone,
-            cut=cut,
-            settled=settled,
-            room=room,
+            task, elements=elements, filters=filters, gone=gone, cut=cut, settled=settled, room=room
         )
 
-    def best(problem: Problem, known: Sequence[FloatArray] = ()) -> Optimum:
-        if len(problem.unknowns) == 1:
-            return single_unknown_optimum(problem)
-        return largest_product(problem, backends(second_opinion=second_opinion), known)
-
-    dropped = dict(gone or {})
+    solvers, dropped = backends(second_opinion=second_opinion), dict(gone or {})
     problem = posed(frozenset(dropped))
     while impossible := reasons_for_nothing(problem):
         _refuse_broken_ranges(problem, impossible)
@@ -294,12 +259,11 @@ def optimum_of(
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
     if not own:
         return problem, None, dropped
-    found = best(problem, [] if dropped or known is None else known(problem))
+    begin: Sequence[FloatArray] = [] if dropped or known is None else known(problem)
+    found = largest_product(problem, solvers, begin)
     if found.sizes is not None or not choosing:
         return problem, found, dropped
-    every = frozenset(own)
-    before = frozenset(dropped)
-
+    every, before = frozenset(own), frozenset(dropped)
     starts: dict[frozenset[str], FloatArray | None] = {}
 
     def feasible(labels: frozenset[str]) -> bool:
@@ -316,7 +280,7 @@ def optimum_of(
     optima: list[tuple[Problem, Optimum | None]] = []
     for labels in sets:
         start, each = starts.get(labels), posed(before | (every - labels))
-        optima.append((each, None if start is None else best(each, [start])))
+        optima.append((each, None if start is None else largest_product(each, solvers, [start])))
     chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
     found = {} if optimum is None or optimum.sizes is None else _by_label(chosen, optimum.sizes)
     for label in [u.label for u in problem.unknowns if u.label in own and u.label not in found]:
@@ -341,13 +305,7 @@ def _products(problem: Problem, sizes: FloatArray | None) -> list[float]:
 
 
 def _missed(problem: Problem, label: str, beside: Mapping[str, float]) -> str:
-    """By how much one step of an effect is missed, by itself or else beside what is kept.
-
-    Args:
-        problem: of all of them.
-        label: of the effect.
-        beside: sizes of the others by label, settled ones among them.
-    """
+    """By how much one step of an effect is missed, by itself or else beside what is kept."""
     places = [i for i, u in enumerate(problem.unknowns) if u.label == label]
     if not places:
         return _NO_WALL
@@ -357,27 +315,103 @@ def _missed(problem: Problem, label: str, beside: Mapping[str, float]) -> str:
         sizes[index] = largest_allowed(problem, sizes, index)
         if sizes[index] < unknown.low or words:
             word = bindings(problem, sizes, [index])[0]
-            return words + imperceptible(unknown, float(sizes[index]), word)
+            return words + _imperceptible(unknown, float(sizes[index]), word)
     raise AssertionError("one of both is returned")
 
 
 def backends(*, second_opinion: bool = True) -> list[Backend]:
-    """The solvers that propose, loaded when first needed."""
-    from tune.optimisation.backends.casadi_ import Ipopt
-    from tune.optimisation.backends.nlopt_ import Slsqp
-
+    """The solvers that propose; all of them, or the quickest to roughly its answer."""
     return [Slsqp(), Ipopt()] if second_opinion else [Slsqp(_ROUGHLY)]
 
 
 def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
     """A range is a promise: its lower end is met or nothing is written."""
+    ranges = [u for u in problem.unknowns if u.wish.kind == "range" and u.label in impossible]
     broken = tuple(
-        f"{unknown.label}: its range starts at {unknown.wish.low:g}, {impossible[unknown.label]}"
-        for unknown in problem.unknowns
-        if unknown.wish.kind == "range"
-        and unknown.label in impossible
-        and unknown.high >= unknown.low
-        and unknown.wish.low
+        f"{u.label}: its range starts at {u.wish.low:g}, {impossible[u.label]}"
+        for u in ranges
+        if u.high >= u.low and u.wish.low
     )
     if broken:
         raise NoFeasibleEffectError(broken)
+
+
+def reasons_for_nothing(problem: Problem) -> dict[str, str]:
+    """Why effects cannot be kept whatever the others are, by label; empty where all may."""
+    reasons: dict[str, str] = {}
+    weakest = problem.region.box.damping[0]
+    gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
+    limits = problem.limits
+    nothing = np.zeros(len(problem.unknowns))
+    # A positive damper of the same element holds an effect on a device without damping.
+    damped = {u.element for u in problem.unknowns if u.effect == "damping" and u.sign > 0}
+    for index, unknown in enumerate(problem.unknowns):
+        if unknown.settled:
+            continue
+        most = problem.linear.bounds(nothing, index).get("force", np.inf)
+        top = min(unknown.high, most)
+        if unknown.high <= 0:
+            reasons[unknown.label] = (
+                f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
+                f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
+            )
+        elif unknown.low > top and _NOTHING < unknown.steps(top) < 1:
+            words: dict[str, LimitedBy] = {"value": "wanted", "range": "range"}
+            word = words.get(unknown.wish.kind, "gain-margin") if top == unknown.high else "force"
+            reasons[unknown.label] = _imperceptible(unknown, top, word)
+        elif unknown.low > top:
+            reasons[unknown.label] = (
+                f"even {unknown.low:.4g} exceeds the force limit, {limits.continuous_force:g} "
+                f"continuous and {limits.peak_force:g} at the peak; at most {most:.4g} keeps to it "
+                "in this motion. Ask for less"
+            )
+        elif weakest <= 0 and (weakest < 0 or unknown.element not in damped):
+            reasons[unknown.label] = (
+                f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
+                "its damping would hold this effect. Take a longer log, or add damping"
+            )
+        elif len(problem.unknowns) == 1:
+            alone = largest_allowed(problem, nothing, 0)
+            if alone >= unknown.low:
+                continue
+            stable = bool(stable_points(problem, np.array([[unknown.low]]), gain)[0])
+            if not stable and unknown.wish.kind == "range" and unknown.wish.low:
+                reasons[unknown.label] = (
+                    f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
+                    f"{extra} extra samples of delay"
+                )
+            else:
+                word = "stability"
+                if alone or stable:
+                    word = bindings(problem, np.array([alone]), [0])[0]
+                reasons[unknown.label] = _imperceptible(unknown, alone, word)
+    return reasons
+
+
+def _imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
+    """What is said of a size that is less than one step."""
+    return (
+        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
+        f"limited by {word}"
+    )
+
+
+def round_sizes(problem: Problem, sizes: FloatArray) -> FloatArray:
+    """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
+    caps = problem.high
+    met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
+        sizes >= caps * (1 - 10 * SAME)
+    )
+    # Towards nothing where that is allowed; an effect that holds another may not be smaller.
+    ways = np.array(list(product((0.0, 1.0), repeat=min(sizes.size, _MOST_WAYS))))
+    ups = np.zeros((len(ways), sizes.size))
+    ups[:, : ways.shape[1]] = ways
+    for retreat in _RETREATS:
+        units = 10.0 ** (np.floor(np.log10(sizes)) - _DIGITS + 1)
+        whole = np.floor(sizes * (1 - retreat) / units) + ups
+        rounded = [[round_to_digits(float(size)) for size in row] for row in whole * units]
+        trials = np.where(met, caps, np.minimum(rounded, caps))
+        good = np.flatnonzero(feasible_points(problem, trials))
+        if good.size:
+            return trials[good[0]]
+    return sizes * (1 - SAME)

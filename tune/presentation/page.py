@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from identification import Identification
-    from tune._what_if import Alternative
     from tune.documents.profile import SafeProfile
+    from tune.optimisation.alternatives import Alternative
 
 #: What a reader takes away.
 _VERDICT = (

@@ -15,13 +15,12 @@ if TYPE_CHECKING:
 
     from identification import Device, Motion, Quantity
     from tune._audit import Audit
-    from tune._what_if import Alternative
     from tune.documents.certified import Certificate
     from tune.documents.discrimination import Estimate
     from tune.documents.loop_profile import LoopProfile
     from tune.documents.profile import Contact, SafeProfile
     from tune.documents.scene import MarginName
-    from tune.optimisation.candidates import Candidate, CandidateEffect
+    from tune.optimisation.alternatives import Alternative, Candidate, CandidateEffect
 
 #: Perceived steps that nobody would buy anything for.
 _HARDLY = 0.05

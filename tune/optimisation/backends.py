@@ -1,0 +1,542 @@
+"""Solvers that propose (IPOPT, SLSQP), and the smooth program that they are shown.
+
+What they propose is never trusted: `feasibility` checks it exactly. Unknowns are the logarithms y
+of the sizes. Every constraint reads g <= 0: the reach of stability, which gives values and slopes,
+and expressions of CasADi, compiled once for each structure: ripple, forces, rendering, and Routh
+ratios below one with coefficients positive at each corner, delay and moment at the full gain, which
+stand for the reach of stability where a solver wants everything in one graph.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import compress
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.loop.loop import Loop
+from tune.loop.polynomials import pad_coefficients
+from tune.optimisation.problem import Problem
+from tune.optimisation.reach import Reach
+from tune.rendering.ripple import ripple_energy
+from tune.rendering.routh_table import product, routh_ratios
+
+FloatArray = NDArray[np.float64]
+
+#: (loop of ``problem.loops.late``, column): one corner at one delay, with the hand or without.
+Scenario = tuple[int, int]
+#: The program keeps this much more than asked, relative, so that solvers, which end on or a little
+#: beyond the boundary, end inside; it costs as much in optimality.
+_INSIDE = 2e-8
+#: An interior point method wants to start away from the boundary: this much lower, in log-sizes.
+_RETREAT = 1.0
+#: Evaluations and seconds allowed; nlopt has no other way of ending on a bad problem.
+_EVALUATIONS = 100
+_SECONDS = 2.0
+#: How far it may go from its start, in log-sizes: far away the slopes at the start say nothing.
+_STRIDE = 3.0
+#: Times it may go that far.
+_STRIDES = 6
+#: What a constraint that cannot be evaluated counts as: clearly violated, still a number.
+_UNREACHABLE = 1e3
+#: A constraint is kept if broken by less: programs ask for more than is needed.
+_KEPT = 1e-9
+#: How far inside all limits is far enough.
+_DEEP = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Structure:
+    """What decides the shape of the graph; equal structures share compiled functions of (y, p).
+
+    Attributes:
+        moments: members by effect of each moment.
+        quiet: whether the ripple of each is bound.
+        ratios: (i, j) of sizes whose ratio is bound.
+        shapes: (degree, scenarios, position bound by device or hand) of the loops.
+        laws: degree of the control law, for the ripple; 0 without an encoder.
+        bound: the device's own force by position binds it, hand off.
+        linear: rows without and with coefficients of either sign.
+        felt: limits on what is felt that are no rows.
+    """
+
+    signs: tuple[int, ...]
+    moments: tuple[tuple[tuple[int, ...], ...], ...]
+    quiet: tuple[bool, ...]
+    ratios: tuple[tuple[int, int], ...]
+    shapes: tuple[tuple[int, int, bool], ...]
+    laws: int
+    bound: bool
+    linear: tuple[int, int]
+    felt: int
+
+    @property
+    def smooth(self) -> Any:
+        """Constraints but those of stability, and their dense Jacobian."""
+        return _smooth(replace(self, shapes=()))
+
+    @property
+    def smooth_all(self) -> Any:
+        """Constraints with Routh's ratios before the others, and their dense Jacobian."""
+        return _smooth(self)
+
+    @property
+    def ipopt(self) -> Any:
+        """The solver, with all constraints; its parameters end with the weights."""
+        return _ipopt(self)
+
+
+class _Graph(NamedTuple):
+    """Expressions of a structure: log-sizes, parameters, weights, product of steps, constraints."""
+
+    y: Any
+    parameters: Any
+    weights: Any
+    product: Any
+    constraints: Any
+
+
+@lru_cache(maxsize=64)
+def _smooth(structure: _Structure) -> Any:
+    import casadi as ca
+
+    graph = _graph(structure)
+    g = graph.constraints
+    outputs = [g, ca.densify(ca.jacobian(g, graph.y))]
+    return ca.Function("smooth", [graph.y, graph.parameters], outputs)
+
+
+@lru_cache(maxsize=64)
+def _ipopt(structure: _Structure) -> Any:
+    import casadi as ca
+
+    graph = _graph(structure)
+    options = {
+        "print_time": False,
+        "error_on_fail": False,
+        # An unstable setting has no ripple; the solver steps back from it.
+        "show_eval_warnings": False,
+        "ipopt": {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": 1e-10,
+            "max_iter": 150,
+            "max_wall_time": 2.0,
+            "bound_relax_factor": 0.0,
+            # The Routh ratios are far from convex outside the stable set; with their exact second
+            # derivatives one solve in two ends at the iteration limit, with BFGS one in fifteen.
+            "hessian_approximation": "limited-memory",
+        },
+    }
+    task = {
+        "x": graph.y,
+        "p": ca.vertcat(graph.parameters, graph.weights),
+        "f": -graph.product,
+        "g": graph.constraints,
+    }
+    return ca.nlpsol("product", "ipopt", task, options)
+
+
+@lru_cache(maxsize=64)
+def _graph(structure: _Structure) -> _Graph:
+    import casadi as ca
+
+    count = len(structure.signs)
+    y, weights = ca.SX.sym("y", count), ca.SX.sym("w", count)
+    taken: list[Any] = []
+
+    def take(*shape: int) -> Any:
+        symbols = ca.SX.sym("p", int(np.prod(shape)))
+        taken.append(symbols)
+        return np.array([symbols[i] for i in range(symbols.shape[0])], dtype=object).reshape(shape)
+
+    sizes = [ca.exp(y[i]) for i in range(count)]
+    scales, rows = take(count, 3), take(sum(structure.linear), count)
+    factors, felt = take(len(structure.ratios)), take(structure.felt, 4 + 2 * count)
+    product_of_steps: Any = 0
+    for i, (sign, size, scale) in enumerate(zip(structure.signs, sizes, scales, strict=True)):
+        product_of_steps += weights[i] * (sign * _height(sign * size, *scale)).log()
+    totals = [
+        [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
+        for members in structure.moments
+    ]
+    constraints: list[Any] = []
+    if structure.laws:
+        table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
+        for total in compress(totals, structure.quiet):
+            numerator = product(list(law[0]), _polynomial(law, total, free=False, drop=False))
+            free = total[0] is None and not structure.bound
+            energy = ripple_energy(
+                numerator, _polynomial(table, total, drop=False), position_free=free
+            )
+            # An unstable loop has no energy: the logarithm says so, and is nearly linear.
+            constraints.append(energy.log() / 2)
+    routh: list[Any] = []
+    for degree, corners, grounded in structure.shapes:
+        table = take(4, degree + 1, corners)
+        for total in totals:
+            for corner in range(corners):
+                coefficients = _polynomial(table[:, :, corner], total, drop=not grounded)
+                routh += [-c for c in coefficients]
+                routh += [ratio - 1 for ratio in routh_ratios(coefficients)]
+    for place, row in enumerate(rows):
+        used: Any = sum(size * part for size, part in zip(sizes, row, strict=True))
+        # In logarithms nearly linear, where a row has them.
+        constraints.append(used.log() if place < structure.linear[0] else used - 1)
+    constraints += [
+        factor.log() + y[i] - y[j] for (i, j), factor in zip(structure.ratios, factors, strict=True)
+    ]
+    for per_step, *scale in felt:
+        given, asked = (
+            sum(size * part for size, part in zip(sizes, parts, strict=True))
+            for parts in (scale[3 : 3 + count], scale[3 + count :])
+        )
+        apart: Any = _height(given, *scale[:3]) - _height(asked, *scale[:3])
+        constraints.append(per_step * apart - 1)
+    every = ca.vertcat(*routh, *constraints)
+    return _Graph(y, ca.vertcat(*taken), weights, product_of_steps, every)
+
+
+def _height(value: Any, top: Any, base: Any, corner: Any) -> Any:
+    """`Scale.height`."""
+    import casadi as ca
+
+    above: Any = ca.fmax(value, top) - ca.fmax(0.0, top)
+    below: Any = ca.fmin(value, top) - ca.fmin(0.0, top)
+    return ca.log1p(above / base) + below / corner
+
+
+def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool = True) -> list[Any]:
+    """Coefficients of one moment; without a spring the factor w is dropped if asked to."""
+    start = 1 if drop and total[0] is None else 0
+    there = [(effect, value) for effect, value in enumerate(total, 1) if value is not None]
+    return [
+        sum((table[effect, k] * value for effect, value in there), table[0, k] if free else 0.0)
+        for k in range(start, table.shape[1])
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """A problem with numbers in.
+
+    Attributes:
+        parameters: of this problem, without the weights of a rank; those of the loops come last.
+        plain: how many of them belong to no loop.
+        reach: of stability, with slopes of its own.
+        scales: of the steps, `Scale.parts`, shape (unknowns, 3).
+        per_step: 1/ln(1 + w) of each unknown.
+    """
+
+    structure: _Structure
+    parameters: FloatArray
+    plain: int
+    reach: Reach
+    signs: FloatArray
+    scales: FloatArray
+    per_step: FloatArray
+
+    def product(self, sizes: FloatArray, weights: FloatArray) -> tuple[float, FloatArray]:
+        """The weighted sum of the logarithms of steps, and its gradient in log-sizes."""
+        top, base, corner = self.scales.T
+        values = self.signs * sizes
+        relative = (np.maximum(values, top) - np.maximum(0.0, top)) / base
+        heights = np.log1p(relative) + (np.minimum(values, top) - np.minimum(0.0, top)) / corner
+        used = weights > 0
+        logs = np.log(np.where(used, np.abs(heights) * self.per_step, 1.0))
+        slopes = values / base / (1 + relative) / np.where(heights == 0, 1.0, heights)
+        return float(weights @ logs), weights * slopes
+
+
+def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
+    """The program of a problem; compiles it if no problem of its structure came before.
+
+    Scenarios are the corners that the solver is shown, up to a power of two, so that structures are
+    met again.
+    """
+    limits = problem.limits
+    columns = [
+        _rounded_up([column for place, column in scenarios if place == index])
+        for index in range(len(problem.loops.late))
+    ]
+    late = problem.loops.late
+    shown = [(loop, chosen) for loop, chosen in zip(late, columns, strict=True) if chosen]
+    ripple = limits.encoder_resolution is not None
+    rows = problem.linear.rows * (1 + _INSIDE)
+    either = np.any(rows < 0, axis=1)
+    rows = np.concatenate([rows[~either], rows[either]])
+    structure = _Structure(
+        signs=tuple(unknown.sign for unknown in problem.unknowns),
+        moments=tuple(moment.members for moment in problem.moments),
+        quiet=tuple(not moment.meeting for moment in problem.moments),
+        ratios=tuple((i, j) for i, j, _ in problem.linear.ratios),
+        shapes=tuple((loop.degree, len(chosen), loop.grounded) for loop, chosen in shown),
+        laws=problem.loops.nominal.degree if ripple else 0,
+        bound=problem.loops.nominal.grounded,
+        linear=(int(np.sum(~either)), int(np.sum(either))),
+        felt=len(problem.linear.felt),
+    )
+    scales = np.array([unknown.scale.parts for unknown in problem.unknowns])
+    felt = [
+        [one.per_step * (1 + _INSIDE), *one.scale.parts, *one.given, *one.asked]
+        for one in problem.linear.felt
+    ]
+    gain = problem.margin.gain * (1 + _INSIDE)
+    factors = np.array([factor for _, _, factor in problem.linear.ratios]) * (1 + _INSIDE)
+    numbers: list[FloatArray] = [scales, rows, factors, np.array(felt)]
+    if ripple and limits.encoder_resolution is not None:
+        nominal = problem.loops.nominal
+        unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple
+        numbers += [_table(nominal, 1.0), _law(nominal, float(unit * (1 + _INSIDE)))]
+    plain = sum(part.size for part in numbers)
+    numbers += [_table(loop, gain)[:, :, chosen] for loop, chosen in shown]
+    return Program(
+        structure=structure,
+        plain=plain,
+        reach=Reach.of(problem, shown, gain),
+        parameters=np.concatenate([part.ravel() for part in numbers]),
+        signs=np.array([float(sign) for sign in structure.signs]),
+        scales=scales,
+        per_step=np.array([1 / np.log1p(u.scale.weber) for u in problem.unknowns]),
+    )
+
+
+def _rounded_up(columns: list[int]) -> list[int]:
+    """Filled up to a power of two with the last one."""
+    if not columns:
+        return []
+    size = 1 << (len(columns) - 1).bit_length()
+    return columns + columns[-1:] * (size - len(columns))
+
+
+def _table(loop: Loop, gain: float) -> FloatArray:
+    """(4, degree+1, corners) in (K, B, M), each coefficient over its constant part's scale."""
+    scales = np.stack([np.ones_like(loop.scales[0]), *(gain * np.asarray(s) for s in loop.scales)])
+    terms = loop.terms
+    table = np.stack([terms.free, terms.alpha, terms.beta, terms.gamma]) * scales[:, None]
+    return table.reshape(4, loop.degree + 1, -1)
+
+
+def _law(loop: Loop, unit: float) -> FloatArray:
+    """(4, degree+1): plant denominator, and the control law times ``unit``."""
+    scales = np.array([1.0, *(unit * float(s) for s in loop.scales)])
+    parts = loop.transfer
+    rows = (parts.plant_denominator, parts.alpha, parts.beta, parts.gamma)
+    return np.stack([pad_coefficients(row, loop.degree + 1) for row in rows]) * scales[:, None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rank:
+    """What is raised at one rank, and between which ends of log-sizes.
+
+    Attributes:
+        weights: of the logarithms of steps in the sum that is maximised.
+        lower: of log-sizes; equal to ``upper`` where a size is fixed.
+        routh: judge stability by Routh's ratios at the full gain instead of by the exact reach,
+            for they are smooth where two branches of its boundary meet. Some solvers always do.
+    """
+
+    weights: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    routh: bool = False
+
+
+class Evaluation:
+    """Objective and constraints at one point y of log-sizes, without overhead: the last is kept.
+
+    Attributes:
+        value: minus the weighted sum of the logarithms of steps; slope is its gradient.
+        constraints: at most 0 where kept; jacobian are their slopes, (constraints, unknowns).
+    """
+
+    def __init__(self, program: Program, rank: Rank) -> None:
+        count = program.signs.size
+        function = program.structure.smooth_all if rank.routh else program.structure.smooth
+        smooth = int(function.numel_out(0))
+        self._program = program
+        self._weights = rank.weights
+        # Routh's ratios stand for the reach of stability.
+        self._reach = None if rank.routh else program.reach
+        total = smooth + (0 if self._reach is None else self._reach.size)
+        self._y = np.full(count, np.nan)
+        plain = None if rank.routh else program.plain
+        self._parameters = np.ascontiguousarray(program.parameters[:plain])
+        self._smooth = np.empty(smooth)
+        # CasADi stores by columns.
+        self._columns = np.empty((count, smooth))
+        self.value = np.nan
+        self.slope: FloatArray = np.empty(count)
+        self.constraints: FloatArray = np.empty(total)
+        self.jacobian: FloatArray = np.zeros((total, count))
+        self._buffer, self._evaluate = function.buffer()
+        for place, given in enumerate((self._y, self._parameters)):
+            self._buffer.set_arg(place, memoryview(cast("Any", given)))
+        for place, answer in enumerate((self._smooth, self._columns)):
+            self._buffer.set_res(place, memoryview(cast("Any", answer)))
+
+    def at(self, y: FloatArray) -> Evaluation:
+        """Itself, evaluated at log-sizes y."""
+        if not np.array_equal(y, self._y):
+            self._y[:] = y
+            sizes = np.exp(y)
+            value, slope = self._program.product(sizes, self._weights)
+            self.value, self.slope[:] = -value, -slope
+            if self._smooth.size:
+                self._evaluate()
+            self.constraints[: self._smooth.size] = self._smooth
+            self.jacobian[: self._smooth.size] = self._columns.T
+            if self._reach is not None:
+                values, slopes = self._reach.at(sizes)
+                self.constraints[self._smooth.size :] = values
+                self.jacobian[self._smooth.size :] = slopes
+        return self
+
+
+class Ipopt:
+    """Interior-point proposals through CasADi; they end a little beyond or before the boundary."""
+
+    name = "ipopt"
+
+    def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
+        """Log-sizes from a start, after 150 iterations or 2 s at most; None where it gave up."""
+        answer = program.structure.ipopt(
+            x0=np.clip(start - _RETREAT, rank.lower, rank.upper),
+            p=np.concatenate([program.parameters, rank.weights]),
+            lbx=rank.lower,
+            ubx=rank.upper,
+            lbg=-np.inf,
+            ubg=0.0,
+        )
+        proposal = np.asarray(answer["x"], dtype=np.float64).ravel()
+        return proposal if np.all(np.isfinite(proposal)) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Slsqp:
+    """Sequential quadratic proposals, with the exact reach of stability.
+
+    It keeps its own best point in case nlopt ends by rounding; a search ends at the tolerance of
+    the sum of logarithms of steps.
+    """
+
+    tolerance: float = 1e-13
+    name: str = "slsqp"
+
+    def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
+        """Log-sizes from a start; None where it gave up."""
+        program_at = Evaluation(program, rank)
+        best: list[tuple[float, FloatArray]] = []
+
+        def objective(y: FloatArray, gradient: FloatArray) -> float:
+            here = program_at.at(y)
+            if gradient.size:
+                gradient[:] = np.nan_to_num(here.slope)
+            return here.value if np.isfinite(here.value) else _UNREACHABLE
+
+        def constraints(result: FloatArray, y: FloatArray, gradient: FloatArray) -> None:
+            here = program_at.at(y)
+            result[:] = np.nan_to_num(here.constraints, nan=_UNREACHABLE, posinf=_UNREACHABLE)
+            if gradient.size:
+                gradient[:] = np.nan_to_num(here.jacobian)
+            value = objective(y, np.empty(0))
+            if np.all(result <= _KEPT) and (not best or value < best[0][0]):
+                best[:] = [(value, np.array(y))]
+
+        y: FloatArray | None = start
+        for _ in range(_STRIDES):
+            lower, upper = _around(rank, start)
+            rows = program_at.constraints.size
+            y = _searched(objective, constraints, rows, start, lower, upper, self.tolerance)
+            if y is None or not _stopped_short(y, rank, lower, upper):
+                break
+            start = y
+        if best and (y is None or best[0][0] < objective(y, np.empty(0))):
+            y = best[0][1]
+        return y if y is not None and np.all(np.isfinite(y)) else None
+
+
+#: One solver.
+Backend = Slsqp | Ipopt
+
+
+def least_violation(program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
+    """Log-sizes at which the most broken constraint is as little broken as can be found.
+
+    Minimises t subject to every constraint being at most t; t stops a little inside.
+    """
+    program_at = Evaluation(program, rank)
+
+    def objective(z: FloatArray, gradient: FloatArray) -> float:
+        if gradient.size:
+            gradient[:] = 0.0
+            gradient[-1] = 1.0
+        return float(z[-1])
+
+    def constraints(result: FloatArray, z: FloatArray, gradient: FloatArray) -> None:
+        here = program_at.at(z[:-1])
+        rows = np.nan_to_num(here.constraints, nan=_UNREACHABLE, posinf=_UNREACHABLE)
+        result[:] = rows - z[-1]
+        if gradient.size:
+            gradient[:, :-1] = np.nan_to_num(here.jacobian)
+            gradient[:, -1] = -1.0
+
+    y: FloatArray | None = None
+    for _ in range(_STRIDES):
+        lower, upper = _around(rank, start)
+        rows = program_at.at(np.clip(start, lower, upper)).constraints
+        worst = float(np.clip(np.nan_to_num(np.max(rows), nan=10.0), -_DEEP, 10.0))
+        ends = np.append(lower, -_DEEP), np.append(upper, _UNREACHABLE)
+        z = _searched(objective, constraints, rows.size, np.append(start, worst), *ends)
+        if z is None or not np.all(np.isfinite(z)):
+            break
+        y = z[:-1]
+        if not _stopped_short(y, rank, lower, upper) or z[-1] <= -_DEEP:
+            break
+        start = y
+    return y
+
+
+def _around(rank: Rank, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ends of log-sizes that a search from a start looks at."""
+    lower = np.maximum(rank.lower, np.minimum(start, rank.upper) - _STRIDE)
+    upper = np.minimum(rank.upper, np.maximum(start, rank.lower) + _STRIDE)
+    return lower, upper
+
+
+def _stopped_short(y: FloatArray, rank: Rank, lower: FloatArray, upper: FloatArray) -> bool:
+    """True where a search went as far as it was allowed to."""
+    down, up = (y <= lower) & (lower > rank.lower), (y >= upper) & (upper < rank.upper)
+    return bool(np.any(down | up))
+
+
+def _searched(
+    objective: Callable[[FloatArray, FloatArray], float],
+    constraints: Callable[[FloatArray, FloatArray, FloatArray], None],
+    rows: int,
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    tolerance: float = 1e-6,
+) -> FloatArray | None:
+    """Where SLSQP ends; None where it fails."""
+    import nlopt
+
+    solver = nlopt.opt(nlopt.LD_SLSQP, start.size)
+    solver.set_lower_bounds(lower)
+    solver.set_upper_bounds(upper)
+    solver.set_min_objective(objective)
+    if rows:
+        solver.add_inequality_mconstraint(constraints, np.full(rows, _KEPT))
+    solver.set_maxeval(_EVALUATIONS)
+    solver.set_maxtime(_SECONDS)
+    solver.set_xtol_rel(1e-12)
+    solver.set_ftol_abs(tolerance)
+    try:
+        return np.asarray(solver.optimize(np.clip(start, lower, upper)), dtype=np.float64)
+    except Exception:  # noqa: BLE001 - its classes differ between versions; None says it failed
+        return None

@@ -1,0 +1,406 @@
+"""Feasibility of sizes, exact: limits that are kept, how large one may be, where a search begins.
+
+Stability is looked at "late", with the margin's extra delay, or at the device's own delay alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.documents.effects import Effects
+from tune.loop.loop import Loop
+from tune.optimisation.problem import Moment, Problem
+from tune.rendering.ripple import force_ripple
+from tune.stability.bracketing import CLOSE, last_within
+from tune.stability.intervals import stable_intervals
+from tune.stability.verdict import is_stable, safe_gain, safe_up_to
+
+BoolArray = NDArray[np.bool_]
+FloatArray = NDArray[np.float64]
+
+
+#: Halvings in a search along one coordinate: 2^-50 of the range.
+_HALVINGS = 50
+#: Steps of one unknown for a step of another, along the rays: all patterns of few unknowns, one
+#: against all others of many.
+_PROPORTIONS = (1.0, 4.0, 16.0)
+_FEW = 3
+#: Points of a ray, from one step of something to the most of anything.
+_LEVELS = 24
+_LOWEST = 0.1
+#: Kept from the edge, in parts of the perceived steps.
+_INSIDE = 0.98
+#: Starts on different rays.
+_STARTS = 2
+
+
+def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: bool = True) -> float:
+    """Largest g such that every gain in (0, g) is stable at every corner and delay."""
+    if moment.lone is not None:
+        unknown = problem.unknowns[moment.lone]
+        end = problem.loops.end_alone(unknown.effect, unknown.sign, late=late)
+        return end / float(sizes[moment.lone])
+    effects = problem.effects(moment, sizes)
+    loops = problem.loops.late if late else problem.loops.present
+    return min(float(np.min(safe_gain(loop, effects))) for loop in loops)
+
+
+def least_margin_loops(
+    problem: Problem, sizes: FloatArray, *, broken: bool = False
+) -> Iterator[tuple[int, int]]:
+    """(loop of ``problem.loops.late``, column) of the least margin of each moment and loop.
+
+    With ``broken`` only where the margin is not kept.
+    """
+    found: set[tuple[int, int]] = set()
+    for effects in _felt(problem, sizes[None]):
+        for place, loop in enumerate(problem.loops.late):
+            for gains in safe_gain(loop, effects)[0]:
+                column = int(np.argmin(gains))
+                if not broken or not gains[column] > problem.margin.gain * (1 + CLOSE):
+                    found.add((place, column))
+    yield from sorted(found)
+
+
+def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
+    """Force ripple of one moment on the device at its best estimate, N rms; None if unknown."""
+    if problem.limits.encoder_resolution is None:
+        return None
+    effects = problem.effects(moment, sizes)
+    return float(force_ripple(problem.loops.nominal, effects, problem.limits.encoder_resolution))
+
+
+def forces(moment: Moment, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(sustained, peak) force, N: K·penetration; the same plus |B|·speed + |M|·acceleration."""
+    parts = [
+        np.asarray(
+            sum(sizes[i] * (reach or 0.0) for i, reach in zip(indices, reaches, strict=True))
+        )
+        for indices, reaches in zip(moment.members, moment.reach, strict=True)
+    ]
+    return parts[0], parts[0] + parts[1] + parts[2]
+
+
+def is_feasible(problem: Problem, sizes: FloatArray) -> bool:
+    """True where forces, rendering, ripple and stability with the whole margin hold, exactly."""
+    if not bool(_keeps_linear_limits(problem, sizes)):
+        return False
+    if len(problem.unknowns) == 1:
+        size = float(sizes[0])
+        return size <= _largest_quiet_size(problem, 0, size) * (1 + CLOSE) and all(
+            stable_points(problem, sizes[None], problem.margin.gain)
+        )
+    return bool(feasible_points(problem, sizes[None])[0])
+
+
+def feasible_points(problem: Problem, points: FloatArray) -> BoolArray:
+    """Feasibility of many settings at once, by the row."""
+    good = passes_cheap_limits(problem, points)
+    good[good] = stable_points(problem, points[good], problem.margin.gain)
+    return good
+
+
+def passes_cheap_limits(problem: Problem, points: FloatArray) -> BoolArray:
+    """True where forces, rendering and ripple keep to their limits; stability is not looked at."""
+    good = _keeps_linear_limits(problem, points.T).copy()
+    resolution = problem.limits.encoder_resolution
+    if resolution is not None:
+        quiet = np.ones(np.count_nonzero(good), dtype=np.bool_)
+        for effects in _felt(problem, points[good], meetings=False):
+            noise = force_ripple(problem.loops.nominal, effects, resolution)[..., 0]
+            quiet &= np.all(noise <= problem.limits.ripple * (1 + CLOSE), axis=1)
+        good[good] = quiet
+    return good
+
+
+def stable_in_doubles(problem: Problem, points: FloatArray) -> BoolArray:
+    """Stability of points in a tenth of the time: asked for at the full gain only."""
+    stable = np.ones(len(points), dtype=np.bool_)
+    for loop in problem.loops.late:
+        for effects in _felt(problem, problem.margin.gain * points):
+            stable &= np.all(is_stable(loop, effects), axis=(1, 2))
+    return stable
+
+
+def _keeps_linear_limits(problem: Problem, sizes: FloatArray) -> BoolArray:
+    """True where no moment asks for too much force, and all is felt; sizes are (unknowns, ...)."""
+    return np.all(problem.linear.used(sizes) <= 1 + CLOSE, axis=0)
+
+
+def _largest_quiet_size(problem: Problem, index: int, top: float) -> float:
+    """Size of one unknown, felt alone, up to which the ripple keeps to its limit; inf to the top.
+
+    Up to where it is stable at all where that is less than ``top``: so far it is found only once.
+    """
+    limits, unknown = problem.limits, problem.unknowns[index]
+    if limits.encoder_resolution is None:
+        return np.inf
+    end = problem.loops.end_alone(unknown.effect, unknown.sign, late=True) / problem.margin.gain
+    return problem.loops.quiet_alone(
+        unknown.effect,
+        unknown.sign,
+        resolution=limits.encoder_resolution,
+        limit=limits.ripple,
+        top=end if 0 < end < np.inf else top,
+    )
+
+
+def stable_points(
+    problem: Problem, points: FloatArray, gain: float, *, late: bool = True
+) -> BoolArray:
+    """True of each point at which every moment is stable for every gain in (0, gain]."""
+    top = gain * (1 + CLOSE)
+    if len(problem.unknowns) == 1:
+        unknown = problem.unknowns[0]
+        end = problem.loops.end_alone(unknown.effect, unknown.sign, late=late)
+        return end > points[:, 0] * top
+    good = np.ones(len(points), dtype=np.bool_)
+    for loop in problem.loops.late if late else problem.loops.present:
+        for effects in _felt(problem, points):
+            good &= np.all(safe_up_to(loop, effects, top), axis=(1, 2))
+    return good
+
+
+def _felt(problem: Problem, points: FloatArray, *, meetings: bool = True) -> Iterator[Effects]:
+    """Effects of shape (points, moments, 1): of the moments with a spring, of those without.
+
+    Within each, an effect that one moment lacks is zero in it, which is the same for all but a
+    spring.
+    """
+    for sprung in (True, False):
+        shares = problem.shares(sprung=sprung, meetings=meetings)
+        if not len(shares) or not len(points):
+            continue
+        stiffness, damping, mass = (
+            (points @ part.T)[..., None] if part.any() else None for part in shares.swapaxes(0, 1)
+        )
+        yield Effects(stiffness=stiffness, damping=damping, mass=mass)
+
+
+def largest_allowed(problem: Problem, sizes: FloatArray, index: int) -> float:
+    """The largest size of one unknown that every limit allows, grown from what is given."""
+    most = min(problem.unknowns[index].high, _linear_bound(problem, sizes, index))
+    least = min(most, *stable_bounds(problem, sizes, [index], [most], problem.margin.gain))
+    return min(least, ripple_bound(problem, sizes, index, least))
+
+
+def _linear_bound(problem: Problem, sizes: FloatArray, index: int) -> float:
+    """Size at which force is used up or something else is felt; inf where nothing is known."""
+    return min(problem.linear.bounds(sizes, index).values(), default=np.inf)
+
+
+def ripple_bound(problem: Problem, sizes: FloatArray, index: int, top: float) -> float:
+    """Size up to which the ripple keeps to its limit, from what is given; inf if to the top."""
+    if top <= 0 or problem.limits.encoder_resolution is None:
+        return np.inf
+    if len(problem.unknowns) == 1:
+        return _largest_quiet_size(problem, index, top)
+    moments = [
+        m
+        for m in problem.moments
+        if not m.meeting and any(index in members for members in m.members)
+    ]
+    if not moments:
+        return np.inf
+    trial = sizes.copy()
+
+    def noise(size: float) -> float:
+        trial[index] = size
+        return max(ripple(problem, moment, trial) or 0.0 for moment in moments)
+
+    return last_within(noise, problem.limits.ripple, top, float(sizes[index]))
+
+
+def stable_bounds(
+    problem: Problem,
+    sizes: FloatArray,
+    indices: Sequence[int],
+    tops: Sequence[float],
+    gain: float,
+    *,
+    late: bool = True,
+) -> list[float]:
+    """Size up to which each of some unknowns, others as given, is stable for gains in (0, gain].
+
+    The closed form in the coordinate at the full gain is the answer wherever the ray below it is
+    stable too; where it is not (a second stable interval), the end of what is safe is halved to.
+    Where others need the unknown, as a spring may need a damper, it must not be nothing at first.
+    Tops are the largest sizes that matter; inf is the answer where they are stable.
+    """
+    if len(problem.unknowns) == 1:
+        unknown = problem.unknowns[0]
+        end = problem.loops.end_alone(unknown.effect, unknown.sign, late=late) / gain
+        return [np.inf if end > top * (1 + CLOSE) else end * (1 - 4 * CLOSE) for top in tops]
+    bounds = np.full(len(indices), np.inf)
+    trials = np.repeat(sizes[None], len(indices), axis=0)
+    trials[np.arange(len(indices)), indices] = tops
+    short = np.flatnonzero(~stable_points(problem, trials, gain, late=late))
+    if not short.size:
+        return bounds.tolist()
+    chosen = [indices[int(place)] for place in short]
+    ends = _ends(problem, sizes, chosen, gain, late=late) * (1 - 4 * CLOSE)
+    bounds[short] = np.clip(ends, 0.0, np.array(tops)[short])
+    trials = trials[short]
+    trials[np.arange(short.size), chosen] = bounds[short]
+    good = stable_points(problem, trials, gain, late=late)
+    for place, index, fine in zip(short, chosen, good, strict=True):
+        if bounds[place] > 0 and not fine:
+            top = float(bounds[place])
+            bounds[place] = _halved(problem, sizes, index, top, gain, late=late)
+    return bounds.tolist()
+
+
+def _ends(
+    problem: Problem, sizes: FloatArray, indices: Sequence[int], gain: float, *, late: bool
+) -> FloatArray:
+    """Where each unknown leaves the stable interval it is in, at the full gain alone."""
+    ends = np.full(len(indices), np.inf)
+    cases = [
+        (row, moment, place)
+        for row, index in enumerate(indices)
+        for moment in problem.moments
+        for place, members in enumerate(moment.members)
+        if index in members
+    ]
+    loops = problem.loops.late if late else problem.loops.present
+    for sprung in (True, False):
+        chosen = [case for case in cases if bool(case[1].members[0]) == sprung]
+        if not chosen:
+            continue
+        # What other elements have of the same effect, and the totals of the other effects.
+        bases: list[float] = []
+        others: list[list[float]] = []
+        for row, moment, place in chosen:
+            totals = [
+                float(sum(problem.unknowns[i].sign * sizes[i] for i in m if i != indices[row]))
+                for m in moment.members
+            ]
+            bases.append(totals[place])
+            others.append([0.0 if effect == place else t for effect, t in enumerate(totals)])
+        signs = np.array([problem.unknowns[indices[row]].sign for row, _, _ in chosen])
+        starts = gain * (signs * np.array(bases) + sizes[[indices[row] for row, _, _ in chosen]])
+        places = [place for _, _, place in chosen]
+        for loop in loops:
+            limits = _ends_at(loop, gain * np.array(others), places, signs, starts, free=not sprung)
+            sizes_at = limits / gain - signs * np.array(bases)
+            for (row, _, _), end in zip(chosen, sizes_at, strict=True):
+                ends[row] = min(ends[row], end)
+    return ends
+
+
+def _ends_at(
+    loop: Loop,
+    others: FloatArray,
+    places: list[int],
+    signs: FloatArray,
+    starts: FloatArray,
+    *,
+    free: bool,
+) -> FloatArray:
+    """Least upper end over the corners of one loop, of the interval above each start.
+
+    Each case has the totals of the effects that stay, (cases, 3), the place and sign of the one
+    that varies and the total from where it grows; -inf where the start is not stable. In free loops
+    no spring is there.
+    """
+    stiffness, damping, mass = (column[:, None] for column in others.T)
+    fixed, fixed_size = loop.polynomial(Effects(stiffness=stiffness, damping=damping, mass=mass))
+    terms, sizes = (
+        np.stack([part.alpha, part.beta, part.gamma])[places] for part in (loop.terms, loop.sizes)
+    )
+    scales = np.stack([np.broadcast_to(scale, terms.shape[2:]) for scale in loop.scales])[places]
+    varied = np.moveaxis(terms * scales[:, None] * signs[:, None, None], 0, 1)
+    varied_size = np.moveaxis(sizes * scales[:, None], 0, 1)
+    skip = loop.lowest_power(Effects(stiffness=None if free else stiffness))
+    low, high = stable_intervals(fixed[skip:], varied[skip:], fixed_size[skip:], varied_size[skip:])
+    start = starts[:, None]
+    inside = (low <= np.maximum(start, 0.0)) & (high > start)
+    return np.min(np.max(np.where(inside, high, -np.inf), axis=0), axis=1)
+
+
+def _halved(
+    problem: Problem, sizes: FloatArray, index: int, top: float, gain: float, *, late: bool
+) -> float:
+    """The end of what is stable from what is given on, below a size that is not."""
+    trial = sizes.copy()
+
+    def stable(size: float) -> bool:
+        trial[index] = size
+        return bool(stable_points(problem, trial[None], gain, late=late)[0])
+
+    low, high = float(sizes[index]), top
+    if not (0 < low < high and stable(low)):
+        low = 0.0
+    for _ in range(_HALVINGS):
+        if high < problem.unknowns[index].low or high - low <= CLOSE * high:
+            break
+        middle = high / 8 if low == 0 else (low + high) / 2
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low
+
+
+def initial_points_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
+    """Allowed settings a little inside, the best by the ranks of its unknowns first; or none.
+
+    What is allowed is not convex; from nothing a solver may end on the wrong hill. So they are the
+    best of some rays: on each the perceived steps of the unknowns keep a proportion, from one step
+    to what each may be by itself.
+    """
+    unknowns, low = problem.unknowns, problem.low
+    nothing = np.zeros(len(unknowns))
+    most = [min(u.high, _linear_bound(problem, nothing, i)) for i, u in enumerate(unknowns)]
+    least = np.array([u.steps(u.low) for u in unknowns])
+    caps = np.maximum([u.steps(max(m, u.low)) for u, m in zip(unknowns, most, strict=True)], least)
+    levels = np.asarray(np.geomspace(_LOWEST, float(caps.max()), _LEVELS), dtype=np.float64)
+    rays = _rays(len(unknowns))
+    steps = np.clip(rays[:, None] * levels[:, None], least, caps).reshape(-1, len(unknowns))
+    between = problem.linear.lead_points(problem.low, problem.high)
+    more = [[u.steps(size) for u, size in zip(unknowns, row, strict=True)] for row in between]
+    steps = np.concatenate([steps, np.array(more).reshape(-1, len(unknowns))])
+    steps, places = np.unique(steps, axis=0, return_index=True)
+    kept = np.flatnonzero(passes_cheap_limits(problem, _sizes(problem, steps)))
+    ranks = np.array([unknown.level for unknown in unknowns])
+    # The best first: by the product of the steps of the first rank, then of the next.
+    logs = np.log(steps[kept])
+    sums = [np.sum(logs[:, ranks == rank], axis=1) for rank in np.unique(ranks)]
+    order = kept[np.lexsort([-each for each in reversed(sums)])]
+    wanted = np.array([unknown.wish.kind == "value" for unknown in unknowns])
+    found: list[FloatArray] = []
+    ray = places // _LEVELS
+    first, size = 0, 1
+    while order.size > first and len(found) < count:
+        chosen = order[first : first + size]
+        # The best is good more often than not; the more are not, the more are looked at together.
+        first, size = first + size, 2 * size
+        chosen = chosen[stable_in_doubles(problem, _sizes(problem, steps[chosen]))]
+        # What is met exactly stays so: then no solver has to be asked for it.
+        inside = np.where(wanted & (steps[chosen] >= caps), 1.0, _INSIDE) * steps[chosen]
+        points = _sizes(problem, np.maximum(inside, least))
+        for place in np.flatnonzero(feasible_points(problem, points)):
+            if len(found) < count and np.any(order):
+                found.append(points[place])
+                # The others of this ray lie below.
+                order = order[(ray[order] != ray[chosen[place]]) | (np.arange(order.size) < first)]
+    if not found and is_feasible(problem, low):
+        return [low]
+    return found
+
+
+def _sizes(problem: Problem, steps: FloatArray) -> FloatArray:
+    """Sizes of perceived steps, (points, unknowns), none below the least or above the most."""
+    sizes = [u.size_at(column) for u, column in zip(problem.unknowns, steps.T, strict=True)]
+    return np.clip(problem.linear.with_leads(np.stack(sizes, axis=1)), problem.low, problem.high)
+
+
+def _rays(count: int) -> FloatArray:
+    """Proportions, shape (rays, unknowns), the least of each 1."""
+    if count <= _FEW:
+        patterns = np.array(list(product(_PROPORTIONS, repeat=count)))
+    else:
+        most = np.eye(count) * (_PROPORTIONS[-1] - 1) + 1
+        patterns = np.concatenate([np.ones((1, count)), most, _PROPORTIONS[-1] / most])
+    return patterns[patterns.min(axis=1) == 1]

@@ -29,9 +29,8 @@ from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.reasons import reasons_for_nothing
 from tune.optimisation.rounding import round_sizes
 from tune.optimisation.solve import backends
-from tune.rendering.contact import contact
-from tune.rendering.ripple import count_jump, handle_vibration
-from tune.rendering.vibration import vibration_in_thresholds
+from tune.rendering.elements import contact
+from tune.rendering.ripple import count_jump, handle_vibration, vibration_in_thresholds
 
 #: What stability rests on; force limit and encoder are judged against where they are stated.
 NEEDED: tuple[Fact, ...] = ("motion", "sample_time", "delay")

@@ -9,10 +9,10 @@ if TYPE_CHECKING:
 
 
 def jitter_words(jitter: float) -> str:
-    """A jitter, which is not looked for beyond `tune.margins.jitter.MOST`."""
-    from tune.margins.jitter import MOST
+    """A jitter, which is not looked for beyond `tune.margins.time_varying.MOST_JITTER`."""
+    from tune.margins.time_varying import MOST_JITTER
 
-    return f"{jitter:.0%} or more" if jitter >= MOST else f"{jitter:.1%}"
+    return f"{jitter:.0%} or more" if jitter >= MOST_JITTER else f"{jitter:.1%}"
 
 
 def contact_lines(profile: SafeProfile, units: dict[str, str]) -> tuple[str, ...]:

@@ -1,7 +1,4 @@
-"""Filters: estimators of velocity and acceleration, as factors in w (bilinear transform).
-
-One file: each kind of filter as the same pair of estimators.
-"""
+"""Filters: estimators of velocity and acceleration, as factors in w (bilinear transform)."""
 
 from __future__ import annotations
 
@@ -146,19 +143,13 @@ def common_denominator(velocity: Estimator, acceleration: Estimator) -> Law:
 
 
 def first_order_velocity(pole: FloatArray, loss: FloatArray) -> Estimator:
-    """(1-a)(z-1)/(z-a); ``loss`` is 1 - a.
-
-    Pole and loss have the shape of the loop and no unit.
-    """
+    """(1-a)(z-1)/(z-a); ``loss`` is 1 - a."""
     line = Polynomial.exact(loss, 1 + pole)
     return Estimator(numerator=DIFFERENCE.scaled(loss), factors=(line,))
 
 
 def twofold_acceleration(pole: FloatArray, loss: FloatArray) -> Estimator:
-    """The square of the first-order velocity; ``loss`` is 1 - a.
-
-    Pole and loss have the shape of the loop and no unit.
-    """
+    """The square of the first-order velocity; ``loss`` is 1 - a."""
     line = Polynomial.exact(loss, 1 + pole)
     numerator = DIFFERENCE.times(DIFFERENCE).scaled(loss * loss)
     return Estimator(numerator=numerator, factors=(line, line))
@@ -199,15 +190,12 @@ def _second_order(filters: Filters, angle: FloatArray) -> tuple[tuple[Polynomial
         loss = -np.expm1(-angle)
         line = Polynomial.exact(loss, 1 + np.exp(-angle))
         return (line, line), loss * loss
-    pair = oscillation(ratio * angle, np.sqrt((1 - ratio) * (1 + ratio)) * angle)
+    pair = _oscillation(ratio * angle, np.sqrt((1 - ratio) * (1 + ratio)) * angle)
     return (pair,), pair.value[0]
 
 
-def oscillation(decay: FloatArray, angle: FloatArray) -> Polynomial:
-    """z² - t·z + p of poles exp(-decay ± j·angle): (1-t+p) + 2(1-p)w + (1+t+p)w².
-
-    Decay and angle, rad a sample, have the shape of the loop.
-    """
+def _oscillation(decay: FloatArray, angle: FloatArray) -> Polynomial:
+    """z² - t·z + p of poles exp(-decay ± j·angle): (1-t+p) + 2(1-p)w + (1+t+p)w²."""
     loss, left = -np.expm1(-decay), np.exp(-decay)
     near = loss * loss + 4 * left * np.sin(angle / 2) ** 2
     far = loss * loss + 4 * left * np.cos(angle / 2) ** 2

@@ -14,8 +14,8 @@ from tune.documents.effects import Effects
 from tune.loop.loop import Loop
 from tune.optimisation.limits import largest_quiet_size, ripple, stable_points
 from tune.optimisation.problem import Moment, Problem
-from tune.stability.bracketing import CLOSE, last_within
-from tune.stability.intervals import stable_intervals
+from tune.stability.search import CLOSE, last_within
+from tune.stability.verdict import stable_intervals
 
 FloatArray = NDArray[np.float64]
 

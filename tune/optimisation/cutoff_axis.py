@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from identification import round_to_digits
 from tune.documents.scene import Cutoff
-from tune.rendering.rendered import FASTEST
+from tune.rendering.elements import FASTEST
 
 #: Hz; a filter must pass the motions people make.
 _LOWEST = FASTEST

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.profile import MOST_EXTRA_DELAY
-from tune.loop.sampled_plant import LONGEST_DELAY
+from tune.loop.plant import LONGEST_DELAY
 from tune.optimisation.loops import Loops
 from tune.optimisation.problem import Moment, Problem
-from tune.stability.bracketing import CLOSE
+from tune.stability.search import CLOSE
 from tune.stability.verdict import safe_up_to
 
 FloatArray = NDArray[np.float64]

@@ -17,17 +17,15 @@ from tune.documents.effects import EFFECT_NAMES, SHORTEST_FADE, EffectName, Effe
 from tune.documents.profile import MOST_EXTRA_DELAY, Design, ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Margin, Scene
 from tune.loop.filters import Filters, used_filters
-from tune.loop.sampled_plant import WHOLE
+from tune.loop.plant import WHOLE
 from tune.loop.state_space import corners_of
-from tune.margins.jitter import MOST as MOST_JITTER
-from tune.margins.jitter import jitter_margin
-from tune.margins.passivity import damping_needed
+from tune.margins.margins import damping_needed
+from tune.margins.time_varying import MOST_JITTER, jitter_margin
 from tune.optimisation.bounds import ripple_bound, stable_bounds
 from tune.optimisation.delays import SizedMoment
 from tune.optimisation.limits import ripple, worst_gain
 from tune.optimisation.problem import Problem
-from tune.rendering.contact import contact
-from tune.rendering.rendered import rendered_mass_and_damping
+from tune.rendering.elements import contact, rendered_mass_and_damping
 
 if TYPE_CHECKING:
     from tune.optimisation.nash import Solution

@@ -15,7 +15,7 @@ from tune.documents.profile import Design, ElementProfile
 from tune.documents.scene import Scene
 from tune.loop.filters import Filters
 from tune.loop.state_space import Corner, corners_of
-from tune.margins.fading import Values, shortest_fade
+from tune.margins.time_varying import Values, shortest_fade
 
 #: A fade is so many times slower than the shortest at which no wave of the level was found to pump:
 #: of random ones, and of levels that chase a swing, the slowest that pump are 1.2 times as slow.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tune.documents.effects import Effects
 from tune.optimisation.problem import Moment, Problem
 from tune.rendering.ripple import force_ripple
-from tune.stability.bracketing import CLOSE
+from tune.stability.search import CLOSE
 from tune.stability.verdict import is_stable, safe_gain, safe_up_to
 
 FloatArray = NDArray[np.float64]

@@ -15,11 +15,10 @@ import numpy as np
 from identification import Device
 from tune.documents.effects import EffectName, Effects
 from tune.loop.filters import Filters
-from tune.loop.loop import Loop
-from tune.loop.stacking import stack_loops
+from tune.loop.loop import Loop, stack_loops
 from tune.optimisation.region import Region
 from tune.rendering.ripple import force_ripple
-from tune.stability.bracketing import last_within
+from tune.stability.search import last_within
 from tune.stability.verdict import stable_values
 
 

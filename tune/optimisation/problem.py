@@ -25,7 +25,7 @@ from tune.optimisation.region import Region
 from tune.optimisation.rendering import renderings
 from tune.optimisation.scene_unknowns import NOTHING, Asking
 from tune.optimisation.unknown import Unknown
-from tune.rendering.rendered import Shares
+from tune.rendering.elements import Shares
 
 FloatArray = NDArray[np.float64]
 #: Of the gain of a clamp, kept for what lies between the corners of the box.

@@ -18,8 +18,7 @@ from tune.documents.errors import LoopError
 from tune.documents.hand import Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.loop.sampled_plant import LONGEST_DELAY, WHOLE, SampledPlant
+from tune.loop.plant import LONGEST_DELAY, WHOLE, HandNumbers, ModeNumbers, SampledPlant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

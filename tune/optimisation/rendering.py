@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tune.documents.effects import EffectName
 from tune.documents.steps import Scale
 from tune.optimisation.unknown import Unknown
-from tune.rendering.rendered import Band, Shares
+from tune.rendering.elements import Band, Shares
 
 FloatArray = NDArray[np.float64]
 

@@ -17,8 +17,7 @@ from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.scene import Margin
 from tune.optimisation.problem import ROOM, Moment, Problem
 from tune.optimisation.zames_falb import find_multiplier
-from tune.stability.absolute import Nonlinearities, absolute_gain
-from tune.stability.responses import Responses
+from tune.stability.absolute import Nonlinearities, Responses, absolute_gain
 
 FloatArray = NDArray[np.float64]
 

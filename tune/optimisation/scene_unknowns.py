@@ -11,7 +11,7 @@ from tune.documents.scene import Element, Scene
 from tune.documents.steps import Scale
 from tune.loop.filters import Filters
 from tune.optimisation.unknown import Unknown
-from tune.rendering.rendered import Shares
+from tune.rendering.elements import Shares
 
 #: Sizes below this part of the reference are as good as nothing: a ten-thousandth of a step.
 NOTHING = 1e-5

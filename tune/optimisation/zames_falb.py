@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.certified import Channel, Multiplier, Tap
-from tune.stability.absolute import Nonlinearities, difference_at, is_peak
-from tune.stability.responses import Responses
+from tune.stability.absolute import Nonlinearities, Responses, difference_at, is_peak
 
 if TYPE_CHECKING:
     import clarabel

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from tune.rendering.ripple import ripple_energy
-from tune.rendering.routh_table import product, routh_ratios
+from tune.rendering.ripple import product, ripple_energy, routh_ratios
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

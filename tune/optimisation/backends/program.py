@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.loop.coefficients import Terms
-from tune.loop.loop import Loop
+from tune.loop.loop import Loop, Terms
 from tune.loop.polynomials import pad_coefficients
 from tune.optimisation.backends.graph import Functions, Structure
 from tune.optimisation.backends.reach import Reach

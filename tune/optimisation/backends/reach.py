@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tune.loop.loop import Loop
 from tune.optimisation.backends.gaps import gap_phase
 from tune.optimisation.problem import Problem
-from tune.stability.intervals import stability_limits
+from tune.stability.verdict import stability_limits
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,7 @@ from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.hand import Hand
 from tune.loop.filters import (
+    Estimator,
     Filters,
     Law,
     common_denominator,
@@ -37,14 +39,13 @@ from tune.loop.plant import (
     ideal_equivalent,
     split_delay,
 )
-from tune.loop.polynomials import pad_coefficients
+from tune.loop.polynomials import Polynomial, pad_coefficients
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Terms:
+class Terms(NamedTuple):
     """Coefficients of 1, α, β and γ in the loop polynomial, each (degree+1, *shape), by power."""
 
     free: FloatArray
@@ -53,8 +54,7 @@ class Terms:
     gamma: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Transfer:
+class Transfer(NamedTuple):
     """Plant and control law apart, for transfer functions other than the stability polynomial.
 
     Each is (its degree+1, *shape), ascending in w. Position from force is (T²/m) times
@@ -73,53 +73,43 @@ class Transfer:
     gamma: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Factors:
-    """Plant and estimators as they are built; each polynomial (degree+1, *shape), ascending in w.
+class Factors(NamedTuple):
+    """Plant and estimators as they are built, without any expanded product."""
 
-    The plant is a sum of blocks, (numerator, denominator), times 1-w to the power ``early`` over
-    1+w to the power ``late``. Velocity and acceleration are the estimates of damping and mass,
-    (numerator, factors of the denominator), in 1/T and 1/T².
-    """
-
-    early: int
-    late: int
-    blocks: tuple[tuple[FloatArray, FloatArray], ...]
-    velocity: tuple[FloatArray, tuple[FloatArray, ...]]
-    acceleration: tuple[FloatArray, tuple[FloatArray, ...]]
+    hold: HoldEquivalent
+    law: Law
 
     def plant(self, v: FloatArray) -> ComplexArray:
         """Position over force at w = jv, over T²/m; v is (points, *more, *shape)."""
         total = np.zeros(v.shape, dtype=np.complex128)
-        for numerator, denominator in self.blocks:
+        for numerator, denominator in self.hold.blocks:
             total += _at(numerator, v) / _at(denominator, v)
-        return total * (1 - 1j * v) ** self.early / (1 + 1j * v) ** self.late
+        return total * (1 - 1j * v) ** self.hold.early / (1 + 1j * v) ** self.hold.late
 
     def laws(self, v: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Force over position at w = jv of unit α, β and γ, of the shape of v, without the sign."""
         return (
             np.ones(v.shape, dtype=np.complex128),
-            _estimate(self.velocity, v),
-            _estimate(self.acceleration, v),
+            _estimate(self.law.velocity, v),
+            _estimate(self.law.acceleration, v),
         )
 
 
-def _estimate(parts: tuple[FloatArray, tuple[FloatArray, ...]], v: FloatArray) -> ComplexArray:
-    numerator, factors = parts
-    total = _at(numerator, v)
-    for factor in factors:
+def _estimate(estimator: Estimator, v: FloatArray) -> ComplexArray:
+    total = _at(estimator.numerator, v)
+    for factor in estimator.factors:
         total = total / _at(factor, v)
     return total
 
 
-def _at(polynomial: FloatArray, v: FloatArray) -> ComplexArray:
+def _at(polynomial: Polynomial, v: FloatArray) -> ComplexArray:
     """Value at w = jv; even and odd powers apart, so that neither rounds the other."""
     square = -v * v
     even = np.zeros(v.shape)
     odd = np.zeros(v.shape)
-    for row in polynomial[0::2][::-1]:
+    for row in polynomial.value[0::2][::-1]:
         even = even * square + row
-    for row in polynomial[1::2][::-1]:
+    for row in polynomial.value[1::2][::-1]:
         odd = odd * square + row
     return even + 1j * v * odd
 
@@ -304,28 +294,17 @@ def _closed(plant: HoldEquivalent, law: Law, delta: FloatArray) -> Loop:
         terms=_padded(*(shaped(term.value) for term in terms)),
         sizes=_padded(*(shaped(term.size) for term in terms)),
         transfer=Transfer(
-            plant_numerator=shaped(plant.numerator.value),
-            plant_denominator=shaped(plant.denominator.value),
-            handle_numerator=shaped(plant.handle.value),
-            law_denominator=shaped(law.denominator.value),
-            alpha=shaped(law.alpha.value),
-            beta=shaped(law.beta.value),
-            gamma=shaped(law.gamma.value),
+            *(shaped(part.value) for part in (plant.numerator, plant.denominator, plant.handle)),
+            *(shaped(part.value) for part in (law.denominator, *laws)),
         ),
         scales=(one, one, one),
-        factors=Factors(
-            early=plant.early,
-            late=plant.late,
-            blocks=tuple((top.value, bottom.value) for top, bottom in plant.blocks),
-            velocity=law.velocity.values(),
-            acceleration=law.acceleration.values(),
-        ),
+        factors=Factors(plant, law),
     )
 
 
 def _combine(terms: Terms, values: tuple[FloatArray | None, ...]) -> FloatArray:
     total = terms.free
-    for term, value in zip((terms.alpha, terms.beta, terms.gamma), values, strict=True):
+    for term, value in zip(terms[1:], values, strict=True):
         if value is not None:
             total = spread(total, value.shape) + spread(term, value.shape) * value
     return total
@@ -333,8 +312,7 @@ def _combine(terms: Terms, values: tuple[FloatArray | None, ...]) -> FloatArray:
 
 def _padded(*parts: FloatArray) -> Terms:
     length = max(len(part) for part in parts)
-    free, alpha, beta, gamma = (pad_coefficients(part, length) for part in parts)
-    return Terms(free=free, alpha=alpha, beta=beta, gamma=gamma)
+    return Terms(*(pad_coefficients(part, length) for part in parts))
 
 
 def stack_loops(loops: Sequence[Loop]) -> Loop:
@@ -348,32 +326,20 @@ def stack_loops(loops: Sequence[Loop]) -> Loop:
     degree = max(loop.degree for loop in loops)
     lifts = [degree - loop.degree for loop in loops]
 
-    def joined(
-        parts: Sequence[Terms] | Sequence[Transfer], *names: str, lift: bool = True
-    ) -> dict[str, FloatArray]:
-        found: dict[str, FloatArray] = {}
-        for name in names:
-            raised = [
-                _raised(getattr(part, name), by if lift else 0)
-                for part, by in zip(parts, lifts, strict=True)
-            ]
-            length = max(len(one) for one in raised)
-            found[name] = np.concatenate([pad_coefficients(one, length) for one in raised], axis=1)
-        return found
+    def joined(parts: Sequence[FloatArray], *, lift: bool = True) -> FloatArray:
+        raised = [_raised(part, by if lift else 0) for part, by in zip(parts, lifts, strict=True)]
+        length = max(len(one) for one in raised)
+        return np.concatenate([pad_coefficients(one, length) for one in raised], axis=1)
 
-    terms = ("free", "alpha", "beta", "gamma")
-    plant = ("plant_numerator", "plant_denominator", "handle_numerator")
-    transfers = [loop.transfer for loop in loops]
+    # Only what belongs to the plant is raised; the law stays as it is.
+    transfers = zip(*(loop.transfer for loop in loops), strict=True)
     stiffness, damping, mass = (
-        np.concatenate([loop.scales[which] for loop in loops]) for which in range(3)
+        np.concatenate(parts) for parts in zip(*(loop.scales for loop in loops), strict=True)
     )
     return Loop(
-        terms=Terms(**joined([loop.terms for loop in loops], *terms)),
-        sizes=Terms(**joined([loop.sizes for loop in loops], *terms)),
-        transfer=Transfer(
-            **joined(transfers, *plant),
-            **joined(transfers, "law_denominator", *terms[1:], lift=False),
-        ),
+        terms=Terms(*map(joined, zip(*(loop.terms for loop in loops), strict=True))),
+        sizes=Terms(*map(joined, zip(*(loop.sizes for loop in loops), strict=True))),
+        transfer=Transfer(*(joined(parts, lift=k < 3) for k, parts in enumerate(transfers))),
         scales=(stiffness, damping, mass),
         grounded=loops[0].grounded,
     )
@@ -419,12 +385,14 @@ class ClosedLoop:
 
 
 def closed_loops(loop: Loop, effects: Effects) -> tuple[list[ClosedLoop], tuple[int, ...]]:
-    """Every loop of the broadcast shape, in order, and that shape."""
+    """Every loop of the broadcast shape, in order, and that shape.
+
+    Where nothing holds the position the pole of free motion, w = 0, is divided out of D and N.
+    """
     closed, _ = loop.polynomial(effects)
     shape = closed.shape[1:]
     added = np.zeros_like(closed)
-    parts = (loop.terms.alpha, loop.terms.beta, loop.terms.gamma)
-    for term, value in zip(parts, loop.dimensionless_effects(effects), strict=True):
+    for term, value in zip(loop.terms[1:], loop.dimensionless_effects(effects), strict=True):
         if value is not None:
             added += spread(term, shape) * value
     free = np.broadcast_to(spread(loop.terms.free, shape), closed.shape)

@@ -209,8 +209,7 @@ WHOLE = 1e-9
 LONGEST_DELAY = 22
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HoldEquivalent:
+class HoldEquivalent(NamedTuple):
     """Position of encoder (numerator) and handle from held force, over T²/m, in w.
 
     The numerators hold 1-w to the power ``early``, the denominator 1+w to the power ``late``; what

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,8 +130,7 @@ _STEPS = 5
 _SWEEPS = 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Quadratic:
+class Quadratic(NamedTuple):
     """s² + a·s + b, arrays of one shape.
 
     ``blur`` is 1 and by how many units of roundoff of its terms the product of all factors misses

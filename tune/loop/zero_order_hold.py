@@ -15,6 +15,7 @@ zero. Poles far outside what the nodes can follow have closed forms without canc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +32,7 @@ _NEAR = 20.0
 _STIFF = 16.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Block:
+class _Block(NamedTuple):
     """Factors in w of one second-order system: z² - t·z + p, and numerators of x and x'.
 
     These are of degree 2 with a fraction and 1 without, where 1+w cancelled.

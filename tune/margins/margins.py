@@ -203,7 +203,10 @@ class _Search:
         return _At(delay, safe, closed)
 
     def _distance_to_crossing(self, loop: Loop) -> float:
-        """ln of the gain that reaches the boundary, positive where stable, negative where not."""
+        """ln of the gain that reaches the boundary, positive where stable, negative where not.
+
+        Continuous in the delay wherever it matters: near the delay at which it is zero.
+        """
         low, high = stable_gains(loop, self.effects)
         low, high = low.reshape(-1), high.reshape(-1)
         if self.all_gains:

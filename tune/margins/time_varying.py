@@ -53,15 +53,8 @@ def jitter_margin(
     """Largest j up to `MOST_JITTER` such that steps anywhere in T(1 ± j) leave every loop stable.
 
     It is sufficient, not necessary, and says nothing of devices between the places. The law is the
-    one made for even steps; its delay is counted in steps.
-
-    Args:
-        places: ways the device may be.
-        filters: of velocity and acceleration.
-        values: K, B and M, N/m, N·s/m and kg; 0 for none.
-
-    Returns:
-        0 where a loop is not stable at even steps.
+    one made for even steps, its values K, B and M, 0 for none; its delay is counted in steps. 0
+    where a loop is not stable at even steps.
     """
     far = {place: _growth(place, filters, values, MOST_JITTER) for place in places}
     found = MOST_JITTER
@@ -171,14 +164,9 @@ def shortest_fade(
     """Shortest fade, s, at which no wave of the level was found to make any loop grow.
 
     It is necessary, not sufficient: waves of other shapes are not looked at. 0.05 s at least; inf
-    where none up to 1 s, or 5 s all the way, is slow enough.
-
-    Args:
-        places: ways the device may be.
-        filters: of velocity and acceleration.
-        beside: K, B and M of what does not fade, N/m, N·s/m and kg.
-        fading: of what does, at its full level.
-        whole: whether the level always goes all the way; else it may turn at other levels too.
+    where none up to 1 s, or 5 s all the way, is slow enough. The values are K, B and M of what
+    stands beside and of what fades, at its full level; ``whole`` says that the level always goes
+    all the way, else it may turn at other levels too.
     """
     loops = [
         _FadedLoop.of(place, filters, beside, fading)
@@ -197,7 +185,10 @@ def shortest_fade(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FadedLoop:
-    """x[k+1] = (still + level·more)·x[k], each of shape (states, states); sample time in s."""
+    """x[k+1] = (still + level·more)·x[k], each of shape (states, states); sample time in s.
+
+    It is grounded where a spring of device or law binds the place at some level.
+    """
 
     still: FloatArray
     more: FloatArray
@@ -239,7 +230,10 @@ class _FadedLoop:
 
     @np.errstate(over="ignore", invalid="ignore")
     def grows(self, fade: float, stops: Sequence[int]) -> bool:
-        """Whether some wave between two stops, as fast as a fade of so many seconds, pumps."""
+        """Whether some wave between two stops, as fast as a fade of so many seconds, pumps.
+
+        A loop that is unstable at some level overflows, which is growth.
+        """
         count = max(1, int(fade / self.sample_time / _STEPS))
         middles = (np.arange(_STEPS) + 0.5) / _STEPS
         each = self.at(middles)
@@ -275,7 +269,11 @@ def _turn(matrix: FloatArray) -> float:
 
 
 def _waits(turns: tuple[float, float], fades: float) -> list[tuple[Spans, Spans]]:
-    """Pairs of waits in samples at a low and a high level, the longest half a swing at each."""
+    """Pairs of waits in samples at a low and a high level, the longest half a swing at each.
+
+    Evenly, and close to those with which a period turns the swing by whole half turns, of so many
+    radians a sample at either level and over both ways: where little is lost few periods pump.
+    """
     evenly = [
         np.unique(np.linspace(0, np.pi / turn if turn else 0, _WAITS).astype(np.int64))
         for turn in turns

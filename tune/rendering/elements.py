@@ -214,7 +214,7 @@ _LEAST = 1e-12
 def contact(
     device: Device, box: Box, filters: Filters, element: ElementProfile, extra: float
 ) -> Contact:
-    """What a free device meets that enters an element."""
+    """What a free device meets that enters an element, ``extra`` samples late beyond its delay."""
     K, B, M = element.stiffness, element.damping, element.mass
     speed, level = element.motion.speed, element.force_level
     found = Contact(
@@ -246,7 +246,11 @@ def contact(
 def _restitution(
     device: Device, box: Box, filters: Filters, values: tuple[float, float], *, one_sided: bool
 ) -> tuple[float, float] | None:
-    """Least and largest over the corners of the box and the places between two samples."""
+    """Least and largest over the corners of the box and the places between two samples.
+
+    Between the places computed it is continuous; the largest difference between neighbours is
+    added on both sides. That no device inside the box is beyond its corners is not proved.
+    """
     stiffness, damping = values
     half_period = math.pi * math.sqrt(box.mass[1] / stiffness)
     if half_period > _LONGEST_CONTACT * box.sample_time[0]:
@@ -275,7 +279,14 @@ def _restitution(
 def _restitutions(
     loop: SampledLoop, *, before: float, one_sided: bool, sample_time: float, half_period: float
 ) -> FloatArray:
-    """Speed out over speed in, for each place between two samples at which it is entered."""
+    """Speed out over speed in, for each place between two samples at which it is entered.
+
+    Speeds are those of the rigid mass at the place of entry. Where forces on their way still act on
+    a device that has left, it is the speed with which free motion would have left: v + (b/m)·x
+    does not change in free motion, nor does v + (b/m)·x + τ·F/m while an actuator's force decays.
+    A wall, ``one_sided``, gives nothing where its law would pull until the device is outside; 0
+    where it stays inside. The face is entered ``before``, B/K, at unit speed.
+    """
     plant = loop.plant
     phases = np.arange(1, _PHASES + 1) / _PHASES
     state = np.zeros((len(loop.read), _PHASES))
@@ -326,7 +337,7 @@ def _powers(transition: FloatArray, count: int) -> FloatArray:
 def _until_switched(
     loop: SampledLoop, powers: FloatArray, state: FloatArray, *, acts: bool
 ) -> tuple[FloatArray, NDArray[np.intp]]:
-    """States at the first sample at which the law starts or stops pushing, or that is outside."""
+    """States where the law first starts or stops pushing or that is outside; samples till then."""
     other = ((loop.command @ powers[1:]) @ state < 0) != acts
     if not acts:
         other |= (loop.read @ powers[1:]) @ state <= 0

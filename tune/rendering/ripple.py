@@ -63,7 +63,11 @@ def routh_ratios(coefficients: Sequence[Any]) -> list[Any]:
 
 
 def h2_squared(numerator: Sequence[Any], denominator: Sequence[Any]) -> Any:
-    """(1/2π)∫|N(jω)/D(jω)|² dω of a stable, strictly proper quotient: Åström's α-β recursion."""
+    """(1/2π)∫|N(jω)/D(jω)|² dω of a stable, strictly proper quotient: Åström's α-β recursion.
+
+    The energy is the sum of β_k²/(2α_k) over the two tables, each row of which is reduced as in
+    Routh's scheme (K. J. Åström, Introduction to Stochastic Control Theory, 1970, chapter 5).
+    """
     a = list(denominator[::-1])
     b = [0.0] * (len(a) - 1 - len(numerator)) + list(numerator[::-1])
     total: Any = 0.0
@@ -170,7 +174,10 @@ def count_jump(
 def ripple_energy(
     numerator: Sequence[Any], denominator: Sequence[Any], *, position_free: bool
 ) -> Any:
-    """Squared discrete H2 norm of numerator/denominator in w, in any arithmetic."""
+    """Squared discrete H2 norm in any arithmetic, of C/(1+GC) over the loop polynomial in w.
+
+    ``position_free``: both share a factor w, which is divided out.
+    """
     size = len(denominator)
     top, bottom = list(numerator[:size]), list(denominator)
     if position_free:

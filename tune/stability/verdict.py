@@ -237,18 +237,15 @@ def _stable_up_to(
 
 
 class _StabilityLimits(NamedTuple):
-    """How a family of polynomials, shape (loops,), ceases to be stable below or beyond some s.
+    """How a family of polynomials, shape (loops,), ceases to be stable below or beyond some s."""
 
-    Attributes:
-        end: upper end of the last stable interval that begins below; 0 if nothing small is stable.
-        omega: of the root w = jω that crosses there, 0 and inf at the ends of the axis.
-        broken: there is an unstable gap below that end.
-        near: frequencies v, (_candidates, loops), about which roots cross or nearly do, or nan.
-    """
-
+    #: Upper end of the last stable interval that begins below; 0 if nothing small is stable.
     end: FloatArray
+    #: Of the root w = jω that crosses there, 0 and inf at the ends of the axis.
     omega: FloatArray
+    #: There is an unstable gap below that end.
     broken: NDArray[np.bool_]
+    #: Frequencies v, (candidates, loops), about which roots cross or nearly do, or nan.
     near: FloatArray
 
 
@@ -344,13 +341,8 @@ _MANY = 64
 def verdict(loop: Loop, effects: Effects) -> VerdictArray:
     """+1 stable, -1 unstable, 0 nearer to the boundary than float64 can tell.
 
-    Args:
-        loop: of shape (*shape); () for one device.
-        effects: broadcast against the loop; ``None`` marks an effect that is not there, and
-            without stiffness the pole of free motion is left out of the judgement.
-
-    Returns:
-        int8 array of the broadcast shape.
+    Of the broadcast shape of loop and effects. Without stiffness the pole of free motion is left
+    out of the judgement.
     """
     given = effects.arrays()
     shape = np.broadcast_shapes(
@@ -410,10 +402,7 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
-    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time.
-
-    The answer has the shape of loop and effects together.
-    """
+    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time."""
     return _stable_up_to(*_by_gain(loop, effects), gain)
 
 
@@ -460,22 +449,14 @@ def stable_values(
 ) -> Intervals:
     """All stable intervals of the size of one effect, the others as given.
 
-    Args:
-        loop: of any shape.
-        name: the effect that varies.
-        effects: the others.
-        sign: +1 for positive values, -1 for the sizes of negative ones.
-
-    Returns:
-        Ends in sizes, of shape (intervals, *shape), ascending, nan where unused.
+    Sign +1 is for positive values, -1 for the sizes of negative ones. Ends in sizes are
+    (intervals, *shape), ascending, nan where unused.
     """
     others = effects or Effects()
     given = {key: getattr(others, key) for key in EFFECT_NAMES if key != name}
     base, base_size = loop.polynomial(Effects(**given))
     index = EFFECT_NAMES.index(name)
-    term = (loop.terms.alpha, loop.terms.beta, loop.terms.gamma)[index]
-    size = (loop.sizes.alpha, loop.sizes.beta, loop.sizes.gamma)[index]
-    scale = loop.scales[index]
+    term, size, scale = loop.terms[1:][index], loop.sizes[1:][index], loop.scales[index]
     varied = Effects(**{name: float(sign)})
     start = loop.lowest_power(Effects(**given, **{name: float(sign)}))
     return stable_intervals(
@@ -513,7 +494,7 @@ def _general(loop: Loop, effects: Effects, shape: tuple[int, ...]) -> VerdictArr
 
 def _table(loop: Loop, terms: Terms, present: Mapping[EffectName, object]) -> FloatArray:
     """(degree+1, 1 + effects): what is fixed and what each effect present adds for each unit."""
-    parts = zip(EFFECT_NAMES, (terms.alpha, terms.beta, terms.gamma), loop.scales, strict=True)
+    parts = zip(EFFECT_NAMES, terms[1:], loop.scales, strict=True)
     added = [part * scale for name, part, scale in parts if name in present]
     return np.stack([terms.free, *added], axis=1)
 

@@ -14,7 +14,7 @@ from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tune.documents.effects import Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.loop.mechanism import ModeNumbers
+from tune.loop.plant import ModeNumbers
 from tune.stability.verdict import largest, verdict
 
 _POINTS = 1_000_000

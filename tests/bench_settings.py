@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from datasets_synthetic import named_rig
 from tests.sampled_bench import SampledBench
 from tune import Filters, Loop
-from tune.loop.mechanism import HandNumbers, ModeNumbers
+from tune.loop.plant import HandNumbers, ModeNumbers
 
 FloatArray = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from tests.sampled_loops import Case, loop_along
 from tune.documents.effects import Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.loop.mechanism import HandNumbers, ModeNumbers
+from tune.loop.plant import HandNumbers, ModeNumbers
 from tune.stability.verdict import safe_gain, stable_gains, verdict
 
 #: A mode, a hand and a device to begin from.

@@ -14,7 +14,7 @@ from identification import Device, load_device, quantity
 from tune import SafeProfile, Scene, optimise
 from tune.certificate.contact import contact_failures
 from tune.loop.filters import Filters
-from tune.rendering.contact import contact
+from tune.rendering.elements import contact
 
 #: Stiffness and damping of a wall fit for each named device, and its velocity filter, Hz.
 WALLS: dict[str, tuple[float, float, float | None]] = {

@@ -16,7 +16,7 @@ from tests.wall_trials import play
 from tune import Scene, optimise
 from tune.loop.filters import Filters
 from tune.loop.state_space import Corner
-from tune.margins.fading import Values, shortest_fade
+from tune.margins.time_varying import Values, shortest_fade
 from tune.optimisation.describe import with_fades
 
 LEVELS = np.linspace(0, 1, STEPS + 1)

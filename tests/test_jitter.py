@@ -18,7 +18,7 @@ from tune.documents.effects import Effects
 from tune.documents.profile import Design
 from tune.loop.filters import Filters
 from tune.loop.state_space import Corner
-from tune.margins.jitter import MOST, jitter_margin
+from tune.margins.time_varying import MOST_JITTER, jitter_margin
 
 FloatArray = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def _growth(name: str, lengths: tuple[float, ...]) -> float:
 def test_no_sequence_within_the_margin_does_harm(name: str) -> None:
     """Every sequence of shortest and longest steps of up to seven in turn, and some by chance."""
     margin = _margin(name)
-    assert 0.02 < margin <= MOST
+    assert 0.02 < margin <= MOST_JITTER
     ends = (1 - margin, 1 + margin)
     worst = max(_growth(name, turn) for n in range(1, 8) for turn in product(ends, repeat=n))
     chance = np.random.default_rng(2)
@@ -138,7 +138,7 @@ def test_a_forged_jitter_is_found(part: float) -> None:
     element = design.elements["gains"]
     said = element.margins.jitter
     assert said is not None
-    assert 0.02 < said < MOST
+    assert 0.02 < said < MOST_JITTER
     margins = element.margins.model_copy(update={"jitter": part * said})
     forged = {"gains": element.model_copy(update={"margins": margins})}
     failures = [*jitter_failures(design.model_copy(update={"elements": forged}), "gains")]

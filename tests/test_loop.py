@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,8 +11,7 @@ from tests.sampled_loops import Case, loop_along
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.loop.filters import LONGEST_WINDOW, Filters
 from tune.loop.loop import Loop
-from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.loop.sampled_plant import LONGEST_DELAY
+from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.stability.verdict import is_stable, largest, verdict
 
 
@@ -129,7 +126,7 @@ def test_an_array_may_reach_from_one_whole_delay_to_the_next() -> None:
 def test_nothing_added_changes_nothing() -> None:
     """A mode the encoder does not see, a hand of nothing and a lag of nothing."""
     bare = Loop.from_numbers(**HOMEREHAB, delay_samples=1)
-    unseen = replace(MODE, at_encoder=0.0)
+    unseen = MODE._replace(at_encoder=0.0)
     nothing = HandNumbers(mass=0.0, damping=0.0, stiffness=0.0)
     for other in (
         Loop.from_numbers(**HOMEREHAB, delay_samples=1, modes=(unseen,)),

@@ -12,9 +12,8 @@ from tests.reference import roots_of
 from tune.documents.effects import Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.loop.mechanism import ModeNumbers
-from tune.loop.polynomials import Polynomial
-from tune.loop.quadratics import split_fractions, split_into_quadratics
+from tune.loop.plant import ModeNumbers
+from tune.loop.polynomials import Polynomial, split_fractions, split_into_quadratics
 from tune.loop.zero_order_hold import block
 from tune.stability.criterion import UNIT, routh
 from tune.stability.verdict import is_stable, verdict

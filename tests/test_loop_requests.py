@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,8 +11,7 @@ from tune.documents.errors import LoopError
 from tune.documents.hand import FREE_TO_RIGID
 from tune.loop.filters import LONGEST_WINDOW, Filters
 from tune.loop.loop import Loop
-from tune.loop.mechanism import HandNumbers
-from tune.loop.sampled_plant import LONGEST_DELAY
+from tune.loop.plant import LONGEST_DELAY, HandNumbers
 
 
 def test_from_parts_reads_the_device_and_the_hand() -> None:
@@ -55,9 +52,9 @@ def test_a_quotient_that_should_be_whole_is_whole() -> None:
         ({"delay_samples": np.nan}, "delay"),
         ({"mass": 0.0}, "mass"),
         ({"current_lag": -1e-3}, "current_lag"),
-        ({"modes": (replace(MODE, frequency_hz=0.0),)}, "frequency"),
-        ({"modes": (replace(MODE, damping_ratio=-0.1),)}, "damping ratio"),
-        ({"hand": replace(HAND, mass=-0.1)}, "hand"),
+        ({"modes": (MODE._replace(frequency_hz=0.0),)}, "frequency"),
+        ({"modes": (MODE._replace(damping_ratio=-0.1),)}, "damping ratio"),
+        ({"hand": HAND._replace(mass=-0.1)}, "hand"),
     ],
 )
 def test_what_cannot_be_is_refused(change: dict[str, object], words: str) -> None:

@@ -18,9 +18,13 @@ from tune.documents.effects import Effects
 from tune.documents.hand import Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.margins.damping import least_damping_ratio, slowest_decay
-from tune.margins.margins import margins_of
-from tune.margins.response import disk_margin, phase_margin
+from tune.margins.margins import (
+    disk_margin,
+    least_damping_ratio,
+    margins_of,
+    phase_margin,
+    slowest_decay,
+)
 from tune.stability.verdict import safe_gain
 
 #: What every margin must agree to, relative.

@@ -17,7 +17,7 @@ from tune.documents.perception import default_table
 from tune.documents.profile import SafeProfile, digest_of
 from tune.loop.filters import Filters
 from tune.optimisation.problem import DesignTask, Problem, pose
-from tune.rendering.rendered import FASTEST, SLOWEST, Shares, impedances, rendered_mass_and_damping
+from tune.rendering.elements import FASTEST, SLOWEST, Shares, impedances, rendered_mass_and_damping
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

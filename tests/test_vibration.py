@@ -13,11 +13,11 @@ from identification import InvalidInputError, load_document
 from tune.documents.effects import Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.rendering.ripple import handle_vibration
-from tune.rendering.vibration import (
+from tune.rendering.ripple import (
     ThresholdCurve,
     default_thresholds,
     handle_spectrum,
+    handle_vibration,
     vibration_in_thresholds,
 )
 

@@ -10,7 +10,7 @@ from tests.wall_axis import Axis
 from tests.wall_play import Law
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.loop.mechanism import HandNumbers, ModeNumbers
+from tune.loop.plant import HandNumbers, ModeNumbers
 
 #: What a moment is made of: spring, damper, mass that are switched, and a mass that is not.
 MOMENTS = ("spring", "spring and damper", "damper", "all three", "spring beside a mass")

@@ -27,11 +27,19 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.exporters import export
     from tune.loop.filters import Filters
     from tune.loop.loop import Loop
-    from tune.margins.damping import least_damping_ratio, slowest_decay
-    from tune.margins.delay import DelayMargin, delay_margin
-    from tune.margins.margins import LoopMargins, margins_of
-    from tune.margins.passivity import Passivity, damping_needed
-    from tune.margins.response import DiskMargin, disk_margin, phase_margin
+    from tune.margins.margins import (
+        DelayMargin,
+        DiskMargin,
+        LoopMargins,
+        Passivity,
+        damping_needed,
+        delay_margin,
+        disk_margin,
+        least_damping_ratio,
+        margins_of,
+        phase_margin,
+        slowest_decay,
+    )
     from tune.optimisation._optimise import optimise
     from tune.optimisation.candidates import candidates, compare_candidates
     from tune.optimisation.candidates_picture import candidates_picture
@@ -44,8 +52,15 @@ if TYPE_CHECKING:  # what checkers of types take for true
         what_if,
     )
     from tune.presentation.profile_picture import profile_picture, profile_sheet
-    from tune.rendering.ripple import CountJump, count_jump, force_ripple, handle_vibration
-    from tune.rendering.vibration import ThresholdCurve, default_thresholds, vibration_in_thresholds
+    from tune.rendering.ripple import (
+        CountJump,
+        ThresholdCurve,
+        count_jump,
+        default_thresholds,
+        force_ripple,
+        handle_vibration,
+        vibration_in_thresholds,
+    )
     from tune.stability.verdict import (
         gain_interval,
         is_stable,

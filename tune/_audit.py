@@ -26,9 +26,8 @@ from tune.optimisation.feasibility import forces, ripple, worst_gain
 from tune.optimisation.nash import Solution, largest_product
 from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.solve import backends, reasons_for_nothing, round_sizes
-from tune.rendering.contact import contact
-from tune.rendering.ripple import count_jump, handle_vibration
-from tune.rendering.vibration import vibration_in_thresholds
+from tune.rendering.elements import contact
+from tune.rendering.ripple import count_jump, handle_vibration, vibration_in_thresholds
 
 FloatArray = NDArray[np.float64]
 

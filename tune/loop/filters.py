@@ -1,13 +1,10 @@
-"""Filters: estimators of velocity and acceleration, as factors in w (bilinear transform).
-
-One file: each kind of filter as the same pair of estimators.
-"""
+"""Filters: estimators of velocity and acceleration, as factors in w (bilinear transform)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import comb
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,20 +92,14 @@ def filters_of(loop: LoopProfile) -> Filters:
     return Filters(**loop.filter_settings())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimator:
+class Estimator(NamedTuple):
     """A transfer function in w: numerator over the product of its factors, times T or T²."""
 
     numerator: Polynomial
     factors: tuple[Polynomial, ...]
 
-    def values(self) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-        """The coefficients alone, each of shape (degree+1, *shape), ascending in w."""
-        return self.numerator.value, tuple(factor.value for factor in self.factors)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Law:
+class Law(NamedTuple):
     """The control law over one denominator: numerators of α, β and γ; and its estimators."""
 
     denominator: Polynomial
@@ -120,7 +111,7 @@ class Law:
 
 
 def law_of(filters: Filters, sample_time: FloatArray) -> Law:
-    """The law of filters in a loop of the given sample time, s, of any shape."""
+    """The law of filters at some sample times, of any shape."""
     return common_denominator(_velocity(filters, sample_time), _acceleration(filters, sample_time))
 
 
@@ -146,22 +137,14 @@ def common_denominator(velocity: Estimator, acceleration: Estimator) -> Law:
 
 
 def first_order_velocity(pole: FloatArray, loss: FloatArray) -> Estimator:
-    """(1-a)(z-1)/(z-a); ``loss`` is 1 - a.
-
-    Pole and loss have the shape of the loop and no unit.
-    """
-    line = Polynomial.exact(loss, 1 + pole)
-    return Estimator(numerator=DIFFERENCE.scaled(loss), factors=(line,))
+    """(1-a)(z-1)/(z-a); ``loss`` is 1 - a."""
+    return Estimator(DIFFERENCE.scaled(loss), (Polynomial.exact(loss, 1 + pole),))
 
 
 def twofold_acceleration(pole: FloatArray, loss: FloatArray) -> Estimator:
-    """The square of the first-order velocity; ``loss`` is 1 - a.
-
-    Pole and loss have the shape of the loop and no unit.
-    """
+    """The square of the first-order velocity; ``loss`` is 1 - a."""
     line = Polynomial.exact(loss, 1 + pole)
-    numerator = DIFFERENCE.times(DIFFERENCE).scaled(loss * loss)
-    return Estimator(numerator=numerator, factors=(line, line))
+    return Estimator(DIFFERENCE.times(DIFFERENCE).scaled(loss * loss), (line, line))
 
 
 def _velocity(filters: Filters, sample_time: FloatArray) -> Estimator:
@@ -176,7 +159,7 @@ def _velocity(filters: Filters, sample_time: FloatArray) -> Estimator:
     if filters.velocity_filter_order == 1:
         return first_order_velocity(np.exp(-angle), -np.expm1(-angle))
     factors, gain = _second_order(filters, angle)
-    return Estimator(numerator=DIFFERENCE.times(LATE).scaled(gain), factors=factors)
+    return Estimator(DIFFERENCE.times(LATE).scaled(gain), factors)
 
 
 def _acceleration(filters: Filters, sample_time: FloatArray) -> Estimator:
@@ -199,15 +182,12 @@ def _second_order(filters: Filters, angle: FloatArray) -> tuple[tuple[Polynomial
         loss = -np.expm1(-angle)
         line = Polynomial.exact(loss, 1 + np.exp(-angle))
         return (line, line), loss * loss
-    pair = oscillation(ratio * angle, np.sqrt((1 - ratio) * (1 + ratio)) * angle)
+    pair = _oscillation(ratio * angle, np.sqrt((1 - ratio) * (1 + ratio)) * angle)
     return (pair,), pair.value[0]
 
 
-def oscillation(decay: FloatArray, angle: FloatArray) -> Polynomial:
-    """z² - t·z + p of poles exp(-decay ± j·angle): (1-t+p) + 2(1-p)w + (1+t+p)w².
-
-    Decay and angle, rad a sample, have the shape of the loop.
-    """
+def _oscillation(decay: FloatArray, angle: FloatArray) -> Polynomial:
+    """z² - t·z + p of poles exp(-decay ± j·angle): (1-t+p) + 2(1-p)w + (1+t+p)w²."""
     loss, left = -np.expm1(-decay), np.exp(-decay)
     near = loss * loss + 4 * left * np.sin(angle / 2) ** 2
     far = loss * loss + 4 * left * np.cos(angle / 2) ** 2

@@ -1,15 +1,20 @@
-"""Loop: the sampled haptic loop after the bilinear transform, a polynomial in w affine in K, B, M.
+"""The sampled haptic loop after the bilinear transform, a polynomial in w affine in K, B, M.
 
 With z = (1+w)/(1-w) every factor of the loop has exact coefficients (z-1 → 2w, z → 1+w,
 z-ε → (1-ε)+(1+ε)w, z-a → (1-a)+(1+a)w, all over 1-w), so the polynomial is a product of factors
-and nothing cancels however small δ = bT/m is. Stable means all its roots lie in Re w < 0. One file:
-one class and the ways to build it.
+and nothing cancels however small δ = bT/m is. Stable means all its roots lie in Re w < 0.
+
+The damping of a lightly damped root is a small part of every coefficient of the expanded
+polynomial; where it decides, the coefficients know a boundary to seven digits only. `Factors` lose
+nothing of it. `ClosedLoop` is what poles and frequency responses are read from: a frequency ω is
+v = tan(ωT/2), w = jv, and v runs from 0 to ∞ (Nyquist).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.hand import Hand
-from tune.loop.coefficients import Terms, Transfer
-from tune.loop.factors import Factors
 from tune.loop.filters import (
+    Estimator,
     Filters,
     Law,
     common_denominator,
@@ -27,16 +31,87 @@ from tune.loop.filters import (
     law_of,
     twofold_acceleration,
 )
-from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.loop.polynomials import pad_coefficients
-from tune.loop.sampled_plant import (
+from tune.loop.plant import (
+    HandNumbers,
     HoldEquivalent,
+    ModeNumbers,
     SampledPlant,
     ideal_equivalent,
     split_delay,
 )
+from tune.loop.polynomials import Polynomial, pad_coefficients
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class Terms(NamedTuple):
+    """Coefficients of 1, α, β and γ in the loop polynomial, each (degree+1, *shape), by power."""
+
+    free: FloatArray
+    alpha: FloatArray
+    beta: FloatArray
+    gamma: FloatArray
+
+
+class Transfer(NamedTuple):
+    """Plant and control law apart, for transfer functions other than the stability polynomial.
+
+    Each is (its degree+1, *shape), ascending in w. Position from force is (T²/m) times
+    plant_numerator/plant_denominator, the delay included; force from position is -(m/T²) times
+    (alpha·α + beta·β + gamma·γ)/law_denominator. Hence the terms of the loop: free is
+    plant_denominator·law_denominator, that of each effect plant_numerator times its numerator. The
+    plant's denominator serves the handle's position too.
+    """
+
+    plant_numerator: FloatArray
+    plant_denominator: FloatArray
+    handle_numerator: FloatArray
+    law_denominator: FloatArray
+    alpha: FloatArray
+    beta: FloatArray
+    gamma: FloatArray
+
+
+class Factors(NamedTuple):
+    """Plant and estimators as they are built, without any expanded product."""
+
+    hold: HoldEquivalent
+    law: Law
+
+    def plant(self, v: FloatArray) -> ComplexArray:
+        """Position over force at w = jv, over T²/m; v is (points, *more, *shape)."""
+        total = np.zeros(v.shape, dtype=np.complex128)
+        for numerator, denominator in self.hold.blocks:
+            total += _at(numerator, v) / _at(denominator, v)
+        return total * (1 - 1j * v) ** self.hold.early / (1 + 1j * v) ** self.hold.late
+
+    def laws(self, v: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Force over position at w = jv of unit α, β and γ, of the shape of v, without the sign."""
+        return (
+            np.ones(v.shape, dtype=np.complex128),
+            _estimate(self.law.velocity, v),
+            _estimate(self.law.acceleration, v),
+        )
+
+
+def _estimate(estimator: Estimator, v: FloatArray) -> ComplexArray:
+    total = _at(estimator.numerator, v)
+    for factor in estimator.factors:
+        total = total / _at(factor, v)
+    return total
+
+
+def _at(polynomial: Polynomial, v: FloatArray) -> ComplexArray:
+    """Value at w = jv; even and odd powers apart, so that neither rounds the other."""
+    square = -v * v
+    even = np.zeros(v.shape)
+    odd = np.zeros(v.shape)
+    for row in polynomial.value[0::2][::-1]:
+        even = even * square + row
+    for row in polynomial.value[1::2][::-1]:
+        odd = odd * square + row
+    return even + 1j * v * odd
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,48 +288,160 @@ def _closed(plant: HoldEquivalent, law: Law, delta: FloatArray) -> Loop:
     one = np.ones_like(delta)
 
     def shaped(part: FloatArray) -> FloatArray:
-        return part.reshape(len(part), *(1,) * (one.ndim - part.ndim + 1), *part.shape[1:]) * one
+        return spread(part, one.shape) * one
 
     return Loop(
-        terms=_terms(*(shaped(term.value) for term in terms)),
-        sizes=_terms(*(shaped(term.size) for term in terms)),
+        terms=_padded(*(shaped(term.value) for term in terms)),
+        sizes=_padded(*(shaped(term.size) for term in terms)),
         transfer=Transfer(
-            plant_numerator=shaped(plant.numerator.value),
-            plant_denominator=shaped(plant.denominator.value),
-            handle_numerator=shaped(plant.handle.value),
-            law_denominator=shaped(law.denominator.value),
-            alpha=shaped(law.alpha.value),
-            beta=shaped(law.beta.value),
-            gamma=shaped(law.gamma.value),
+            *(shaped(part.value) for part in (plant.numerator, plant.denominator, plant.handle)),
+            *(shaped(part.value) for part in (law.denominator, *laws)),
         ),
         scales=(one, one, one),
-        factors=Factors(
-            early=plant.early,
-            late=plant.late,
-            blocks=tuple((top.value, bottom.value) for top, bottom in plant.blocks),
-            velocity=law.velocity.values(),
-            acceleration=law.acceleration.values(),
-        ),
+        factors=Factors(plant, law),
     )
 
 
 def _combine(terms: Terms, values: tuple[FloatArray | None, ...]) -> FloatArray:
     total = terms.free
-    for term, value in zip((terms.alpha, terms.beta, terms.gamma), values, strict=True):
+    for term, value in zip(terms[1:], values, strict=True):
         if value is not None:
-            total = _lift(total, value.ndim) + _lift(term, value.ndim) * value
+            total = spread(total, value.shape) + spread(term, value.shape) * value
     return total
 
 
-def _lift(coefficients: FloatArray, dimensions: int) -> FloatArray:
-    """Room for ``dimensions`` broadcast axes behind the axis of powers."""
-    missing = dimensions - (coefficients.ndim - 1)
-    if missing <= 0:
-        return coefficients
-    return coefficients.reshape(coefficients.shape[0], *(1,) * missing, *coefficients.shape[1:])
-
-
-def _terms(*parts: FloatArray) -> Terms:
+def _padded(*parts: FloatArray) -> Terms:
     length = max(len(part) for part in parts)
-    free, alpha, beta, gamma = (pad_coefficients(part, length) for part in parts)
-    return Terms(free=free, alpha=alpha, beta=beta, gamma=gamma)
+    return Terms(*(pad_coefficients(part, length) for part in parts))
+
+
+def stack_loops(loops: Sequence[Loop]) -> Loop:
+    """Loops of shape (corners,), all grounded or all free, as one of shape (all corners,).
+
+    A loop of lower degree is multiplied by (1+w) as often as it takes. Its new poles lie at w = -1,
+    z = 0, where nothing is ever in doubt, and no verdict, limit or margin changes.
+    """
+    if len(loops) == 1:
+        return loops[0]
+    degree = max(loop.degree for loop in loops)
+    lifts = [degree - loop.degree for loop in loops]
+
+    def joined(parts: Sequence[FloatArray], *, lift: bool = True) -> FloatArray:
+        raised = [_raised(part, by if lift else 0) for part, by in zip(parts, lifts, strict=True)]
+        length = max(len(one) for one in raised)
+        return np.concatenate([pad_coefficients(one, length) for one in raised], axis=1)
+
+    # Only what belongs to the plant is raised; the law stays as it is.
+    transfers = zip(*(loop.transfer for loop in loops), strict=True)
+    stiffness, damping, mass = (
+        np.concatenate(parts) for parts in zip(*(loop.scales for loop in loops), strict=True)
+    )
+    return Loop(
+        terms=Terms(*map(joined, zip(*(loop.terms for loop in loops), strict=True))),
+        sizes=Terms(*map(joined, zip(*(loop.sizes for loop in loops), strict=True))),
+        transfer=Transfer(*(joined(parts, lift=k < 3) for k, parts in enumerate(transfers))),
+        scales=(stiffness, damping, mass),
+        grounded=loops[0].grounded,
+    )
+
+
+def _raised(part: FloatArray, times: int) -> FloatArray:
+    """Multiplied by (1+w) so many times."""
+    for _ in range(times):
+        part = np.concatenate([part, np.zeros_like(part[:1])])
+        part[1:] += part[:-1].copy()
+    return part
+
+
+#: Newton steps on the roots that the eigenvalues gave to six digits or more.
+_POLISHES = 3
+#: A longer step, relative, belongs to a cluster, where Newton's method is not to be trusted.
+_LONGEST_STEP = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClosedLoop:
+    """One device with its effects: open loop L = N/D, closed D + N, sensitivity S = D/(D+N).
+
+    D, N (what the effects add) and D + N have shape (degree+1,), ascending in w; T is in s, 1 for a
+    dimensionless loop.
+    """
+
+    open: FloatArray
+    added: FloatArray
+    closed: FloatArray
+    sample_time: float
+
+    def poles(self) -> ComplexArray:
+        """Poles in w, shape (degree,); a pole at z = -1 is infinite."""
+        roots = np.full(len(self.closed) - 1, np.inf, dtype=np.complex128)
+        found = _polished(np.roots(self.closed[::-1]).astype(np.complex128), self.closed)
+        roots[: found.size] = found
+        return roots
+
+    def hertz(self, v: float) -> float:
+        """The frequency f = atan(v)/(πT) of a place v on the axis."""
+        return float(np.arctan(v) / (np.pi * self.sample_time))
+
+
+def closed_loops(loop: Loop, effects: Effects) -> tuple[list[ClosedLoop], tuple[int, ...]]:
+    """Every loop of the broadcast shape, in order, and that shape.
+
+    Where nothing holds the position the pole of free motion, w = 0, is divided out of D and N.
+    """
+    closed, _ = loop.polynomial(effects)
+    shape = closed.shape[1:]
+    added = np.zeros_like(closed)
+    for term, value in zip(loop.terms[1:], loop.dimensionless_effects(effects), strict=True):
+        if value is not None:
+            added += spread(term, shape) * value
+    free = np.broadcast_to(spread(loop.terms.free, shape), closed.shape)
+    times = np.broadcast_to(loop.scales[0] / loop.scales[1], shape).reshape(-1)
+    drop = loop.lowest_power(effects)
+    columns = [part[drop:].reshape(len(part) - drop, -1) for part in (free, added, closed)]
+    return [
+        ClosedLoop(
+            open=columns[0][:, i],
+            added=columns[1][:, i],
+            closed=columns[2][:, i],
+            sample_time=float(time),
+        )
+        for i, time in enumerate(times)
+    ], shape
+
+
+def for_each(loop: Loop, effects: Effects, answer: Callable[[ClosedLoop], float]) -> FloatArray:
+    """One number of each closed loop, in the broadcast shape."""
+    loops, shape = closed_loops(loop, effects)
+    return np.array([answer(one) for one in loops]).reshape(shape)
+
+
+def spread(coefficients: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Coefficients (degree+1, *own) with room to broadcast against ``shape``."""
+    missing = len(shape) - (coefficients.ndim - 1)
+    return coefficients.reshape(len(coefficients), *(1,) * missing, *coefficients.shape[1:])
+
+
+def value_at(polynomial: FloatArray, v: FloatArray) -> ComplexArray:
+    """A polynomial in w, ascending, at w = jv; of the shape of v."""
+    total = np.full(np.shape(v), polynomial[-1], dtype=np.complex128)
+    for coefficient in polynomial[-2::-1]:
+        total = total * (1j * v) + coefficient
+    return total
+
+
+def slope(polynomial: FloatArray) -> FloatArray:
+    """The derivative of a polynomial, ascending."""
+    return polynomial[1:] * np.arange(1, len(polynomial))
+
+
+def _polished(roots: ComplexArray, polynomial: FloatArray) -> ComplexArray:
+    """Roots improved by Newton's method on the polynomial itself."""
+    derivative = slope(polynomial)
+    for _ in range(_POLISHES):
+        with np.errstate(all="ignore"):
+            step = np.polynomial.polynomial.polyval(roots, polynomial)
+            step = step / np.polynomial.polynomial.polyval(roots, derivative)
+            good = np.abs(step) < _LONGEST_STEP * np.abs(roots)
+        roots = np.where(good, roots - np.where(good, step, 0), roots)
+    return roots

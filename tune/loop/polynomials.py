@@ -1,12 +1,21 @@
-"""Polynomials in w with a bound of the rounding errors of their coefficients.
+"""Polynomials in w with bounds of their rounding errors; quadratic factors, partial fractions.
 
 A coefficient comes with a size: its error is at most a few units of roundoff of it. Products and
 sums keep that true, because sizes are multiplied and added without signs.
+
+For quadratic factors, roots from eigenvalues are paired (conjugates, and real neighbours, so that a
+nearly double root stays in one factor) and the factors then improved by Newton's method on their
+coefficients, whose residual is exact to rounding. Its Jacobian is the matrix of the partial
+fractions too. Close factors are ill-determined one by one, but all together they still reproduce
+the polynomial to a few units of roundoff of its terms, and that is what counts for whatever is put
+together from them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +57,7 @@ class Polynomial:
         """The sum."""
         value, size = self.value, self.size
         for other in others:
-            value, size = total(value, other.value), total(size, other.size)
+            value, size = _total(value, other.value), _total(size, other.size)
         return Polynomial(value=value, size=size)
 
     def same_as(self, other: Polynomial) -> bool:
@@ -67,10 +76,7 @@ DIFFERENCE = Polynomial.exact(0.0, 2.0)
 
 
 def product(p: FloatArray, q: FloatArray) -> FloatArray:
-    """Product of two polynomials along the first axis; the other axes broadcast.
-
-    Shapes are (degree + 1, ...), ascending; the unit is the product of both.
-    """
+    """Product of polynomials (degree+1, ...) along the first axis; the other axes broadcast."""
     shape = _common(p, q)
     grown = np.zeros((len(p) + len(q) - 1, *shape))
     p = _lifted(p, shape)
@@ -79,11 +85,8 @@ def product(p: FloatArray, q: FloatArray) -> FloatArray:
     return grown
 
 
-def total(p: FloatArray, q: FloatArray) -> FloatArray:
-    """Sum of two polynomials along the first axis; the other axes broadcast.
-
-    Shapes are (degree + 1, ...), ascending, of one unit.
-    """
+def _total(p: FloatArray, q: FloatArray) -> FloatArray:
+    """Sum of polynomials (degree+1, ...) along the first axis; the other axes broadcast."""
     shape = _common(p, q)
     grown = np.zeros((max(len(p), len(q)), *shape))
     grown[: len(p)] += _lifted(p, shape)
@@ -92,11 +95,7 @@ def total(p: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def pad_coefficients(part: FloatArray, length: int) -> FloatArray:
-    """With zeros for the powers that are missing.
-
-    The part has shape (degree + 1, ...), ascending; the answer has shape (length, ...) and the unit
-    of the part.
-    """
+    """With zeros for the powers that are missing, up to ``length`` coefficients."""
     missing = length - len(part)
     return np.concatenate([part, np.zeros((missing, *part.shape[1:]))]) if missing else part
 
@@ -111,3 +110,201 @@ def _lifted(p: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     if p.ndim == len(shape) + 1:
         return p
     return p.reshape(len(p), *(1,) * (len(shape) - p.ndim + 1), *p.shape[1:])
+
+
+def companion_roots(lower: FloatArray) -> NDArray[np.complex128]:
+    """Roots of stacked monic polynomials, (degree, columns), in the digits of eigenvalues.
+
+    ``lower`` are ascending coefficients, (degree, columns), without the leading one.
+    """
+    degree, columns = lower.shape
+    companion = np.zeros((columns, degree, degree))
+    companion[:, 0, :] = -lower[::-1].T
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+    return np.linalg.eigvals(companion).T.astype(np.complex128)
+
+
+#: Newton steps; each doubles the digits, and eigenvalues of graded polynomials may bring but four.
+_STEPS = 5
+#: Sweeps of equilibration; each halves the logarithms of what the rows differ by.
+_SWEEPS = 8
+
+
+class Quadratic(NamedTuple):
+    """s² + a·s + b, arrays of one shape.
+
+    ``blur`` is 1 and by how many units of roundoff of its terms the product of all factors misses
+    the polynomial; sizes of whatever is made of the factors grow by it.
+    """
+
+    a: FloatArray
+    b: FloatArray
+    blur: FloatArray
+
+
+def split_into_quadratics(polynomial: Polynomial) -> tuple[Quadratic, ...]:
+    """Quadratic factors of a monic polynomial of even degree.
+
+    A constant, or a constant and a slope, that are exactly zero are roots at zero, which the first
+    factor takes.
+    """
+    shape = polynomial.value.shape[1:]
+    value = polynomial.value.reshape(len(polynomial.value), -1)
+    size = polynomial.size.reshape(value.shape)
+    pairs = len(value) // 2
+    b, a = np.empty((2, pairs, value.shape[1]))
+    zeros = np.where(value[0] != 0, 0, np.where(value[1] != 0, 1, 2))
+    with np.errstate(all="ignore"):
+        for count in set(zeros.tolist()):
+            chosen = np.flatnonzero(zeros == count)
+            b[:, chosen], a[:, chosen] = _factors(value[:, chosen], count)
+        blur = _missed(value - _multiplied(b, a), size + _multiplied(np.abs(b), np.abs(a)))
+    return tuple(
+        Quadratic(b=b[k].reshape(shape), a=a[k].reshape(shape), blur=blur.reshape(shape))
+        for k in range(pairs)
+    )
+
+
+def split_fractions(
+    numerator: Polynomial, quadratics: Sequence[Quadratic]
+) -> tuple[Polynomial, ...]:
+    """r0 + r1·s over each factor, adding up to numerator over the product of all.
+
+    The numerator is of lower degree than the product; no two factors have a common root.
+    """
+    shape = numerator.value.shape[1:]
+    count = len(quadratics)
+    wanted = pad_coefficients(numerator.value, 2 * count).reshape(2 * count, -1)
+    matrix = _jacobian(
+        np.stack([q.b.reshape(-1) for q in quadratics]),
+        np.stack([q.a.reshape(-1) for q in quadratics]),
+    )
+    with np.errstate(all="ignore"):
+        inverse = _inverse(matrix)
+        r = np.einsum("nij,jn->in", inverse, wanted)
+        r += np.einsum("nij,jn->in", inverse, wanted - np.einsum("nij,jn->in", matrix, r))
+        rest = wanted - np.einsum("nij,jn->in", matrix, r)
+        sizes = np.einsum("nij,jn->in", np.abs(matrix), np.abs(r))
+        # A share that is small beside the others has their rounding, as far as it can have it.
+        moved = np.einsum("nij,jn->in", np.abs(inverse), sizes)
+        every = np.tile(np.abs(r).reshape(count, 2, -1).sum(axis=0), (count, 1))
+        size = (np.abs(r) + np.minimum(moved, every)) * _missed(rest, sizes)
+    return tuple(
+        Polynomial(
+            value=r[2 * k : 2 * k + 2].reshape(2, *shape),
+            size=size[2 * k : 2 * k + 2].reshape(2, *shape),
+        )
+        for k in range(count)
+    )
+
+
+def _missed(rest: FloatArray, sizes: FloatArray) -> FloatArray:
+    """1 and the largest residual of each column in units of roundoff; nan where unsolved."""
+    return 1 + np.max(np.where(sizes == 0, 0.0, np.abs(rest) / (UNIT * sizes)), axis=0)
+
+
+def _factors(value: FloatArray, zeros: int) -> tuple[FloatArray, FloatArray]:
+    """(b, a), each (factors, columns); roots at zero are in the first."""
+    degree, columns = len(value) - 1, value.shape[1]
+    b, a = np.zeros((2, degree // 2, columns))
+    # The smallest real root joins a single one at zero.
+    first = 1 if zeros == 2 else 0
+    b[first:], a[first:] = _paired(_roots(value[zeros:]), single=zeros == 1)
+    values = np.stack([b, a], axis=1).reshape(degree, columns)
+    free = range(zeros, degree)
+    for _ in range(_STEPS):
+        b, a = values[0::2], values[1::2]
+        inverse = _inverse(_jacobian(b, a)[:, zeros:, zeros:])
+        values[free] += np.einsum("nij,jn->in", inverse, (value - _multiplied(b, a))[free])
+    return values[0::2], values[1::2]
+
+
+def _roots(value: FloatArray) -> NDArray[np.complex128]:
+    """Roots of each column, (degree, columns), in units in which they are about 1."""
+    degree, columns = len(value) - 1, value.shape[1]
+    if degree == 0:
+        return np.zeros((0, columns), dtype=np.complex128)
+    unit = np.abs(value[0]) ** (1 / degree)
+    scaled = value / unit ** (degree - np.arange(degree + 1))[:, None]
+    return companion_roots(scaled[:-1]) * unit
+
+
+def _paired(roots: NDArray[np.complex128], *, single: bool) -> tuple[FloatArray, FloatArray]:
+    """(b, a) of each pair; ``single``: the first is a root at zero and the smallest real one."""
+    count, columns = roots.shape
+    pairs = (count + 1) // 2
+    b, a = np.zeros((2, pairs, columns))
+    reals = np.sum(roots.imag == 0, axis=0)
+    for number in set(reals.tolist()):
+        chosen = np.flatnonzero(reals == number)
+        part = roots[:, chosen]
+        order = np.argsort(np.where(part.imag == 0, 0.0, np.sign(part.imag)), axis=0, kind="stable")
+        part = np.take_along_axis(part, order, axis=0)
+        half = (count - number) // 2
+        complex_ = part[count - half :]
+        real = part[half : half + number].real
+        real = np.take_along_axis(real, np.argsort(-real, axis=0), axis=0)
+        lone = number % 2
+        if single and lone:
+            a[0, chosen] = -real[0]
+        rest = _neighbours(real[lone:])
+        at = slice(lone, lone + number // 2)
+        b[at, chosen], a[at, chosen] = rest[0::2] * rest[1::2], -(rest[0::2] + rest[1::2])
+        at = slice(lone + number // 2, pairs)
+        b[at, chosen] = np.abs(complex_) ** 2
+        a[at, chosen] = -2 * complex_.real
+    return b, a
+
+
+def _neighbours(real: FloatArray) -> FloatArray:
+    """Sorted real roots, two by two, so that the closest across two pairs are far apart."""
+    if len(real) < 4:
+        return real
+    shifted = np.roll(real, -1, axis=0)
+
+    def apart(pairs: FloatArray) -> FloatArray:
+        gaps = np.abs((pairs[2::2] - pairs[1:-1:2]) / (np.abs(pairs[2::2]) + np.abs(pairs[1:-1:2])))
+        return np.min(gaps, axis=0)
+
+    return np.where(apart(real) >= apart(shifted), real, shifted)
+
+
+def _jacobian(b: FloatArray, a: FloatArray) -> FloatArray:
+    """(columns, 2m, 2m): derivatives of the product by b0, a0, b1, a1, ...; powers in the rows."""
+    count, columns = b.shape
+    matrix = np.zeros((columns, 2 * count, 2 * count))
+    for k in range(count):
+        rest = _multiplied(b, a, without=k).T
+        matrix[:, : 2 * count - 1, 2 * k] = rest
+        matrix[:, 1:, 2 * k + 1] = rest
+    return matrix
+
+
+def _multiplied(b: FloatArray, a: FloatArray, without: int | None = None) -> FloatArray:
+    total = np.ones((1, b.shape[1]))
+    for k in range(len(b)):
+        if k != without:
+            total = product(total, np.stack([b[k], a[k], np.ones_like(b[k])]))
+    return total
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """Inverses of a stack of badly scaled matrices; infinite where there is none."""
+    rows = np.ones(matrix.shape[:2])
+    columns = np.ones((matrix.shape[0], matrix.shape[2]))
+    scaled = matrix
+    for _ in range(_SWEEPS):
+        large = np.max(np.abs(scaled), axis=2)
+        wide = np.max(np.abs(scaled), axis=1)
+        rows /= np.sqrt(np.where(large > 0, large, 1.0))
+        columns /= np.sqrt(np.where(wide > 0, wide, 1.0))
+        scaled = matrix * rows[:, :, None] * columns[:, None, :]
+    try:
+        inverse = np.linalg.inv(scaled)
+    except np.linalg.LinAlgError:
+        # One of the stack is singular: two factors share a root.
+        inverse = np.full_like(scaled, np.inf)
+        for index, each in enumerate(scaled):
+            if np.linalg.matrix_rank(each) == len(each):
+                inverse[index] = np.linalg.inv(each)
+    return inverse * columns[:, :, None] * rows[:, None, :]

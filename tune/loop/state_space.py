@@ -2,8 +2,7 @@
 
 A wall that is entered and left switches between two loops, and a clock that jitters between many:
 both are followed in time. The state is that of the mechanism in continuous time, the commands on
-their way to the actuator, and what the estimators remember. One file: one loop, in contact and
-free.
+their way to the actuator, and what the estimators remember.
 """
 
 from __future__ import annotations
@@ -11,15 +10,73 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device
 from tune.loop.filters import Filters
-from tune.loop.law_states import law_states
 
 FloatArray = NDArray[np.float64]
+
+
+class LawStates(NamedTuple):
+    """s[k+1] = update·s + drive·y, force = command·s + direct·y; y is the reading, m."""
+
+    update: FloatArray
+    drive: FloatArray
+    command: FloatArray
+    direct: float
+
+
+def law_states(filters: Filters, T: float, K: float, B: float, M: float) -> LawStates:
+    """The law as one filter of the reading, as few states as its order (transposed direct form)."""
+    velocity, acceleration = (np.array([1.0]), np.array([1.0])), (np.array([1.0]), np.array([1.0]))
+    if B:
+        window = filters.velocity_window_samples or 1
+        slope = np.zeros(window + 1)
+        slope[0], slope[-1] = 1 / (window * T), -1 / (window * T)
+        order = filters.velocity_filter_order
+        velocity = _smoothed(slope, filters.velocity_filter_hz, order, filters, T)
+    if M:
+        twice = np.array([1.0, -2.0, 1.0]) / T**2
+        order = filters.acceleration_filter_order
+        acceleration = _smoothed(twice, filters.acceleration_filter_hz, order, filters, T)
+    below = np.convolve(velocity[1], acceleration[1])
+    above = [
+        K * below,
+        B * np.convolve(velocity[0], acceleration[1]),
+        M * np.convolve(acceleration[0], velocity[1]),
+    ]
+    size = max(len(part) for part in (below, *above))
+    top = np.zeros(size)
+    for part in above:
+        top[: len(part)] -= part
+    bottom = np.pad(below, (0, size - len(below)))
+    update = np.eye(size - 1, k=1)
+    if size > 1:
+        update[:, 0] -= bottom[1:]
+    drive = top[1:] - bottom[1:] * top[0]
+    return LawStates(update, drive, np.eye(1, size - 1)[0], float(top[0]))
+
+
+def _smoothed(
+    difference: FloatArray, cutoff: float | None, order: int, filters: Filters, T: float
+) -> tuple[FloatArray, FloatArray]:
+    """(numerator, denominator) in 1/z of a difference behind its low-pass."""
+    if cutoff is None:
+        return difference, np.array([1.0])
+    # x[k] = t·x[k-1] - p·x[k-2] + (1-t+p)·u[k]
+    angle, ratio = 2 * np.pi * cutoff * T, filters.filter_damping_ratio
+    if order == 1:
+        t, p = float(np.exp(-angle)), 0.0
+    else:
+        left = np.exp(-ratio * angle)
+        t = float(2 * left * np.cos(np.sqrt((1 - ratio) * (1 + ratio)) * angle))
+        p = float(left**2)
+    return difference * (1 - t + p), np.array([1.0, -t, p][: order + 1])
+
 
 #: Taylor terms of the exponential of a matrix below one half in norm: 2^-18/18! < 1e-20.
 _TAYLOR = 18
@@ -31,14 +88,8 @@ _WHOLE = 1e-9
 class Corner:
     """One way a device may be, SI units.
 
-    Attributes:
-        mass: kg.
-        damping: N·s/m.
-        sample_time: s.
-        delay: s.
-        position_stiffness: slope of the device's own force by position, N/m.
-        current_lag: time constant of the actuator, s.
-        modes: (frequency in Hz, damping ratio, participation at motor and encoder) of each.
+    Position stiffness is the slope of its own force by position. Modes are (frequency in Hz,
+    damping ratio, participation at motor and encoder) of each.
     """
 
     mass: float
@@ -51,12 +102,7 @@ class Corner:
 
 
 def corners_of(device: Device, box: Box) -> tuple[Corner, ...]:
-    """The corners of the box of a device; modes at their least, middle and largest, all together.
-
-    Args:
-        device: modes and current lag are read.
-        box: of everything else.
-    """
+    """The corners of a device's box; modes at their least, middle and largest, all together."""
     lag = device.current_lag
     sides = (
         box.mass,
@@ -90,17 +136,11 @@ def corners_of(device: Device, box: Box) -> tuple[Corner, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plant:
+class Mechanism:
     """A mechanism in continuous time, x' = motion·x + drive·F, reading = read·x.
 
-    x is the positions of the rigid mass and of each mode, their speeds and, with a lag, the force
-    of the actuator.
-
-    Attributes:
-        motion: shape (states, states), 1/s.
-        drive: of the command, shape (states,).
-        read: of the encoder, shape (states,).
-        speed: index of the rigid mass's speed.
+    x is the positions of the rigid mass and of each mode, their speeds, the rigid mass's at index
+    ``speed``, and, with a lag, the force of the actuator.
     """
 
     motion: FloatArray
@@ -114,7 +154,7 @@ class Plant:
         return len(self.drive) > 2 * self.speed
 
     @classmethod
-    def of(cls, place: Corner) -> Plant:
+    def of(cls, place: Corner) -> Mechanism:
         """A device without a hand, at one corner of its box."""
         mass, modes = place.mass, place.modes
         count = 1 + len(modes)
@@ -152,19 +192,12 @@ class Plant:
 class SampledLoop:
     """A device with its law from one sample to the next, as z[k+1] = pushed·z[k] or free·z[k].
 
-    The state z is the plant's, then the commands under way, the newest first, then the law's.
-
-    Attributes:
-        plant: in continuous time.
-        pushed: the transition while the law acts; shape (..., states, states).
-        free: the transition while it commands nothing; of the same shape.
-        command: the law's force is command·z; shape (states,).
-        read: the reading is read·z; shape (states,).
-        under_way: where the commands under way are.
-        remembered: where the states of the law are.
+    The law acts in ``pushed`` and commands nothing in ``free``, (..., states, states). Its force is
+    command·z, the reading read·z. The state z is the plant's, then the commands under way, the
+    newest first, then what the law remembers.
     """
 
-    plant: Plant
+    plant: Mechanism
     pushed: FloatArray
     free: FloatArray
     command: FloatArray
@@ -183,13 +216,10 @@ class SampledLoop:
     ) -> SampledLoop:
         """The loop of a device; its delay is counted in steps and parts of a step.
 
-        Args:
-            place: how the device is.
-            filters: of velocity and acceleration, made for the sample time.
-            values: K, B and M of the law, N/m, N·s/m and kg; 0 for none.
-            lengths: of true steps in sample times, of any shape, that of the transitions.
+        ``values`` are K, B and M of the law, 0 for none; the filters are made for the sample time;
+        ``lengths`` of true steps in sample times have the shape of the transitions.
         """
-        plant = Plant.of(place)
+        plant = Mechanism.of(place)
         law = law_states(filters, place.sample_time, *values)
         delay_samples = place.delay / place.sample_time
         whole = int(np.floor(delay_samples + _WHOLE))
@@ -236,15 +266,7 @@ class SampledLoop:
         )
 
     def moving(self, reading: FloatArray, advance: float) -> FloatArray:
-        """States of the law that has seen readings rise evenly for long.
-
-        Args:
-            reading: the next ones, m, shape (n,).
-            advance: from reading to reading, m.
-
-        Returns:
-            Shape (states of the law, n).
-        """
+        """States of the law, (states, n), before readings (n,) that rise evenly by ``advance``."""
         update = self.free[self.remembered, self.remembered]
         drive = (self.free @ self.read)[self.remembered] / (self.read @ self.read)
         left = np.eye(len(drive)) - update

@@ -9,13 +9,13 @@ With the impulse response g(v) and its mirror image e(v) = exp(-a(1-v))·g(v), b
 g from 0 to 1-f, b3 that of e from 0 to f, the first coefficient that of g + e from 0 to 1, and the
 last that of g - e less what the fraction moves. All integrands are positive up to half an
 oscillation, so that sums over nodes lose nothing, whether the poles are real, complex, equal or
-zero. Poles far outside what the nodes can follow have closed forms without cancellation. One file:
-one integral, for every kind of pole.
+zero. Poles far outside what the nodes can follow have closed forms without cancellation.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +32,10 @@ _NEAR = 20.0
 _STIFF = 16.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
-    """Factors in w of one second-order system; see the module.
+class _Block(NamedTuple):
+    """Factors in w of one second-order system: z² - t·z + p, and numerators of x and x'.
 
-    Attributes:
-        denominator: z² - t·z + p: (1-t+p) + 2(1-p)w + (1+t+p)w².
-        position: numerator of x; degree 2 with a fraction and 1 without, where 1+w cancelled.
-        rate: numerator of x', likewise.
+    These are of degree 2 with a fraction and 1 without, where 1+w cancelled.
     """
 
     denominator: Polynomial
@@ -97,21 +93,15 @@ class _Motion:
         return np.where(self.real, np.abs(self.fast), np.hypot(self.decay, self.angle)) > _NEAR
 
 
-def block(a: FloatArray, b: FloatArray, fraction: FloatArray | None) -> Block:
-    """The factors for arrays of a and b of one shape.
-
-    Args:
-        a: damping over mass, times the sample time.
-        b: stiffness over mass, times the sample time squared.
-        fraction: f in [0, 1], or None for a whole number of samples.
-    """
+def block(a: FloatArray, b: FloatArray, fraction: FloatArray | None) -> _Block:
+    """Factors for arrays of a and b of one shape; fraction f, None for whole samples."""
     motion = _Motion.of(a, b)
     whole, whole_size = _integral(motion, "sum", np.zeros_like(a), np.ones_like(a))
     skew, skew_size = _integral(motion, "difference", np.zeros_like(a), np.ones_like(a))
     denominator = _denominator(motion, b * whole, b * whole_size)
     if fraction is None:
         g, size = motion.impulse(np.ones_like(a))
-        return Block(
+        return _Block(
             denominator=denominator,
             position=_polynomial((whole, skew), (whole_size, skew_size)),
             rate=_polynomial((np.zeros_like(a), 2 * g), (np.zeros_like(a), 2 * size)),
@@ -128,7 +118,7 @@ def block(a: FloatArray, b: FloatArray, fraction: FloatArray | None) -> Block:
     bend_size = skew_size + 2 * np.where(early, lost_size + last_size, first_size + kept_size)
     g, g_size = motion.impulse(1 - f)
     e, e_size = motion.mirror(f)
-    return Block(
+    return _Block(
         denominator=denominator,
         position=_polynomial(
             (whole, 2 * (first - last), bend), (whole_size, 2 * (first_size + last_size), bend_size)
@@ -153,8 +143,7 @@ def _denominator(motion: _Motion, near: FloatArray, near_size: FloatArray) -> Po
     far = np.where(motion.real, real, bent)
     middle = -2 * np.expm1(-motion.damping)
     return Polynomial(
-        value=np.stack([near, middle, far]),
-        size=np.stack([near_size, np.abs(middle), far + slack]),
+        value=np.stack([near, middle, far]), size=np.stack([near_size, np.abs(middle), far + slack])
     )
 
 
@@ -179,50 +168,37 @@ def _integral(
     stiff = motion.stiff()
     if not np.any(stiff):
         return near, near_size
-    g, g_size = _closed(motion, low, span)
-    e, e_size = _closed_mirror(motion, low, span)
+    g, g_size = _closed(motion, low, span, mirrored=False)
+    e, e_size = _closed(motion, low, span, mirrored=True)
     far = {"impulse": g, "mirror": e, "sum": g + e, "difference": g - e}[kind]
     far_size = {"impulse": g_size, "mirror": e_size}.get(kind, g_size + e_size)
     return np.where(stiff, far, near), np.where(stiff, far_size, near_size)
 
 
-def _closed(motion: _Motion, low: FloatArray, span: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(integral, size) of g where a pole is far."""
-    b = _stiffness(motion)
+def _closed(
+    motion: _Motion, low: FloatArray, span: FloatArray, *, mirrored: bool
+) -> tuple[FloatArray, FloatArray]:
+    """(integral, size) of g, or of e, where a pole is far."""
+    b = np.where(motion.real, motion.slow * motion.fast, motion.decay**2 + motion.angle**2)
+    b = np.where(b < _STIFF, 1.0, b)  # 1 where the closed forms do not divide by it
     apart = np.where(motion.real, motion.fast - motion.slow, 1.0)
-    slow = np.exp(-motion.slow * low) * _decayed(motion.slow, span)
-    fast = np.exp(-motion.fast * low) * _decayed(motion.fast, span)
+    slow, fast = _decayed(motion.slow, span), _decayed(motion.fast, span)
+    if mirrored:
+        slow = np.exp(-motion.slow * (1 - low - span) - motion.fast) * slow
+        fast = np.exp(-motion.fast * (1 - low - span) - motion.slow) * fast
+    else:
+        slow, fast = np.exp(-motion.slow * low) * slow, np.exp(-motion.fast * low) * fast
 
     def step(t: FloatArray) -> FloatArray:
+        if mirrored:
+            left = np.exp(-motion.damping * (1 - t))
+            return -left * (_cosine(motion, t) - motion.decay * motion.impulse(t)[0]) / b
         return (1 - _cosine(motion, t) - motion.decay * motion.impulse(t)[0]) / b
 
     stiff = b > 1
-    value = np.where(stiff, step(low + span) - step(low), (slow - fast) / apart)
+    between = fast - slow if mirrored else slow - fast
+    value = np.where(stiff, step(low + span) - step(low), between / apart)
     return value, np.where(stiff, (2 + 2 * motion.decay) / b, (slow + fast) / np.abs(apart))
-
-
-def _closed_mirror(
-    motion: _Motion, low: FloatArray, span: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """(integral, size) of e where a pole is far."""
-    b = _stiffness(motion)
-    apart = np.where(motion.real, motion.fast - motion.slow, 1.0)
-    slow = np.exp(-motion.slow * (1 - low - span) - motion.fast) * _decayed(motion.slow, span)
-    fast = np.exp(-motion.fast * (1 - low - span) - motion.slow) * _decayed(motion.fast, span)
-
-    def step(t: FloatArray) -> FloatArray:
-        left = np.exp(-motion.damping * (1 - t))
-        return -left * (_cosine(motion, t) - motion.decay * motion.impulse(t)[0]) / b
-
-    stiff = b > 1
-    value = np.where(stiff, step(low + span) - step(low), (fast - slow) / apart)
-    return value, np.where(stiff, (2 + 2 * motion.decay) / b, (slow + fast) / np.abs(apart))
-
-
-def _stiffness(motion: _Motion) -> FloatArray:
-    """b, and 1 where the closed forms do not divide by it."""
-    b = np.where(motion.real, motion.slow * motion.fast, motion.decay**2 + motion.angle**2)
-    return np.where(b < _STIFF, 1.0, b)
 
 
 def _decayed(rate: FloatArray, span: FloatArray) -> FloatArray:

@@ -22,8 +22,7 @@ from tune.loop.loop import Loop
 from tune.loop.polynomials import pad_coefficients
 from tune.optimisation.problem import Problem
 from tune.optimisation.reach import Reach
-from tune.rendering.ripple import ripple_energy
-from tune.rendering.routh_table import product, routh_ratios
+from tune.rendering.ripple import product, ripple_energy, routh_ratios
 
 FloatArray = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from tune.optimisation.linear_programs import maximise, multipliers
 from tune.optimisation.nash import SAME, Optimum
 from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, pose
 from tune.optimisation.solve import groups, optimum_of
-from tune.rendering.rendered import FASTEST
+from tune.rendering.elements import FASTEST
 
 FloatArray = NDArray[np.float64]
 

@@ -11,22 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device, InvalidInputError, round_to_digits
+from tune.certificate.aliases import MOST as MOST_JITTER
 from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName, Effects
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.profile import MOST_EXTRA_DELAY, Design, ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Margin, Scene
 from tune.loop.filters import Filters, filters_of, used_filters
-from tune.loop.sampled_plant import LONGEST_DELAY, WHOLE
+from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of
-from tune.margins.fading import Values, shortest_fade
-from tune.margins.jitter import MOST as MOST_JITTER
-from tune.margins.jitter import jitter_margin
-from tune.margins.passivity import damping_needed
+from tune.margins.margins import damping_needed
+from tune.margins.time_varying import MOST_JITTER, Values, jitter_margin, shortest_fade
 from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
 from tune.optimisation.problem import Moment, Problem
-from tune.rendering.contact import contact
-from tune.rendering.rendered import rendered_mass_and_damping
-from tune.stability.bracketing import CLOSE
+from tune.rendering.elements import contact, rendered_mass_and_damping
+from tune.stability.search import CLOSE
 from tune.stability.verdict import safe_up_to
 
 if TYPE_CHECKING:

@@ -15,9 +15,8 @@ from tune.documents.effects import Effects
 from tune.loop.loop import Loop
 from tune.optimisation.problem import Moment, Problem
 from tune.rendering.ripple import force_ripple
-from tune.stability.bracketing import CLOSE, last_within
-from tune.stability.intervals import stable_intervals
-from tune.stability.verdict import is_stable, safe_gain, safe_up_to
+from tune.stability.search import CLOSE, last_within
+from tune.stability.verdict import is_stable, safe_gain, safe_up_to, stable_intervals
 
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
+from tune.certificate.region import Region
+from tune.certificate.sampled_loops import Loops
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.hand import hand_of
 from tune.documents.perception import PerceptionTable
@@ -24,8 +26,7 @@ from tune.optimisation.linear_limits import (
     force_rows,
     renderings,
 )
-from tune.optimisation.region import Loops, Region
-from tune.rendering.rendered import Shares
+from tune.rendering.elements import Shares
 
 FloatArray = NDArray[np.float64]
 

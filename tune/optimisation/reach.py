@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tune.loop.loop import Loop
 from tune.optimisation.problem import Problem
-from tune.stability.intervals import stability_limits
+from tune.stability.verdict import stability_limits
 
 ComplexArray = NDArray[np.complex128]
 FloatArray = NDArray[np.float64]

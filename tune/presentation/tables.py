@@ -203,7 +203,7 @@ def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
 
 def _jitter_words(jitter: float) -> str:
     """A jitter, which is not looked for beyond `tune.margins.jitter.MOST`."""
-    from tune.margins.jitter import MOST
+    from tune.certificate.aliases import MOST
 
     return f"{jitter:.0%} or more" if jitter >= MOST else f"{jitter:.1%}"
 

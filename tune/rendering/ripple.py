@@ -4,25 +4,85 @@ A position in motion is quantised like white noise of variance Δ²/12. It reach
 C/(1 + G·C) and the handle through G_h·C/(1 + G·C), G_h from the force to the handle; the closed
 form of the H2 norm needs no simulation. In w the norm on the unit circle is that of a transfer
 function times √2/(1+w) on the imaginary axis. A device at rest shows single counts instead.
+
+Vibration is weighed by a threshold curve, which is data with a source: the least displacement of a
+steady sinusoid that a hand detects. Where the spectrum of the handle's displacement, divided by the
+curve, sums to more than 1, it is said to be felt: the energies of a band add up in the Pacinian
+channel.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import as_file, files
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
+from identification import Document, load_document
 from tune.documents.effects import Effects
-from tune.loop.closed_loop import spread
+from tune.documents.errors import LoopError
 from tune.loop.filters import Filters
-from tune.loop.loop import Loop
-from tune.rendering.routh_table import h2_squared, product
+from tune.loop.loop import Loop, closed_loops, spread, value_at
 
 FloatArray = NDArray[np.float64]
+
+
+def product(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
+    """Coefficients of the product of two polynomials."""
+    total: list[Any] = [0.0] * (len(p) + len(q) - 1)
+    for i, left in enumerate(p):
+        for j, right in enumerate(q):
+            total[i + j] = total[i + j] + left * right
+    return total
+
+
+def routh_ratios(coefficients: Sequence[Any]) -> list[Any]:
+    """Ratios, all below 1 exactly when a polynomial with positive coefficients is stable.
+
+    Each new entry of the table is a difference p - q; in a stable table every p, q and difference
+    is positive, so the ratios q/p say it all, free of units and of the scale of w. Coefficients
+    ascend, of degree 2 or more.
+    """
+    upper, lower = list(coefficients[::-2]), list(coefficients[-2::-2])
+    ratios: list[Any] = []
+    while len(upper) > 1:
+        factor = upper[0] / lower[0]
+        following = upper[1:]
+        for column, item in enumerate(lower[1:]):
+            ratios.append(factor * item / following[column])
+            following[column] = following[column] - factor * item
+        upper, lower = lower, following
+    return ratios
+
+
+def h2_squared(numerator: Sequence[Any], denominator: Sequence[Any]) -> Any:
+    """(1/2π)∫|N(jω)/D(jω)|² dω of a stable, strictly proper quotient: Åström's α-β recursion.
+
+    The energy is the sum of β_k²/(2α_k) over the two tables, each row of which is reduced as in
+    Routh's scheme (K. J. Åström, Introduction to Stochastic Control Theory, 1970, chapter 5).
+    """
+    a = list(denominator[::-1])
+    b = [0.0] * (len(a) - 1 - len(numerator)) + list(numerator[::-1])
+    total: Any = 0.0
+    while len(a) > 1:
+        alpha = a[0] / a[1]
+        beta = b[0] / a[1]
+        total = total + beta * beta / (2 * alpha)
+        reduced, left = a[1:], b[1:]
+        for index in range(1, len(reduced) - 1, 2):
+            reduced[index] = reduced[index] - alpha * a[index + 2]
+        for index in range(1, len(left), 2):
+            left[index] = left[index] - beta * a[index + 2]
+        a, b = reduced, left
+    return total
+
 
 #: A filtered estimate answers a step of one count most strongly within a quarter of a period of
 #: its cut-off (second order, least damped); half a period is looked at, and not for ever.
@@ -67,11 +127,7 @@ def handle_vibration(loop: Loop, effects: Effects, encoder_resolution: float) ->
 
 
 def law_numerator(loop: Loop, effects: Effects) -> FloatArray | None:
-    """The numerator of the dimensionless law C·T²/m over its denominator; None for no effect.
-
-    Returns:
-        (degree+1, *shape), ascending in w, of the broadcast shape.
-    """
+    """The numerator of the dimensionless law C·T²/m over its denominator; None for no effect."""
     parts = loop.transfer
     terms = (parts.alpha, parts.beta, parts.gamma)
     values = loop.dimensionless_effects(effects)
@@ -86,10 +142,7 @@ def law_numerator(loop: Loop, effects: Effects) -> FloatArray | None:
 
 
 def count_jump(
-    effects: Effects,
-    sample_time: float,
-    encoder_resolution: float,
-    filters: Filters | None = None,
+    effects: Effects, sample_time: float, encoder_resolution: float, filters: Filters | None = None
 ) -> CountJump:
     """The force that one count commands: KΔ, and BΔ/T and MΔ/T² without filters.
 
@@ -121,12 +174,9 @@ def count_jump(
 def ripple_energy(
     numerator: Sequence[Any], denominator: Sequence[Any], *, position_free: bool
 ) -> Any:
-    """Squared discrete H2 norm of numerator/denominator in w, in any arithmetic.
+    """Squared discrete H2 norm in any arithmetic, of C/(1+GC) over the loop polynomial in w.
 
-    Args:
-        numerator: of C/(1+GC) over the common denominator, ascending in w; trailing zeros allowed.
-        denominator: the loop polynomial.
-        position_free: both then share a factor w, which is divided out.
+    ``position_free``: both share a factor w, which is divided out.
     """
     size = len(denominator)
     top, bottom = list(numerator[:size]), list(denominator)
@@ -185,3 +235,127 @@ def _in_inverse_z(part: FloatArray, order: int) -> FloatArray:
         plus = np.polynomial.polynomial.polypow([1.0, 1.0], order - power)
         total += float(coefficient) * np.convolve(minus, plus)
     return total
+
+
+#: Nodes of one panel of Gauss and Legendre's rule, between neighbouring corners of the curve and
+#: resonances of the loop.
+_NODES = 16
+#: Halved panels agree to this, relative: far below what is known of any threshold.
+_AGREE = 1e-6
+#: Halvings of all panels; two are usual, since panels grow from each resonance outwards.
+_MOST_HALVINGS = 6
+#: Edges of panels around a pole: its distance from the axis times these.
+_AROUND = 3.0 ** np.arange(-1, 12)
+#: Hz. Below, no hand calls it vibration.
+_LOWEST = 1.0
+
+
+class ThresholdPoint(Document):
+    """Least displacement that is felt at one frequency."""
+
+    frequency_hz: float = Field(gt=0)
+    displacement: float = Field(gt=0)
+
+
+class ThresholdCurve(Document):
+    """Vibrotactile thresholds; data that a user can replace with a file of this form.
+
+    Attributes:
+        source: where the numbers are from, and how sure that is.
+        amplitude: what the displacements are: ``peak`` (zero to peak) or ``rms``.
+        unit: m, of the handle.
+        points: by rising frequency; straight lines between them in logarithms, held beyond them.
+    """
+
+    schema_: Literal["haptune/vibration/1"] = Field(default="haptune/vibration/1", alias="schema")
+    name: str
+    source: str
+    amplitude: Literal["peak", "rms"]
+    unit: Literal["m"] = "m"
+    points: tuple[ThresholdPoint, ...] = Field(min_length=2)
+
+    @model_validator(mode="after")
+    def _rising(self) -> ThresholdCurve:
+        frequencies = [point.frequency_hz for point in self.points]
+        if any(b <= a for a, b in pairwise(frequencies)):
+            raise ValueError("frequency_hz must rise from point to point")
+        return self
+
+    def rms(self, frequency_hz: FloatArray) -> FloatArray:
+        """Threshold at given frequencies (Hz), m rms, of the same shape."""
+        frequencies = np.log([point.frequency_hz for point in self.points])
+        displacements = np.log([point.displacement for point in self.points])
+        scale = np.sqrt(0.5) if self.amplitude == "peak" else 1.0
+        return scale * np.exp(np.interp(np.log(frequency_hz), frequencies, displacements))
+
+
+@cache
+def default_thresholds() -> ThresholdCurve:
+    """The hand around a cylinder; its source says how sure the numbers are."""
+    with as_file(files("tune") / "data" / "grasped_cylinder.yaml") as path:
+        return load_document(ThresholdCurve, Path(path))
+
+
+def handle_spectrum(
+    loop: Loop, effects: Effects, encoder_resolution: float, frequency_hz: FloatArray
+) -> FloatArray:
+    """Spectral density of the handle's displacement from quantisation, m²/Hz, one-sided."""
+    frequency_hz = np.asarray(frequency_hz, dtype=np.float64)
+    (one,), _ = closed_loops(loop, effects)
+    law = law_numerator(loop, effects)
+    if law is None:
+        return np.zeros_like(frequency_hz)
+    v = np.tan(np.pi * frequency_hz * one.sample_time)
+    closed, _ = loop.polynomial(effects)
+    response = value_at(loop.transfer.handle_numerator, v) * value_at(law, v) / value_at(closed, v)
+    density = encoder_resolution**2 / 12 * 2 * one.sample_time
+    return density * np.abs(response) ** 2
+
+
+def vibration_in_thresholds(
+    loop: Loop, effects: Effects, encoder_resolution: float, curve: ThresholdCurve | None = None
+) -> float:
+    """Vibration of the handle from quantisation, in thresholds: above 1 it is felt.
+
+    √∫ S(f)/threshold(f)² df from 1 Hz to the Nyquist frequency, by Gauss and Legendre's rule with
+    panels halved until two agree to 1e-6.
+
+    Args:
+        loop: of shape (), a linear axis, scaled by mass and sample time.
+        effects: single values of a stable setting.
+        encoder_resolution: Δ, m.
+        curve: thresholds; None is `default_thresholds`.
+
+    Raises:
+        LoopError: the panels do not agree; the loop rings too sharply to be safe.
+    """
+    chosen = curve or default_thresholds()
+    (one,), _ = closed_loops(loop, effects)
+    nyquist = 0.5 / one.sample_time
+    lowest = min(_LOWEST, nyquist / 2)
+    poles = one.poles()
+    poles = poles[np.isfinite(poles)]
+    reach = np.abs(poles.real)[:, None] * np.concatenate([-_AROUND, [0.0], _AROUND])
+    around = np.arctan(np.abs(poles.imag[:, None] + reach)) / (np.pi * one.sample_time)
+    corners = np.concatenate(
+        [[lowest, nyquist], [point.frequency_hz for point in chosen.points], around.reshape(-1)]
+    )
+    edges = np.unique(corners[(corners >= lowest) & (corners <= nyquist)])
+
+    def total(edges: FloatArray) -> float:
+        nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+        half = np.diff(edges)[:, None] / 2
+        f = edges[:-1, None] + half * (1 + nodes)
+        density = handle_spectrum(loop, effects, encoder_resolution, f) / chosen.rms(f) ** 2
+        return float(np.sum(half * weights * density))
+
+    previous = present = total(edges)
+    for _ in range(_MOST_HALVINGS):
+        edges = np.sort(np.concatenate([edges, (edges[1:] + edges[:-1]) / 2]))
+        previous, present = present, total(edges)
+        if abs(present - previous) <= _AGREE * present:
+            return float(np.sqrt(present))
+    raise LoopError(
+        f"the vibration spectrum does not settle: {present:g} after {previous:g}; the loop rings "
+        "too sharply. Give it more damping or less gain"
+    )

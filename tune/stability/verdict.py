@@ -2,27 +2,338 @@
 
 One criterion and one way of finding boundaries serve every combination of effects: the published
 limits (6), (13), (19), (25), (28), (36) and (43) are what `largest` and `is_stable` answer when
-the other effects are absent. One file: every question about stability goes through the same two
-polynomials.
+the other effects are absent.
+
+Boundaries are those of A(w) + s·B(w), s > 0. A root can only cross at w = jω. With x = ω² both even
+and odd part vanish there: E_A(x) + s·E_B(x) = 0 and O_A(x) + s·O_B(x) = 0, so x is a positive root
+of one polynomial, E_A·O_B - O_A·E_B, and s = -E_A/E_B. Beside these there are crossings at w = 0
+and w = ∞. No iteration over s, no grid: between two neighbouring crossings nothing changes, and the
+criterion decides once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
-from tune.loop.coefficients import Terms
-from tune.loop.factors import Factors
-from tune.loop.loop import Loop
-from tune.stability.batch_verdicts import judge_of
-from tune.stability.criterion import VerdictArray, routh
-from tune.stability.crossings import Ratio
-from tune.stability.intervals import Intervals, stable_intervals, stable_up_to
+from tune.loop.loop import Factors, Loop, Terms, spread
+from tune.loop.polynomials import UNIT, companion_roots, pad_coefficients, product
+from tune.stability.criterion import ULPS, VerdictArray, judge_of, routh
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: -A/B at w = jv without expanded products: v of shape (candidates, *shape).
+_Ratio = Callable[[FloatArray], ComplexArray]
+
+#: Roots x this far off the real axis, relative to their size, are still tried: a touching pair
+#: leaves the axis by the square root of the rounding error. A false one costs one more verdict.
+_NEARLY_REAL = 1e-3
+#: Newton steps on (x, s); each doubles the digits that the eigenvalues left (six or more).
+_POLISHES = 4
+#: Newton steps on v by the ratio, the part of v they look ahead for its slope, and the part they
+#: may go: the coefficients of the polynomials have found v to better than that.
+_REFINEMENTS, _AHEAD, _NEAR = 2, 1e-6, 1e-3
+
+
+def _candidates(
+    fixed: FloatArray, varied: FloatArray, ratio: _Ratio | None, polishes: int = _POLISHES
+) -> FloatArray:
+    """Every s > 0 at which a crossing may happen, (candidates, loops), inf where unused."""
+    x, s, _ = _crossings(fixed, varied, polishes)
+    if ratio is not None and s.size:
+        s = _refined(x, s, ratio)
+    return _with_ends(s, fixed, varied)
+
+
+def _with_ends(s: FloatArray, fixed: FloatArray, varied: FloatArray) -> FloatArray:
+    """Crossings with those at w = 0 and w = ∞, inf where unused."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = -fixed[[0, -1]] / varied[[0, -1]]
+    points = np.concatenate([s, ends])
+    points[~((points > 0) & np.isfinite(points))] = np.inf
+    return points
+
+
+def _crossings(
+    fixed: FloatArray, varied: FloatArray, polishes: int
+) -> tuple[FloatArray, FloatArray, ComplexArray]:
+    """Every crossing at a frequency between nothing and infinity, A and B (degree+1, loops).
+
+    x and s are (candidates, loops), nan where unused; beside them all roots in x as they were
+    found, real or not.
+    """
+    even = [_in_x(part[0::2]) for part in (fixed, varied)]
+    odd = [_in_x(part[1::2]) for part in (fixed, varied)]
+    resultant = product(odd[1], even[0])
+    other = product(even[1], odd[0])
+    length = max(len(resultant), len(other))
+    scale = pad_coefficients(np.abs(resultant), length) + pad_coefficients(np.abs(other), length)
+    resultant = pad_coefficients(resultant, length) - pad_coefficients(other, length)
+    resultant[np.abs(resultant) <= 4 * UNIT * scale] = 0.0
+    roots = _roots_of(resultant)
+    x = _real_parts(roots, _NEARLY_REAL)
+    both = np.stack(
+        [pad_coefficients(part, len(even[0])) for part in (even[0], odd[0], even[1], odd[1])], 1
+    )
+    both = both[:, :, None]
+    s = _gain_at(x, both)
+    for _ in range(polishes):
+        x, s = _newton(x, s, both)
+    return x, s, roots
+
+
+def _refined(x: FloatArray, s: FloatArray, ratio: _Ratio) -> FloatArray:
+    """s where the ratio becomes real, by Newton's method on v; unchanged where that leads away."""
+    with np.errstate(all="ignore"):
+        start = np.sqrt(np.where(x > 0, x, np.nan))
+        v = start.copy()
+        for _ in range(_REFINEMENTS):
+            places = np.concatenate([v, v * (1 + _AHEAD), v * (1 - _AHEAD)])
+            here, above, below = np.split(np.imag(ratio(places)), 3)
+            v -= here / (above - below) * (2 * _AHEAD * v)
+        value = ratio(v)
+        good = (np.abs(v - start) <= _NEAR * start) & (np.abs(np.imag(value)) <= _NEAR * np.abs(s))
+        good &= np.abs(np.real(value) - s) <= _NEAR * np.abs(s)
+        return np.where(good, np.real(value), s)
+
+
+def _in_x(part: FloatArray) -> FloatArray:
+    """Powers of w² = -x to powers of x."""
+    signs = (-1.0) ** np.arange(len(part))
+    return part * signs[:, None]
+
+
+def _roots_of(polynomials: FloatArray) -> ComplexArray:
+    """Roots of each column, nan where there are fewer."""
+    length, columns = polynomials.shape
+    roots = np.full((length - 1, columns), np.nan, dtype=np.complex128)
+    present = polynomials != 0
+    lead = np.where(present.any(axis=0), length - 1 - np.argmax(present[::-1], axis=0), 0)
+    tail = np.argmax(present, axis=0)
+    for top, bottom in {(int(a), int(b)) for a, b in zip(lead, tail, strict=True)}:
+        degree = top - bottom
+        chosen = np.flatnonzero((lead == top) & (tail == bottom))
+        if degree < 1:
+            continue
+        part = polynomials[bottom : top + 1, chosen]
+        roots[:degree, chosen] = companion_roots(part[:-1] / part[-1])
+    return roots
+
+
+def _real_parts(roots: ComplexArray, nearly: float) -> FloatArray:
+    """Positive real parts of the roots that are real to a part of them, nan elsewhere."""
+    with np.errstate(invalid="ignore"):
+        real = (roots.real > 0) & (np.abs(roots.imag) <= nearly * np.abs(roots.real))
+    return np.where(real, roots.real, np.nan)
+
+
+def _values(parts: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values and slopes, (polynomials, candidates, loops); parts lead with the coefficients."""
+    value = parts[-1] + np.zeros_like(x)
+    slope = np.zeros_like(value)
+    for row in parts[-2::-1]:
+        slope *= x
+        slope += value
+        value *= x
+        value += row
+    return value, slope
+
+
+def _gain_at(x: FloatArray, parts: FloatArray) -> FloatArray:
+    """s from whichever of the even and the odd part says it best."""
+    value, _ = _values(parts, x)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        said = -value[:2] / value[2:]
+        by_even = np.abs(value[2:3]) >= np.abs(value[3:]) * np.sqrt(x)
+        return np.where(by_even, said[:1], said[1:])[0]
+
+
+def _newton(x: FloatArray, s: FloatArray, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """One Newton step on the pair of equations; a step that leaves (0, 2x] is not taken."""
+    value, slope = _values(parts, x)
+    e_b, o_b = value[2:]
+    e, o = value[:2] + s * value[2:]
+    e_x, o_x = slope[:2] + s * slope[2:]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        determinant = e_x * o_b - o_x * e_b
+        dx = (e * o_b - o * e_b) / determinant
+        ds = (e_x * o - o_x * e) / determinant
+        good = np.isfinite(dx) & np.isfinite(ds) & (np.abs(dx) < 0.5 * x)
+        return np.where(good, x - dx, x), np.where(good, s - ds, s)
+
+
+#: A root in x this far off the axis, relative, belongs to a pair that may come to touch it.
+_ALMOST_REAL = 0.7
+#: Neighbouring crossings closer than this, relative, are one.
+_SAME = 64 * UNIT
+#: Where only a top matters, crossings beyond so many times it, after so few Newton steps, are
+#: certainly beyond it; for nearer ones the intervals decide.
+_BEYOND, _ROUGH_POLISHES = 1.01, 2
+
+
+class Intervals(NamedTuple):
+    """Open intervals of a gain or a size, stable strictly inside; shape (intervals, *shape).
+
+    Attributes:
+        low: lower ends; 0 where the interval is connected to zero.
+        high: upper ends, of the same shape; inf where there is no end. Unused entries are nan.
+    """
+
+    low: FloatArray
+    high: FloatArray
+
+
+def stable_intervals(
+    fixed: FloatArray,
+    varied: FloatArray,
+    fixed_size: FloatArray,
+    varied_size: FloatArray,
+    ratio: _Ratio | None = None,
+) -> Intervals:
+    """All intervals of s in (0, ∞) on which fixed + s·varied has every root in Re w < 0.
+
+    Fixed A and varied B are (degree+1, *shape) in ascending powers of w, the sizes the absolute
+    sums behind them. With a ratio, -A/B on the axis from factors, the crossings have its digits.
+    The ends ascend in s, (intervals, *shape).
+    """
+    shape = fixed.shape[1:]
+    parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
+    sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
+    points = _candidates(parts[0], parts[1], _flattened(ratio, shape))
+    low, high = _judged(parts, sizes, points)
+    return Intervals(low.reshape(-1, *shape), high.reshape(-1, *shape))
+
+
+def _stable_up_to(
+    fixed: FloatArray,
+    varied: FloatArray,
+    fixed_size: FloatArray,
+    varied_size: FloatArray,
+    top: float,
+) -> NDArray[np.bool_]:
+    """True where fixed + s·varied is certainly stable for every s in (0, top].
+
+    What `stable_intervals` says for less work: one verdict at the top, and crossings only roughly
+    unless one is near.
+    """
+    shape = fixed.shape[1:]
+    parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
+    sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
+    stable = _verdicts(parts, sizes, np.full((1, parts[0].shape[1]), top))[0] > 0
+    open_ = np.flatnonzero(stable)
+    if open_.size:
+        points = _candidates(parts[0][:, open_], parts[1][:, open_], None, _ROUGH_POLISHES)
+        near = open_[np.any(points < _BEYOND * top, axis=0)]
+        if near.size:
+            close = [part[:, near] for part in (*parts, *sizes)]
+            low, high = stable_intervals(close[0], close[1], close[2], close[3])
+            stable[near] = (low[0] == 0) & (high[0] > top)
+    return stable.reshape(shape)
+
+
+class _StabilityLimits(NamedTuple):
+    """How a family of polynomials, shape (loops,), ceases to be stable below or beyond some s."""
+
+    #: Upper end of the last stable interval that begins below; 0 if nothing small is stable.
+    end: FloatArray
+    #: Of the root w = jω that crosses there, 0 and inf at the ends of the axis.
+    omega: FloatArray
+    #: There is an unstable gap below that end.
+    broken: NDArray[np.bool_]
+    #: Frequencies v, (candidates, loops), about which roots cross or nearly do, or nan.
+    near: FloatArray
+
+
+def stability_limits(
+    fixed: FloatArray,
+    varied: FloatArray,
+    fixed_size: FloatArray,
+    varied_size: FloatArray,
+    below: float,
+) -> _StabilityLimits:
+    """Where fixed + s·varied, each (degree+1, loops), ceases to be stable."""
+    x, s, roots = _crossings(fixed, varied, _ROUGH_POLISHES)
+    points = _with_ends(s, fixed, varied)
+    low, high = _judged([fixed, varied], [fixed_size, varied_size], points.copy())
+    begun = low < below
+    broken = (np.sum(begun, axis=0) > 1) & (low[0] == 0)
+    # Pairs that have come apart along the axis are only of interest where they leave a gap.
+    with np.errstate(invalid="ignore"):
+        roots[:, ~broken] = np.where(roots.imag == 0, np.nan, roots)[:, ~broken]
+    end = np.where(low[0] == 0, np.max(np.where(begun, high, 0.0), axis=0), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = np.concatenate([x, np.zeros((1, x.shape[1])), np.full((1, x.shape[1]), np.inf)])
+        away = np.nan_to_num(np.abs(points / end - 1), nan=np.inf)
+        which = np.argmin(away, axis=0)[None]
+        return _StabilityLimits(
+            end=end,
+            omega=np.sqrt(np.take_along_axis(x, which, axis=0)[0]),
+            broken=broken,
+            near=np.sqrt(_real_parts(roots, _ALMOST_REAL)),
+        )
+
+
+def _judged(
+    parts: list[FloatArray], sizes: list[FloatArray], points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The stable intervals between candidates, which are sorted in place; (intervals, loops)."""
+    # Up to here A + s·B is A, for all that rounding leaves of it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike = np.where(sizes[1] > 0, sizes[0] / sizes[1], np.inf).min(axis=0)
+    points[points <= ULPS * UNIT * alike] = np.inf
+    points.sort(axis=0)
+    edges = np.concatenate([np.zeros((1, points.shape[1])), points])
+    after = np.concatenate([points, np.full((1, points.shape[1]), np.inf)])
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        middle = np.where(
+            edges == 0,
+            np.where(np.isinf(after), 1.0, after / 2),
+            np.where(np.isinf(after), 2 * edges, np.sqrt(edges) * np.sqrt(after)),
+        )
+    empty = ~np.isfinite(edges) | ~(after > edges * (1 + _SAME))
+    middle[empty] = 1.0
+    stable = _verdicts(parts, sizes, middle) > 0
+    stable[empty] = False
+    return _merged(edges, after, stable, empty)
+
+
+def _verdicts(parts: list[FloatArray], sizes: list[FloatArray], s: FloatArray) -> VerdictArray:
+    coefficients = parts[0][:, None, :] + parts[1][:, None, :] * s
+    return routh(coefficients, sizes[0][:, None, :] + sizes[1][:, None, :] * s)
+
+
+def _merged(
+    edges: FloatArray, after: FloatArray, stable: NDArray[np.bool_], empty: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Join stable neighbours; candidates that were no crossing disappear here."""
+    rows, columns = edges.shape
+    low = np.full((rows, columns), np.nan)
+    high = np.full((rows, columns), np.nan)
+    count = np.full(columns, -1)
+    open_ = np.zeros(columns, dtype=bool)
+    for row in range(rows):
+        counts = ~empty[row]
+        begins = np.flatnonzero(stable[row] & ~open_ & counts)
+        count[begins] += 1
+        low[count[begins], begins] = edges[row, begins]
+        inside = np.flatnonzero(stable[row] & counts)
+        high[count[inside], inside] = after[row, inside]
+        open_ = np.where(counts, stable[row], open_)
+    used = max(1, int(np.max(count, initial=-1)) + 1)
+    return low[:used], high[:used]
+
+
+def _flattened(ratio: _Ratio | None, shape: tuple[int, ...]) -> _Ratio | None:
+    if ratio is None:
+        return None
+    return lambda v: ratio(v.reshape(-1, *shape)).reshape(v.shape)
+
+
 #: Points from which it is worth while to set up a judge of many.
 _MANY = 64
 
@@ -30,13 +341,8 @@ _MANY = 64
 def verdict(loop: Loop, effects: Effects) -> VerdictArray:
     """+1 stable, -1 unstable, 0 nearer to the boundary than float64 can tell.
 
-    Args:
-        loop: of shape (*shape); () for one device.
-        effects: broadcast against the loop; ``None`` marks an effect that is not there, and
-            without stiffness the pole of free motion is left out of the judgement.
-
-    Returns:
-        int8 array of the broadcast shape.
+    Of the broadcast shape of loop and effects. Without stiffness the pole of free motion is left
+    out of the judgement.
     """
     given = effects.arrays()
     shape = np.broadcast_shapes(
@@ -96,11 +402,8 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
-    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time.
-
-    The answer has the shape of loop and effects together.
-    """
-    return stable_up_to(*_by_gain(loop, effects), gain)
+    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time."""
+    return _stable_up_to(*_by_gain(loop, effects), gain)
 
 
 def stable_gains(loop: Loop, effects: Effects) -> Intervals:
@@ -119,12 +422,7 @@ def _by_gain(loop: Loop, effects: Effects) -> tuple[FloatArray, FloatArray, Floa
     free = _like(loop.terms.free, total)
     free_size = _like(loop.sizes.free, total)
     start = loop.lowest_power(effects)
-    return (
-        free[start:],
-        (total - free)[start:],
-        free_size[start:],
-        (sizes - free_size)[start:],
-    )
+    return (free[start:], (total - free)[start:], free_size[start:], (sizes - free_size)[start:])
 
 
 def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> FloatArray:
@@ -151,22 +449,14 @@ def stable_values(
 ) -> Intervals:
     """All stable intervals of the size of one effect, the others as given.
 
-    Args:
-        loop: of any shape.
-        name: the effect that varies.
-        effects: the others.
-        sign: +1 for positive values, -1 for the sizes of negative ones.
-
-    Returns:
-        Ends in sizes, of shape (intervals, *shape), ascending, nan where unused.
+    Sign +1 is for positive values, -1 for the sizes of negative ones. Ends in sizes are
+    (intervals, *shape), ascending, nan where unused.
     """
     others = effects or Effects()
     given = {key: getattr(others, key) for key in EFFECT_NAMES if key != name}
     base, base_size = loop.polynomial(Effects(**given))
     index = EFFECT_NAMES.index(name)
-    term = (loop.terms.alpha, loop.terms.beta, loop.terms.gamma)[index]
-    size = (loop.sizes.alpha, loop.sizes.beta, loop.sizes.gamma)[index]
-    scale = loop.scales[index]
+    term, size, scale = loop.terms[1:][index], loop.sizes[1:][index], loop.scales[index]
     varied = Effects(**{name: float(sign)})
     start = loop.lowest_power(Effects(**given, **{name: float(sign)}))
     return stable_intervals(
@@ -178,7 +468,7 @@ def stable_values(
     )
 
 
-def _ratio(loop: Loop, factors: Factors, fixed: Effects, varied: Effects) -> Ratio:
+def _ratio(loop: Loop, factors: Factors, fixed: Effects, varied: Effects) -> _Ratio:
     """-(1 + G·C)/(G·C') on the axis, C the law of what is fixed and C' of what varies."""
 
     def ratio(v: FloatArray) -> NDArray[np.complex128]:
@@ -204,20 +494,13 @@ def _general(loop: Loop, effects: Effects, shape: tuple[int, ...]) -> VerdictArr
 
 def _table(loop: Loop, terms: Terms, present: Mapping[EffectName, object]) -> FloatArray:
     """(degree+1, 1 + effects): what is fixed and what each effect present adds for each unit."""
-    parts = dict(
-        zip(
-            EFFECT_NAMES,
-            zip((terms.alpha, terms.beta, terms.gamma), loop.scales, strict=True),
-            strict=True,
-        )
-    )
-    return np.stack([terms.free, *(parts[name][0] * parts[name][1] for name in present)], axis=1)
+    parts = zip(EFFECT_NAMES, terms[1:], loop.scales, strict=True)
+    added = [part * scale for name, part, scale in parts if name in present]
+    return np.stack([terms.free, *added], axis=1)
 
 
 def _like(coefficients: FloatArray, total: FloatArray) -> FloatArray:
-    missing = total.ndim - coefficients.ndim
-    shaped = coefficients.reshape(coefficients.shape[0], *(1,) * missing, *coefficients.shape[1:])
-    return np.broadcast_to(shaped, total.shape)
+    return np.broadcast_to(spread(coefficients, total.shape[1:]), total.shape)
 
 
 def _pick(intervals: Intervals, wanted: NDArray[np.bool_]) -> Intervals:

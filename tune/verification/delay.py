@@ -20,11 +20,10 @@ from tune.documents.effects import Effects
 from tune.documents.hand import Hand
 from tune.documents.loop_profile import LoopProfile
 from tune.documents.profile import Design
-from tune.loop.companion import companion_roots
 from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
-from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.loop.sampled_plant import LONGEST_DELAY
+from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
+from tune.loop.polynomials import companion_roots
 from tune.stability.verdict import safe_up_to
 from tune.verification.law import MeasuredCutoff, allowed_filters
 from tune.verification.motion import MeasuredMode

@@ -1,8 +1,18 @@
-"""Fade time: the shortest over which an element may fade so that no hand was found to pump.
+"""Loops that change in time: uneven steps of the clock, and effects that fade in and out.
 
-An element with mass is faded in and out, its level l[k] rising or falling by at most T/τ a sample.
-At each constant level the loop is stable; a swing may still gain from a level that moves with it,
-as a pendulum does from a string drawn in and let out. In the same coordinates at all levels
+**Jitter.** With steps of any length within T(1 ± j), one after the other in any order, the loop is
+a product of transition matrices A(τ). It is stable if one norm, a common quadratic Lyapunov
+function, shrinks under all of them. The norm taken is that of the closed loop's own modes at the
+even step, each weighed: with A(T) = V·Λ·V⁻¹ and weights D,
+
+    max over τ of ‖D·V⁻¹·A(τ)·V·D⁻¹‖ < 1.
+
+At the even step it is the largest modulus of a pole whatever the weights; they are taken from the
+Perron vectors of the elementwise largest moduli, the best for matrices without signs.
+
+**Fades.** An element with mass is faded in and out, its level l[k] rising or falling by at most T/τ
+a sample. At each constant level the loop is stable; a swing may still gain from a level that moves
+with it, as a pendulum does from a string drawn in and let out. In coordinates that all levels share
 
     x[k+1] = (A + l[k]·e·cᵀ)·x[k],
 
@@ -14,16 +24,118 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.loop.filters import Filters
-from tune.loop.law_states import law_states
-from tune.loop.state_space import Corner, SampledLoop
+from tune.loop.state_space import Corner, SampledLoop, law_states
 
 FloatArray = NDArray[np.float64]
+
+#: Parts of a sample time beyond which no jitter is looked at.
+MOST_JITTER = 0.5
+#: Step lengths within ±j at which the norm is computed. A(τ) is all but straight in τ, and the norm
+#: of a matrix on a straight line is largest at an end.
+_LENGTHS = np.linspace(-1.0, 1.0, 5)
+#: The largest j is found to this part of itself, in at most so many steps.
+_CLOSE, _MOST_STEPS = 1e-4, 40
+#: Balancing sweeps of the moduli, and what stands for none, relative to the largest.
+_SWEEPS, _NONE = 6, 1e-9
+
+
+@lru_cache(maxsize=4096)
+def jitter_margin(
+    places: tuple[Corner, ...], filters: Filters, values: tuple[float, float, float]
+) -> float:
+    """Largest j up to `MOST_JITTER` such that steps anywhere in T(1 ± j) leave every loop stable.
+
+    It is sufficient, not necessary, and says nothing of devices between the places. The law is the
+    one made for even steps, its values K, B and M, 0 for none; its delay is counted in steps. 0
+    where a loop is not stable at even steps.
+    """
+    far = {place: _growth(place, filters, values, MOST_JITTER) for place in places}
+    found = MOST_JITTER
+    # The worst first: the others are then looked at no further.
+    for place in sorted(far, key=far.__getitem__, reverse=True):
+        if far[place] < 0:
+            break
+        if found == MOST_JITTER or _growth(place, filters, values, found) >= 0:
+            found = _margin_at(place, filters, values, found)
+    return found
+
+
+def _margin_at(
+    place: Corner, filters: Filters, values: tuple[float, float, float], most: float
+) -> float:
+    """The margin of a loop that is not stable up to ``most``, by the Illinois false position."""
+    low, high = 0.0, most
+    above = _growth(place, filters, values, most)
+    below = _growth(place, filters, values, 0.0)
+    if below >= 0:
+        return 0.0
+    side = 0
+    for _ in range(_MOST_STEPS):
+        if high - low < _CLOSE * high:
+            break
+        # A growth without bound tells no slope. The step aims a little beyond the zero, so that
+        # both ends close in.
+        share = -below / (above - below) if np.isfinite(above) else 0.5
+        aim = low + (high - low) * share
+        middle = min(max(aim + side * _CLOSE * aim / 3, (low + aim) / 2), (high + aim) / 2)
+        seen = _growth(place, filters, values, middle)
+        if seen < 0:
+            low, below, above = middle, seen, above / 2 if side > 0 else above
+            side = 1
+        else:
+            high, above, below = middle, seen, below / 2 if side < 0 else below
+            side = -1
+    return low
+
+
+def _growth(
+    place: Corner, filters: Filters, values: tuple[float, float, float], jitter: float
+) -> float:
+    """By how much the norm of the modes exceeds 1 under the worst step within T(1 ± jitter)."""
+    lengths = 1 + jitter * _LENGTHS
+    transitions = SampledLoop.of(place, filters, values, lengths=lengths).pushed
+    if not np.isfinite(transitions).all():
+        return np.inf
+    poles, modes = np.linalg.eig(transitions[len(lengths) // 2])
+    try:
+        seen = np.linalg.solve(modes, transitions @ modes)
+    except np.linalg.LinAlgError:
+        return np.inf
+    if values[0] == 0 and place.position_stiffness == 0:
+        # Wherever the device is, it moves alike: a step keeps that mode as it is.
+        kept = np.delete(np.arange(len(poles)), np.argmin(np.abs(poles - 1)))
+        seen = seen[:, kept][:, :, kept]
+    weights = _weights(np.abs(seen).max(axis=0))
+    weighed = seen * (weights[:, None] / weights)
+    return float(np.linalg.norm(weighed, 2, axis=(-2, -1)).max()) - 1
+
+
+def _weights(sizes: FloatArray) -> FloatArray:
+    """√(y/x) of the right and left Perron vectors x, y of a nonnegative matrix, balanced first."""
+    weights = np.ones(len(sizes))
+    apart = sizes * (1 - np.eye(len(sizes))) + np.finfo(float).tiny
+    for _ in range(_SWEEPS):
+        now = apart * (weights[:, None] / weights)
+        weights = weights * (now.sum(axis=0) / now.sum(axis=1)) ** 0.25
+        weights = weights / weights.max()
+    balanced = sizes * (weights[:, None] / weights)
+    balanced = balanced + _NONE * balanced.max()
+    return weights * np.sqrt(_perron(balanced.T) / _perron(balanced))
+
+
+def _perron(sizes: FloatArray) -> FloatArray:
+    """The positive eigenvector of a positive matrix."""
+    values, vectors = np.linalg.eig(sizes)
+    return np.abs(vectors[:, np.argmax(np.real(values))])
+
+
 Values = tuple[float, float, float]
 Spans = NDArray[np.int64]
 
@@ -52,17 +164,12 @@ def shortest_fade(
     """Shortest fade, s, at which no wave of the level was found to make any loop grow.
 
     It is necessary, not sufficient: waves of other shapes are not looked at. 0.05 s at least; inf
-    where none up to 1 s, or 5 s all the way, is slow enough.
-
-    Args:
-        places: ways the device may be.
-        filters: of velocity and acceleration.
-        beside: K, B and M of what does not fade, N/m, N·s/m and kg.
-        fading: of what does, at its full level.
-        whole: whether the level always goes all the way; else it may turn at other levels too.
+    where none up to 1 s, or 5 s all the way, is slow enough. The values are K, B and M of what
+    stands beside and of what fades, at its full level; ``whole`` says that the level always goes
+    all the way, else it may turn at other levels too.
     """
     loops = [
-        FadedLoop.of(place, filters, beside, fading)
+        _FadedLoop.of(place, filters, beside, fading)
         for place in places
         # Without any spring nothing swings.
         if beside[0] or fading[0] or place.position_stiffness or place.modes
@@ -77,7 +184,7 @@ def shortest_fade(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FadedLoop:
+class _FadedLoop:
     """x[k+1] = (still + level·more)·x[k], each of shape (states, states); sample time in s.
 
     It is grounded where a spring of device or law binds the place at some level.
@@ -89,7 +196,7 @@ class FadedLoop:
     grounded: bool
 
     @classmethod
-    def of(cls, place: Corner, filters: Filters, beside: Values, fading: Values) -> FadedLoop:
+    def of(cls, place: Corner, filters: Filters, beside: Values, fading: Values) -> _FadedLoop:
         """The estimates follow every reading; only what is made of them has a level."""
         step = place.sample_time
         plant = SampledLoop.of(place, filters, (1.0, 0.0, 0.0))

@@ -1,0 +1,427 @@
+"""The sampled plant in w: modes and a hand, current lag, zero-order hold, a delay of any length.
+
+The device as a controller meets it, before it has any filters. In units of the mass and the sample
+time, d0 = s² + δs + k is the rigid mass on its damper and on the slope of its own force by
+position, di = s² + 2ζΩs + Ω² a mode and h = μs² + ηs + κ the hand. With participations e at the
+encoder and p at the handle (1 for the rigid mass) position over force is N/D, handle over force
+H/D,
+
+    D = Π di + h·Σ pi² Π_{j≠i} dj                                  (matrix determinant lemma)
+    N = Σ ei² Π_{j≠i} dj + h·Σ_{i<j} (ei·pj - ej·pi)² Π_{l≠i,j} dl     (Sherman-Morrison, Lagrange)
+    H = Σ ei·pi Π_{j≠i} dj
+
+Without a negative damping or slope every term of D and N is positive: nothing cancels. D is then
+split into real quadratic factors and N, H into partial fractions over them. Close poles make the
+terms of those large, and with them the sizes of what is put together from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification import Mode, Plant
+from tune.documents.errors import LoopError
+from tune.documents.hand import Hand
+from tune.loop.polynomials import (
+    EARLY,
+    LATE,
+    ONE,
+    Polynomial,
+    split_fractions,
+    split_into_quadratics,
+)
+from tune.loop.zero_order_hold import block
+
+FloatArray = NDArray[np.float64]
+
+
+class ModeNumbers(NamedTuple):
+    """One vibration mode, SI units, e and p; numbers, or arrays of shapes that broadcast."""
+
+    frequency_hz: ArrayLike
+    damping_ratio: ArrayLike
+    at_encoder: ArrayLike
+    at_handle: ArrayLike
+
+    @classmethod
+    def of(cls, mode: Mode) -> ModeNumbers:
+        """The best estimate of a device's mode."""
+        return cls(
+            frequency_hz=mode.frequency_hz.value,
+            damping_ratio=mode.damping_ratio.value,
+            at_encoder=mode.at_encoder,
+            at_handle=mode.at_handle,
+        )
+
+
+class HandNumbers(NamedTuple):
+    """A hand at the handle, SI units; numbers, or arrays of shapes that broadcast."""
+
+    mass: ArrayLike
+    damping: ArrayLike
+    stiffness: ArrayLike
+
+    @classmethod
+    def of(cls, hand: Hand) -> HandNumbers:
+        """The best estimate of a hand."""
+        return cls(mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value)
+
+
+class _Vibration(NamedTuple):
+    """A mode in units of the sample time: 2ζΩ, Ω², e and p, arrays of one shape."""
+
+    damping: FloatArray
+    stiffness: FloatArray
+    encoder: FloatArray
+    handle: FloatArray
+
+
+class _Grip(NamedTuple):
+    """A hand in units of mass and sample time, arrays of one shape: μ, η, κ."""
+
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+
+
+class _Part(NamedTuple):
+    """(r0 + r1·s)/(s² + a·s + b) of the motion at encoder and handle, arrays of one shape.
+
+    Sizes of whatever comes of a and b grow by the factor ``blur``.
+    """
+
+    a: FloatArray
+    b: FloatArray
+    blur: FloatArray
+    encoder: Polynomial
+    handle: Polynomial
+
+
+def _vibration_of(numbers: Sequence[FloatArray], T: FloatArray) -> _Vibration:
+    """A mode in units of the sample time. Raises LoopError where it cannot be."""
+    frequency, ratio, encoder, handle = numbers
+    if not (np.all(frequency > 0) and np.all(ratio >= 0)):
+        raise LoopError(
+            "a mode needs a positive frequency and a damping ratio that is not negative, not "
+            f"{np.min(frequency):g} Hz and {np.min(ratio):g}"
+        )
+    angle = 2 * np.pi * frequency * T
+    return _Vibration(2 * ratio * angle, angle * angle, encoder, handle)
+
+
+def _grip_of(numbers: Sequence[FloatArray], m: FloatArray, T: FloatArray) -> _Grip:
+    """A hand in units of mass and sample time. Raises LoopError if negative."""
+    mass, damping, stiffness = numbers
+    if not (np.all(mass >= 0) and np.all(damping >= 0) and np.all(stiffness >= 0)):
+        raise LoopError(
+            "mass, damping and stiffness of a hand must not be negative, not "
+            f"{np.min(mass):g} kg, {np.min(damping):g} N·s/m and {np.min(stiffness):g} N/m"
+        )
+    return _Grip(mass / m, damping * T / m, stiffness * T * T / m)
+
+
+def _parts_of(
+    delta: FloatArray, spring: FloatArray, modes: Sequence[_Vibration], grip: _Grip | None
+) -> tuple[_Part, ...]:
+    """Blocks of a mechanism; without a hand the rigid mass and each mode are their own."""
+    one, zero = np.ones_like(delta), np.zeros_like(delta)
+    if grip is None:
+        rigid = Polynomial.exact(one, zero)
+        return (
+            _Part(delta, spring, one, rigid, rigid),
+            *(
+                _Part(
+                    mode.damping,
+                    mode.stiffness,
+                    one,
+                    Polynomial.exact(mode.encoder**2, zero),
+                    Polynomial.exact(mode.encoder * mode.handle, zero),
+                )
+                for mode in modes
+            ),
+        )
+    if not modes:
+        mass = 1 + grip.mass
+        share = Polynomial.exact(1 / mass, zero)
+        damping, stiffness = delta + grip.damping, spring + grip.stiffness
+        # A negative damping or slope of the device may cancel that of the hand.
+        blur = np.maximum(
+            _cancelled(damping, np.abs(delta) + grip.damping),
+            _cancelled(stiffness, np.abs(spring) + grip.stiffness),
+        )
+        return (_Part(damping / mass, stiffness / mass, blur, share, share),)
+    return _coupled(delta, spring, modes, grip)
+
+
+def _cancelled(total: FloatArray, sizes: FloatArray) -> FloatArray:
+    """By how much the sizes of what was added exceed the sum; 1 where nothing cancelled."""
+    return np.maximum(1.0, sizes / np.where(total == 0, 1.0, np.abs(total)))
+
+
+def _coupled(
+    delta: FloatArray, spring: FloatArray, modes: Sequence[_Vibration], grip: _Grip
+) -> tuple[_Part, ...]:
+    one = np.ones_like(delta)
+    own = [Polynomial.exact(spring, delta, one)]
+    own += [Polynomial.exact(mode.stiffness, mode.damping, one) for mode in modes]
+    encoder = [one, *(mode.encoder for mode in modes)]
+    handle = [one, *(mode.handle for mode in modes)]
+    hand = Polynomial.exact(grip.stiffness, grip.damping, grip.mass)
+    count = len(own)
+
+    def others(*without: int) -> Polynomial:
+        return Polynomial.exact(one).times(*(own[k] for k in range(count) if k not in without))
+
+    # Each sum starts with its longest polynomial, so that all have room.
+    denominator = others().plus(
+        *(hand.times(others(i)).scaled(handle[i] ** 2) for i in range(count))
+    )
+    numerator = others(0).plus(
+        *(others(i).scaled(encoder[i] ** 2) for i in range(1, count)),
+        *(
+            hand.times(others(i, j)).scaled((encoder[i] * handle[j] - encoder[j] * handle[i]) ** 2)
+            for i in range(count)
+            for j in range(i + 1, count)
+        ),
+    )
+    seen = others(0).plus(*(others(i).scaled(encoder[i] * handle[i]) for i in range(1, count)))
+    lead = denominator.value[-1]
+    quadratics = split_into_quadratics(denominator.scaled(1 / lead))
+    first = split_fractions(numerator.scaled(1 / lead), quadratics)
+    second = split_fractions(seen.scaled(1 / lead), quadratics)
+    return tuple(
+        _Part(factor.a, factor.b, factor.blur, at_encoder, at_handle)
+        for factor, at_encoder, at_handle in zip(quadratics, first, second, strict=True)
+    )
+
+
+#: Samples. A delay this close to a whole number of samples is that number: 0.0003 s over 0.0001 s
+#: is 2.9999999999999996 in doubles.
+WHOLE = 1e-9
+#: Samples. From 23 on, doubles no longer hold the coefficients of the polynomial in w and every
+#: verdict would be no; a loop that late is refused instead.
+LONGEST_DELAY = 22
+
+
+class HoldEquivalent(NamedTuple):
+    """Position of encoder (numerator) and handle from held force, over T²/m, in w.
+
+    The numerators hold 1-w to the power ``early``, the denominator 1+w to the power ``late``; what
+    is left of position is the sum of the blocks, (numerator, denominator).
+    """
+
+    numerator: Polynomial
+    handle: Polynomial
+    denominator: Polynomial
+    early: int
+    late: int
+    blocks: tuple[tuple[Polynomial, Polynomial], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampledPlant:
+    """Position from force of devices, which any filters may be put around.
+
+    δ = bT/m, mass and sample time have the shape that all that was given broadcasts to. Grounded
+    is a position that is bound, by a spring of the hand or by the device's own force.
+    """
+
+    plant: HoldEquivalent
+    delta: FloatArray
+    mass: FloatArray
+    sample_time: FloatArray
+    grounded: bool
+
+    @classmethod
+    def from_numbers(
+        cls,
+        *,
+        mass: ArrayLike,
+        damping: ArrayLike,
+        sample_time: ArrayLike,
+        delay_samples: ArrayLike = 0.0,
+        modes: Sequence[ModeNumbers] = (),
+        hand: HandNumbers | None = None,
+        current_lag: ArrayLike = 0.0,
+        position_stiffness: ArrayLike = 0.0,
+    ) -> SampledPlant:
+        """For numbers or arrays, broadcast to one shape; see `Loop.from_numbers`."""
+        given = [mass, damping, sample_time, delay_samples, current_lag, position_stiffness]
+        given += [number for mode in modes for number in mode]
+        given += () if hand is None else hand
+        m, b, T, delay, lag, k, *rest = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
+        if not (np.all(m > 0) and np.all(T > 0)):
+            raise LoopError(f"mass and sample time must be positive, not {m.min():g}, {T.min():g}")
+        samples, fraction = split_delay(delay)
+        if not np.all(lag >= 0):
+            raise LoopError(f"current_lag must not be negative, not {lag.min():g} s")
+        vibrations = [_vibration_of(rest[4 * k : 4 * k + 4], T) for k in range(len(modes))]
+        grip = None if hand is None else _grip_of(rest[-3:], m, T)
+        delta, sprung = b * T / m, bool(np.any(k != 0))
+        plain = fraction is None and not vibrations and grip is None
+        if plain and not sprung and not np.any(lag):
+            plant = ideal_equivalent(delta, samples)
+        else:
+            plant = _general_equivalent(
+                delta,
+                samples,
+                fraction,
+                spring=k * T * T / m,
+                modes=vibrations,
+                grip=grip,
+                lag=lag / T if np.any(lag) else None,
+            )
+        return cls(
+            plant=plant,
+            delta=delta,
+            mass=m,
+            sample_time=T,
+            grounded=sprung or (grip is not None and bool(np.any(grip.stiffness > 0))),
+        )
+
+
+def split_delay(delay: FloatArray) -> tuple[int, FloatArray | None]:
+    """Delays in samples as (whole samples, fraction of each or None where all are whole)."""
+    least, most = float(np.min(delay)), float(np.max(delay))
+    if not least >= 0:
+        raise LoopError(f"delay must not be negative, not {least:g} samples")
+    if not most <= LONGEST_DELAY:
+        raise LoopError(f"delay is {most:g} samples, at most {LONGEST_DELAY} can be judged")
+    near = np.round(delay)
+    delay = np.where(np.abs(delay - near) <= WHOLE, near, delay)
+    samples = int(np.floor(np.min(delay)))
+    fraction = delay - samples
+    if np.max(fraction) > 1:
+        raise LoopError(
+            f"delays from {least:g} to {most:g} samples have different whole parts; "
+            "build a loop for each whole part"
+        )
+    return samples, fraction if np.any(fraction > 0) else None
+
+
+def ideal_equivalent(delta: FloatArray, samples: int) -> HoldEquivalent:
+    """Rigid mass and damper, (ψ+χw)(1-w) / (2w·[(1-ε)+(1+ε)w]), whole samples late."""
+    plant = Plant.at(delta)
+    top = Polynomial.exact(plant.psi, plant.chi)
+    bottom = Polynomial.exact(0.0, 2.0).times(Polynomial.exact(plant.loss, 1 + plant.epsilon))
+    numerator = _repeated(EARLY, samples + 1).times(top)
+    return HoldEquivalent(
+        numerator=numerator,
+        handle=numerator,
+        denominator=_repeated(LATE, samples).times(bottom),
+        early=samples + 1,
+        late=samples,
+        blocks=((top, bottom),),
+    )
+
+
+def _general_equivalent(
+    delta: FloatArray,
+    samples: int,
+    fraction: FloatArray | None,
+    *,
+    spring: FloatArray,
+    modes: Sequence[_Vibration],
+    grip: _Grip | None,
+    lag: FloatArray | None,
+) -> HoldEquivalent:
+    """Any mechanism behind any delay, the time constant of the actuator in samples."""
+    parts = _parts_of(delta, spring, modes, grip)
+    numerators: list[Polynomial] = []
+    handles: list[Polynomial] = []
+    denominators: list[Polynomial] = []
+    at_lag: list[tuple[Polynomial, Polynomial]] = []
+    for part in parts:
+        factors = block(part.a, part.b, fraction)
+        encoder, handle = part.encoder, part.handle
+        if lag is not None:
+            encoder, encoder_lag = _behind_lag(part, part.encoder, lag)
+            handle, handle_lag = _behind_lag(part, part.handle, lag)
+            at_lag.append((encoder_lag, handle_lag))
+        for found, share in ((numerators, encoder), (handles, handle)):
+            both = _weighted(factors.position, share, 0).plus(_weighted(factors.rate, share, 1))
+            found.append(_blurred(both, part.blur))
+        denominators.append(_blurred(factors.denominator, part.blur))
+    if lag is not None:
+        held, line = _lag_factors(lag, fraction)
+        denominators.append(line)
+        for found, which in ((numerators, 0), (handles, 1)):
+            share = at_lag[0][which].plus(*(each[which] for each in at_lag[1:]))
+            found.append(held.times(share))
+    late = samples if fraction is None else samples + 1
+    early = _repeated(EARLY, samples + 1)
+    return HoldEquivalent(
+        numerator=early.times(_over_all(numerators, denominators)),
+        handle=early.times(_over_all(handles, denominators)),
+        denominator=_repeated(LATE, late).times(*denominators),
+        early=samples + 1,
+        late=late,
+        blocks=tuple(zip(numerators, denominators, strict=True)),
+    )
+
+
+@cache
+def _repeated(factor: Polynomial, times: int) -> Polynomial:
+    """A power of 1 + w or 1 - w. Integers, and so exact."""
+    return ONE.times(*[factor] * times)
+
+
+def _weighted(polynomial: Polynomial, share: Polynomial, power: int) -> Polynomial:
+    """One coefficient of a share times a polynomial."""
+    return polynomial.times(
+        Polynomial(value=share.value[power : power + 1], size=share.size[power : power + 1])
+    )
+
+
+def _over_all(numerators: list[Polynomial], denominators: list[Polynomial]) -> Polynomial:
+    """The numerator of the sum of fractions over the product of all denominators."""
+    terms = [
+        numerator.times(*(other for j, other in enumerate(denominators) if j != k))
+        for k, numerator in enumerate(numerators)
+    ]
+    return terms[0].plus(*terms[1:])
+
+
+def _blurred(polynomial: Polynomial, blur: FloatArray) -> Polynomial:
+    return Polynomial(value=polynomial.value, size=polynomial.size * blur)
+
+
+def _behind_lag(part: _Part, share: Polynomial, lag: FloatArray) -> tuple[Polynomial, Polynomial]:
+    """(r0 + r1·s)/(s²+as+b)/(1+τs) as a fraction over each; the second is a constant.
+
+    With n = 1 - aτ + bτ²: r0' = (r0(1 - aτ) + r1·bτ)/n, r1' = (r1 - r0·τ)/n, and over 1+τs
+    (r0·τ² - r1·τ)/n.
+    """
+    (r0, r1), (s0, s1) = share.value, share.size
+    a, b = part.a, part.b
+    common = 1 - a * lag + b * lag * lag
+    sizes = 1 + np.abs(a) * lag + np.abs(b) * lag * lag
+    blur = sizes / np.abs(common)
+    value = np.stack([r0 * (1 - a * lag) + r1 * b * lag, r1 - r0 * lag]) / common
+    size = np.stack([s0 * (1 + np.abs(a) * lag) + s1 * np.abs(b) * lag, s1 + s0 * lag])
+    rest = (r0 * lag * lag - r1 * lag) / common
+    rest_size = s0 * lag * lag + s1 * lag
+    return (
+        Polynomial(value=value, size=size * blur / np.abs(common)),
+        Polynomial(value=rest[None], size=(rest_size * blur / np.abs(common))[None]),
+    )
+
+
+def _lag_factors(lag: FloatArray, fraction: FloatArray | None) -> tuple[Polynomial, Polynomial]:
+    """(numerator, denominator) of 1/(1+τs) under the held force."""
+    rate = 1 / np.where(lag > 0, lag, np.finfo(float).tiny)
+    loss, left = -np.expm1(-rate), np.exp(-rate)
+    line = Polynomial.exact(loss, 1 + left)
+    if fraction is None:
+        return Polynomial.exact(loss), line
+    # From the force before: exp(-rate·(1-f)) - exp(-rate); from the new one 1 - exp(-rate·(1-f)).
+    new = -np.expm1(-rate * (1 - fraction))
+    old = np.exp(-rate * (1 - fraction)) * -np.expm1(-rate * fraction)
+    value = np.stack(np.broadcast_arrays(loss, new - old))
+    return Polynomial(value=value, size=np.stack(np.broadcast_arrays(loss, new + old))), line

@@ -241,7 +241,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/documents/moments.py",
+        "tune/documents/scene.py",
         f"{_EDGES} -k largest_sets",
         (
             "a wall is met beside all",

@@ -20,7 +20,7 @@ from tune.certificate.point import ModePoint, Point, Setting
 from tune.certificate.roots import judge
 from tune.documents.certified import HandPlace
 from tune.documents.effects import EFFECT_NAMES, Effects
-from tune.documents.hand import FREE_TO_RIGID
+from tune.documents.scene import FREE_TO_RIGID
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.stability.verdict import is_stable

@@ -9,8 +9,8 @@ from identification import to_mapping
 from tune.certificate.assumptions import note_of_apart, note_of_dropped, skipped_parts
 from tune.certificate.differences import differences
 from tune.certificate.elements import inconsistent
-from tune.documents.moments import groups_of
 from tune.documents.profile import Design, MarginProfile, SafeProfile
+from tune.documents.scene import groups_of
 
 #: Numbers are stored with twelve digits.
 _AGREE = 1e-9

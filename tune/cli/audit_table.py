@@ -36,7 +36,7 @@ def _rows(found: Audit) -> list[tuple[str, str, str]]:
     from tune._audit import ELEMENT
     from tune.cli.contacts import contact_words, jitter_words
     from tune.cli.tables import further_delay
-    from tune.documents.units import UNITS
+    from tune.documents.effects import UNITS
 
     design, margins = found.design, found.margins
     units = UNITS[design.device.motion]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     from identification import Examination, Quantity
-    from tune.documents.result_details import LogExamined, ToldQuantity
+    from tune.documents.results import LogExamined, ToldQuantity
 
 
 def finite(content: object) -> object:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from identification import Examination, Finding, Quantity, Trajectory
-    from tune.documents.result_details import LogExamined
+    from tune.documents.results import LogExamined
 
 
 @with_log_options()

@@ -75,7 +75,7 @@ def excitation_table(plan: Excitation) -> Table:
     from rich.table import Table
 
     spec = plan.spec
-    from tune.documents.units import UNITS
+    from tune.documents.effects import UNITS
 
     units = UNITS[spec.motion]
     mass, damping = units["mass"], units["damping"]
@@ -109,7 +109,7 @@ def worst_table(plan: Excitation) -> Table:
     from rich.table import Table
 
     spec = plan.spec
-    from tune.documents.units import UNITS
+    from tune.documents.effects import UNITS
 
     units = UNITS[spec.motion]
     table = Table(
@@ -134,7 +134,7 @@ def worst_table(plan: Excitation) -> Table:
 def beyond_limits(plan: Excitation) -> str:
     """What would leave the limits, by how much, and what to do about it."""
     spec = plan.spec
-    from tune.documents.units import UNITS
+    from tune.documents.effects import UNITS
 
     units = UNITS[spec.motion]
     allowed = f"travel {spec.travel:g} {units['length']}"
@@ -156,7 +156,7 @@ def beyond_limits(plan: Excitation) -> str:
 def next_step(plan: Excitation) -> str:
     """What a gentle play is for."""
     spec = plan.spec
-    from tune.documents.units import UNITS
+    from tune.documents.effects import UNITS
 
     return (
         f"gentle first play, at most {spec.force:.3g} {UNITS[spec.motion]['force']} for "
@@ -208,7 +208,7 @@ def plan_details(plan: Excitation) -> dict[str, object]:
 def prediction_line(plan: Excitation) -> str:
     """The interval predicted for both, and what the prediction rests on."""
     spec = plan.spec
-    from tune.documents.units import UNITS
+    from tune.documents.effects import UNITS
 
     units = UNITS[spec.motion]
     mass, damping = units["mass"], units["damping"]

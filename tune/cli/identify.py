@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         Method,
         Trajectory,
     )
-    from tune.documents.result_details import IdentifyDetails, LogIdentified
+    from tune.documents.results import IdentifyDetails, LogIdentified
 
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."

@@ -11,16 +11,15 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from tune.cli.contacts import contact_lines, jitter_words
-from tune.documents.units import UNITS
+from tune.documents.effects import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from identification import Motion
     from tune.documents.certified import Certificate
-    from tune.documents.discrimination import Estimate
-    from tune.documents.loop_profile import LoopProfile
-    from tune.documents.profile import SafeProfile
+    from tune.documents.perception import Estimate
+    from tune.documents.profile import LoopProfile, SafeProfile
     from tune.documents.scene import MarginName
     from tune.optimisation.candidates import Candidate, CandidateEffect
 

@@ -83,7 +83,8 @@ class TuningRequest:
 
 def read_request(scene_file: Path, margin: MarginChoice | None) -> TuningRequest:
     """Read a scene and its perception table, the margin replaced where one is given."""
-    from tune.documents.scene import load_scene, perception_of
+    from tune.documents.perception import perception_of
+    from tune.documents.scene import load_scene
 
     scene = load_scene(scene_file)
     if margin is not None:

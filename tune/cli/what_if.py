@@ -13,7 +13,7 @@ from tune.cli.session import Session
 if TYPE_CHECKING:
     from tune.documents.perception import PerceptionTable
     from tune.documents.profile import SafeProfile
-    from tune.documents.result_details import AlternativeResult
+    from tune.documents.results import AlternativeResult
     from tune.documents.scene import Scene
 
 #: Perceived steps that nobody would buy anything for.

@@ -8,8 +8,7 @@ from importlib.resources import files
 from string import Template
 
 from identification import InvalidInputError
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import ElementProfile, SafeProfile
+from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
 from tune.exporters.heading import digest, force_limit, heading, short, unit_of_force
 from tune.exporters.largest_change import change_words, largest_change
 from tune.exporters.law import Section, fade_step, law_of, longest_tap

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 from identification import InvalidInputError
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import ElementProfile, SafeProfile
+from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

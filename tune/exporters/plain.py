@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import SafeProfile
+from tune.documents.profile import LoopProfile, SafeProfile
 from tune.exporters.heading import digest, findings_of, force_limit
 from tune.exporters.largest_change import largest_change
 from tune.exporters.law import Section, law_of, longest_tap

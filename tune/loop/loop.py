@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.coefficients import Terms, Transfer
 from tune.loop.factors import Factors
 from tune.loop.filters import (

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification import Mode
 from tune.documents.errors import LoopError
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.polynomials import Polynomial
 from tune.loop.quadratics import split_fractions, split_into_quadratics
 

@@ -7,7 +7,7 @@ from math import nan
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
 from tune.loop.sampled_plant import LONGEST_DELAY

@@ -11,13 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from identification import Device
-from tune.documents.discrimination import Estimate
 from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
-from tune.documents.perception import PerceptionTable, default_table
+from tune.documents.perception import Estimate, PerceptionTable, Scale, default_table
 from tune.documents.profile import LimitedBy, SafeProfile
 from tune.documents.scene import MARGINS, MarginName, Scene
-from tune.documents.steps import Scale
 from tune.optimisation._optimise import optimise
 
 #: Stable at twice the gain and one sample late: room for what a model leaves out.

@@ -30,7 +30,7 @@ def candidates_picture(rows: Sequence[CandidateEffect], motion: Motion) -> Figur
         motion: of the device, which gives the units.
     """
     from identification import NotebookFigure, legend_above
-    from tune.documents.units import UNITS
+    from tune.documents.effects import UNITS
 
     units = UNITS[motion]
     names = list(dict.fromkeys(row.candidate for row in rows))

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
-from tune.documents.hand import hand_of
 from tune.documents.perception import PerceptionTable
-from tune.documents.scene import DEFAULT_MOTION, MARGINS, Margin, Scene, Wish
+from tune.documents.scene import DEFAULT_MOTION, MARGINS, Margin, Scene, Wish, hand_of
 from tune.loop.filters import Filters, used_filters
 from tune.optimisation.linear import LinearLimits, force_rows, lead_limits
 from tune.optimisation.loops import Loops

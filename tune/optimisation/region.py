@@ -15,7 +15,7 @@ import numpy as np
 
 from identification import Box, Device, Mode, Quantity
 from tune.documents.errors import LoopError
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.loop.mechanism import HandNumbers, ModeNumbers

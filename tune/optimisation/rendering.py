@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import EffectName
-from tune.documents.steps import Scale
+from tune.documents.perception import Scale
 from tune.optimisation.unknown import Unknown
 from tune.rendering.rendered import Band, Shares
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 from identification import Box, Device
 from tune.documents.effects import EffectName
-from tune.documents.perception import PerceptionTable
+from tune.documents.perception import PerceptionTable, Scale
 from tune.documents.scene import Element, Scene
-from tune.documents.steps import Scale
 from tune.loop.filters import Filters
 from tune.optimisation.unknown import Unknown
 from tune.rendering.rendered import Shares

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identification import legend_above
+from tune.documents.effects import UNITS, format_number
 from tune.documents.profile import Design, ElementProfile
-from tune.documents.units import UNITS, format_number
 from tune.presentation.boundaries import Boundaries
 from tune.presentation.limits import Use, uses_of
 from tune.presentation.responses import Response, impact_response, step_response

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile
-from tune.documents.steps import Scale
 
 #: Of several limits of one kind those bind that are used as much as the most used, nearly.
 _NEARLY = 0.98

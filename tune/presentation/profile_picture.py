@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tune.documents.effects import UNITS, format_number
 from tune.documents.profile import Design, SafeProfile
-from tune.documents.units import UNITS, format_number
 from tune.presentation.boundaries import Boundaries
 from tune.presentation.element_picture import HEIGHT, WIDTH, draw_element, shorten_name
 from tune.presentation.labels import place_labels

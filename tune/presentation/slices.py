@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import legend_above
+from tune.documents.effects import format_number
 from tune.documents.profile import ElementProfile
-from tune.documents.units import format_number
 from tune.presentation.boundaries import Boundaries
 
 if TYPE_CHECKING:

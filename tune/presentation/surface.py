@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.documents.effects import UNITS
 from tune.documents.profile import Design
-from tune.documents.units import UNITS
 from tune.presentation.boundaries import Boundaries
 
 FloatArray = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from tune.documents.result import DETAILS, Result
+from tune.documents.results import DETAILS, Result
 from tune.exporters.exported import Exported
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -11,10 +11,9 @@ import numpy as np
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
 from tune.certificate.refusal import refuse_unbalanced
-from tune.documents.effects import Effects
+from tune.documents.effects import UNITS, Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
-from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.loop import Loop
 from tune.verification.clock import check_clock

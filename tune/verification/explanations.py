@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import EFFECT_NAMES, Effects
-from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import LoopProfile
 from tune.verification.elements import scale_effects
 from tune.verification.law import Columns, fit_free, fit_scaled
 from tune.verification.variants import Log, Variant, variants

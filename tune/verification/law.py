@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import LoopProfile
 
 FloatArray = NDArray[np.float64]
 Rows = NDArray[np.bool_]

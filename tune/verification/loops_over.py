@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.companion import companion_roots
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import LoopProfile
 from tune.loop.filters import Filters, filters_of
 from tune.verification.law import fit_scaled
 from tune.verification.outcome import Outcome

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import Design
+from tune.documents.profile import Design, LoopProfile
 from tune.loop.filters import Filters
 from tune.verification.consistent_loops import ConsistentLoops, MeasuredMode, Modes
 from tune.verification.elements import moment_in_words, moments_of

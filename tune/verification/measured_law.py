@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import Design
+from tune.documents.profile import Design, LoopProfile
 from tune.verification.decimal_digits import WHOLE, decimal_digit
 from tune.verification.elements import effects_of, moment_in_words, scale_effects
 from tune.verification.explanations import EXPLAINS, MATERIAL_SIZE, Explanation, explain

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import LoopProfile
 from tune.verification.consistent_loops import MeasuredMode
 from tune.verification.free_motion import FreeMotion, measure_sprung, measure_unsprung
 from tune.verification.motion_outcomes import (

@@ -8,7 +8,7 @@ import numpy as np
 
 from identification import Device, quantity
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import LoopProfile
 from tune.verification.free_motion import FreeMotion
 from tune.verification.outcome import Outcome, unassessed_outcome
 from tune.verification.prediction import Prediction, binding_stiffness, slowest

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.documents.effects import UNITS
 from tune.documents.profile import Design
-from tune.documents.units import UNITS
 from tune.verification.comparison import Verification
 from tune.verification.elements import moment_in_words
 from tune.verification.measured_picture import draw_measured

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import LoopProfile
 from tune.verification.law import Columns, columns_of, fit_scaled
 
 FloatArray = NDArray[np.float64]

@@ -31,8 +31,8 @@ def check(
 
     def action(session: Session) -> None:
         from identification import as_stored, load_device, to_mapping
+        from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
         from tune.certificate.check import check as recheck
-        from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
         from tune.cli.rehearse import refuse_restless
         from tune.cli.tables import certificate_lines, elements_table
 

@@ -70,7 +70,7 @@ def identify(
 
 
 def _warn_of_refusal(session: Session, device: Device) -> None:
-    from tune.certificate.refusal import refusal_of
+    from tune.certificate.assumptions import refusal_of
 
     refusal = refusal_of(device)
     if refusal is not None:

@@ -165,7 +165,7 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
 def _statements(safe: SafeProfile) -> Iterator[Statement]:
     """What is proved, assumed, assessed, left out and taken on trust."""
     from tune.certificate.assumptions import trusted_facts
-    from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
+    from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
 
     seal = safe.certificate
     yield Statement(

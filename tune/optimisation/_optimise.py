@@ -10,8 +10,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from identification import Device, as_stored
-from tune.certificate.assumptions import note_of_apart, note_of_dropped, skipped_parts
-from tune.certificate.refusal import refusal_of
+from tune.certificate.assumptions import note_of_apart, note_of_dropped, refusal_of, skipped_parts
 from tune.documents.certified import AbsoluteStability
 from tune.documents.effects import EffectName
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError

@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from benchmarks.limited import answers
 from benchmarks.section import Cell, Section
 from tests.reference import crossings, reference_loop
-from tune.certificate.branch_and_bound import Claim
-from tune.certificate.point import Setting
-from tune.certificate.region import Region
-from tune.certificate.zero_exclusion import prove
+from tune.certificate.region import Region, Setting
+from tune.certificate.zero_exclusion import Claim, prove
 
 ComplexArray = NDArray[np.complex128]
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from datasets_synthetic import Controller, Rig, simulate
 from identification import Device, Trajectory, quantity
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import Design, ElementProfile, MarginProfile, Margins
+from tune.documents.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
 from tune.documents.scene import Motion
 from tune.verification import Verification
 

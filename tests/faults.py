@@ -102,7 +102,7 @@ FAULTS: tuple[Fault, ...] = (
         ("a device without damping", "if not min([region.damping[0],", "if not min([1.0,"),
     ),
     *_of(
-        "tune/certificate/switched.py",
+        "tune/certificate/absolute.py",
         f"{_EDGES} -k 'false_multiplier or largest_sets'",
         ("gain of a multiplier against the margin", "if not gain >= margin.gain or", "if"),
         ("extra delay of a multiplier", " or extra != margin.extra_delay_samples:", ":"),
@@ -123,17 +123,17 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/certificate/switched.py",
+        "tune/certificate/absolute.py",
         f"{_EDGES} -k largest_sets",
         ("a multiplier of each set", "if witness is None:", "if not witnesses:"),
     ),
     *_of(
-        "tune/certificate/switched.py",
+        "tune/certificate/absolute.py",
         f"{_EDGES} -k mass_beside",
         ("what fades without a spring", "- clamps.keys()", "- played.keys()"),
     ),
     *_of(
-        "tune/certificate/switched.py",
+        "tune/certificate/absolute.py",
         f"{_EDGES} -k level_of_what_fades",
         ("levels of elements that fade beside others", "if not proof.proved:", "if proof is None:"),
         (
@@ -172,7 +172,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/certificate/bounds.py",
+        "tune/certificate/claims.py",
         f"{_EDGES} -k 'force or ripple or passivity'",
         (
             "force levels that sum to the peak",
@@ -197,7 +197,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/certificate/moments.py",
+        "tune/certificate/certify.py",
         f"{_EDGES} -k claimed",
         ("a claimed gain", "    if gain > margin.gain:\n", "    if gain > 1e9:\n"),
         (
@@ -207,7 +207,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/certificate/moments.py",
+        "tune/certificate/certify.py",
         "tests/test_certificate_designs.py -k not_proved",
         (
             "a proof that was not found",
@@ -216,7 +216,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/certificate/roots.py",
+        "tune/certificate/poles.py",
         f"{_EDGES} -k 'below_the_whole or box'",
         ("gains below the whole", "if not (crossing <= 0 or crossing > gain):", "if not gain:"),
     ),
@@ -241,7 +241,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/documents/moments.py",
+        "tune/documents/scene.py",
         f"{_EDGES} -k largest_sets",
         (
             "a wall is met beside all",
@@ -250,7 +250,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/certificate/rendered.py",
+        "tune/certificate/claims.py",
         f"{_EDGES} -k 'of_a_ or felt'",
         ("felt within a step", "if not steps <= 1:", "if not steps <= 2:"),
         ("felt at the fastest", "((0, _SLOWEST), (-1, _FASTEST)):", "((0, _SLOWEST),):"),
@@ -260,7 +260,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     # What `check` compares.
     *_of(
-        "tune/certificate/contact.py",
+        "tune/certificate/time_domain.py",
         f"{_EDGES} tests/test_conditions.py -k 'told or its_lag_takes'",
         ("damping that is less than the lag takes", "if least < -_AGREE * B:", "if least < -9e9:"),
         ("what is met before a face", "if lead > most * (1 + _AGREE):", "if lead > 9e9:"),
@@ -277,7 +277,7 @@ FAULTS: tuple[Fault, ...] = (
         ("net damping with the latest delay", "design.margin.extra_delay_samples + 0.5", "0.5"),
     ),
     *_of(
-        "tune/certificate/jitter.py",
+        "tune/certificate/time_domain.py",
         f"{_EDGES} -k told",
         ("jitter that is less", "if said > 0 and not shrinks", "if said < 0 and not shrinks"),
         ("jitter that is more", "elif said < _MOST and shrinks", "elif said < 0 and shrinks"),
@@ -310,7 +310,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/certificate/elements.py",
+        "tune/certificate/statements.py",
         "tests/test_conditions.py",
         (
             "a limit that does not bind",
@@ -320,7 +320,7 @@ FAULTS: tuple[Fault, ...] = (
         ("as commanded", 'if not element.as_commanded and words == {"wanted"}:', "if not words:"),
     ),
     *_of(
-        "tune/certificate/elements.py",
+        "tune/certificate/statements.py",
         f"{_EDGES} -k told",
         (
             "a gain above the absolute one",

@@ -17,8 +17,7 @@ from identification import Device, Quantity
 from tests.optimum_loops import Corner, Loops
 from tests.optimum_ripple import force_ripple
 from tests.optimum_wishes import MARGINS, MOTION, NOTICED, felt_ends, wanted_of
-from tune.documents.hand import Hand
-from tune.documents.scene import Scene
+from tune.documents.scene import Hand, Scene
 
 FloatArray = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from identification import Device, as_stored, parse_document
 from tests.sampled_bench import SampledBench
-from tune.documents.hand import FREE_TO_RIGID
+from tune.documents.scene import FREE_TO_RIGID
 
 Triple = tuple[float, float, float]
 

@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.branch_and_bound import Claim
-from tune.certificate.point import Setting
-from tune.certificate.region import HandRegion, ModeRegion, Region
-from tune.certificate.roots import judge
-from tune.certificate.sampled_loops import sampled_loops
+from tune.certificate.poles import judge
+from tune.certificate.region import ModeRegion, Region, Setting
+from tune.certificate.worst_point import sampled_loops
+from tune.certificate.zero_exclusion import Claim
+from tune.documents.certified import HandBox
 
 #: Samples of delay on top of the device's that every box is to stand.
 EXTRA = 1.0
@@ -73,7 +73,7 @@ def draw(seed: int, spread: float, *, with_everything: bool) -> tuple[Region, Se
                 at_handle=float(rng.uniform(-0.7, 0.7)),
             ),
         )
-        hand = HandRegion(mass=(0.02, 0.5), damping=(2.0, 20.0), stiffness=(50.0, 1500.0))
+        hand = HandBox(mass=(0.02, 0.5), damping=(2.0, 20.0), stiffness=(50.0, 1500.0))
     region = Region(
         mass=around(mass, spread),
         damping=around(damping, spread),

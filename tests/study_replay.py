@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.simulated.user_study import AREA_1, AREA_2, Given
-from tune.documents.discrimination import Study
 from tune.documents.effects import EFFECT_NAMES, EffectName
-from tune.documents.perception import PerceptionTable
+from tune.documents.perception import PerceptionTable, Study
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -9,13 +9,11 @@ from flint import acb
 
 from tests.random_boxes import around
 from tests.thinned import thinned
-from tune.certificate import aliases
 from tune.certificate.affine import AffineForm
-from tune.certificate.mechanism import Mechanism
-from tune.certificate.point import Setting
-from tune.certificate.polynomial import closed_loop, precision
-from tune.certificate.region import HandRegion, ModeRegion, Region
-from tune.certificate.value_set import value_set
+from tune.certificate.poles import closed_loop, precision
+from tune.certificate.region import ModeRegion, Region, Setting
+from tune.certificate.value_set import MOST_ALIASED, Mechanism, alias_sums, value_set
+from tune.documents.certified import HandBox
 
 
 def _folded_exactly(n: int, theta: float, x: float) -> complex:
@@ -35,13 +33,13 @@ def test_sums_over_aliases_are_their_closed_forms() -> None:
     for _ in range(60):
         theta = float(rng.choice([10 ** rng.uniform(-4, 0), rng.uniform(0, np.pi), np.pi]))
         x = float(rng.choice([rng.uniform(0, 5), float(rng.integers(0, 4)), 3 - 1e-9]))
-        found = aliases.sums(np.array([theta]), np.array([x]), 2, 7)
+        found = alias_sums(np.array([theta]), np.array([x]), 2, 7)
         for n in range(2, 8):
             exact = _folded_exactly(n, theta, x)
             assert abs(found[n - 2][0] - exact) < 1e-14
-            assert abs(exact) <= aliases.MOST[n]
+            assert abs(exact) <= MOST_ALIASED[n]
         if x % 1:
-            assert abs(_folded_exactly(1, theta, x)) <= aliases.MOST[1]
+            assert abs(_folded_exactly(1, theta, x)) <= MOST_ALIASED[1]
 
 
 def _region(rng: np.random.Generator, spread: float) -> tuple[Region, Setting]:
@@ -60,9 +58,7 @@ def _region(rng: np.random.Generator, spread: float) -> tuple[Region, Setting]:
     hand = None
     if rng.random() < 0.6:
         stiffness = around(300.0, spread) if rng.random() < 0.6 else (0.0, 0.0)
-        hand = HandRegion(
-            mass=around(0.1, spread), damping=around(3.0, spread), stiffness=stiffness
-        )
+        hand = HandBox(mass=around(0.1, spread), damping=around(3.0, spread), stiffness=stiffness)
     window = rng.random() < 0.25
     setting = Setting(
         stiffness=float(rng.choice([0, 1]) * 10 ** rng.uniform(-4, -1) * mass / step**2),

@@ -22,9 +22,8 @@ from identification import InvalidInputError, load_device, load_trajectory
 from identification.documents import LARGEST_FILE, MOST_EVENTS, load_mapping
 from identification.readers.tables import LONGEST_HEADER, MOST_COLUMNS
 from tests.thinned import thinned
-from tune.documents.moments import MOST_ELEMENTS, MOST_SUMS, moments_of
 from tune.documents.profile import load_profile
-from tune.documents.scene import Scene, load_scene
+from tune.documents.scene import MOST_ELEMENTS, MOST_SUMS, Scene, load_scene, moments_of
 from tune.optimisation._optimise import optimise
 
 TABLE = b"time,force,position\n" + b"0,0,0\n" * 300

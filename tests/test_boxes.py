@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from tests.thinned import thinned
-from tune.certificate.branch_and_bound import Claim
-from tune.certificate.point import Point, Setting
-from tune.certificate.region import Region
-from tune.certificate.roots import judge
-from tune.certificate.zero_exclusion import prove
+from tune.certificate.poles import judge
+from tune.certificate.region import Point, Region, Setting
+from tune.certificate.zero_exclusion import Claim, prove
 
 CELLS = 3000
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.thinned import thinned
-from tune.certificate.polynomial import Point, Setting
-from tune.certificate.roots import judge
+from tune.certificate.poles import judge
+from tune.certificate.region import Point, Setting
 from tune.documents.effects import Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop

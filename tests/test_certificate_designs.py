@@ -13,10 +13,8 @@ from tune import SafeProfile, Scene, optimise
 from tune.certificate.assumptions import NO_HAND, WITH_HAND
 from tune.certificate.certify import certify
 from tune.certificate.check import check
-from tune.certificate.point import setting_of
-from tune.certificate.polynomial import Point
-from tune.certificate.region import regions_of
-from tune.certificate.roots import judge
+from tune.certificate.poles import judge
+from tune.certificate.region import Point, regions_of, setting_of
 from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design, digest_of
 

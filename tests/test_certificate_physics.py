@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from tune.certificate.passivity import damping_for_passivity
-from tune.certificate.plant import sampled_plant
-from tune.certificate.polynomial import ModePoint, Point, Setting, precision
-from tune.certificate.ripple import ripple_by_integration
-from tune.certificate.roots import judge
+from tune.certificate.claims import damping_for_passivity, ripple_by_integration
+from tune.certificate.poles import judge, precision, sampled_plant
+from tune.certificate.region import ModePoint, Point, Setting
 from tune.documents.certified import HandPlace
 
 

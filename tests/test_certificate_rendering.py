@@ -9,8 +9,8 @@ import pytest
 
 from identification import load_device, quantity, to_mapping
 from tests.thinned import thinned
-from tune.certificate.point import setting_of
-from tune.certificate.rendered import rendering_failures
+from tune.certificate.claims import rendering_failures
+from tune.certificate.region import setting_of
 from tune.documents.profile import Design, SafeProfile
 from tune.documents.scene import Scene
 from tune.optimisation._optimise import optimise

@@ -171,7 +171,7 @@ def test_a_clamp_without_a_multiplier_is_refused() -> None:
 
 
 def test_a_wall_damps_more_than_its_lag_takes_and_keeps_to_its_lead() -> None:
-    from tune.certificate.contact import contact_failures
+    from tune.certificate.time_domain import contact_failures
 
     wall = tuned().elements["wall"]
     assert wall.lead is not None

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 from identification import Device, load_device, quantity
 from tune import SafeProfile, Scene, optimise
-from tune.certificate.contact import contact_failures
+from tune.certificate.time_domain import contact_failures
 from tune.loop.filters import Filters
 from tune.rendering.elements import contact
 

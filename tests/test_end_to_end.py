@@ -17,10 +17,9 @@ from tests.fleet_hardware import data_sheet, log_of
 from tests.simulated.fleet import Fleet, random_devices
 from tests.thinned import thinned
 from tests.true_loops import judged, safe_gain
-from tune.certificate.branch_and_bound import Claim
-from tune.certificate.point import setting_of
-from tune.certificate.region import regions_of
-from tune.certificate.worst_point import worst_point
+from tune.certificate.region import regions_of, setting_of
+from tune.certificate.worst_point import worst_points
+from tune.certificate.zero_exclusion import Claim
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene
@@ -72,7 +71,7 @@ def _corners_hold(profile: SafeProfile) -> bool:
                 return False
     settings = [setting_of(profile, moment) for moment in profile.moments()]
     return all(
-        worst_point(region, setting, claim, thorough=8).verdict.answer == "stable"
+        worst_points(region, setting, [claim], thorough=8)[0].verdict.answer == "stable"
         for setting in settings
         if setting is not None
     )

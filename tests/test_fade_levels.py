@@ -12,11 +12,9 @@ from tests.wall_axis import Axis
 from tests.wall_gates import transitions
 from tests.wall_play import Bench, Law
 from tune import Scene, optimise
-from tune.certificate.branch_and_bound import Claim
 from tune.certificate.certify import certify
-from tune.certificate.point import Setting
-from tune.certificate.region import Region
-from tune.certificate.zero_exclusion import prove
+from tune.certificate.region import Region, Setting
+from tune.certificate.zero_exclusion import Claim, prove
 from tune.documents.errors import CheckFailedError
 
 T = 1e-3

@@ -19,8 +19,7 @@ from tests.forgeries import GONE, Field, fields, forged, forgeries
 from tests.thinned import thinned
 from tune import CheckFailedError, SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
-from tune.certificate.check import check_content
-from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
+from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST, check_content
 from tune.documents.certified import Certificate
 from tune.documents.profile import Design, digest_of
 

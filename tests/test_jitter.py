@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from datasets_synthetic import Clock, Controller, Rig, simulate
 from identification import load_device
 from tune._audit import audit
-from tune.certificate.jitter import jitter_failures
+from tune.certificate.time_domain import jitter_failures
 from tune.documents.effects import Effects
 from tune.documents.profile import Design
 from tune.loop.filters import Filters

@@ -23,7 +23,7 @@ from tests.exported import LOOPS, changed
 from tune.cli.app import app
 from tune.cli.preparation import excitation_of
 from tune.cli.session import Session
-from tune.documents.result import DETAILS
+from tune.documents.results import DETAILS
 from tune.exporters import export
 from tune.schemas import FOLDER
 

@@ -15,7 +15,7 @@ from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
 from tests.thinned import thinned
 from tune.documents.effects import Effects
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.margins.margins import (

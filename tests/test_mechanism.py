@@ -16,8 +16,7 @@ from identification import (
     to_mapping,
     to_yaml,
 )
-from tune.documents.hand import FREE_TO_RIGID, hand_of
-from tune.documents.scene import Scene
+from tune.documents.scene import FREE_TO_RIGID, Scene, hand_of
 
 MODE = {"frequency_hz": {"value": 80.0, "low": 75.0, "high": 85.0}, "damping_ratio": 0.02}
 DEVICE = {"sample_time": 0.001, "mass": 3.0, "damping": 10.0}

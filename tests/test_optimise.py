@@ -10,9 +10,8 @@ import pytest
 from identification import Device, load_device, quantity
 from tests.thinned import thinned
 from tests.unlimited import BOUNDLESS, UNLIMITED
-from tune.certificate.point import setting_of
-from tune.certificate.polynomial import Point
-from tune.certificate.roots import judge
+from tune.certificate.poles import judge
+from tune.certificate.region import Point, setting_of
 from tune.documents.effects import EffectName, Effects
 from tune.documents.perception import default_table
 from tune.documents.profile import SafeProfile

@@ -16,11 +16,11 @@ from tests.own_force_cases import OwnForceCase, Triple, draw_case, scaled, stabl
 from tests.sampled_bench import SampledBench
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune._audit import Audit, audit
-from tune.certificate.point import ModePoint, Point, Setting
-from tune.certificate.roots import judge
+from tune.certificate.poles import judge
+from tune.certificate.region import ModePoint, Point, Setting
 from tune.documents.certified import HandPlace
 from tune.documents.effects import EFFECT_NAMES, Effects
-from tune.documents.hand import FREE_TO_RIGID
+from tune.documents.scene import FREE_TO_RIGID
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 from tune.stability.verdict import is_stable

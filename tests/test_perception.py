@@ -14,12 +14,13 @@ from identification import InvalidInputError, load_device, load_document, quanti
 from tune.documents.effects import EFFECT_NAMES
 from tune.documents.perception import (
     PerceptionTable,
+    Scale,
     WeberFraction,
+    chance_to_tell_apart,
     default_table,
     published_fractions,
 )
 from tune.documents.scene import DEFAULT_MOTION
-from tune.documents.steps import Scale, chance_to_tell_apart
 
 MOTION = DEFAULT_MOTION["linear"]
 

@@ -14,10 +14,8 @@ import pytest
 from identification import load_device
 from tests.simulated.user_study import AREA_1, AREA_2, PEOPLE
 from tests.study_replay import COLUMN, TABLE_3, equal_trials, study_of
-from tune.documents.discrimination import Answers, Study
 from tune.documents.effects import EFFECT_NAMES, EffectName
-from tune.documents.perception import default_table
-from tune.documents.steps import chance_to_tell_apart
+from tune.documents.perception import Answers, Study, chance_to_tell_apart, default_table
 
 NORMAL = NormalDist()
 #: Table 3: the success rates with equal and with different settings as printed, %.

@@ -18,10 +18,9 @@ from identification.pictures import autocorrelation, draw_friction, identified_p
 from tests.commands import haptune, log_text
 from tune import SafeProfile, Scene, optimise, profile_picture, profile_sheet
 from tune.cli.session import Session
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import Design, ElementProfile, MarginProfile, Margins
+from tune.documents.effects import UNITS
+from tune.documents.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
 from tune.documents.scene import Motion
-from tune.documents.units import UNITS
 from tune.loop.filters import filters_of
 from tune.loop.state_space import SampledLoop, corners_of
 from tune.presentation.elements import impact_response, step_response, uses_of

@@ -9,8 +9,8 @@ from scipy.signal import lfilter
 
 from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_reference import Sampled
-from tune.certificate.polynomial import Point, Setting
-from tune.certificate.ripple import ripple_by_integration
+from tune.certificate.claims import ripple_by_integration
+from tune.certificate.region import Point, Setting
 from tune.documents.effects import Effects
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop

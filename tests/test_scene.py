@@ -9,9 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from identification import InvalidInputError
-from tune.documents.moments import LARGEST_GROUP
-from tune.documents.perception import default_table
-from tune.documents.scene import MARGINS, Motion, Scene, Wish, load_scene, perception_of
+from tune.documents.perception import default_table, perception_of
+from tune.documents.scene import LARGEST_GROUP, MARGINS, Motion, Scene, Wish, load_scene
 
 WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
 

@@ -7,14 +7,11 @@ import pytest
 from flint import arb
 
 from tests.random_boxes import EXTRA, around, draw, safe_gain
-from tune.certificate.branch_and_bound import Claim
-from tune.certificate.point import Setting
-from tune.certificate.polynomial import closed_loop
-from tune.certificate.region import HandRegion, Region
-from tune.certificate.roots import judge
-from tune.certificate.sampled_loops import sampled_loops
-from tune.certificate.worst_point import worst_point
-from tune.certificate.zero_exclusion import prove
+from tune.certificate.poles import closed_loop, judge
+from tune.certificate.region import Region, Setting
+from tune.certificate.worst_point import sampled_loops, worst_points
+from tune.certificate.zero_exclusion import Claim, prove
+from tune.documents.certified import HandBox
 
 SPRING = Setting(
     stiffness=1.0, damping=0.0, mass=0.0, velocity_filter_hz=None, acceleration_filter_hz=None
@@ -29,7 +26,7 @@ def _spring_region() -> Region:
 
 def test_the_worst_of_a_spring_is_the_least_damped_and_latest_device() -> None:
     """K < b/(T/2 + delay) to first order: least b, longest delay; the mass hardly matters."""
-    worst = worst_point(_spring_region(), SPRING, Claim(gain=3900.0, extra=1.0))
+    worst = worst_points(_spring_region(), SPRING, [Claim(gain=3900.0, extra=1.0)])[0]
     assert worst.point.damping == pytest.approx(10.0)
     assert worst.point.delay_samples == pytest.approx(2.0)
     assert worst.verdict.answer == "stable"
@@ -37,7 +34,7 @@ def test_the_worst_of_a_spring_is_the_least_damped_and_latest_device() -> None:
 
 def test_a_limit_passed_by_a_thousandth_at_one_corner_is_found() -> None:
     """The table of docs/theory.md: 4 006 N/m with two samples of delay at b = 10."""
-    found = worst_point(_spring_region(), SPRING, Claim(gain=4011.0, extra=1.0))
+    found = worst_points(_spring_region(), SPRING, [Claim(gain=4011.0, extra=1.0)])[0]
     assert found.verdict.answer == "unstable"
 
 
@@ -53,7 +50,7 @@ def test_a_gap_in_the_gains_is_found_though_the_full_gain_is_stable() -> None:
         velocity_filter_hz=None,
         acceleration_filter_hz=None,
     )
-    found = worst_point(region, setting, Claim(gain=1.0, extra=0.0))
+    found = worst_points(region, setting, [Claim(gain=1.0, extra=0.0)])[0]
     assert found.verdict.answer == "unstable"
     assert found.verdict.radius < 1
 
@@ -72,7 +69,7 @@ def test_a_stiff_grip_that_destabilises_is_found() -> None:
     )
     claim = Claim(gain=1.9, extra=0.5)
     assert prove(region, lighter, [claim], 3000).proved
-    hand = HandRegion(mass=(0.005, 1.0), damping=(1.0, 30.0), stiffness=(20.0, 2000.0))
+    hand = HandBox(mass=(0.005, 1.0), damping=(1.0, 30.0), stiffness=(20.0, 2000.0))
     held = Region(
         mass=region.mass,
         damping=region.damping,
@@ -80,7 +77,7 @@ def test_a_stiff_grip_that_destabilises_is_found() -> None:
         delay=region.delay,
         hand=hand,
     )
-    found = worst_point(held, lighter, claim)
+    found = worst_points(held, lighter, [claim])[0]
     assert found.verdict.answer == "unstable"
     assert found.point.hand is not None
     assert found.point.hand.stiffness > 1000
@@ -123,7 +120,7 @@ def _agree(
     for part in parts if limit < NO_LIMIT else ():
         claim = Claim(gain=limit * part, extra=EXTRA)
         proof = prove(region, setting, [claim], cells)
-        worst = worst_point(region, setting, claim, proof.doubt, thorough=2)
+        worst = worst_points(region, setting, [claim], proof.doubt, thorough=2)[0]
         stable = worst.verdict.answer == "stable"
         # Neither may contradict the other: a proof and an unstable point cannot both be.
         assert stable or not proof.proved

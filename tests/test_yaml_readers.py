@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identification import load_mapping, to_yaml
-from tune.documents.moments import moments_of
+from tune.documents.scene import moments_of
 
 WORDS = "wall water cup rubber feather honey sponge door lever knob stone spring".split()  # noqa: SIM905
 #: What some reader takes for no text, for a mark, or for the end of a line.

@@ -13,12 +13,11 @@ import pytest
 
 from tests.random_boxes import EXTRA, around, draw, safe_gain, unstable_samples
 from tests.thinned import thinned
-from tune.certificate.branch_and_bound import Claim
-from tune.certificate.point import Setting
-from tune.certificate.region import HandRegion, Region
-from tune.certificate.roots import judge
-from tune.certificate.worst_point import worst_point, worst_points, worst_points_of_all
-from tune.certificate.zero_exclusion import prove, prove_all
+from tune.certificate.poles import judge
+from tune.certificate.region import Region, Setting
+from tune.certificate.worst_point import worst_points, worst_points_of_all
+from tune.certificate.zero_exclusion import Claim, prove, prove_all
+from tune.documents.certified import HandBox
 
 #: What is left of the safe gain, as the studies ask.
 LEFT = 1.5
@@ -107,7 +106,7 @@ def _study(
         if limit == 0:
             continue
         claim = Claim(gain=limit / LEFT, extra=EXTRA)
-        worst = worst_point(region, setting, claim)
+        worst = worst_points(region, setting, [claim])[0]
         start = time.process_time()
         proof = prove(region, setting, [claim], CELLS)
         seconds = time.process_time() - start
@@ -185,13 +184,13 @@ def test_a_device_that_may_have_no_damping_needs_a_damper(damper: float, proved:
     )
     claim = Claim(gain=1.5, extra=1.0)
     assert prove(region, setting, [claim], 5000).proved is proved
-    assert (worst_point(region, setting, claim).verdict.answer == "stable") is proved
+    assert (worst_points(region, setting, [claim])[0].verdict.answer == "stable") is proved
 
 
 def test_a_hand_on_a_rigid_device_is_mass_and_damper_more() -> None:
     """A hand without a spring proves what the heavier, more damped device proves, cell by cell."""
     region, setting = draw(3, 0.1, with_everything=False)
-    hand = HandRegion(mass=(0.1, 0.2), damping=(1.0, 2.0), stiffness=(0.0, 0.0))
+    hand = HandBox(mass=(0.1, 0.2), damping=(1.0, 2.0), stiffness=(0.0, 0.0))
     heavier = replace(
         region,
         mass=(region.mass[0] + 0.1, region.mass[1] + 0.2),

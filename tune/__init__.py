@@ -20,10 +20,15 @@ if TYPE_CHECKING:  # what checkers of types take for true
         NoFeasibleEffectError,
         TuneError,
     )
-    from tune.documents.perception import PerceptionTable, Study, default_table
+    from tune.documents.perception import (
+        PerceptionTable,
+        Scale,
+        Study,
+        chance_to_tell_apart,
+        default_table,
+    )
     from tune.documents.profile import SafeProfile, load_profile
     from tune.documents.scene import Element, Scene, load_scene
-    from tune.documents.steps import Scale, chance_to_tell_apart
     from tune.exporters import export
     from tune.loop.filters import Filters
     from tune.loop.loop import Loop
@@ -141,10 +146,9 @@ _HOMES = {
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",
     "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
-    "documents.perception": "PerceptionTable Study default_table",
+    "documents.perception": "PerceptionTable Scale Study chance_to_tell_apart default_table",
     "documents.profile": "SafeProfile load_profile",
     "documents.scene": "Element Scene load_scene",
-    "documents.steps": "Scale chance_to_tell_apart",
     "exporters": "export",
     "loop.filters": "Filters",
     "loop.loop": "Loop",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, Fact, as_stored, parse_document, to_mapping
-from tune.certificate.refusal import refusal_of
+from tune.certificate.assumptions import refusal_of
 from tune.documents.certified import Certificate
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.errors import CheckFailedError

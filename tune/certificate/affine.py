@@ -4,8 +4,7 @@ An affine form is c + Σ sᵢ·uᵢ + r with every uᵢ in [-1, 1] and r anywher
 complex plane. Linear parts of a sum cancel as they should, and the rest shrinks with the square of
 the cell. So boxes of ±20 % can be proved near the boundary, where interval arithmetic cannot. Real
 and imaginary part of the rest are kept apart, because a loop near its limit is told from an
-unstable one by its phase. Cells are the last axis of every array. One file: the operations of one
-arithmetic.
+unstable one by its phase. Cells are the last axis of every array.
 """
 
 from __future__ import annotations
@@ -30,19 +29,12 @@ _WIDEST_PHASE = 1.2
 
 @dataclass(frozen=True, slots=True)
 class AffineForm:
-    """An affine form c + Σ sᵢ·uᵢ + r with |uᵢ| <= 1, one for each cell.
+    """An affine form c + Σ sᵢ·uᵢ + r with |uᵢ| <= 1, one for each cell."""
 
-    Attributes:
-        centre: c, shape (..., cells).
-        slopes: sᵢ, shape (symbols, ..., cells).
-        real: bound of |Re r|, shape (..., cells).
-        imag: bound of |Im r|, shape (..., cells).
-    """
-
-    centre: ComplexArray
-    slopes: ComplexArray
-    real: FloatArray
-    imag: FloatArray
+    centre: ComplexArray  # c, shape (..., cells)
+    slopes: ComplexArray  # sᵢ, shape (symbols, ..., cells)
+    real: FloatArray  # bound of |Re r|, shape (..., cells)
+    imag: FloatArray  # bound of |Im r|, shape (..., cells)
 
     def __add__(self, other: AffineForm | Factor) -> AffineForm:
         if not isinstance(other, AffineForm):
@@ -103,7 +95,7 @@ class AffineForm:
         )
 
     def spread(self) -> FloatArray:
-        """Bound of the modulus of what is added to the centre, shape (..., cells)."""
+        """Bound of the modulus of what is added to the centre."""
         return _reach(self.slopes) + np.hypot(self.real, self.imag) * (1 + ROUNDING)
 
     def stacked(self) -> AffineForm:
@@ -119,7 +111,7 @@ class AffineForm:
         )
 
     def widened(self, error: FloatArray | float) -> AffineForm:
-        """With anything of that modulus added: a number, or shape (..., cells)."""
+        """With anything of that modulus added."""
         return AffineForm(self.centre, self.slopes, self.real + error, self.imag + error)
 
     def inverse(self) -> AffineForm:
@@ -165,13 +157,7 @@ class AffineForm:
         )
 
     def of_real(self, value: FloatArray, slope: FloatArray, bend: float) -> AffineForm:
-        """A real function, of size about one, of a real form from its value and slope.
-
-        Args:
-            value: at the centre, shape (..., cells).
-            slope: at the centre, of the same shape.
-            bend: bound of the second derivative everywhere.
-        """
+        """A real function, of size about one, from its value, slope and bound of the bend."""
         spread = np.sum(np.abs(self.slopes.real), axis=0) + self.real
         error = (
             bend / 2 * spread**2
@@ -214,19 +200,13 @@ def add_axis(term: Term) -> Term:
 
 
 def real_lower_bound(form: AffineForm) -> FloatArray:
-    """Lower bound of the real part.
-
-    The answer has the shape of the form's centre, cells last, and its unit.
-    """
+    """Lower bound of the real part."""
     wide = np.sum(np.abs(form.slopes.real), axis=0) + form.real
     return form.centre.real - wide - ROUNDING * (np.abs(form.centre.real) + wide)
 
 
 def modulus_bound(form: AffineForm) -> FloatArray:
-    """Upper bound of the modulus.
-
-    The answer has the shape of the form's centre, cells last, and its unit.
-    """
+    """Upper bound of the modulus."""
     return (np.abs(form.centre) + form.spread()) * (1 + ROUNDING)
 
 

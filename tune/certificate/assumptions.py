@@ -1,12 +1,12 @@
-"""Assumptions of a certificate, and what it leaves to others, in sentences.
-
-One file: the sentences of one certificate, which must not contradict each other.
-"""
+"""What a certificate takes for granted, leaves to others and refuses at once, in sentences."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from identification import Device
-from tune.documents.effects import EFFECT_NAMES, EffectName
+from tune.documents.effects import EFFECT_NAMES, UNITS, EffectName
+from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design
 
 METHOD = (
@@ -73,7 +73,6 @@ HELD = (
     "friction with a memory slides, or holds the device by a spring without loss of {:.6g} to "
     "{:.6g} {} beside it"
 )
-STIFFNESS_UNITS = {"linear": "N/m", "rotary": "N·m/rad"}
 RIGID = "a rigid mechanism: no vibration mode is stated"
 SPRUNG = (
     "the device's own force by position is proportional to it over all the travel, and acts on the "
@@ -96,14 +95,17 @@ NOT_ASSESSED_OF_WALLS = (
     "sustained oscillation from quantiser and friction: the simulator's part",
     "clamps that rise under force; a grip that changes during contact",
 )
-
-
 FACTS = "facts of the device as stated, which a log cannot show: {} motion, {}"
 LOG_UNITS = (
     "logs in SI units: force in {}, not volts or amperes (those need --force-gain, the torque "
     "constant and transmission), and position in {}; a unit changes no residual"
 )
 ASSUMED = "of the device, what was only assumed: {}"
+#: What to do about a device that its own force pushes away, or turns over.
+_BALANCE = (
+    "Counterbalance the axis, level it, take off the spring or magnet, or let the controller "
+    "compensate the force; then log again, with the compensation running."
+)
 
 
 def trusted_facts(device: Device) -> tuple[str, ...]:
@@ -123,6 +125,7 @@ def trusted_facts(device: Device) -> tuple[str, ...]:
 def assumptions(design: Design) -> tuple[str, ...]:
     """What the proof takes for granted."""
     device = design.device
+    spring, unit = device.presliding_stiffness, UNITS[device.motion]["stiffness"]
     return (
         *(ASSUMES if not _walls(design) else _ASSUMES_WITH_WALLS),
         *((FADES,) if _fades(design) else ()),
@@ -136,15 +139,8 @@ def assumptions(design: Design) -> tuple[str, ...]:
         WITH_MODES if device.modes else RIGID,
         *(() if device.current_lag is not None else (NO_LAG,)),
         *(() if device.damping_slope is None else (SLOPES,)),
-        *_held(device),
+        *(() if spring is None else (HELD.format(spring.low, spring.high, unit),)),
     )
-
-
-def _held(device: Device) -> tuple[str, ...]:
-    spring = device.presliding_stiffness
-    if spring is None:
-        return ()
-    return (HELD.format(spring.low, spring.high, STIFFNESS_UNITS[device.motion]),)
 
 
 def not_assessed(design: Design) -> tuple[str, ...]:
@@ -216,3 +212,57 @@ def note_of_apart(pair: tuple[str, ...]) -> str:
 def note_of_dropped(label: str) -> str:
     """How the note about an effect that is left out begins, by its label element.effect."""
     return f"{label} dropped: "
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """Why no effect on a device can be certified: what was seen, what is needed, what to do."""
+
+    seen: str
+    needed: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.seen}; needed: {self.needed}. {self.remedy}"
+
+
+def refusal_of(device: Device) -> Refusal | None:
+    """Why a device is unstable beside every effect that is weak enough; None where it is not.
+
+    Every gain in (0, g] is to be stable, and so the device at next to none. One that its own force
+    pushes away from where it is, anywhere in its box or on its travel, runs away by itself.
+    """
+    low, high = device.simultaneous_box().position_stiffness
+    unit = UNITS[device.motion]["stiffness"]
+    if device.gravity is not None and any(
+        side
+        for part in (device.gravity.sine, device.gravity.cosine)
+        for side in (part.low, part.high)
+    ):
+        return Refusal(
+            seen=f"gravity: the slope of the device's own force runs from {low:.4g} to {high:.4g} "
+            f"{unit} as the axis turns; "
+            + (
+                "where it is negative the device falls by itself, beside any effect that is weak"
+                if low < 0
+                else "what is proved holds for a slope that does not change"
+            ),
+            needed="no gravity",
+            remedy=_BALANCE,
+        )
+    if low > 0 or low == high == 0:
+        return None
+    return Refusal(
+        seen=f"position_stiffness: {low:.4g} to {high:.4g} {unit} over the box of the device; "
+        "where it is not positive nothing brings the device back, and it runs away by itself "
+        "beside any effect that is weak",
+        needed=f"above 0 {unit} throughout, or none",
+        remedy=_BALANCE + (" A log of more travel narrows the interval." if high > 0 else ""),
+    )
+
+
+def refuse_unbalanced(device: Device) -> None:
+    """Raise CheckFailedError where `refusal_of` a device has a reason."""
+    refusal = refusal_of(device)
+    if refusal is not None:
+        raise CheckFailedError((f"device: {refusal}",))

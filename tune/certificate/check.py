@@ -1,11 +1,8 @@
-"""Re-compute a written profile by the independent path: digest, certificate, all that it says.
-
-One file: the steps of one check, in their order.
-"""
+"""Re-compute a written profile by the independent path: digest, certificate, all that it says."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
@@ -14,27 +11,84 @@ import numpy as np
 
 from identification import Device, to_mapping
 from tune.certificate.certify import certify
-from tune.certificate.differences import differences
-from tune.certificate.elements import element_failures
-from tune.certificate.point import ModePoint, Point, setting_of
-from tune.certificate.roots import judge
-from tune.certificate.stated import form_failures, stated_failures
+from tune.certificate.poles import judge
+from tune.certificate.region import ModePoint, Point, setting_of
+from tune.certificate.statements import (
+    differences,
+    element_failures,
+    form_failures,
+    stated_failures,
+)
 from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint
+from tune.documents.effects import EFFECT_NAMES
 from tune.documents.errors import CheckFailedError
 from tune.documents.profile import SafeProfile, profile_of, read_signed
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trusted:
+    """A key of profiles, with all below it, that a check believes at least in part."""
+
+    key: str  # with the keys above it, joined by points; * stands for any name
+    reason: str  # what is believed, and what of it is not
+
+    def covers(self, path: Sequence[str]) -> bool:
+        """Whether a key, with the keys above it, is this one or below it."""
+        own = self.key.split(".")
+        return len(path) >= len(own) and all(
+            part in {"*", name} for part, name in zip(own, path, strict=False)
+        )
+
+
+def _trusted(*pairs: tuple[str, str]) -> tuple[Trusted, ...]:
+    return tuple(Trusted(key=key, reason=reason) for key, reason in pairs)
+
+
+#: Facts and wishes for which somebody answers.
+TAKEN_ON_TRUST = _trusted(
+    ("device", "facts of the device and its logs; --device compares them"),
+    ("scene", "a name"),
+    ("hand", "the grips asked for, each of which is proved"),
+    ("ripple_limit", "as asked for; that no moment exceeds it is recomputed"),
+    ("perception", "how finely hands tell; the steps it gives are recomputed"),
+    ("elements.*.motion", "how deep, fast and hard the hand moves"),
+    ("together", "sets as asked for, each of which is proved"),
+    ("apart", "pairs that the scene keeps apart; every other is proved"),
+    ("elements.*.lead", "as asked for; that it is kept is recomputed"),
+    ("elements.*.one_sided", "as asked for; that nothing in it pulls is checked"),
+    (
+        "elements.*.fade_time",
+        "as asked for or found; that all that must not be switched fades is checked, not once more "
+        "whether a hand could pump it",
+    ),
+)
+_MULTIPLIERS = "which multipliers; that these prove what they are stated for is done again"
+#: What a check leaves as it is said: a wish that nobody else knows, or what is no claim.
+OPINIONS = _trusted(
+    (
+        "elements.*.as_commanded",
+        "that values were wanted; that no effect has a limit of another wish is checked, and what "
+        "is felt of all others",
+    ),
+    (
+        "elements.*.limited_by",
+        "that a value or range was wanted; that every other limit said to bind allows no tenth "
+        "more is recomputed",
+    ),
+    ("elements.*.margins.gain", "that no more could be proved"),
+    ("elements.*.margins.extra_delay_samples", "that no more could be proved"),
+    ("notes", "why effects were dropped; which ones is recomputed"),
+    ("method", "which solver proposed; nothing rests on it"),
+    ("certificate.absolute_stability.*.free", _MULTIPLIERS),
+    ("certificate.absolute_stability.*.held", _MULTIPLIERS),
+    ("certificate.points", "the work it took; it is done again"),
+    ("certificate.cells", "the work it took; it is done again"),
+    ("certificate.versions", "what it was computed with"),
+)
+
 #: Bounds of the box are stored with twelve digits.
 _AGREE = 1e-9
-_CLAIMED = (
-    "confidence",
-    "mass",
-    "damping",
-    "sample_time",
-    "delay",
-    "delay_samples",
-    "gain",
-    "extra_delay_samples",
-)
+_CLAIMED = ("confidence", "mass", "damping", "sample_time", "delay", "delay_samples", "gain")
 #: A fresh search may find a pole closer to the circle by this part of its distance from it: another
 #: linear algebra library may climb to another point.
 _SEARCH = 0.01
@@ -66,17 +120,12 @@ def check(path: str | PathLike[str], device: Device | None = None) -> CheckRepor
 def check_content(
     content: Mapping[str, Any], source: str | PathLike[str], device: Device | None = None
 ) -> CheckReport:
-    """Check the content of a profile file whose digest belongs to it.
-
-    Raises:
-        InvalidInputError: no profile.
-        CheckFailedError: as of `check`.
-    """
+    """Check the content of a profile file whose digest belongs to it; raises as `check`."""
     profile = profile_of(content, source)
     failures = [*form_failures(profile, content), *stated_failures(profile)]
     if device is not None:
-        own = differences(to_mapping(device), to_mapping(profile.device), "device")
-        failures += [each.words("the device given", "the profile") for each in own]
+        names = "the device given", "the profile"
+        failures += differences(to_mapping(device), to_mapping(profile.device), names, "device")
     try:
         fresh = certify(profile, witnesses=profile.certificate.absolute_stability)
     except CheckFailedError as error:
@@ -101,7 +150,7 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
     for name in ("method", "assumes", "not_assessed", "absolute_stability"):
         if getattr(stated, name) != getattr(fresh, name):
             yield f"certificate.{name} is not what haptune says of such a profile. Tune again"
-    for name in _CLAIMED:
+    for name in (*_CLAIMED, "extra_delay_samples"):
         seen, said = getattr(fresh, name), getattr(stated, name)
         if not np.allclose(seen, said, rtol=_AGREE, atol=0):
             yield f"certificate.{name} says {_number(said)}, computed anew it is {_number(seen)}"
@@ -138,12 +187,7 @@ def _worst_differs(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
         sample_time=stated.sample_time,
         delay_samples=stated.delay_samples,
         modes=tuple(
-            ModePoint(
-                frequency_hz=place.frequency_hz,
-                damping_ratio=place.damping_ratio,
-                at_encoder=mode.at_encoder,
-                at_handle=mode.at_handle,
-            )
+            ModePoint(**dict(place), at_encoder=mode.at_encoder, at_handle=mode.at_handle)
             for place, mode in zip(stated.modes, device.modes, strict=True)
         ),
         hand=stated.hand,
@@ -195,11 +239,7 @@ def _inside(stated: WorstPoint, box: Certificate) -> bool:
     if stated.hand is not None:
         if box.hand is None:
             return False
-        pairs += [
-            (stated.hand.mass, box.hand.mass),
-            (stated.hand.damping, box.hand.damping),
-            (stated.hand.stiffness, box.hand.stiffness),
-        ]
+        pairs += [(getattr(stated.hand, each), getattr(box.hand, each)) for each in EFFECT_NAMES]
     return all(
         low - _AGREE * abs(low) <= value <= high + _AGREE * abs(high)
         for value, (low, high) in pairs

@@ -1,17 +1,129 @@
-"""Region: everything that is not known exactly, as one box of intervals."""
+"""Region: everything that is not known exactly, as one box of intervals, and the points in it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tune.certificate.affine import FloatArray
-from tune.certificate.point import ModePoint, Point
-from tune.documents.certified import HandPlace
+from tune.documents.certified import HandBox, HandPlace
+from tune.documents.effects import EFFECT_NAMES
 from tune.documents.profile import Design
 
 Interval = tuple[float, float]
+#: Stiffness, damping and mass, each a number or one of each cell, shape (cells,).
+Sizes = tuple[float | FloatArray, float | FloatArray, float | FloatArray]
+#: Settings examined in one run: more would take memory and save no time.
+_AT_ONCE = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModePoint:
+    """One vibration mode."""
+
+    frequency_hz: float  # without damping, Hz
+    damping_ratio: float  # ζ
+    at_encoder: float  # e, participation at motor and encoder
+    at_handle: float  # h, participation where the hand holds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """One way everything may be."""
+
+    mass: float  # rigid mass, kg
+    damping: float  # N·s/m
+    sample_time: float  # s
+    delay_samples: float  # delay from command to measurement in samples, any real number from 0 on
+    modes: tuple[ModePoint, ...] = ()  # vibration modes of the mechanism
+    hand: HandPlace | None = None  # the grip; None is no hand
+    current_lag: float = 0.0  # time constant of the current loop, s; 0 is none
+    position_stiffness: float = 0.0  # of the device's own force by position, N/m; 0 is none
+
+    @property
+    def plain(self) -> bool:
+        """A rigid mass on a damper, whole samples late: the plant of the printed equation."""
+        return (
+            not self.modes
+            and self.hand is None
+            and self.current_lag == 0
+            and self.position_stiffness == 0
+            and self.delay_samples == int(self.delay_samples)
+        )
+
+    @property
+    def grounded(self) -> bool:
+        """A spring of the device or of the hand binds the position."""
+        return self.position_stiffness != 0 or (self.hand is not None and self.hand.stiffness > 0)
+
+    def words(self) -> str:
+        """The point for people."""
+        parts = [
+            f"mass {self.mass:.6g}",
+            f"damping {self.damping:.6g}",
+            f"sample time {self.sample_time:.6g} s",
+            f"delay {self.delay_samples:.6g} samples",
+        ]
+        if self.position_stiffness:
+            parts.append(f"position stiffness {self.position_stiffness:.6g}")
+        if self.current_lag:
+            parts.append(f"current lag {self.current_lag:.6g} s")
+        parts += [
+            f"mode at {mode.frequency_hz:.6g} Hz damped {mode.damping_ratio:.4g}"
+            for mode in self.modes
+        ]
+        if self.hand is not None:
+            parts.append(
+                f"hand of mass {self.hand.mass:.4g}, damping {self.hand.damping:.4g}, "
+                f"stiffness {self.hand.stiffness:.4g}"
+            )
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What the controller plays, by which estimates of velocity and acceleration.
+
+    Velocity (z-1)/(Tz) times a filter of order one, (1-a)z/(z-a), a = exp(-2π·f·T), or of order
+    two with the poles exp(-2π·f·T·(ζ ± j√(1-ζ²))), either of unit gain at z = 1; or the mean over
+    a window of n samples, (z^n - 1)/(nTz^n). Acceleration ((z-1)/(Tz))² times such a filter.
+    """
+
+    stiffness: float  # N/m
+    damping: float  # N·s/m
+    mass: float  # kg
+    velocity_filter_hz: float | None  # cut-off, Hz, or None for no filter
+    acceleration_filter_hz: float | None  # cut-off, Hz, or None for no filter
+    velocity_filter_order: int = 1  # 1 or 2
+    acceleration_filter_order: int = 2  # 1 or 2
+    filter_damping_ratio: float = 1.0  # ζ of filters of order two; at 1 both poles are the same
+    velocity_window_samples: int | None = None  # samples of a window instead of a velocity filter
+
+    @property
+    def sizes(self) -> tuple[float, float, float]:
+        """Stiffness, N/m, damping, N·s/m, and mass, kg."""
+        return self.stiffness, self.damping, self.mass
+
+
+def groups_of_equal_effects(settings: Sequence[Setting]) -> list[list[int]]:
+    """Numbers of the settings that play the same effects, so many at most that suit one run."""
+    groups: dict[tuple[bool, ...], list[int]] = {}
+    for number, setting in enumerate(settings):
+        groups.setdefault(tuple(map(bool, setting.sizes)), []).append(number)
+    return [
+        numbers[start : start + _AT_ONCE]
+        for numbers in groups.values()
+        for start in range(0, len(numbers), _AT_ONCE)
+    ]
+
+
+def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:
+    """The sum of effects of some elements; None if nothing acts."""
+    chosen = [design.elements[name] for name in moment]
+    totals = {name: sum(getattr(element, name) for element in chosen) for name in EFFECT_NAMES}
+    return Setting(**totals, **design.loop.filter_settings()) if any(totals.values()) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,37 +137,17 @@ class ModeRegion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HandRegion:
-    """Intervals of a grip: kg, N·s/m, N/m."""
-
-    mass: Interval
-    damping: Interval
-    stiffness: Interval
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Region:
-    """A box of devices, hands and delays.
+    """A box of devices, hands and delays."""
 
-    Attributes:
-        mass: kg.
-        damping: N·s/m.
-        sample_time: s.
-        delay: of the device, s; extra samples of delay come on top.
-        modes: vibration modes.
-        current_lag: s.
-        position_stiffness: of the device's own force by position, N/m; positive, or none.
-        hand: grips; None is no hand.
-    """
-
-    mass: Interval
-    damping: Interval
-    sample_time: Interval
-    delay: Interval
-    modes: tuple[ModeRegion, ...] = ()
-    current_lag: Interval = (0.0, 0.0)
-    position_stiffness: Interval = (0.0, 0.0)
-    hand: HandRegion | None = None
+    mass: Interval  # kg
+    damping: Interval  # N·s/m
+    sample_time: Interval  # s
+    delay: Interval  # of the device, s; extra samples of delay come on top
+    modes: tuple[ModeRegion, ...] = ()  # vibration modes
+    current_lag: Interval = (0.0, 0.0)  # s
+    position_stiffness: Interval = (0.0, 0.0)  # of the device's own force; positive, or none
+    hand: HandBox | None = None  # grips; None is no hand
 
     @property
     def grounded(self) -> bool:
@@ -83,10 +175,7 @@ class Region:
         )
 
     def point(self, values: FloatArray, extra: float) -> Point:
-        """The point with the given value of every side and samples of delay on top.
-
-        Values have shape (sides,), in the order of `sides`.
-        """
+        """The point with the given value of every side and samples of delay on top."""
         mass, damping, step, delay, lag, slope, *rest = (float(value) for value in values)
         hand = None
         if self.hand is not None:
@@ -114,10 +203,6 @@ class Region:
             ),
         )
 
-    def middle(self) -> FloatArray:
-        """The middle of every side, shape (sides,)."""
-        return np.array([(low + high) / 2 for low, high in self.sides()])
-
     def merged(self) -> Region:
         """This region in fewer dimensions: a grip on a rigid device adds to all it has."""
         if self.hand is None or self.modes:
@@ -127,7 +212,7 @@ class Region:
             mass=_sum(self.mass, self.hand.mass),
             damping=_sum(self.damping, self.hand.damping),
             position_stiffness=(0.0, 0.0),
-            hand=HandRegion(
+            hand=HandBox(
                 mass=(0.0, 0.0),
                 damping=(0.0, 0.0),
                 stiffness=_sum(self.hand.stiffness, self.position_stiffness),
@@ -164,7 +249,7 @@ def regions_of(design: Design) -> tuple[Region, ...]:
         alone += (replace(bare, position_stiffness=(low + held.low, high + held.high)),)
     if design.hand is None:
         return alone
-    hand = HandRegion(
+    hand = HandBox(
         mass=(design.hand.mass.low, design.hand.mass.high),
         damping=(design.hand.damping.low, design.hand.damping.high),
         stiffness=(design.hand.stiffness.low, design.hand.stiffness.high),

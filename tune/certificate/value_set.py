@@ -8,14 +8,19 @@ P the plant in continuous time, x the delay in samples: what a held force does a
 at those that sampling cannot tell from it. P is a quotient of polynomials in S and in every
 parameter, whatever modes, hand and lag are there, and the delay is any real number. Multiplied by
 its denominator D at k = 0 the condition reads D + s·N = 0, almost straight in everything; farther
-aliases are sums of inverse powers and a bounded rest. One file: plant, law and aliases are factors
-of one value set.
+aliases are sums of inverse powers,
+t_n(θ, x) = Σ e^(-2πjkx) / (j(θ + 2πk))^n over all whole k but 0, of period one in x and as smooth
+in it as n allows, and a bounded rest.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
+from fractions import Fraction
+from functools import cache, reduce
+from itertools import combinations
+from math import comb, factorial, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,60 +28,368 @@ from numpy.typing import NDArray
 from tune.certificate.affine import (
     ROUNDING,
     AffineForm,
+    ComplexArray,
     FloatArray,
     Term,
+    add_axis,
     inverse,
     modulus_bound,
+    range_of,
     real_lower_bound,
 )
-from tune.certificate.mechanism import Mechanism, Scaled
-from tune.certificate.point import Setting, Sizes
+from tune.certificate.region import Setting, Sizes
 
+#: Terms of the power series in θ; without the two nearest aliases they fall like 4^-m.
+_TERMS = 28
+#: Absolute error of a value of t_n, n from 2 on: rounding of the Bernoulli polynomials and the
+#: rest of the series, 4^-28, both times less than 2^6.
+_ERROR = 1e-13
+#: Aliases are looked at one by one until the rest is below this part of 1/mass, or the most.
+_NEGLIGIBLE = 1e-6
+_MOST_ALIASES = 12
 #: (sin(x)/x - 1)/x by powers of x², next term 1e-15 at 0.1; beyond it the quotient keeps digits.
 _SERIES, _SHORT = np.array([1 / 362_880, -1 / 5040, 1 / 120, -1 / 6]), 0.1
 
 
+def _most(n: int) -> float:
+    """Bound of |t_n|: Σ |θ + 2πk|^-n at θ = π; for n = 1, where that diverges, its bound."""
+    if n == 1:
+        # t_1 = (e^(jθ(x-1/2))·h - 1)/(jθ), 0 < x < 1, h = θ/2/sin(θ/2): at most (h - 1)/θ + 1/2.
+        return (np.pi / 2 - 1) / np.pi + 0.5
+    odd = sum(float(j) ** -n for j in range(3, 2001, 2))
+    # The rest of the odd numbers by an integral.
+    rest = 1 / (2 * (n - 1)) * 1999.0 ** (1 - n)
+    return (1 + 2 * (odd + rest)) / np.pi**n
+
+
+MOST_ALIASED = {n: _most(n) for n in range(1, 8)}
+
+
+@cache
+def _bernoulli() -> NDArray[np.float64]:
+    """Row q: ascending coefficients of -B_q(y)/q!, q to the last that is needed."""
+    size = _TERMS + 8
+    numbers: list[Fraction] = []
+    for q in range(size):
+        known = sum((comb(q + 1, k) * numbers[k] for k in range(q)), Fraction(0))
+        numbers.append(Fraction(1) if q == 0 else -known / (q + 1))
+    table = np.zeros((size, size))
+    for q in range(size):
+        for k in range(q + 1):
+            table[q, q - k] = -float(comb(q, k) * numbers[k] / factorial(q))
+    return table
+
+
+def alias_sums(theta: FloatArray, x: FloatArray, first: int, last: int) -> list[ComplexArray]:
+    """t_first .. t_last at points, θ in rad and x in samples; first >= 2."""
+    fraction = x - np.floor(x)
+    size = last + _TERMS
+    powers = np.vander(1 - fraction, size + 1, increasing=True).T
+    folded = (_bernoulli()[: size + 1, : size + 1] @ powers).astype(np.complex128)
+    turn = np.exp(-2j * np.pi * fraction)
+    orders = np.arange(size + 1)
+    near = (2j * np.pi) ** (-orders.astype(float))[:, None] * turn
+    # Aliases of k and -k carry conjugate turns and opposite signs.
+    folded -= near + near.conj()
+    found: list[ComplexArray] = []
+    for n in range(first, last + 1):
+        total = turn / (1j * (theta + 2 * np.pi)) ** n
+        total += turn.conj() / (1j * (theta - 2 * np.pi)) ** n
+        power = np.ones_like(theta, dtype=np.complex128)
+        for m in range(_TERMS):
+            total += comb(n + m - 1, m) * power * folded[n + m]
+            power *= -1j * theta
+        found.append(total)
+    return found
+
+
+def folded_sums(theta: AffineForm, x: AffineForm) -> tuple[AffineForm, AffineForm]:
+    """(t_3, t_4) as forms in θ and x, both real forms."""
+    at, late = theta.centre.real, x.centre.real
+    values = alias_sums(at, late, 2, 5)
+    wide_theta, wide_x = (
+        np.sum(np.abs(form.slopes.real), axis=0) + form.real for form in (theta, x)
+    )
+    top = np.minimum(np.pi, at + wide_theta)
+    forms: list[AffineForm] = []
+    for n in (3, 4):
+        below, here, above = values[n - 3], values[n - 2], values[n - 1]
+        by_x = -below + 1j * at * here
+        by_theta = -1j * n * above
+        bend_x = MOST_ALIASED[n - 2] + 2 * top * MOST_ALIASED[n - 1] + top**2 * MOST_ALIASED[n]
+        bend_both = n * MOST_ALIASED[n] + n * top * MOST_ALIASED[n + 1]
+        bend_theta = n * (n + 1) * MOST_ALIASED[n + 2]
+        error = (
+            bend_x * wide_x**2 / 2
+            + bend_both * wide_x * wide_theta
+            + bend_theta * wide_theta**2 / 2
+            + np.abs(by_x) * x.real
+            + np.abs(by_theta) * theta.real
+            + _ERROR * (1 + wide_x + wide_theta)
+        )
+        lost = error > MOST_ALIASED[n]
+        slopes = by_x * x.slopes.real + by_theta * theta.slopes.real
+        error = np.where(lost, MOST_ALIASED[n], error)
+        forms.append(
+            AffineForm(np.where(lost, 0, here), np.where(lost, 0, slopes), error, error.copy())
+        )
+    return forms[0], forms[1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mechanism:
+    """What may be anywhere in a cell; numbers where it is known exactly."""
+
+    mass: Term  # kg
+    damping: Term  # N·s/m
+    sample_time: Term  # s
+    delay: AffineForm  # x, in samples
+    lag: Term  # time constant of the current loop, s; exactly 0.0 for none
+    position_stiffness: Term  # of the device's own force by position, N/m; exactly 0.0 for none
+    hand: tuple[Term, Term, Term] | None  # mass, damping and stiffness of the grip; None is no hand
+    modes: tuple[tuple[Term, Term], ...]  # frequency in Hz and damping ratio of each
+    participations: tuple[tuple[float, float], ...]  # (e, h) of each mode
+    grounded: bool  # a spring of device or hand holds the position
+
+    @property
+    def free_and_rigid(self) -> bool:
+        """A mass on a damper, both perhaps of device and hand together, and nothing else."""
+        return not self.grounded and not self.modes and self.lag == 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Scaled:
+    """The mechanism in units of one sample, with what its polynomials share."""
+
+    mass: Term  # m/T²
+    per_mass: Term  # its inverse
+    damping: Term  # b/T
+    ratio: Term  # bT/m
+    spring: Term | None  # k of the device itself, None for none
+    spring_ratio: Term | None  # kT²/m, likewise
+    lag: Term | None  # in samples, None for none
+    hand: tuple[Term, Term, Term] | None  # (m_h/T², b_h/T, k_h) or None
+    modes: tuple[tuple[Term, Term], ...]  # (2ζω, ω²) in samples of each
+    participations: tuple[tuple[float, float], ...]  # (e, h) of each
+    grounded: bool  # as in the mechanism
+
+    @classmethod
+    def of(cls, given: Mechanism) -> _Scaled:
+        """What the polynomials share, computed once."""
+        step = given.sample_time
+        per_step = inverse(step)
+        per_square = per_step * per_step
+        per_mass = inverse(given.mass)
+        omegas = [f * step * (2 * np.pi) for f, _ in given.modes]
+        hand = given.hand
+        free = given.position_stiffness == 0.0
+        return cls(
+            mass=given.mass * per_square,
+            per_mass=per_mass * (step * step),
+            damping=given.damping * per_step,
+            ratio=given.damping * step * per_mass,
+            spring=None if free else given.position_stiffness,
+            spring_ratio=None if free else given.position_stiffness * (step * step) * per_mass,
+            lag=None if given.lag == 0.0 else given.lag * per_step,
+            hand=hand and (hand[0] * per_square, hand[1] * per_step, hand[2]),
+            modes=tuple(
+                (w * zeta * 2.0, w * w) for w, (_, zeta) in zip(omegas, given.modes, strict=True)
+            ),
+            participations=given.participations,
+            grounded=given.grounded,
+        )
+
+    def stacked(self) -> _Scaled:
+        """With room for an axis of aliases."""
+        return _Scaled(
+            mass=add_axis(self.mass),
+            per_mass=add_axis(self.per_mass),
+            damping=add_axis(self.damping),
+            ratio=add_axis(self.ratio),
+            spring=None if self.spring is None else add_axis(self.spring),
+            spring_ratio=None if self.spring_ratio is None else add_axis(self.spring_ratio),
+            lag=None if self.lag is None else add_axis(self.lag),
+            hand=self.hand
+            and (add_axis(self.hand[0]), add_axis(self.hand[1]), add_axis(self.hand[2])),
+            modes=tuple((add_axis(a), add_axis(b)) for a, b in self.modes),
+            participations=self.participations,
+            grounded=self.grounded,
+        )
+
+    def plant(self, s: AffineForm) -> tuple[Term, AffineForm]:
+        """(numerator, denominator) of P at S; a denominator that vanishes at 0 is divided by S."""
+        damped = s * self.mass + self.damping  # Y/S
+        resonances = [s * (s + a) + c for a, c in self.modes]
+        every = product_of(resonances)
+        others = [product_of(resonances, without=(i,)) for i in range(len(resonances))]
+        inertial: Term = 0.0
+        if self.modes:
+            inertial = s * (s + self.ratio)
+            inertial = inertial if self.spring_ratio is None else inertial + self.spring_ratio
+        numerator = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
+        rigid = damped * s if self.grounded else damped
+        denominator = (rigid if self.spring is None else rigid + self.spring) * every
+        if self.hand is not None:
+            mass, damping, stiffness = self.hand
+            followed = s * mass + damping
+            spring = s * followed + stiffness if self.grounded else followed
+            grip = spring if self.grounded else s * followed
+            grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
+            denominator = denominator + spring * grasped
+            if self.modes:
+                numerator = numerator + grip * self._apart(resonances, others, inertial)
+        if self.lag is not None:
+            denominator = denominator * (s * self.lag + 1.0)
+        return numerator, denominator
+
+    def _apart(
+        self, resonances: Sequence[AffineForm], others: Sequence[Term], inertial: Term
+    ) -> Term:
+        """How the encoder still moves where the hand holds the handle at rest."""
+        moves = _weighed(others, [(e - h) ** 2 for e, h in self.participations])
+        for i, j in combinations(range(len(resonances)), 2):
+            (ei, hi), (ej, hj) = self.participations[i], self.participations[j]
+            both = product_of(resonances, without=(i, j))
+            moves = moves + inertial * both * (ei * hj - ej * hi) ** 2
+        return moves * self.per_mass
+
+    def folded(self, theta: AffineForm, delay: AffineForm) -> AffineForm:
+        """Σ P(S)·e^(-2πjkx)/S over all k but 0."""
+        count = self._aliases()
+        total: Term = 0.0
+        leading = self._leading() if self.lag is None else None
+        if leading is not None:
+            third, fourth = folded_sums(theta, delay)
+            total = third * leading[0] + fourth * leading[1]
+        if count:
+            k: FloatArray = np.concatenate([np.arange(1.0, count + 1), -np.arange(1.0, count + 1)])
+            k = 2 * np.pi * k[:, None]
+            s = (theta.stacked() + k) * 1j
+            numerator, denominator = self.stacked().plant(s)
+            per_s = s.inverse()
+            value = denominator.inverse() * numerator
+            if not self.grounded:
+                value = value * per_s
+            if leading is not None:
+                first, second = (add_axis(x) for x in leading)
+                value = value - per_s * per_s * (first + per_s * second)
+            turn = (delay.stacked() * k).turn()
+            total = (value * per_s * turn).total() + total
+        total = theta * 0.0 + total
+        return total.widened(self._rest(count))
+
+    def _leading(self) -> tuple[Term, Term]:
+        """h0 and h1 of P = h0/S² + h1/S³ + ..., without a lag."""
+        encoder = [1.0, *(e for e, _ in self.participations)]
+        handle = [1.0, *(h for _, h in self.participations)]
+        dampings: list[Term] = [self.damping, *(a * self.mass for a, _ in self.modes)]
+        shared: Term = 0.0
+        if self.hand is not None and self.hand[0] != 0.0:
+            part = self.hand[0] * self.per_mass
+            both = _scalar(encoder, handle)
+            shared = part * both * inverse(part * _scalar(handle, handle) + 1.0)
+        moved = [(g - shared * p) * self.per_mass for g, p in zip(encoder, handle, strict=True)]
+        first: Term = 0.0
+        second: Term = 0.0
+        for g, v, c in zip(encoder, moved, dampings, strict=True):
+            first = first + v * g
+            second = second - v * v * c
+        if self.hand is not None:
+            at_hand: Term = 0.0
+            for p, v in zip(handle, moved, strict=True):
+                at_hand = at_hand + v * p
+            second = second - at_hand * at_hand * self.hand[1]
+        return first, second
+
+    def _aliases(self) -> int:
+        least = range_of(self.mass)[0]
+        for count in range(_MOST_ALIASES):
+            if self._rest(count) * least <= _NEGLIGIBLE:
+                return count
+        return _MOST_ALIASES
+
+    def _rest(self, count: int) -> float:
+        """Bound of what the aliases beyond ``count`` add to the leading terms.
+
+        With the mass divided out, P = g'(M + C/S + K/S²)^-1·g/S² with M not below 1, so that what
+        follows 1/S³ is at most g²·(K + ρ'²/(1-ρ))/S⁴, ρ = C/S + K/S² by norms.
+        """
+        least = range_of(self.mass)[0]
+        handle = 1 + sum(h * h for _, h in self.participations)
+        encoder = 1 + sum(e * e for e, _ in self.participations)
+        damping = max(
+            np.abs(range_of(self.ratio)).max(), *(range_of(a)[1] for a, _ in self.modes), 0.0
+        )
+        own = 0.0 if self.spring_ratio is None else float(range_of(self.spring_ratio)[1])
+        spring = max(own, *(range_of(c)[1] for _, c in self.modes), 0.0)
+        if self.hand is not None:
+            damping += range_of(self.hand[1] * self.per_mass)[1] * handle
+            spring += range_of(self.hand[2] * self.per_mass)[1] * handle
+        nearest = np.pi * (2 * count + 1)
+        share = (damping + spring / nearest) / nearest
+        if share >= 1:
+            return float("inf")
+        if self.lag is None:
+            bend = spring + (damping + spring / nearest) ** 2 / (1 - share)
+            return float(encoder * bend * _tail(5, count) / least)
+        slow = range_of(self.lag)[0]
+        size = min(_tail(3, count), _tail(4, count) / slow if slow > 0 else np.inf)
+        return float(encoder / (1 - share) * size / least)
+
+
+def _scalar(a: Sequence[float], b: Sequence[float]) -> float:
+    return float(sum(x * y for x, y in zip(a, b, strict=True)))
+
+
+def product_of(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term:
+    """Product of some forms but for those at a few places; 1 if none is left."""
+    chosen = [term for i, term in enumerate(terms) if i not in without]
+    return prod(chosen[1:], start=chosen[0]) if chosen else 1.0
+
+
+def _weighed(terms: Sequence[Term], weights: Sequence[float]) -> Term:
+    total: Term = 0.0
+    for term, weight in zip(terms, weights, strict=True):
+        if weight:
+            total = total + term * weight
+    return total
+
+
+def _tail(power: int, count: int) -> float:
+    """Bound of Σ |θ + 2πk|^-power over |k| > count: by an integral, the summand being convex."""
+    if count == 0:
+        return MOST_ALIASED[power]
+    return (2 * np.pi * count) ** (1 - power) / (np.pi * (power - 1))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValueSet:
-    """Value set of D + s·N over cells; its zeros are poles on the unit circle.
+    """Value set of D + s·N over cells; its zeros are poles on the unit circle."""
 
-    Attributes:
-        fixed: D.
-        varied: N.
-        start: D with its zero at θ = 0 taken out, where a spring acts on a device that is free.
-        rising: where D is that of a free rigid mass on a damper, a lower bound of Im(N)/θ, or of
-            Re(N) where that zero is out; above zero, with a damper that is not negative, D + s·N
-            has no zero for any s > 0 however small. Shape (cells,), None elsewhere.
-    """
-
-    fixed: AffineForm
-    varied: AffineForm
+    fixed: AffineForm  # D
+    varied: AffineForm  # N
+    # D with its zero at θ = 0 taken out, where a spring acts on a device that is free
     start: AffineForm
+    # where D is that of a free rigid mass on a damper, a lower bound of Im(N)/θ, or of Re(N)
+    # where that zero is out; above zero, with a damper that is not negative, D + s·N has no zero
+    # for any s > 0 however small. Shape (cells,), None elsewhere
     rising: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampledPlant:
-    """The plant under a held force, N/D, or N/(s·D) where nothing holds the position; s = jθ.
+    """The plant under a held force, N/D, or N/(s·D) where nothing holds the position; s = jθ."""
 
-    Attributes:
-        numerator: N.
-        denominator: D.
-        whole: D, or s·D.
-        aliases: what sampling folds onto θ of P(S)/S.
-        half_sinc: sinc(θ/2).
-    """
-
-    numerator: AffineForm
-    denominator: AffineForm
-    whole: AffineForm
-    aliases: AffineForm
-    half_sinc: AffineForm
+    numerator: AffineForm  # N
+    denominator: AffineForm  # D
+    whole: AffineForm  # D, or s·D
+    aliases: AffineForm  # what sampling folds onto θ of P(S)/S
+    half_sinc: AffineForm  # sinc(θ/2)
 
 
 def sampled_plant(theta: AffineForm, mechanism: Mechanism) -> SampledPlant:
     """The plant over cells of θ in [0, π] and of the mechanism."""
-    scaled = Scaled.of(mechanism)
+    scaled = _Scaled.of(mechanism)
     s = theta * 1j
     numerator, denominator = scaled.plant(s)
     whole = denominator if mechanism.grounded else denominator * s
@@ -101,12 +414,8 @@ def value_set(
 ) -> ValueSet:
     """Value set of D + s·N over cells of θ in [0, π] and of the mechanism.
 
-    Args:
-        theta: angle of z.
-        mechanism: everything that is not known exactly.
-        setting: which effects are played, and their filters.
-        sizes: of these effects, where they differ from cell to cell, each of shape (cells,).
-        plant: of this angle and mechanism, where it is known.
+    Sizes are of the effects that the setting plays, where they differ from cell to cell; the plant
+    is that of this angle and mechanism, where it is known.
     """
     sizes = sizes or setting.sizes
     stiffness = sizes[0]
@@ -141,10 +450,7 @@ def value_set(
 def gain_vertices(
     response: ValueSet, low: FloatArray, high: FloatArray
 ) -> tuple[AffineForm, AffineForm]:
-    """D + s·N at both end gains; D with its zero at θ = 0 taken out where the lower gain is 0.
-
-    The gains have shape (cells,) and no unit.
-    """
+    """D + s·N at both end gains; D with its zero at θ = 0 taken out where the lower gain is 0."""
     fixed, varied, start = response.fixed, response.varied, response.start
     top = fixed + varied * high
     above = fixed + varied * low
@@ -162,8 +468,6 @@ def excludes_zero(*forms: AffineForm) -> NDArray[np.bool_]:
     """Whether zero lies outside the convex hull of affine forms: all on one side of some line.
 
     The best line runs along an edge of one of the sets, or square to one of the centres.
-
-    The centre of each form and the answer have shape (cells,).
     """
     excluded = np.zeros(forms[0].centre.shape, dtype=np.bool_)
     middle = np.zeros_like(forms[0].centre)
@@ -226,7 +530,7 @@ def rate_of(
     setting: Setting,
     sizes: Sizes | None = None,
 ) -> Term:
-    """(B·velocity + M·acceleration)/(jθ) per position; arguments as of ``value_set``."""
+    """(B·velocity + M·acceleration)/(jθ) per position; sizes as of `value_set`."""
     _, damping, mass = sizes or setting.sizes
     per_step = inverse(step)
     difference = (theta * 0.5).turn() * half_sinc

@@ -10,17 +10,170 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.affine import FloatArray
-from tune.certificate.branch_and_bound import Claim
-from tune.certificate.point import Point, Setting, groups_of_equal_effects
-from tune.certificate.region import Region
-from tune.certificate.roots import Verdict, judge
-from tune.certificate.sampled_loops import Loops, sampled_loops, upper_half_circle
+from tune.certificate.affine import ComplexArray, FloatArray
+from tune.certificate.poles import Verdict, judge, law_in_doubles
+from tune.certificate.region import Point, Region, Setting, groups_of_equal_effects
+from tune.certificate.time_domain import exponential, state_space
+from tune.certificate.zero_exclusion import Claim
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """Descending coefficients in z of D and N of D + s·N, each (points, degree + 1).
+
+    Where nothing holds the position, the pole z = 1 of free motion has been divided out.
+    """
+
+    open: FloatArray
+    feedback: FloatArray
+
+    def chosen(self, which: NDArray[np.bool_]) -> Loops:
+        """The loops of some of the points, told by a mask."""
+        return Loops(self.open[which], self.feedback[which])
+
+    def radius(self, gain: float | FloatArray) -> FloatArray:
+        """Largest pole modulus at a gain, or one a point; inf where doubles overflow."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            full = self.open + np.reshape(gain, (-1, 1)) * self.feedback
+            # Poles at zero that all loops have in common are left out.
+            full = full[:, : np.flatnonzero(full.any(axis=0))[-1] + 1]
+            monic = full[:, 1:] / full[:, :1]
+        size = monic.shape[1]
+        companion = np.zeros((len(full), size, size))
+        companion[:, 0, :] = -monic
+        companion[:, np.arange(1, size), np.arange(size - 1)] = 1.0
+        radius = np.full(len(full), np.inf)
+        finite = np.isfinite(monic).all(axis=1)
+        radius[finite] = np.abs(np.linalg.eigvals(companion[finite])).max(axis=1)
+        return radius
+
+    def distance(self, gain: float | FloatArray, z: ComplexArray) -> FloatArray:
+        """Least |1 + s·L| over the given points of the circle and every gain in [0, gain]."""
+        # Powers of z that all loops have in common are left out.
+        used = (
+            int(np.flatnonzero((self.open != 0).any(axis=0) | (self.feedback != 0).any(axis=0))[-1])
+            + 1
+        )
+        powers = np.vander(z, used).T
+        (d, e), (n, m) = (
+            (part[:, :used] @ powers.real, part[:, :used] @ powers.imag)
+            for part in (self.open, self.feedback)
+        )
+        with np.errstate(all="ignore"):
+            # L = (n + jm)/(d + je).
+            nearest = np.clip(-(n * d + m * e) / (n * n + m * m), 0, np.reshape(gain, (-1, 1)))
+            size = ((d + nearest * n) ** 2 + (e + nearest * m) ** 2) / (d * d + e * e)
+        # A loop too weak or too strong for doubles comes near -1 nowhere that they can tell.
+        return np.sqrt(np.min(np.where(np.isnan(size), np.inf, size), axis=1))
+
+
+# What doubles cannot hold is looked at in many digits.
+@np.errstate(over="ignore", invalid="ignore")
+def sampled_loops(
+    region: Region,
+    settings: Sequence[Setting],
+    values: FloatArray,
+    extra: FloatArray,
+    which: NDArray[np.intp] | None = None,
+) -> Loops:
+    """Loops at points of a region: one column of values a point, rows as in `Region.sides`.
+
+    All settings play the same effects with the same filters; `which` tells that of each point, None
+    the first at all of them.
+    """
+    motion, drive, read = state_space(region, values)
+    step, delay = values[2], values[3]
+    late = delay / step + extra
+    whole = np.floor(late + 1e-9)
+    fraction = np.clip(late - whole, 0.0, 1.0)
+    size = motion.shape[-1]
+    augmented = np.zeros((len(step), size + 1, size + 1))
+    augmented[:, :size, :size] = motion
+    augmented[:, :size, size] = drive
+    times = np.stack([(1 - fraction) * step, fraction * step])
+    after, before = exponential(augmented * times[:, :, None, None])
+    transition = after[:, :size, :size] @ before[:, :size, :size]
+    new = after[:, :size, size]
+    old = (after[:, :size, :size] @ before[:, :size, size:])[..., 0]
+    denominator, by_new, by_old = _resolvent(transition, read, new, old)
+    numerator = np.pad(by_new, ((0, 0), (0, 1))) + np.pad(by_old, ((0, 0), (1, 0)))
+    which = np.zeros(len(step), dtype=np.intp) if which is None else which
+    top, bottom = _laws(settings, which, step)
+    if not settings[0].stiffness:
+        if region.grounded:
+            top = _convolved(top, np.array([[1.0, -1.0]]))
+        else:
+            # Free motion: divided by z - 1, the remainder being nothing but rounding.
+            denominator = np.cumsum(denominator, axis=1)[:, :-1]
+    most = int(whole.max())
+    length = denominator.shape[1] + bottom.shape[1] + most
+    open_ = _padded(_convolved(denominator, bottom), length)
+    feedback = np.zeros_like(open_)
+    product = _convolved(numerator, top)
+    for count in np.flatnonzero(np.bincount(whole.astype(np.intp))):
+        rows = whole == count
+        # D has its highest power first and most + 1 zeros behind; N ends at its own delay.
+        end = length - (most - int(count))
+        feedback[rows, end - product.shape[1] : end] = product[rows]
+    return Loops(open_, feedback)
+
+
+def _resolvent(
+    transition: FloatArray, read: FloatArray, *drives: FloatArray
+) -> tuple[FloatArray, ...]:
+    """det(zI - Φ), and C·adj(zI - Φ)·Γ for each Γ; descending in z, by Faddeev and LeVerrier."""
+    points, size = transition.shape[0], transition.shape[-1]
+    adjugate = np.broadcast_to(np.eye(size), transition.shape)
+    determinant = [np.ones(points)]
+    numerators: list[list[FloatArray]] = [[] for _ in drives]
+    for order in range(1, size + 1):
+        for numerator, drive in zip(numerators, drives, strict=True):
+            numerator.append((adjugate @ drive[..., None])[..., 0] @ read)
+        product = transition @ adjugate
+        coefficient = -np.trace(product, axis1=-2, axis2=-1) / order
+        determinant.append(coefficient)
+        adjugate = product + coefficient[:, None, None] * np.eye(size)
+    return (
+        np.stack(determinant, axis=1),
+        *(np.stack(numerator, axis=1) for numerator in numerators),
+    )
+
+
+def _laws(
+    settings: Sequence[Setting], which: NDArray[np.intp], step: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of the law of each point; a zero at z = 1 left out."""
+    steps, at = np.unique(step, return_inverse=True)
+    kinds, kind = np.unique(which * len(steps) + at, return_inverse=True)
+    numbers: list[int] = kinds.tolist()
+    pairs = [divmod(number, len(steps)) for number in numbers]
+    laws = [_law_at(settings[setting], float(steps[place])) for setting, place in pairs]
+    return np.array([top for top, _ in laws])[kind], np.array([low for _, low in laws])[kind]
+
+
+@lru_cache(maxsize=1024)
+def _law_at(setting: Setting, step: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Numerator and denominator of the law at one sample time, of equal length."""
+    top, bottom, _ = law_in_doubles(setting, step)
+    return (*[0.0] * (len(bottom) - len(top)), *top.tolist()), tuple(bottom.tolist())
+
+
+def _convolved(a: FloatArray, b: FloatArray) -> FloatArray:
+    product = np.zeros((len(a), a.shape[1] + b.shape[1] - 1))
+    for power in range(b.shape[1]):
+        product[:, power : power + a.shape[1]] += a * b[:, power : power + 1]
+    return product
+
+
+def _padded(a: FloatArray, length: int) -> FloatArray:
+    return np.pad(a, ((0, 0), (0, length - a.shape[1])))
+
 
 #: What a climb raises, of loops at gains of shape (points,); the answer has this shape too.
 Aim = Callable[[Loops, FloatArray], FloatArray]
@@ -33,7 +186,7 @@ _CLIMBERS = 4
 #: Steps of a climb: from a quarter of a side down to 1/500.
 _STEPS = 0.25 * 0.6 ** np.arange(10)
 #: Points of the circle at which the Nyquist curve is looked at, and the slowest of them over π.
-_CIRCLE = upper_half_circle(160, 1e-5)
+_CIRCLE = np.exp(1j * np.pi * np.geomspace(1e-5, 1.0, 160))
 #: Pole radius at the full gain, and nearness to -1/s of any gain s up to it.
 _AIMS: tuple[Aim, Aim] = (
     lambda loops, gain: loops.radius(gain),
@@ -52,20 +205,6 @@ class WorstCase:
     judged: int
 
 
-def worst_point(
-    region: Region,
-    setting: Setting,
-    claim: Claim,
-    starts: FloatArray | None = None,
-    thorough: int = 1,
-) -> WorstCase:
-    """Search a region for one claim; see ``worst_points``.
-
-    The starts have shape (sides + 1, starts), SI units and samples.
-    """
-    return worst_points(region, setting, [claim], starts, thorough)[0]
-
-
 def worst_points(
     region: Region,
     setting: Setting,
@@ -75,17 +214,8 @@ def worst_points(
 ) -> list[WorstCase]:
     """Search a region for each of some claims.
 
-    The starts have shape (sides + 1, starts), SI units and samples.
-
-    Args:
-        region: the box.
-        setting: what is played.
-        claims: gain and extra delay of each.
-        starts: further starting points, one a column: the region's sides, then extra samples.
-        thorough: multiplies chance points and climbers.
-
-    Returns:
-        One a claim, in their order.
+    The starts are further points, one a column: the region's sides, then extra samples. Chance
+    points and climbers are multiplied by `thorough`.
     """
     return worst_points_of_all(region, [(setting, claims)], starts, thorough)[0]
 
@@ -99,11 +229,7 @@ def worst_points_of_all(
     """Search a region for the claims of each of some settings of the same filters.
 
     Settings that play the same effects climb at once, for what takes time is how often loops are
-    computed, not how many. Arguments as of ``worst_points``; the starts have shape (sides + 1,
-    starts).
-
-    Returns:
-        One list a setting, in their order, of one a claim.
+    computed, not how many; see `worst_points`.
     """
     found: list[list[WorstCase]] = [[] for _ in asked]
     for numbers in groups_of_equal_effects([setting for setting, _ in asked]):
@@ -164,25 +290,16 @@ def _climbed(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Box:
-    """The sides of a region and the extra delay of a claim.
+    """The sides of a region and the extra delay of a claim."""
 
-    Attributes:
-        which: number of the setting.
-        claim: gain and extra delay.
-        low: ends of the sides, the extra delay last.
-        high: likewise.
-        free: sides that have a width.
-    """
-
-    which: int
-    claim: Claim
-    low: FloatArray
-    high: FloatArray
-    free: NDArray[np.intp]
+    which: int  # number of the setting
+    claim: Claim  # gain and extra delay
+    low: FloatArray  # ends of the sides, the extra delay last
+    high: FloatArray  # likewise
+    free: NDArray[np.intp]  # sides that have a width
 
     @classmethod
     def of(cls, region: Region, which: int, claim: Claim) -> _Box:
-        """The box of a region and a claim."""
         low, high = np.array((*region.sides(), (0.0, claim.extra))).T
         return cls(which=which, claim=claim, low=low, high=high, free=np.flatnonzero(high > low))
 
@@ -205,19 +322,12 @@ class _Box:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Climb:
-    """Points that move along the sides of a box as long as that raises an aim.
+    """Points that move along the sides of a box as long as that raises an aim."""
 
-    Attributes:
-        box: they stay in.
-        aim: that is raised.
-        parts: of each free side, one column a point.
-        best: the aim at each.
-    """
-
-    box: _Box
-    aim: Aim
-    parts: FloatArray
-    best: FloatArray
+    box: _Box  # they stay in
+    aim: Aim  # that is raised
+    parts: FloatArray  # of each free side, one column a point
+    best: FloatArray  # the aim at each
 
     @classmethod
     def of(

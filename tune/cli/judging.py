@@ -194,8 +194,8 @@ def check(
 ) -> None:
     """Re-compute all that a profile says; exit code 6 if anything differs."""
     from identification import as_stored, load_device, to_mapping
+    from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
     from tune.certificate.check import check as recheck
-    from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
     from tune.cli.rehearse import refuse_restless
     from tune.presentation.tables import certificate_lines, elements_table
 

@@ -23,12 +23,7 @@ if TYPE_CHECKING:
         Quantity,
         Trajectory,
     )
-    from tune.documents.result_details import (
-        IdentifyDetails,
-        LogExamined,
-        LogIdentified,
-        ToldQuantity,
-    )
+    from tune.documents.results import IdentifyDetails, LogExamined, LogIdentified, ToldQuantity
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
 
@@ -54,7 +49,7 @@ def identify(
     columns = options.columns()
     result = identify_logs(session, logs, columns, hardware, method, allow or [])
     if result.device.position_stiffness is not None or result.device.gravity is not None:
-        from tune.certificate.refusal import refusal_of
+        from tune.certificate.assumptions import refusal_of
 
         refusal = refusal_of(result.device)
         if refusal is not None:

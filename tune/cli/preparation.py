@@ -122,10 +122,9 @@ def excitation_of(name: str) -> str:
 def scene_of(name: str) -> str:
     """The template of a scene with sizes and motions that suit a known device or a device file."""
     from identification import load_device
-    from tune.documents.perception import default_table
+    from tune.documents.effects import UNITS, format_number
+    from tune.documents.perception import SCALE_DEPTH, default_table
     from tune.documents.scene import DEFAULT_MOTION
-    from tune.documents.steps import SCALE_DEPTH
-    from tune.documents.units import UNITS, format_number
 
     device = load_device(name)
     units, motion = UNITS[device.motion], DEFAULT_MOTION[device.motion]
@@ -210,7 +209,7 @@ def excite(
 
 
 def _units(plan: Excitation) -> dict[str, str]:
-    from tune.documents.units import UNITS
+    from tune.documents.effects import UNITS
 
     return UNITS[plan.spec.motion]
 

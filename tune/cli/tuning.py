@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from identification import Device
     from tune.documents.perception import PerceptionTable
     from tune.documents.profile import Design, SafeProfile
-    from tune.documents.result_details import AlternativeResult
+    from tune.documents.results import AlternativeResult
     from tune.documents.scene import Scene
     from tune.optimisation.alternatives import Alternative, Candidate, CandidateEffect
 
@@ -139,7 +139,8 @@ class TuningRequest:
 
 def read_request(scene_file: Path, margin: opt.MarginChoice | None) -> TuningRequest:
     """Read a scene and its perception table, the margin replaced where one is given."""
-    from tune.documents.scene import load_scene, perception_of
+    from tune.documents.perception import perception_of
+    from tune.documents.scene import load_scene
 
     scene = load_scene(scene_file)
     if margin is not None:

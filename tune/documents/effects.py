@@ -1,12 +1,15 @@
-"""Effects: the virtual stiffness, damping and mass of one moment."""
+"""Effects: the virtual stiffness, damping and mass of one moment; units of all that designs say."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from identification import Motion
 
 FloatArray = NDArray[np.float64]
 EffectName = Literal["stiffness", "damping", "mass"]
@@ -45,3 +48,28 @@ class Effects:
 
 def _array(values: ArrayLike | None) -> FloatArray | None:
     return None if values is None else np.asarray(values, dtype=np.float64)
+
+
+UNITS: dict[Motion, dict[str, str]] = {
+    "linear": {
+        "stiffness": "N/m",
+        "damping": "N·s/m",
+        "mass": "kg",
+        "force": "N",
+        "length": "m",
+        "speed": "m/s",
+    },
+    "rotary": {
+        "stiffness": "N·m/rad",
+        "damping": "N·m·s/rad",
+        "mass": "kg·m²",
+        "force": "N·m",
+        "length": "rad",
+        "speed": "rad/s",
+    },
+}
+
+
+def format_number(number: float) -> str:
+    """Four digits, without an exponent where there are no more than six before the point."""
+    return f"{float(f'{number:.4g}'):g}"

@@ -1,22 +1,184 @@
-"""The scene file: what is to be felt, how the hand moves there, and how much margin is kept.
-
-One file: the keys of one file.
-"""
+"""The scene file: what is to be felt and met at once, how the hand moves there, the hand itself."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable, Sequence
 from os import PathLike
-from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
-from identification import Document, load_document
+from identification import AnyQuantity, Document, load_document, quantity
 from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
-from tune.documents.hand import AnyHand
-from tune.documents.moments import moments_of, refuse_strange_groups
-from tune.documents.perception import PerceptionTable, default_table
+
+#: Elements felt together are certified in every subset, 2^n - 1 sums.
+LARGEST_GROUP = 5
+#: Sums of several elements in a scene, each tuned, certified and rehearsed, and each with keys of
+#: its own in a profile.
+MOST_SUMS = 1000
+#: Elements of a scene; alone each takes a fraction of a second. In a profile each takes up to 90
+#: keys, values and brackets of the 20 000 that a file may hold.
+MOST_ELEMENTS = 200
+
+
+def moments_of(
+    elements: Iterable[str],
+    together: Iterable[Sequence[str]],
+    walls: Collection[str] = (),
+    apart: Iterable[Sequence[str]] = (),
+) -> tuple[tuple[str, ...], ...]:
+    """Every set of elements that can be felt at one moment, smaller sets first.
+
+    Each alone, each part of a group, and each wall beside each set of other elements: a wall is
+    geometry and is met wherever a hand happens to be. Walls of one side add where a group names
+    both.
+    """
+    order = {name: place for place, name in enumerate(elements)}
+    found: dict[frozenset[str], None] = {frozenset((name,)): None for name in order}
+    for members in groups_of(order, together):
+        for mask in range(1, 1 << len(members)):
+            found[frozenset(name for bit, name in enumerate(members) if mask >> bit & 1)] = None
+    facing = list(dict.fromkeys(part for each in found if (part := each & set(walls))))
+    others = list(dict.fromkeys(part for each in found if (part := each - set(walls))))
+    found |= dict.fromkeys(other | wall for other in others for wall in facing)
+    pairs = [frozenset(pair) for pair in apart]
+    kept = [
+        tuple(sorted(each, key=order.__getitem__))
+        for each in found
+        if not any(pair <= each for pair in pairs)
+    ]
+    return tuple(sorted(kept, key=len))
+
+
+def groups_of(
+    elements: Iterable[str], together: Iterable[Sequence[str]]
+) -> tuple[tuple[str, ...], ...]:
+    """The groups as a profile states them: each set once, names in the order of the elements."""
+    order = {name: place for place, name in enumerate(elements)}
+    return tuple(dict.fromkeys(tuple(sorted(set(g), key=order.__getitem__)) for g in together))
+
+
+def refuse_strange_groups(
+    elements: Iterable[str],
+    together: Iterable[Sequence[str]],
+    walls: Collection[str] = (),
+    apart: Iterable[Sequence[str]] = (),
+) -> None:
+    """Raise ValueError for names that cannot be read and groups or pairs that are no such sets."""
+    known = dict.fromkeys(elements)
+    for name in known:
+        if not name.strip() or not name.isprintable():
+            raise ValueError(f"an element is named {name!r}; give it a word")
+    pairs, sets = list(apart), list(together)
+    for word, group in (
+        *(("together", each) for each in sets),
+        *(("apart", each) for each in pairs),
+    ):
+        unknown = [name for name in group if name not in known]
+        if unknown:
+            raise ValueError(f"{word} names {', '.join(unknown)[:80]}, which is no element")
+    for pair in pairs:
+        if len(pair) != 2 or len(set(pair)) != 2:
+            raise ValueError(f"apart needs two different elements, not {pair}"[:200])
+    for group in sets:
+        if len(set(group)) != len(group) or len(group) < 2:
+            raise ValueError(f"together needs two or more different elements, not {group}"[:200])
+        if len(group) > LARGEST_GROUP:
+            raise ValueError(f"together holds {len(group)} elements, more than {LARGEST_GROUP}")
+        for pair in (each for each in pairs if set(each) <= set(group)):
+            raise ValueError(f"{' and '.join(pair)} are both together and apart"[:200])
+    if len(known) > MOST_ELEMENTS:
+        raise ValueError(
+            f"there are {len(known)} elements, more than {MOST_ELEMENTS}; split them into scenes "
+            "of their own"
+        )
+    sums = len(moments_of(known, sets, walls, pairs)) - len(known)
+    if sums > MOST_SUMS:
+        raise ValueError(
+            f"{sums} sums of elements are to be certified, more than {MOST_SUMS}; name fewer or "
+            "smaller groups together, name walls apart from what they do not meet, or split the "
+            "rest into scenes of their own"
+        )
+
+
+class Hand(Document):
+    """A grip as mass, damper and spring to a place that rests: m_h·ẍ + b_h·ẋ + k_h·x.
+
+    Every combination within the three intervals is certified, and the device without any hand.
+    Intervals that end where they begin say that the grip is known.
+
+    Attributes:
+        mass: m_h, kg (kg·m² if rotary), not negative.
+        damping: b_h, N·s/m (N·m·s/rad), not negative.
+        stiffness: k_h, N/m (N·m/rad), positive, or exactly zero for a hand that only follows.
+    """
+
+    mass: AnyQuantity
+    damping: AnyQuantity
+    stiffness: AnyQuantity
+
+    @model_validator(mode="after")
+    def _passive(self) -> Hand:
+        for name in ("mass", "damping", "stiffness"):
+            low = getattr(self, name).low
+            if low < 0:
+                raise ValueError(f"{name} of a hand must not be negative, not {low:g}")
+        if self.stiffness.low == 0 < self.stiffness.high:
+            raise ValueError(
+                "stiffness of a hand must be zero, or above zero over its interval, not 0 to "
+                f"{self.stiffness.high:g}; the device without a hand is certified in any case"
+            )
+        return self
+
+
+#: From two fingers that hardly touch to an arm that braces itself: rounded outwards from measured
+#: ranges, quoted from memory. Fingertip impedance (Hajian and Howe 1997): some grams, 4 to 7 N·s/m,
+#: 0.25 to 1.3 kN/m; arm stiffness (Mussa-Ivaldi, Hogan and Bizzi 1985): 0.1 to 0.8 kN/m. Rotary
+#: axes have the same at a lever of 20 mm.
+FREE_TO_RIGID: dict[Literal["linear", "rotary"], Hand] = {
+    "linear": Hand(
+        mass=quantity(0.1, 0.005, 1.0),
+        damping=quantity(5.0, 1.0, 30.0),
+        stiffness=quantity(300.0, 20.0, 2000.0),
+    ),
+    "rotary": Hand(
+        mass=quantity(4e-5, 2e-6, 4e-4),
+        damping=quantity(2e-3, 4e-4, 1.2e-2),
+        stiffness=quantity(0.12, 8e-3, 0.8),
+    ),
+}
+
+
+def _to_hand(raw: object) -> object:
+    if isinstance(raw, dict | Hand) or raw in ("none", "free-to-rigid"):
+        return cast("object", raw)
+    raise ValueError("give none, free-to-rigid, or {mass: …, damping: …, stiffness: …}")
+
+
+def _hand_in_file() -> WithJsonSchema:
+    schema = Hand.model_json_schema()
+    own: dict[str, Any] = {
+        "type": "object",
+        "properties": cast("dict[str, Any]", schema["properties"]),
+        "required": ["mass", "damping", "stiffness"],
+        "additionalProperties": False,
+    }
+    return WithJsonSchema({"anyOf": [{"enum": ["none", "free-to-rigid"]}, own]})
+
+
+#: What a scene says of the hand.
+AnyHand = Annotated[
+    Hand | Literal["none", "free-to-rigid"], BeforeValidator(_to_hand), _hand_in_file()
+]
+
+
+def hand_of(stated: Hand | str, motion: Literal["linear", "rotary"]) -> Hand | None:
+    """The box a scene's word stands for on a linear or rotary axis; None for no hand."""
+    if isinstance(stated, Hand):
+        return stated
+    return FREE_TO_RIGID[motion] if stated == "free-to-rigid" else None
+
 
 MarginName = Literal["conservative", "balanced", "firm"]
 
@@ -309,10 +471,3 @@ class Scene(Document):
 def load_scene(path: str | PathLike[str]) -> Scene:
     """Read and validate a scene file. Raises InvalidInputError."""
     return load_document(Scene, path)
-
-
-def perception_of(scene: Scene, folder: Path) -> PerceptionTable:
-    """The scene's perception table: the default, or a file named relative to ``folder``."""
-    if scene.perception == "default":
-        return default_table()
-    return load_document(PerceptionTable, folder / scene.perception)

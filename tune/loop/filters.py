@@ -14,7 +14,7 @@ from tune.loop.polynomials import DIFFERENCE, LATE, ONE, Polynomial
 
 if TYPE_CHECKING:
     from tune.documents.effects import Effects
-    from tune.documents.loop_profile import LoopProfile
+    from tune.documents.profile import LoopProfile
 
 FloatArray = NDArray[np.float64]
 

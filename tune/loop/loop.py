@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.filters import (
     Estimator,
     Filters,

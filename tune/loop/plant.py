@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification import Mode, Plant
 from tune.documents.errors import LoopError
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.polynomials import (
     EARLY,
     LATE,

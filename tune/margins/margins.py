@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import ClosedLoop, Loop, closed_loops, for_each, slope, value_at
 from tune.loop.plant import LONGEST_DELAY, WHOLE

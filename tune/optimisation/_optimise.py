@@ -7,17 +7,19 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from identification import Device, as_stored
-from tune.certificate.assumptions import note_of_apart, note_of_dropped, skipped_parts
-from tune.certificate.refusal import refusal_of
+from tune.certificate.assumptions import note_of_apart, note_of_dropped, refusal_of, skipped_parts
 from tune.documents.certified import AbsoluteStability
 from tune.documents.effects import EffectName
 from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
-from tune.documents.hand import hand_of
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.moments import groups_of
 from tune.documents.perception import PerceptionTable, default_table
-from tune.documents.profile import Design, MarginProfile, PerceptionProfile, SafeProfile
-from tune.documents.scene import MARGINS, Scene
+from tune.documents.profile import (
+    Design,
+    LoopProfile,
+    MarginProfile,
+    PerceptionProfile,
+    SafeProfile,
+)
+from tune.documents.scene import MARGINS, Scene, groups_of, hand_of
 from tune.loop.filters import Filters
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.describe import (

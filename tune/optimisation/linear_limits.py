@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import EffectName
+from tune.documents.perception import Scale
 from tune.documents.scene import Wish
-from tune.documents.steps import Scale
 from tune.rendering.elements import Band, Shares
 
 FloatArray = NDArray[np.float64]

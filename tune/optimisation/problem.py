@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.certificate.region import Region
-from tune.certificate.sampled_loops import Loops
+from tune.certificate.worst_point import Loops
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
-from tune.documents.hand import hand_of
-from tune.documents.perception import PerceptionTable
-from tune.documents.scene import DEFAULT_MOTION, MARGINS, Element, Margin, Scene, Wish
-from tune.documents.steps import Scale
+from tune.documents.perception import PerceptionTable, Scale
+from tune.documents.scene import DEFAULT_MOTION, MARGINS, Element, Margin, Scene, Wish, hand_of
 from tune.loop.filters import Filters, used_filters
 from tune.optimisation.linear_limits import (
     LinearLimits,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification import Box, Device, Mode, Quantity
 from tune.documents.effects import EffectName, Effects
 from tune.documents.errors import LoopError
-from tune.documents.hand import Hand
+from tune.documents.scene import Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
 <<<<<<< HEAD

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile
-from tune.documents.steps import Scale
 from tune.loop.filters import filters_of
 from tune.loop.state_space import Corner, SampledLoop, corners_of, exponential
 

@@ -252,7 +252,7 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
 def _statements(safe: SafeProfile) -> Iterator[tuple[str, str, tuple[str, ...]]]:
     """(heading, lead, lines) of what is proved, assumed, assessed, left out, taken on trust."""
     from tune.certificate.assumptions import trusted_facts
-    from tune.certificate.trust import OPINIONS, TAKEN_ON_TRUST
+    from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
 
     seal = safe.certificate
     lead = "Shown for every point of the box, by interval arithmetic or in as many digits as it "

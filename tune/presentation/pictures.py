@@ -14,8 +14,8 @@ from matplotlib.path import Path
 from matplotlib.transforms import Bbox
 
 from identification import legend_above
+from tune.documents.effects import UNITS, format_number
 from tune.documents.profile import Design, ElementProfile, SafeProfile
-from tune.documents.units import UNITS, format_number
 from tune.presentation.elements import Response, Use, impact_response, step_response, uses_of
 from tune.presentation.regions import Boundaries, draw_region, draw_slice, set_small_title
 

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from identification import legend_above
 from tune.certificate.region import Region
-from tune.documents.effects import Effects
+from tune.documents.effects import UNITS, Effects, format_number
 from tune.documents.profile import Design, ElementProfile
-from tune.documents.units import UNITS, format_number
 from tune.loop.filters import Filters, filters_of
 from tune.loop.loop import Loop
 from tune.optimisation.region import DelayedLoops

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tune.documents.units import UNITS
+from tune.documents.effects import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from identification import Device, Motion, Quantity
     from tune._audit import Audit
     from tune.documents.certified import Certificate
-    from tune.documents.discrimination import Estimate
-    from tune.documents.loop_profile import LoopProfile
-    from tune.documents.profile import Contact, SafeProfile
+    from tune.documents.perception import Estimate
+    from tune.documents.profile import Contact, LoopProfile, SafeProfile
     from tune.documents.scene import MarginName
     from tune.optimisation.alternatives import Alternative, Candidate, CandidateEffect
 

@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from identification import Device, Document, ExcitationSpec, Hardware
 from tune.documents.perception import PerceptionTable
 from tune.documents.profile import SafeProfile
-from tune.documents.result import DETAILS, Result
+from tune.documents.results import DETAILS, Result
 from tune.documents.scene import Scene
 from tune.exporters.data import Exported
 from tune.rendering.ripple import ThresholdCurve

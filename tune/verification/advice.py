@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import Device, quantity
-from tune.certificate.refusal import refuse_unbalanced
+from tune.certificate.assumptions import refuse_unbalanced
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design

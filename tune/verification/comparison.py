@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
-from tune.certificate.refusal import refuse_unbalanced
-from tune.documents.effects import Effects
+from tune.certificate.assumptions import refuse_unbalanced
+from tune.documents.effects import UNITS, Effects
 from tune.documents.errors import LoopError
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import Design
-from tune.documents.units import UNITS
+from tune.documents.profile import Design, LoopProfile
 from tune.loop.filters import filters_of
 from tune.loop.loop import Loop
 from tune.verification.delay import MeasuredDelay, judge_delay, unknown_delay

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
-from tune.documents.hand import Hand
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import Design
+from tune.documents.profile import Design, LoopProfile
+from tune.documents.scene import Hand
 from tune.loop.filters import Filters, used_filters
 from tune.loop.loop import Loop
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers

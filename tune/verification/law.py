@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import LoopProfile
 from tune.loop.filters import Filters, filters_of
 from tune.verification.outcome import Outcome
 

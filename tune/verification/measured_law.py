@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Trajectory
-from tune.documents.effects import EFFECT_NAMES, Effects
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import Design
-from tune.documents.units import UNITS
+from tune.documents.effects import EFFECT_NAMES, UNITS, Effects
+from tune.documents.profile import Design, LoopProfile
 from tune.verification.law import LawFit, Log, fit_free, fit_scaled, noise_gain, rms, stretches
 from tune.verification.outcome import (
     Moment,

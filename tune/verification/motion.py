@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification import Device, quantity
 from tune.documents.effects import Effects
-from tune.documents.loop_profile import LoopProfile
+from tune.documents.profile import LoopProfile
 from tune.loop.filters import filters_of
 from tune.loop.loop import Loop
 from tune.verification.free_motion import (

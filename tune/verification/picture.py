@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.documents.effects import UNITS
 from tune.documents.profile import Design
-from tune.documents.units import UNITS
 from tune.verification.comparison import Verification
 from tune.verification.motion import binding_stiffness
 from tune.verification.outcome import Verdict, moment_in_words

@@ -1,23 +1,39 @@
-"""What a profile says of each element beside forces and stability, against what would be said."""
+"""What a profile states beside its certificate, against what would be said."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, cast
 
-from tune.certificate.bounds import force_failures, meets_wall, ripple_of, whole_delay
-from tune.certificate.branch_and_bound import Claim
-from tune.certificate.contact import contact_failures, lead_of
-from tune.certificate.jitter import jitter_failures
-from tune.certificate.passivity import damping_for_passivity
-from tune.certificate.point import Setting, setting_of
-from tune.certificate.region import regions_of
-from tune.certificate.rendered import excess_over_request
-from tune.certificate.switched import clamped_moments, judge_switched
+from identification import to_mapping
+from tune.certificate.absolute import clamped_moments, judge_switched
+from tune.certificate.assumptions import note_of_apart, note_of_dropped, skipped_parts
+from tune.certificate.claims import (
+    damping_for_passivity,
+    excess_over_request,
+    force_failures,
+    meets_wall,
+    ripple_of,
+    whole_delay,
+)
+from tune.certificate.region import Setting, regions_of, setting_of
+from tune.certificate.time_domain import (
+    contact_failures,
+    four_digits,
+    jitter_failures,
+    lead_of,
+)
 from tune.certificate.worst_point import worst_points
+from tune.certificate.zero_exclusion import Claim
 from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
 from tune.documents.errors import CheckFailedError
-from tune.documents.profile import Design, ElementProfile, SafeProfile
+from tune.documents.profile import Design, ElementProfile, MarginProfile, SafeProfile
+from tune.documents.scene import groups_of
 
+#: Characters of a value in a sentence.
+_SHORT = 80
+#: Numbers are stored with twelve digits.
+_STORED = 1e-9
 #: Margins are looked for up to so much gain and so many samples, and stated in such steps.
 _MOST_GAIN, _MOST_SAMPLES = 1000.0, 10.0
 _STEP_OF_GAIN, _STEP_OF_DELAY = 1e-3, 0.1
@@ -38,6 +54,30 @@ _STOPPED = frozenset(
 _GROWN = 0.1
 #: Cells in which a proof that is easy is found.
 _FEW_CELLS = 20_000
+
+
+def differences(
+    first: Mapping[str, object],
+    second: Mapping[str, object],
+    names: tuple[str, str],
+    above: str = "",
+) -> Iterator[str]:
+    """Sentences about the innermost keys in which two named mappings of YAML types differ."""
+    for name in dict.fromkeys((*first, *second)):
+        one: object = first.get(name)
+        other: object = second.get(name)
+        key = f"{above}.{name}" if above else name
+        if isinstance(one, dict) and isinstance(other, dict):
+            parts = cast("dict[str, object]", one), cast("dict[str, object]", other)
+            yield from differences(*parts, names, key)
+        elif one != other or (name in first) != (name in second):
+            shown = _shown(first.get(name)), _shown(second.get(name))
+            yield f"{key}: {shown[0]} in {names[0]}, {shown[1]} in {names[1]}"
+
+
+def _shown(value: object) -> str:
+    text = "nothing" if value is None else str(value)
+    return text if len(text) <= _SHORT else text[: _SHORT - 3] + "..."
 
 
 def inconsistent(design: Design, name: str) -> Iterator[str]:
@@ -99,16 +139,11 @@ def _wrong_margins(design: Design, name: str) -> Iterator[str]:
             f"{name}: margins.gain says {said.gain:.6g}, more than the {said.absolute_gain:.6g} "
             "that is proved of its clamps"
         )
-    for claim, value, least, most, step in (
-        ("gain", said.gain, kept.gain - _STEP_OF_GAIN, _MOST_GAIN, _STEP_OF_GAIN),
-        (
-            "extra_delay_samples",
-            said.extra_delay_samples,
-            float(kept.extra_delay_samples),
-            _MOST_SAMPLES,
-            _STEP_OF_DELAY,
-        ),
+    for claim, least, most, step in (
+        ("gain", kept.gain - _STEP_OF_GAIN, _MOST_GAIN, _STEP_OF_GAIN),
+        ("extra_delay_samples", float(kept.extra_delay_samples), _MOST_SAMPLES, _STEP_OF_DELAY),
     ):
+        value: float = getattr(said, claim)
         if not least * (1 - _WHOLE) <= value <= most:
             yield (
                 f"{name}: margins.{claim} says {value:.6g}, a profile with margin {kept.name} "
@@ -119,10 +154,7 @@ def _wrong_margins(design: Design, name: str) -> Iterator[str]:
 
 
 def _wrong_play(name: str, element: ElementProfile) -> Iterator[str]:
-    """A fade that is missing or has nothing to fade, and a wall that would pull.
-
-    An element that is played as commanded was wanted effect by effect.
-    """
+    """A fade that is missing or has nothing to fade, a wall that would pull, what was wanted."""
     words = {word for word in element.limited_by.values() if word != "not-perceptible"}
     if element.as_commanded and not words <= {"wanted", *_STOPPED}:
         yield f"{name}: as_commanded is said of an element that is limited by {_listed(words)}"
@@ -142,11 +174,12 @@ def _wrong_play(name: str, element: ElementProfile) -> Iterator[str]:
 def _wrong_ripple(design: Design, name: str, setting: Setting | None) -> Iterator[str]:
     said = design.elements[name].ripple
     seen = None if setting is None else ripple_of(design, setting)
+    words = f"{name}: ripple says {four_digits(said)}, computed anew it is {four_digits(seen)}"
     if said is None or seen is None:
         if said is not seen:
-            yield f"{name}: ripple says {_number(said)}, computed anew it is {_number(seen)}"
+            yield words
     elif not abs(said - seen) <= _AGREE * seen:
-        yield f"{name}: ripple says {_number(said)}, computed anew it is {_number(seen)}"
+        yield words
 
 
 def _wrong_passivity(design: Design, name: str, setting: Setting | None) -> Iterator[str]:
@@ -235,5 +268,90 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(sorted(names)) or "nothing"
 
 
-def _number(value: float | None) -> str:
-    return "nothing" if value is None else f"{value:.4g}"
+def form_failures(profile: SafeProfile, content: Mapping[str, Any]) -> Iterator[str]:
+    """Keys and values that a file would not hold if haptune had written it."""
+    return differences(content, to_mapping(profile), ("the file", "what haptune writes"))
+
+
+def stated_failures(design: Design) -> Iterator[str]:
+    """What a design says and would not say if it had been tuned; nothing is computed for it."""
+    for fact in design.device.unstated():
+        yield f"device.{fact} was stated by nobody. State it in the device and tune again"
+    kept = MarginProfile.of(design.margin.name)
+    names = "margin", f"the margin {kept.name}"
+    yield from differences(to_mapping(design.margin), to_mapping(kept), names)
+    if design.together != groups_of(design.elements, design.together):
+        yield "together names each set of elements once, in the order of the elements"
+    if design.apart != groups_of(design.elements, design.apart):
+        yield "apart names each pair of elements once, in the order of the elements"
+    yield from _wrong_loop(design)
+    if design.perception is None:
+        yield "perception, in which steps are counted, is missing. Tune again"
+    for name in design.elements:
+        yield from inconsistent(design, name)
+    skipped = skipped_parts(design)
+    if design.skipped != skipped:
+        said, seen = (", ".join(words)[:200] or "nothing" for words in (design.skipped, skipped))
+        yield f"skipped says {said}, device and elements of the file skip {seen}"
+    yield from _wrong_notes(design)
+    yield from _wrong_methods(design)
+
+
+def _wrong_loop(design: Design) -> Iterator[str]:
+    """What the controller is told to run but the device is not said to do."""
+    loop, device = design.loop, design.device
+    for name, said, known in (
+        ("sample_time", loop.sample_time, device.sample_time.value),
+        ("extra_delay_samples", loop.extra_delay_samples * loop.sample_time, device.delay.value),
+    ):
+        if not abs(said - known) <= _STORED * known:
+            yield f"loop.{name} amounts to {said:.12g} s, the device has {known:.12g} s"
+    used = loop.with_effects(
+        damping=any(element.damping for element in design.elements.values()),
+        mass=any(element.mass for element in design.elements.values()),
+    )
+    names = "loop", "the loop that the effects use"
+    yield from differences(to_mapping(loop), to_mapping(used), names)
+
+
+def _wrong_notes(design: Design) -> Iterator[str]:
+    """Notes are about the effects that were dropped, one about each."""
+    dropped = [
+        note_of_dropped(f"{name}.{effect}")
+        for name, element in design.elements.items()
+        for effect, word in element.limited_by.items()
+        if word == "not-perceptible"
+    ]
+    for words in dropped:
+        if sum(note.startswith(words) for note in design.notes) != 1:
+            yield f"notes: one begins with '{words}'"
+    pairs = [pair for pair in design.apart if note_of_apart(pair) in design.notes]
+    if len(design.notes) != len(dropped) + len(pairs):
+        yield (
+            f"notes: {len(design.notes)} of them, {len(dropped)} effects were dropped and "
+            f"{len(pairs)} pairs kept apart"
+        )
+
+
+def _wrong_methods(design: Design) -> Iterator[str]:
+    """A method is named for the elements of each group in which something acts."""
+    order = list(design.elements)
+    for group in _connected(design):
+        played = [design.elements[name] for name in group]
+        acts = any(each.stiffness or each.damping or each.mass for each in played)
+        name = ", ".join(sorted(group, key=order.index))
+        if (name in design.method) != acts:
+            yield f"method: {1 - acts:d} stated for {name[:80]}, not {acts:d}"
+    if len(design.method) > len(_connected(design)):
+        yield "method is stated for elements that are not tuned together"
+
+
+def _connected(design: Design) -> list[set[str]]:
+    """Elements that are tuned together, because groups join them; walls apart from others."""
+    found: list[set[str]] = [{name} for name in design.elements]
+    for group in design.together:
+        for part in (set(group) & design.walls, set(group) - design.walls):
+            if part:
+                joined = set[str]().union(*(each for each in found if each & part))
+                found = [*(each for each in found if not each & part), joined]
+    return found

@@ -1,15 +1,14 @@
-"""What a command computed, in its JSON result: every number that its tables show, in SI units.
+"""What every command prints with ``--json``: one object, and the details of each command.
 
-A command that fails keeps what was computed until then, so that no key is sure to be there. A
-number that is not finite, or was not computed, is null. One file: the details of every command,
-side by side in one schema.
+Every number that its tables show is there, in SI units. A command that fails keeps what was
+computed until then, so that no key is sure to be there. A number that is not finite, or was not
+computed, is null.
 """
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, NotRequired
 
-# pydantic reads this one on every Python; it is part of what pydantic itself needs.
 from typing_extensions import TypedDict
 
 Pair = tuple[float, float]
@@ -231,3 +230,59 @@ class SimulateDetails(Details, total=False):
     description: str
     samples: int
     sample_time: float
+
+
+class FindingResult(TypedDict):
+    """What is wrong, or doubtful, with the log ``source``."""
+
+    code: str
+    severity: Literal["warning", "refusal"]
+    source: str
+    seen: str
+    needed: str
+    remedy: str
+
+
+class Result(TypedDict):
+    """How a command ended.
+
+    ``outputs`` are the files written, ``message`` is what stands on standard error where it failed.
+    """
+
+    schema: Literal["haptune/result/1"]
+    command: str
+    status: Literal[
+        "done",
+        "internal-error",
+        "usage",
+        "invalid-input",
+        "log-refused",
+        "no-feasible-effect",
+        "check-failed",
+        "not-written",
+        "interrupted",
+    ]
+    exit_code: Literal[0, 1, 2, 3, 4, 5, 6, 7, 130]
+    findings: list[FindingResult]
+    outputs: list[str]
+    message: NotRequired[str]
+
+
+#: The details of each command; "haptune" alone is where no command was found.
+DETAILS: dict[str, type] = {
+    "haptune": Details,
+    "demo": CalibrateDetails,
+    "new": Details,
+    "doctor": DoctorDetails,
+    "identify": IdentifyDetails,
+    "tune": TuneDetails,
+    "calibrate": CalibrateDetails,
+    "audit": AuditDetails,
+    "check": CheckDetails,
+    "verify": VerifyDetails,
+    "compare": CompareDetails,
+    "export": Details,
+    "report": CalibrateDetails,
+    "excite": ExciteDetails,
+    "simulate": SimulateDetails,
+}

@@ -1,0 +1,377 @@
+"""What is claimed beside stability, recomputed: forces, ripple, passivity, what is felt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from flint import arb_poly
+
+from tune.certificate.affine import ComplexArray, FloatArray
+from tune.certificate.poles import law_in_doubles, law_of, precision, sampled_plant, shift_to_one
+from tune.certificate.region import ModePoint, Point, Region, Setting
+from tune.documents.certified import HandPlace
+from tune.documents.effects import EFFECT_NAMES
+from tune.documents.profile import Design, ElementProfile, PerceptionProfile
+
+#: Points on the half circle. The integrand is smooth; the mean converges like r^points for a
+#: slowest pole of radius r, and the number is raised until two agree.
+_FEWEST = 1 << 12
+_MOST = 1 << 22
+_CONVERGED = 1e-6
+#: Frequencies looked at, evenly and in equal ratios from the slowest, as parts of π; around the
+#: greatest need once more. A smooth peak is then missed by less than a part in 10⁹.
+_ANGLES = 4096
+_LEAST_ANGLE = 1e-5
+#: A claim may fall short by this part of what is needed.
+_SHORT_OF = 1e-6
+#: A claimed number may differ from the recomputed one by this part: it is printed with four digits.
+_AGREE = 1e-3
+#: Force levels are stated with six digits.
+_CUT = 1e-5
+#: A delay within this part of a sample of a whole number is that number; clocks are not better.
+_WHOLE = 1e-6
+#: Sample times of the interval at which a claim of passivity is looked at.
+_STEPS = 9
+#: Hz, between which people move; means are over the logarithm.
+_SLOWEST, _FASTEST = 0.5, 5.0
+#: Points of Simpson's rule between them, an odd number.
+_POINTS = 2001
+#: A device without damping is given this part of its mass over a second to compare with.
+_FOOT = 0.01
+#: Less felt of an effect than this part of it counts as this.
+_BARELY = 1e-3
+#: m and rad at which a stiffness is compared with what friction masks.
+_DEPTH = {"linear": 0.01, "rotary": 0.1}
+
+
+@lru_cache(maxsize=256)
+def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> float:
+    """Force ripple, N rms, from white quantisation noise of variance resolution²/12.
+
+    Infinite where it is too large for a double. Where nothing holds the position and there is no
+    spring, plant and law share z = 1, which is divided out. Polynomials are moved to powers of z -
+    1 before they become doubles: at low frequency those of z cancel.
+    """
+    with precision():
+        plant, law = sampled_plant(point), law_of(setting, point.sample_time)
+        zero = arb_poly([-1, 1])
+        top = law.numerator * plant.denominator
+        bottom = law.denominator * plant.denominator
+        fed_back = law.numerator * plant.numerator
+        if plant.integrates or law.vanishes:
+            top = top * zero
+        if plant.integrates and not law.vanishes:
+            bottom = bottom * zero
+        if law.vanishes and not plant.integrates:
+            fed_back = fed_back * zero
+        numerator, denominator = (shift_to_one(p) for p in (top, bottom + fed_back))
+    value, count = np.nan, _FEWEST
+    while count <= _MOST:
+        angle = (np.arange(count) + 0.5) * (np.pi / count)
+        away: ComplexArray = np.expm1(1j * angle)
+        with np.errstate(all="ignore"):
+            response = np.polyval(numerator, away) / np.polyval(denominator, away)
+            energy = float(np.mean(np.abs(response) ** 2))
+        if not np.isfinite(energy):
+            return float("inf")
+        previous, count = value, count * 4
+        value = float(np.sqrt(energy / 12) * resolution)
+        if abs(value - previous) <= _CONVERGED * value:
+            break
+    return value
+
+
+def damping_for_passivity(setting: Setting, sample_time: float, delay_samples: int = 0) -> float:
+    """The least damping b of a passive device, at least zero.
+
+    b > T/2·Re{(1 - e^-jωT)·H(e^jωT)}/(1 - cos ωT) at every ω (Colgate and Schenkel); H is the law
+    with its filters and with whole samples of delay within the computer; a rigid mass on a damper,
+    any mass.
+    """
+    top, bottom, vanishes = law_in_doubles(setting, sample_time)
+
+    def needed(angle: FloatArray) -> FloatArray:
+        z = np.exp(1j * angle)
+        response = np.polyval(top, z) / np.polyval(bottom, z) * z ** -float(delay_samples)
+        if vanishes:
+            response = response * (z - 1)
+        return np.real((1 - np.conj(z)) * response) / (2 * np.sin(angle / 2) ** 2) * sample_time / 2
+
+    angle = np.sort(
+        np.pi
+        * np.concatenate(
+            [np.linspace(0, 1, _ANGLES + 1)[1:], np.geomspace(_LEAST_ANGLE, 1, _ANGLES)]
+        )
+    )
+    values = needed(angle)
+    at = int(np.argmax(values))
+    low, high = float(angle[max(at - 1, 0)]), float(angle[min(at + 1, len(angle) - 1)])
+    near: FloatArray = np.linspace(low, high, _ANGLES)
+    return max(0.0, float(values[at]), float(needed(near).max()))
+
+
+def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
+    """Forces of the stated motions against the limits of the device."""
+    limit = design.device.force_limit
+    if limit is None:
+        return []
+    chosen = [design.elements[name] for name in moment]
+    # What is cut at its level needs no penetration: that it is safe so is proved apart.
+    sustained = sum(item.stiffness * (item.motion.penetration or 0.0) for item in chosen)
+    peak = sustained + sum(
+        (0.0 if item.one_sided and item.cut else abs(item.damping) * item.motion.speed)
+        + abs(item.mass) * item.motion.acceleration
+        for item in chosen
+    )
+    levels = sum(item.force_level for item in chosen if item.stiffness)
+    wrong = [
+        f"{name}: force_level says {item.force_level:.6g}, its spring gives {deep:.6g} as deep as "
+        "is stated"
+        for name, item in zip(moment, chosen, strict=True)
+        for deep in (item.stiffness * (item.motion.penetration or 0.0),)
+        if (item.force_level > 0) != bool(item.stiffness) or deep > item.force_level * (1 + _CUT)
+    ]
+    return wrong + [
+        f"{' + '.join(moment)}: {words} force {seen:.6g} exceeds the limit {most:.6g}"
+        for words, seen, most in (
+            ("sustained", sustained, limit.continuous),
+            ("peak", peak, limit.peak),
+            ("cut", levels, limit.peak),
+        )
+        if seen > most * (1 + 1e-9)
+    ]
+
+
+def meets_wall(design: Design, moment: tuple[str, ...]) -> bool:
+    """Whether a wall is met beside other elements, where ripple is told and not bound."""
+    return bool(design.walls.intersection(moment)) and not design.walls.issuperset(moment)
+
+
+def ripple_failures(design: Design, moment: tuple[str, ...], setting: Setting) -> list[str]:
+    """Ripple of a moment against the limit, and what a lone element claims against what it has."""
+    seen = ripple_of(design, setting)
+    if seen is None:
+        return []
+    where = " + ".join(moment)
+    failures: list[str] = []
+    if not seen <= design.ripple_limit * (1 + _AGREE):
+        failures.append(f"{where}: ripple {seen:.4g} exceeds the limit {design.ripple_limit:.4g}")
+    claimed = max((design.elements[name].ripple or 0.0 for name in moment), default=0.0)
+    if len(moment) == 1 and claimed < seen * (1 - _AGREE):
+        failures.append(f"{where}: claims a ripple of {claimed:.4g}, has {seen:.4g}")
+    return failures
+
+
+def ripple_of(design: Design, setting: Setting) -> float | None:
+    """Ripple at the best estimate and longest delay, with a hand or without; None if not known."""
+    device = design.device
+    if device.encoder_resolution is None:
+        return None
+    samples = device.delay.high / device.sample_time.value
+    whole = round(samples)
+    best = Point(
+        mass=device.mass.value,
+        damping=device.damping.value,
+        sample_time=device.sample_time.value,
+        delay_samples=float(whole) if abs(samples - whole) <= _WHOLE else samples,
+        modes=tuple(
+            ModePoint(
+                frequency_hz=mode.frequency_hz.value,
+                damping_ratio=mode.damping_ratio.value,
+                at_encoder=mode.at_encoder,
+                at_handle=mode.at_handle,
+            )
+            for mode in device.modes
+        ),
+        current_lag=0.0 if device.current_lag is None else device.current_lag.value,
+        position_stiffness=device.slope_at_zero,
+    )
+    points = [best]
+    if design.hand is not None:
+        grip = {name: getattr(design.hand, name).value for name in EFFECT_NAMES}
+        points.append(replace(best, hand=HandPlace(**grip)))
+    count = device.encoder_resolution.value
+    return max(ripple_by_integration(point, setting, count) for point in points)
+
+
+def passivity_failures(
+    design: Design, moment: tuple[str, ...], setting: Setting, region: Region
+) -> list[str]:
+    """A claim of passivity, which is known for a rigid device and whole samples of delay."""
+    claimed = [name for name in moment if design.elements[name].margins.passive is True]
+    if len(moment) != 1 or not claimed:
+        return []
+    whole = whole_delay(region)
+    if whole is None:
+        return [
+            f"{claimed[0]}: claims passivity with a mode, a lag or a part of a sample of delay, "
+            "where it is not known"
+        ]
+    damping = region.damping[0]
+    for step in np.linspace(*region.sample_time, _STEPS):
+        needed = damping_for_passivity(setting, float(step), whole)
+        if not damping > needed * (1 - _SHORT_OF):
+            return [
+                f"{claimed[0]}: claims passivity with a delay of {whole} samples, but a damping "
+                f"of {damping:.6g} is too little, {needed:.6g} is needed"
+            ]
+    return []
+
+
+def whole_delay(region: Region, close: float = _WHOLE) -> int | None:
+    """Samples of delay of a device for which passivity is known: rigid, without lag, and whole."""
+    delays = {region.delay[i] / step for i in (0, 1) for step in region.sample_time}
+    whole = round(max(delays))
+    if region.modes or region.current_lag[1] or max(abs(d - whole) for d in delays) > close:
+        return None
+    return whole
+
+
+def rendering_failures(design: Design, name: str, setting: Setting) -> list[str]:
+    """What an element claims to make felt and how many steps, against the same computed anew."""
+    element = design.elements[name]
+    impedance = _impedances(design, setting)
+    return [
+        f"{name}: {claim} says {said:.4g}, computed anew it is {seen:.4g}"
+        for claim, said, seen, size in (
+            *_rendered(element, impedance),
+            *_steps(design, element, impedance),
+        )
+        if not abs(seen - said) <= _AGREE * size
+    ] + excess_over_request(design, name, setting)
+
+
+def excess_over_request(design: Design, name: str, setting: Setting) -> list[str]:
+    """Mass and damping felt as more than a step from what is asked for; a wall asks for nothing."""
+    element, table = design.elements[name], design.perception
+    if table is None or element.as_commanded or element.one_sided:
+        return []
+    impedance = _impedances(design, setting)
+    failures: list[str] = []
+    for effect, values in _felt(impedance).items():
+        own, asked = _reference(design, table, effect), float(getattr(element, effect))
+        for place, frequency in ((0, _SLOWEST), (-1, _FASTEST)):
+            seen = float(values[place])
+            steps = _steps_between(design, element, effect, own + asked, own + seen)
+            if not steps <= 1:
+                failures.append(
+                    f"{name}: at {frequency:g} Hz a hand feels {seen:.4g} of {effect} where "
+                    f"{asked:.4g} is asked for, {steps:.3g} steps from it beside the {own:.4g} of "
+                    "the device, where 1 is allowed; ask for less, or filter less, and tune again"
+                )
+    return failures
+
+
+def _impedances(design: Design, setting: Setting) -> dict[str, ComplexArray]:
+    """That of each effect alone."""
+    nothing = dict.fromkeys(EFFECT_NAMES, 0.0)
+    alone = {name: {**nothing, name: getattr(setting, name)} for name in EFFECT_NAMES}
+    return {name: _impedance(design, replace(setting, **each)) for name, each in alone.items()}
+
+
+def _turns() -> FloatArray:
+    """Angular frequencies of the motions, rad/s."""
+    return 2 * np.pi * np.geomspace(_SLOWEST, _FASTEST, _POINTS)
+
+
+def _mean(values: FloatArray) -> float:
+    """Over the logarithm of frequency, by Simpson's rule."""
+    weights = np.full(_POINTS, 2.0)
+    weights[1::2], weights[[0, -1]] = 4.0, 1.0
+    return float(weights @ values / np.sum(weights))
+
+
+def _impedance(design: Design, setting: Setting) -> ComplexArray:
+    """Force of the held command against a sinusoidal motion, over its velocity, N·s/m."""
+    device, turn = design.device, _turns()
+    step = device.sample_time.value
+    with precision():
+        law = law_of(setting, step)
+        top = law.numerator * arb_poly([-1, 1]) if law.vanishes else law.numerator
+        numerator, denominator = shift_to_one(top), shift_to_one(law.denominator)
+    if not numerator.size:
+        return np.zeros(_POINTS, dtype=np.complex128)
+    away = np.expm1(1j * turn * step)
+    command = np.polyval(numerator, away) / np.polyval(denominator, away)
+    held = -np.expm1(-1j * turn * step) / (1j * turn * step)
+    lag = 0.0 if device.current_lag is None else device.current_lag.value
+    late = np.exp(-1j * turn * device.delay.value) / (1 + 1j * turn * lag)
+    return command * held * late / (1j * turn)
+
+
+def _felt(impedance: dict[str, ComplexArray]) -> dict[str, FloatArray]:
+    """Mass and damping that are felt, by frequency."""
+    moving = impedance["damping"] + impedance["mass"]
+    return {"mass": moving.imag / _turns(), "damping": (moving + impedance["stiffness"]).real}
+
+
+def _rendered(
+    element: ElementProfile, impedance: dict[str, ComplexArray]
+) -> Iterator[tuple[str, float, float, float]]:
+    """(claim, as stated, as computed, what a difference is small against) of mass and damping."""
+    said = element.rendered
+    if said is None:
+        return
+    at_ends = {"mass": said.mass_at_ends, "damping": said.damping_at_ends}
+    for claim, values in _felt(impedance).items():
+        size = float(np.max(np.abs(values)))
+        yield f"rendered.{claim}", getattr(said, claim), _mean(values), size
+        for end, place in zip(at_ends[claim], (0, -1), strict=True):
+            yield f"rendered.{claim}_at_ends", end, float(values[place]), size
+
+
+def _steps(
+    design: Design, element: ElementProfile, impedance: dict[str, ComplexArray]
+) -> Iterator[tuple[str, float, float, float]]:
+    """Claims of perceived steps; nothing where the profile does not say how fine hands are."""
+    table = design.perception
+    if table is None:
+        return
+    for effect, said in element.perceived_steps.items():
+        reference = _reference(design, table, effect)
+        felt = {
+            "stiffness": element.stiffness,
+            "damping": _mean(impedance["damping"].real),
+            "mass": _mean(impedance["mass"].imag / _turns()),
+        }[effect]
+        commanded: float = getattr(element, effect)
+        least = _BARELY * commanded
+        felt = least if commanded == 0 or felt / commanded < _BARELY else felt
+        seen = _steps_between(design, element, effect, reference, reference + felt)
+        yield f"perceived_steps.{effect}", said, seen, abs(said)
+
+
+def _steps_between(
+    design: Design, element: ElementProfile, effect: str, first: float, second: float
+) -> float:
+    """Steps from one total of an effect, with the device's own, to another."""
+    return abs(_height(design, element, effect, second) - _height(design, element, effect, first))
+
+
+def _height(design: Design, element: ElementProfile, effect: str, total: float) -> float:
+    """Steps above nothing: one for each force just noticed, then one for each Weber fraction."""
+    table = design.perception
+    assert table is not None
+    reach = {
+        "stiffness": _DEPTH[design.device.motion],
+        "damping": element.motion.speed,
+        "mass": element.motion.acceleration,
+    }[effect]
+    noticed, fold = table.threshold / reach, float(np.log1p(getattr(table, effect)))
+    if total * fold <= noticed:
+        return total / noticed
+    return (1 + float(np.log(total * fold / noticed))) / fold
+
+
+def _reference(design: Design, table: PerceptionProfile, effect: str) -> float:
+    """What an effect is compared with: the stiffness that friction masks, b or m."""
+    device = design.device
+    masked = max(device.coulomb_friction.value, table.threshold)
+    return {
+        "stiffness": masked / _DEPTH[device.motion],
+        "damping": max(device.damping.value, _FOOT * device.mass.value),
+        "mass": device.mass.value,
+    }[effect]

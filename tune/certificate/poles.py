@@ -1,0 +1,404 @@
+"""Schur stability for every gain in (0, g], decided from certified roots; undecided is no.
+
+At gain g all poles must certainly lie inside the unit circle. On the way down to zero gain a pole
+can leave the circle only through it, at z where -D(z)/N(z) is real: there D(z)·N(1/z) equals its
+mirror image. All such z are isolated, and none may belong to a gain in (0, g].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from flint import acb, acb_poly, arb, arb_mat, arb_poly, ctx
+
+from tune.certificate.affine import FloatArray
+from tune.certificate.region import Point, Setting
+
+#: Bits of every ball. The printed plant loses 2·log2(1/δ) of them: 80 at δ = 1e-12.
+BITS = 400
+
+
+@contextmanager
+def precision() -> Generator[None]:
+    """Balls of BITS bits inside, whatever the caller had outside."""
+    outside, ctx.prec = ctx.prec, BITS
+    try:
+        yield
+    finally:
+        ctx.prec = outside
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampledPlant:
+    """Measured position from commanded force, numerator over denominator, in z."""
+
+    numerator: arb_poly  # with the delay
+    denominator: arb_poly  # its root z = 1 of free motion taken out where ``integrates``
+    integrates: bool  # nothing holds the position
+
+
+def sampled_plant(point: Point) -> SampledPlant:
+    """The plant at one point; to be called within `precision`."""
+    return _printed(point) if point.plain else _by_exponential(point)
+
+
+def _printed(point: Point) -> SampledPlant:
+    """b²/m·(z-1)(z-ε) under z(ε-1+δ) + 1-(1+δ)ε, and T²/(2m)·(z+1) over (z-1)² where b = 0."""
+    m, b, T = arb(point.mass), arb(point.damping), arb(point.sample_time)
+    if point.damping == 0:
+        decay = arb(1)
+        numerator = arb_poly([1, 1]) * (T * T / (2 * m))
+    else:
+        delta = b * T / m
+        decay = (-delta).exp()
+        numerator = arb_poly([1 - (1 + delta) * decay, decay - 1 + delta]) * (m / (b * b))
+    late = arb_poly([0] * int(point.delay_samples) + [1])
+    return SampledPlant(
+        numerator=numerator, denominator=arb_poly([-decay, 1]) * late, integrates=True
+    )
+
+
+def _by_exponential(point: Point) -> SampledPlant:
+    """x[k+1] = Φ·x[k] + Γ_old·F[k-d-1] + Γ_new·F[k-d], the new force acting from fT on."""
+    T = arb(point.sample_time)
+    whole = int(point.delay_samples)
+    fraction = arb(point.delay_samples) - whole
+    motion, drive, read = _state_space(point)
+    size = len(motion)
+    augmented = arb_mat([[*motion[i], drive[i]] for i in range(size)] + [[arb(0)] * (size + 1)])
+    late = (augmented * ((1 - fraction) * T)).exp()
+    transition = _block(late, size) if fraction == 0 else _block((augmented * T).exp(), size)
+    new = [late[i, size] for i in range(size)]
+    numerators = _resolvent(transition, read, new)
+    if fraction == 0:
+        numerator, delays = numerators, whole
+    else:
+        early = (augmented * (fraction * T)).exp()
+        kept = _block(late, size)
+        old = [sum((kept[i, j] * early[j, size] for j in range(size)), arb(0)) for i in range(size)]
+        numerator = numerators * arb_poly([0, 1]) + _resolvent(transition, read, old)
+        delays = whole + 1
+    denominator = transition.charpoly()
+    if not point.grounded:
+        denominator = denominator // arb_poly([-1, 1])
+    return SampledPlant(
+        numerator=numerator,
+        denominator=denominator * arb_poly([0] * delays + [1]),
+        integrates=not point.grounded,
+    )
+
+
+def _state_space(point: Point) -> tuple[list[list[arb]], list[arb], list[arb]]:
+    """(A, B, C) of (q, q̇ and, with a lag, the actuator's force) from command to encoder."""
+    m = arb(point.mass)
+    encoder = [arb(1), *(arb(mode.at_encoder) for mode in point.modes)]
+    handle = [arb(1), *(arb(mode.at_handle) for mode in point.modes)]
+    count = len(encoder)
+    omegas = [2 * arb.pi() * arb(mode.frequency_hz) for mode in point.modes]
+    dampings = [
+        arb(point.damping),
+        *(2 * arb(p.damping_ratio) * w * m for p, w in zip(point.modes, omegas, strict=True)),
+    ]
+    springs = [arb(point.position_stiffness), *(w * w * m for w in omegas)]
+    grip = point.hand
+    hm, hb, hk = (
+        arb(x) for x in ((grip.mass, grip.damping, grip.stiffness) if grip else (0, 0, 0))
+    )
+
+    def matrix(diagonal: list[arb], hand: arb) -> arb_mat:
+        return arb_mat(
+            [
+                [
+                    handle[i] * handle[j] * hand + (diagonal[i] if i == j else 0)
+                    for j in range(count)
+                ]
+                for i in range(count)
+            ]
+        )
+
+    inverse = matrix([m] * count, hm).inv()
+    by_position = inverse * matrix(springs, hk) * -1
+    by_velocity = inverse * matrix(dampings, hb) * -1
+    by_force = inverse * arb_mat([[e] for e in encoder])
+    lagged = point.current_lag > 0
+    size = 2 * count + lagged
+    motion = [[arb(0)] * size for _ in range(size)]
+    drive = [arb(0)] * size
+    for i in range(count):
+        motion[i][count + i] = arb(1)
+        for j in range(count):
+            motion[count + i][j] = by_position[i, j]
+            motion[count + i][count + j] = by_velocity[i, j]
+        if lagged:
+            motion[count + i][size - 1] = by_force[i, 0]
+        else:
+            drive[count + i] = by_force[i, 0]
+    if lagged:
+        rate = 1 / arb(point.current_lag)
+        motion[size - 1][size - 1] = -rate
+        drive[size - 1] = rate
+    return motion, drive, encoder + [arb(0)] * (size - count)
+
+
+def _block(matrix: arb_mat, size: int) -> arb_mat:
+    return arb_mat([[matrix[i, j] for j in range(size)] for i in range(size)])
+
+
+def _resolvent(transition: arb_mat, read: list[arb], drive: list[arb]) -> arb_poly:
+    """C·adj(zI - Φ)·Γ by Faddeev and LeVerrier."""
+    size = len(read)
+    column = arb_mat([[x] for x in drive])
+    adjugate = arb_mat([[arb(int(i == j)) for j in range(size)] for i in range(size)])
+    coefficients: list[arb] = []
+    for order in range(1, size + 1):
+        moved = adjugate * column
+        coefficients.append(sum((read[i] * moved[i, 0] for i in range(size)), arb(0)))
+        product = transition * adjugate
+        trace = sum((product[i, i] for i in range(size)), arb(0))
+        adjugate = arb_mat(
+            [
+                [product[i, j] - (trace / order if i == j else 0) for j in range(size)]
+                for i in range(size)
+            ]
+        )
+    return arb_poly(coefficients[::-1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClosedLoop:
+    """D(z) + s·N(z), whose roots are the poles when all effects are multiplied by s.
+
+    Where no spring acts, of the effects or of the hand, the pole z = 1 of free motion has been
+    divided out of both.
+    """
+
+    open: arb_poly  # D
+    feedback: arb_poly  # N
+    integrates: bool  # D still has the exact root z = 1, which belongs to zero gain and to no other
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """Force from position, numerator over denominator, in z."""
+
+    numerator: arb_poly  # divided by z - 1 where ``vanishes``
+    denominator: arb_poly  # of the estimates that are used
+    vanishes: bool  # without a spring the law has a zero at z = 1
+
+
+def closed_loop(point: Point, setting: Setting) -> ClosedLoop:
+    """Plant and law put together, at one point.
+
+    The plain plant is equation (37) as printed; any other comes from the exponential of its matrix.
+    """
+    with precision():
+        plant = sampled_plant(point)
+        law = law_of(setting, point.sample_time)
+        z_less_one = arb_poly([-1, 1])
+        denominator = plant.denominator * law.denominator
+        feedback = plant.numerator * law.numerator
+        if not law.vanishes:
+            if plant.integrates:
+                denominator = denominator * z_less_one
+            return ClosedLoop(open=denominator, feedback=feedback, integrates=plant.integrates)
+        if not plant.integrates:
+            return ClosedLoop(open=denominator, feedback=feedback * z_less_one, integrates=False)
+        # With b = 0 free motion has z = 1 twice; the law's zero takes one of them away.
+        damped = point.damping != 0 or (point.hand is not None and point.hand.damping != 0)
+        return ClosedLoop(open=denominator, feedback=feedback, integrates=not damped)
+
+
+def law_of(setting: Setting, sample_time: float) -> Law:
+    """K + B·velocity + M·acceleration; only denominators of effects that act are there."""
+    T = arb(sample_time)
+    z, one = arb_poly([0, 1]), arb_poly([1])
+    step = z - one
+    velocity_top, velocity_bottom = _velocity(setting, T) if setting.damping else (one, one)
+    acceleration_top, acceleration_bottom = (
+        _acceleration(setting, T) if setting.mass else (one, one)
+    )
+    damper = velocity_top * acceleration_bottom * arb(setting.damping)
+    inertia = step * acceleration_top * velocity_bottom * arb(setting.mass)
+    denominator = velocity_bottom * acceleration_bottom
+    if setting.stiffness:
+        spring = denominator * arb(setting.stiffness)
+        return Law(
+            numerator=spring + step * (damper + inertia), denominator=denominator, vanishes=False
+        )
+    return Law(numerator=damper + inertia, denominator=denominator, vanishes=True)
+
+
+def law_in_doubles(setting: Setting, step: float) -> tuple[FloatArray, FloatArray, bool]:
+    """Descending coefficients of the law's numerator and denominator, and whether it vanishes."""
+    with precision():
+        law = law_of(setting, step)
+        top, bottom = (
+            np.array([float(c) for c in polynomial.coeffs()][::-1])
+            for polynomial in (law.numerator, law.denominator)
+        )
+    return top, bottom, law.vanishes
+
+
+def shift_to_one(polynomial: arb_poly) -> FloatArray:
+    """Descending coefficients in powers of z - 1: those of z cancel at low frequency."""
+    return np.array([float(c) for c in polynomial(arb_poly([1, 1])).coeffs()][::-1])
+
+
+def _velocity(setting: Setting, T: arb) -> tuple[arb_poly, arb_poly]:
+    """(numerator without its factor z - 1, denominator) of the velocity estimate."""
+    if setting.velocity_window_samples:
+        n = setting.velocity_window_samples
+        return arb_poly([1 / (n * T)] * n), arb_poly([0] * n + [1])
+    top, bottom = _filter(
+        setting.velocity_filter_hz, setting.velocity_filter_order, setting.filter_damping_ratio, T
+    )
+    # (z - 1)/(Tz) takes away one z of the filter's numerator, where it has one.
+    return _over_z(top, bottom, 1, T)
+
+
+def _acceleration(setting: Setting, T: arb) -> tuple[arb_poly, arb_poly]:
+    """(numerator without its factor (z - 1)², denominator) of the acceleration estimate."""
+    top, bottom = _filter(
+        setting.acceleration_filter_hz,
+        setting.acceleration_filter_order,
+        setting.filter_damping_ratio,
+        T,
+    )
+    return _over_z(top, bottom, 2, T * T)
+
+
+def _over_z(
+    top: tuple[arb, int], bottom: arb_poly, power: int, scale: arb
+) -> tuple[arb_poly, arb_poly]:
+    gain, powers = top
+    shared = min(powers, power)
+    numerator = arb_poly([0] * (powers - shared) + [gain / scale])
+    return numerator, bottom * arb_poly([0] * (power - shared) + [1])
+
+
+def _filter(
+    cutoff: float | None, order: int, ratio: float, T: arb
+) -> tuple[tuple[arb, int], arb_poly]:
+    """((gain, powers of z), denominator) of a low-pass."""
+    if cutoff is None:
+        return (arb(1), 0), arb_poly([1])
+    rate = arb.pi() * (-2 * cutoff) * T
+    if order == 1:
+        a = rate.exp()
+        return (1 - a, 1), arb_poly([-a, 1])
+    zeta = arb(ratio)
+    turn = -rate * (1 - zeta * zeta).sqrt() if ratio < 1 else arb(0)
+    trace = 2 * (rate * zeta).exp() * turn.cos()
+    product = (2 * rate * zeta).exp()
+    return (1 - trace + product, 2), arb_poly([product, -trace, 1])
+
+
+#: Radius to which roots are isolated, as a power of ten: fifty digits and a few more.
+_DIGITS = 55
+#: The isolation starts from fixed points and may stall on roots of very different size; seen from
+#: another origin it does not. Each is tried until one succeeds; the result is certified either way.
+_SHIFTS = (0, 1, -1, 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What the roots say."""
+
+    # "stable", "unstable" or "undecided"; only the first passes
+    answer: Literal["stable", "unstable", "undecided"]
+    reason: str  # a sentence for people
+    radius: float  # largest pole modulus at the full gain, nan if not isolated
+
+
+def judge(point: Point, setting: Setting, gain: float) -> Verdict:
+    """Whether the loop is stable for every gain in (0, gain]."""
+    with precision():
+        loop = closed_loop(point, setting)
+        full = loop.open + arb(gain) * loop.feedback
+        poles = _roots(full)
+        if poles is None:
+            return _undecided("poles at full gain could not be isolated")
+        moduli = [abs(pole) for pole in poles]
+        radius = max((float(modulus.upper()) for modulus in moduli), default=0.0)
+        if any(modulus > 1 for modulus in moduli):
+            return Verdict(
+                answer="unstable",
+                reason=f"pole of modulus {radius:.9g} at full gain",
+                radius=radius,
+            )
+        if not all(modulus < 1 for modulus in moduli):
+            return _undecided("a pole touches the unit circle at full gain", radius)
+        crossings = _crossing_gains(loop)
+        if crossings is None:
+            return _undecided("crossings of the unit circle could not be isolated", radius)
+        for crossing in crossings:
+            if not (crossing <= 0 or crossing > gain):
+                at = float(crossing.mid())
+                return Verdict(
+                    answer="unstable",
+                    reason=f"a pole crosses the unit circle at {at:.6g} of the gain asked for",
+                    radius=radius,
+                )
+        return Verdict(answer="stable", reason="all poles inside at every gain", radius=radius)
+
+
+def _undecided(reason: str, radius: float = float("nan")) -> Verdict:
+    return Verdict(answer="undecided", reason=reason, radius=radius)
+
+
+def _roots(polynomial: arb_poly) -> list[acb] | None:
+    coefficients = polynomial.coeffs()
+    while coefficients and coefficients[0] == 0:
+        coefficients = coefficients[1:]
+    if len(coefficients) < 2:
+        return []
+    for shift in _SHIFTS:
+        moved = arb_poly(coefficients)(arb_poly([arb(shift), 1]))
+        try:
+            roots = acb_poly([acb(c) for c in moved.coeffs()]).roots(tol=arb(10) ** -_DIGITS)
+        except (ValueError, ArithmeticError):
+            continue
+        return [root + arb(shift) for root in roots]
+    return None
+
+
+def _crossing_gains(loop: ClosedLoop) -> list[arb] | None:
+    degree = max(loop.open.degree(), loop.feedback.degree())
+    open_, feedback = (
+        p.coeffs() + [arb(0)] * (degree - p.degree()) for p in (loop.open, loop.feedback)
+    )
+    difference = arb_poly(open_) * arb_poly(feedback[::-1]) - arb_poly(feedback) * arb_poly(
+        open_[::-1]
+    )
+    # z = 1 and z = -1 mirror onto themselves. Every integrator adds to the former, which belongs
+    # to zero gain; the latter is looked at on its own.
+    difference = _without(_without(difference, arb(1)), arb(-1))
+    coefficients = difference.coeffs()
+    while coefficients and coefficients[0].contains(0):
+        coefficients = coefficients[1:]
+    while coefficients and coefficients[-1].contains(0):
+        coefficients = coefficients[:-1]
+    points = _roots(arb_poly(coefficients))
+    if points is None:
+        return None
+    gains: list[arb] = []
+    for z in [acb(-1), *([] if loop.integrates else [acb(1)]), *points]:
+        if not abs(z).overlaps(arb(1)):
+            continue
+        divisor = loop.feedback(z)
+        if divisor.contains(0):
+            if loop.open(z).contains(0):
+                return None
+            continue
+        gains.append((-(loop.open(z) / divisor)).real)
+    return gains
+
+
+def _without(polynomial: arb_poly, root: arb) -> arb_poly:
+    while polynomial.degree() > 0 and polynomial(root).contains(0):
+        polynomial = polynomial // arb_poly([-root, 1])
+    return polynomial

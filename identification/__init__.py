@@ -47,80 +47,20 @@ if TYPE_CHECKING:
         UnstatedError,
         UsageError,
     )
-<<<<<<< HEAD
     from identification.estimators import METHODS, Method
     from identification.figure import NotebookFigure, legend_above
     from identification.fitting.one_log import LogFit
-    from identification.pictures.fit import fit_picture
-    from identification.pictures.identified import identified_picture, log_picture
-    from identification.planning.excitation import Excitation, plan_excitation
-    from identification.planning.planned_force import excitation_picture, force_text
-    from identification.planning.spec import ExcitationSpec
-    from identification.planning.two_stage import load_excitation
+    from identification.pictures import fit_picture, identified_picture, log_picture
+    from identification.planning.excitation import (
+        Excitation,
+        excitation_picture,
+        force_text,
+        plan_excitation,
+    )
+    from identification.planning.limits import ExcitationSpec, load_excitation
     from identification.plant import Plant
     from identification.readers import LogColumns, load_trajectory
     from identification.trajectory import Motion, Trajectory
-=======
-    from identification.errors import (
-        InvalidInputError as InvalidInputError,
-    )
-    from identification.errors import (
-        LogRefusedError as LogRefusedError,
-    )
-    from identification.errors import (
-        NotWrittenError as NotWrittenError,
-    )
-    from identification.errors import (
-        Unstated as Unstated,
-    )
-    from identification.errors import (
-        UnstatedError as UnstatedError,
-    )
-    from identification.errors import (
-        UsageError as UsageError,
-    )
-    from identification.estimators import (
-        METHODS as METHODS,
-    )
-    from identification.estimators import (
-        Method as Method,
-    )
-    from identification.examination import (
-        Examination as Examination,
-    )
-    from identification.examination import (
-        examine as examine,
-    )
-    from identification.figure import NotebookFigure as NotebookFigure
-    from identification.figure import legend_above as legend_above
-    from identification.fitting.one_log import LogFit as LogFit
-    from identification.pictures import fit_picture as fit_picture
-    from identification.pictures import identified_picture as identified_picture
-    from identification.pictures import log_picture as log_picture
-    from identification.planning.excitation import (
-        Excitation as Excitation,
-    )
-    from identification.planning.excitation import excitation_picture as excitation_picture
-    from identification.planning.excitation import force_text as force_text
-    from identification.planning.excitation import (
-        plan_excitation as plan_excitation,
-    )
-    from identification.planning.limits import (
-        ExcitationSpec as ExcitationSpec,
-    )
-    from identification.planning.limits import load_excitation as load_excitation
-    from identification.plant import (
-        Plant as Plant,
-    )
-    from identification.readers.logs import (
-        LogColumns as LogColumns,
-    )
-    from identification.readers.logs import (
-        load_trajectory as load_trajectory,
-    )
-    from identification.trajectory import Motion as Motion
-    from identification.trajectory import Trajectory as Trajectory
->>>>>>> hc
 
 #: Public names by module. No module has the name of a function (so _identify): once loaded,
 #: it would take the function's place.
@@ -141,24 +81,11 @@ _HOMES = {
         "UnstatedError UsageError"
     ),
     "estimators": "METHODS Method",
-<<<<<<< HEAD
-=======
-    "examination": "Examination examine",
-    "planning.excitation": "Excitation excitation_picture force_text plan_excitation",
-    "planning.limits": "ExcitationSpec load_excitation",
-    "pictures": "fit_picture identified_picture log_picture",
->>>>>>> hc
     "figure": "NotebookFigure legend_above",
     "fitting.one_log": "LogFit",
-<<<<<<< HEAD
-    "pictures.fit": "fit_picture",
-    "pictures.identified": "identified_picture log_picture",
-    "planning.excitation": "Excitation plan_excitation",
-    "planning.planned_force": "excitation_picture force_text",
-    "planning.spec": "ExcitationSpec",
-    "planning.two_stage": "load_excitation",
-=======
->>>>>>> hc
+    "pictures": "fit_picture identified_picture log_picture",
+    "planning.excitation": "Excitation excitation_picture force_text plan_excitation",
+    "planning.limits": "ExcitationSpec load_excitation",
     "plant": "Plant",
     "readers": "LogColumns load_trajectory",
     "trajectory": "Motion Trajectory",

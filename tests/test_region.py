@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from identification import Device, parse_document
-from tune.certificate.region import Region
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.scene import FREE_TO_RIGID, Hand
 from tune.loop.filters import Filters
 from tune.loop.loop import Loop
-from tune.optimisation.region import PlantPoint
+from tune.optimisation.region import PlantPoint, Region
 from tune.stability.verdict import largest
 
 MODE = {

@@ -17,7 +17,6 @@ from identification import load_device
 from tests.commands import haptune, log_text
 from tune import SafeProfile, Scene, optimise
 from tune.exporters import NOT_A_SAFETY_FUNCTION
-from tune.exporters.text import NOT_A_SAFETY_FUNCTION
 from tune.presentation.page import report_html
 
 HOSTILE = '</script><script>alert(1)</script>"><img src=x onerror=alert(2)>$x^{$ {{ 7*7 }} &amp;'

@@ -46,9 +46,6 @@ if TYPE_CHECKING:  # what checkers of types take for true
         slowest_decay,
     )
     from tune.optimisation._optimise import optimise
-    from tune.optimisation.candidates import candidates, compare_candidates
-    from tune.optimisation.candidates_picture import candidates_picture
-    from tune.presentation.pictures import profile_picture, profile_sheet
     from tune.optimisation.alternatives import (
         Alternative,
         candidates,
@@ -56,7 +53,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
         compare_candidates,
         what_if,
     )
-    from tune.presentation.profile_picture import profile_picture, profile_sheet
+    from tune.presentation.pictures import profile_picture, profile_sheet
     from tune.rendering.ripple import (
         CountJump,
         ThresholdCurve,
@@ -152,24 +149,19 @@ _HOMES = {
     "exporters": "export",
     "loop.filters": "Filters",
     "loop.loop": "Loop",
-    "margins.damping": "least_damping_ratio slowest_decay",
-    "margins.delay": "DelayMargin delay_margin",
-    "margins.margins": "LoopMargins margins_of",
-    "margins.passivity": "Passivity damping_needed",
-    "margins.response": "DiskMargin disk_margin phase_margin",
+    "margins.margins": (
+        "DelayMargin DiskMargin LoopMargins Passivity damping_needed delay_margin disk_margin "
+        "least_damping_ratio margins_of phase_margin slowest_decay"
+    ),
     "optimisation._optimise": "optimise",
-<<<<<<< HEAD
-    "optimisation.candidates": "candidates compare_candidates",
-    "optimisation.candidates_picture": "candidates_picture",
-    "presentation.pictures": "profile_picture profile_sheet",
-=======
     "optimisation.alternatives": (
         "Alternative candidates candidates_picture compare_candidates what_if"
     ),
-    "presentation.profile_picture": "profile_picture profile_sheet",
->>>>>>> hf
-    "rendering.ripple": "CountJump count_jump force_ripple handle_vibration",
-    "rendering.vibration": "ThresholdCurve default_thresholds vibration_in_thresholds",
+    "presentation.pictures": "profile_picture profile_sheet",
+    "rendering.ripple": (
+        "CountJump ThresholdCurve count_jump default_thresholds force_ripple handle_vibration "
+        "vibration_in_thresholds"
+    ),
     "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",
     "verification": "Verification verify",
 }

@@ -239,6 +239,7 @@ def compare(
 ) -> None:
     """What changed beyond both intervals; ends with 6 if the old profile no longer holds."""
     from identification import Device
+    from tune.comparison import compare as compared
     from tune.documents.errors import CheckFailedError
 
     first, second = _load(old), _load(new)

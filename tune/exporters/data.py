@@ -10,9 +10,8 @@ from typing import Any, Literal, NotRequired, cast
 # pydantic reads this one on every Python; it is part of what pydantic itself needs.
 from typing_extensions import TypedDict
 
-from tune.documents.perception import Estimate
 from tune.documents.profile import LAW, ElementProfile, LoopProfile, SafeProfile
-from tune.exporters.law import largest_change, section_of
+from tune.exporters.law import Estimate, largest_change, section_of
 from tune.exporters.text import (
     digest,
     findings_of,

@@ -9,9 +9,8 @@ from string import Template
 
 from identification import InvalidInputError
 from tune.documents.effects import EffectName
-from tune.documents.perception import Estimate
 from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
-from tune.exporters.law import change_words, fade_step, largest_change, section_of
+from tune.exporters.law import Estimate, change_words, fade_step, largest_change, section_of
 from tune.exporters.text import (
     block_comment,
     digest,

@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from identification import InvalidInputError
-<<<<<<< HEAD
-from tune.documents.loop_profile import LoopProfile
-from tune.documents.profile import ElementProfile, SafeProfile
+from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
 from tune.exporters.text import force_limit
 
 Estimate = Literal["velocity", "acceleration"]
@@ -38,9 +36,6 @@ LAW = (
     "through the last two, like one that is missing, holds the force and is bridged by a straight "
     "line"
 )
-=======
-from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
->>>>>>> hh
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device, InvalidInputError, round_to_digits
-from tune.certificate.aliases import MOST as MOST_JITTER
 from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName, Effects
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.profile import MOST_EXTRA_DELAY, Design, ElementProfile, LimitedBy, Margins

@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
-from tune.certificate.region import Region
-from tune.certificate.worst_point import Loops
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.perception import PerceptionTable, Scale
 from tune.documents.scene import DEFAULT_MOTION, MARGINS, Element, Margin, Scene, Wish, hand_of
@@ -24,6 +22,7 @@ from tune.optimisation.linear_limits import (
     force_rows,
     renderings,
 )
+from tune.optimisation.region import Loops, Region
 from tune.rendering.elements import Shares
 
 FloatArray = NDArray[np.float64]

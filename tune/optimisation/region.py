@@ -18,19 +18,13 @@ from tune.documents.effects import EffectName, Effects
 from tune.documents.errors import LoopError
 from tune.documents.scene import Hand
 from tune.loop.filters import Filters
-from tune.loop.loop import Loop
-<<<<<<< HEAD
-from tune.loop.mechanism import HandNumbers, ModeNumbers
-from tune.loop.sampled_plant import LONGEST_DELAY, WHOLE, SampledPlant
-from tune.loop.stacking import stack_loops
+from tune.loop.loop import Loop, stack_loops
+from tune.loop.plant import LONGEST_DELAY, WHOLE, HandNumbers, ModeNumbers, SampledPlant
 from tune.rendering.ripple import force_ripple
-from tune.stability.bracketing import last_within
+from tune.stability.search import last_within
 from tune.stability.verdict import stable_values
 
 FloatArray = NDArray[np.float64]
-=======
-from tune.loop.plant import LONGEST_DELAY, WHOLE, HandNumbers, ModeNumbers, SampledPlant
->>>>>>> hg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tune.documents.profile import Design, LimitedBy
 from tune.exporters import NOT_A_SAFETY_FUNCTION
-from tune.exporters.text import NOT_A_SAFETY_FUNCTION
 from tune.presentation.regions import Boundaries, region_surface
 from tune.presentation.tables import (
     alternatives_table,

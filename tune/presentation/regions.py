@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import legend_above
-from tune.certificate.region import Region
 from tune.documents.effects import UNITS, Effects, format_number
 from tune.documents.profile import Design, ElementProfile
 from tune.loop.filters import Filters, filters_of
 from tune.loop.loop import Loop
-from tune.optimisation.region import DelayedLoops
+from tune.optimisation.region import DelayedLoops, Region
 from tune.stability.verdict import largest, stable_values
 
 if TYPE_CHECKING:

@@ -201,10 +201,10 @@ def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
 
 
 def _jitter_words(jitter: float) -> str:
-    """A jitter, which is not looked for beyond `tune.margins.jitter.MOST`."""
-    from tune.certificate.aliases import MOST
+    """A jitter, which is not looked for beyond `MOST_JITTER`."""
+    from tune.margins.time_varying import MOST_JITTER
 
-    return f"{jitter:.0%} or more" if jitter >= MOST else f"{jitter:.1%}"
+    return f"{jitter:.0%} or more" if jitter >= MOST_JITTER else f"{jitter:.1%}"
 
 
 def _contact_lines(profile: SafeProfile, units: dict[str, str]) -> tuple[str, ...]:

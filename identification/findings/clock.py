@@ -95,10 +95,11 @@ def _uneven(trajectory: Trajectory, even: FloatArray) -> Iterator[Finding]:
     if jitter <= _DOUBTED_JITTER:
         return
     false = _false(trajectory)
-    how = "the stamps are used as they are"
-    if false:
-        how = "the motion is smoother with even steps, so the stamps do not say when position was "
-        how += "read"
+    how = (
+        "the motion is smoother with even steps, so the stamps do not say when position was read"
+        if false
+        else "the stamps are used as they are"
+    )
     most = _FALSE_JITTER if false else _MOST_JITTER
     refused = jitter > most
     yield Finding(

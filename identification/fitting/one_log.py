@@ -193,7 +193,7 @@ def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | N
     gravity are fitted as well, and a term stays if the square of its value over its deviation
     exceeds the logarithm of the number of rows, its price in Schwarz's criterion (Annals of
     Statistics 6, 1978, p. 461), and if sparse regression on resampled halves of the log asks for
-    it too (structure.py). The deviation is robust, so colour does not buy a term. It has to pay in
+    it too. The deviation is robust, so colour does not buy a term. It has to pay in
     least squares, which cost little and see what the sparse regression sees, before it is put
     into the model of a dearer method.
     """

@@ -41,7 +41,7 @@ class Prediction:
     motion: Answer  # of the guessed device, without noise
     covariance: FloatArray  # of mass and damping, shape (2, 2)
     #: what identify adds to it for forces no log knows better, shape (2, 2)
-    #: (intervals.UNKNOWN_FORCE)
+    #: (UNKNOWN_FORCE)
     doubt: FloatArray
 
     @property

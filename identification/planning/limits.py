@@ -431,7 +431,7 @@ def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
     """The spec with the guesses replaced by what its device file says.
 
     The 95 % intervals of the file are widened to hold all at once with 99.9 %, as they are for
-    certificates (box.py): a play has to keep its limits on more than 95 devices of 100.
+    certificates: a play has to keep its limits on more than 95 devices of 100.
     """
     if spec.device is None:
         return spec

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
@@ -146,13 +147,13 @@ def advise(
 class _Plays:
     """What each element tells of each target, at each gain; what was found is kept."""
 
-    __slots__ = ("_allowed", "_judges", "_planned", "_profile")
+    __slots__ = ("_allowed", "_judge", "_plan", "_profile")
 
     def __init__(self, profile: Design) -> None:
         self._profile = profile
-        self._planned: dict[tuple[Moment, float], tuple[Play | None, str]] = {}
-        self._allowed: dict[tuple[Moment, float], tuple[ConsistentLoops, ...]] = {}
-        self._judges: dict[Moment, MarginJudge] = {}
+        self._plan = cache(partial(_plan_play, profile))
+        self._allowed = cache(partial(_allowed_loops, profile))
+        self._judge = cache(partial(MarginJudge, profile))
 
     def least(
         self, player: Moment, target: Moment, most: float = np.inf
@@ -201,33 +202,22 @@ class _Plays:
     def _pulls(self, player: Moment) -> bool:
         return effects_of(self._profile, player).stiffness is not None
 
-    def _plan(self, player: Moment, gain: float) -> tuple[Play | None, str]:
-        if (player, gain) not in self._planned:
-            self._planned[player, gain] = _plan_play(self._profile, player, gain)
-        return self._planned[player, gain]
-
     def _tells(self, player: Moment, gain: float, target: Moment) -> tuple[bool, ...]:
-        """Whether all loops that a log would allow keep the margin of the target.
+        """Whether all loops that a log of each device would allow keep the margin of the target."""
+        filters = (filters_of(self._profile.loop),)
+        judge = self._judge(target)
+        return tuple(judge.keeps_all(filters, each) for each in self._allowed(player, gain))
 
-        Of the device at its best estimate, and with the least damping of its interval.
-        """
-        profile, device = self._profile, self._profile.device
-        filters = filters_of(profile.loop)
-        if (player, gain) not in self._allowed:
-            effects = scale_effects(effects_of(profile, player), gain)
-            extra = profile.margin.extra_delay_samples
-            devices = [device]
-            if device.damping.low < device.damping.value:
-                least = quantity(device.damping.low)
-                devices.append(device.model_copy(update={"damping": least}))
-            modes = Modes(device, filters, effects, extra=extra, step=_STEP)
-            self._allowed[player, gain] = tuple(
-                modes.allow(_expected(predict(each, profile.loop, effects))) for each in devices
-            )
-        if target not in self._judges:
-            self._judges[target] = MarginJudge(profile, target)
-        judge = self._judges[target]
-        return tuple(judge.keeps_all((filters,), each) for each in self._allowed[player, gain])
+
+def _allowed_loops(profile: Design, player: Moment, gain: float) -> tuple[ConsistentLoops, ...]:
+    """What a log would allow of the device at its best estimate, and with its least damping."""
+    device, effects = profile.device, scale_effects(effects_of(profile, player), gain)
+    devices = [device]
+    if device.damping.low < device.damping.value:
+        devices.append(device.model_copy(update={"damping": quantity(device.damping.low)}))
+    extra = profile.margin.extra_delay_samples
+    modes = Modes(device, filters_of(profile.loop), effects, extra=extra, step=_STEP)
+    return tuple(modes.allow(_expected(predict(each, profile.loop, effects))) for each in devices)
 
 
 def _expected(prediction: Prediction) -> MeasuredMode:
@@ -251,8 +241,7 @@ def _plan_play(profile: Design, moment: Moment, gain: float) -> tuple[Play | Non
         return None, prediction.obstacle
     motions = [profile.elements[name].motion for name in moment]
     settled = _SETTLED / prediction.decay[0]
-    displacement: float | None = None
-    speed: float | None = None
+    displacement = speed = None
     stiffness = binding_stiffness(profile.device, effects)
     if not stiffness:
         speed = max(motion.speed for motion in motions)

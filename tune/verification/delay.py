@@ -38,6 +38,8 @@ from tune.verification.outcome import (
 
 FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
+#: (mass, damping, own stiffness) of loops, each of shape (n,).
+_Rigid = tuple[FloatArray, FloatArray, FloatArray]
 
 #: A pole nearer than this to w = -1, z = 0, is over within a sample: a delay leaves it.
 _GONE = 1e-6
@@ -62,7 +64,6 @@ class ConsistentLoops:
     position_stiffness: FloatArray  # slope of the device's own force by position, N/m
     delay_samples: FloatArray  # from command to measurement
     most: float  # the longest delay that was looked at, samples
-    step: float  # between the delays that were looked at, samples
     stated: Range  # of the device, samples
 
     @property
@@ -87,7 +88,7 @@ class ConsistentLoops:
 class Modes:
     """The slow mode under some effects, of any loop of a device's box and of any delay."""
 
-    __slots__ = ("_knots", "_places", "_values", "most", "stated", "step")
+    __slots__ = ("_knots", "_places", "_values", "most", "stated")
 
     def __init__(
         self, device: Device, filters: Filters, effects: Effects, *, extra: float, step: float = 0.5
@@ -99,9 +100,7 @@ class Modes:
         box, T = device.simultaneous_box(), device.sample_time.value
         stated = box.delay[0] / box.sample_time[1], box.delay[1] / box.sample_time[0]
         most = min(LONGEST_DELAY - extra, max(_MOST_SAMPLES, float(np.ceil(stated[1]))))
-        delays = np.unique(
-            [*np.arange(0.0, most + step / 2, step), *stated, device.delay.value / T]
-        )
+        delays = np.unique([*np.arange(0, most + step / 2, step), *stated, device.delay.value / T])
         masses, slopes = np.log(box.mass), _places(box.position_stiffness, _STIFFNESSES)
         self._places = delays, _places(masses, _MASSES), _places(box.damping, _DAMPINGS), slopes
         self._knots = (
@@ -111,7 +110,7 @@ class Modes:
             slopes,
         )
         self._values = _mode(device, filters, effects, self._knots)
-        self.most, self.step, self.stated = most, step, stated
+        self.most, self.stated = most, stated
 
     def allow(self, seen: MeasuredMode) -> ConsistentLoops:
         """The loops whose slow mode is the one seen."""
@@ -128,7 +127,6 @@ class Modes:
             position_stiffness=grid[3][inside],
             delay_samples=grid[0][inside],
             most=self.most,
-            step=self.step,
             stated=self.stated,
         )
 
@@ -140,35 +138,27 @@ def _mode(
     delays, *rigid = knots
     T, used = device.sample_time.value, used_filters(filters, effects)
     masses, damping, slope = (part.ravel() for part in np.meshgrid(*rigid, indexing="ij"))
-    mass = np.exp(masses)
-    poles = np.stack(
-        [
-            _slow_poles(_loops_over(device, mass, damping, slope, delay, used), effects, T)
-            for delay in delays.tolist()
-        ]
-    ).reshape(tuple(each.size for each in knots))
+    numbers = np.exp(masses), damping, slope
+    loops = (_loops_over(device, numbers, each, used) for each in delays.tolist())
+    poles = np.stack([_slow_poles(loop, effects, T) for loop in loops])
+    poles = poles.reshape(tuple(each.size for each in knots))
     swings = np.abs(poles.imag) > _REAL * np.abs(poles)
     return np.where(swings, np.abs(poles.imag), 0.0) / (2 * np.pi), -poles.real
 
 
 def _loops_over(
-    device: Device,
-    mass: FloatArray,
-    damping: FloatArray,
-    position_stiffness: FloatArray,
-    delay_samples: float,
-    filters: Filters,
-    hand: HandNumbers | None = None,
+    device: Device, rigid: _Rigid, delay: float, filters: Filters, hand: HandNumbers | None = None
 ) -> Loop:
     """Loops of a device whose rigid numbers vary; its modes and current lag at their best.
 
-    LoopError for a delay that is too long. Mass, damping and own stiffness have shape (n,).
+    LoopError for a delay, in samples, that is too long.
     """
+    mass, damping, position_stiffness = rigid
     return Loop.from_numbers(
         mass=mass,
         damping=damping,
         sample_time=device.sample_time.value,
-        delay_samples=delay_samples,
+        delay_samples=delay,
         filters=filters,
         modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
         hand=hand,
@@ -284,7 +274,7 @@ class MarginJudge:
 
     def _stable(
         self,
-        rigid: tuple[FloatArray, FloatArray, FloatArray],
+        rigid: _Rigid,
         delay: float,
         filters: Filters,
         hand: HandNumbers | None,
@@ -294,7 +284,7 @@ class MarginJudge:
         which = (*(part.tobytes() for part in rigid), delay, filters, hand)
         up_to, not_at = self._known.get(which, (0.0, np.inf))
         if up_to < gain < not_at:
-            loop = _loops_over(self._profile.device, *rigid, delay, filters, hand)
+            loop = _loops_over(self._profile.device, rigid, delay, filters, hand)
             if np.all(safe_up_to(loop, self._effects, gain)):
                 up_to = gain
             else:
@@ -323,7 +313,7 @@ def _judged_delays(allowed: ConsistentLoops) -> list[float]:
     return delays[ends | (delays % 1 == 0)].tolist()
 
 
-def _extremes(allowed: ConsistentLoops, delay: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _extremes(allowed: ConsistentLoops, delay: float) -> _Rigid:
     """(mass, damping, own stiffness), of each first and last the ends of damping, at one delay."""
     here = allowed.delay_samples == delay
     parts = allowed.mass[here], allowed.damping[here], allowed.position_stiffness[here]
@@ -361,16 +351,7 @@ def judge_delay(
 ) -> MeasuredDelay:
     """Find the delays a log allows and judge the profile's margin on all loops of these.
 
-    Args:
-        profile: with the box of its device and the margin to keep.
-        loop: the filters that were run.
-        moment: the elements played.
-        effects: as played, at their gain.
-        mode: of the free motion.
-        cutoffs: intervals of the filters.
-
-    Raises:
-        LoopError: a delay that is too long to be judged.
+    LoopError where a delay is too long to be judged. Effects are as played, at their gain.
     """
     if mode.frequency is None and mode.decay is None:
         return unknown_delay("neither frequency nor decay of free motion is known")

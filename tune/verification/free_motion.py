@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
@@ -172,17 +172,10 @@ def measure_sprung(
     start: tuple[float, float],
     known_friction: tuple[float, float, float],
 ) -> FreeMotion:
-    """Frequency and decay of motion about a spring.
+    """Frequency and decay of motion about a spring; (ω₀, σ) to start with, rad/s and 1/s.
 
     Friction is measured from the second turning point on. Before, nothing tells it from decay; what
-    is known of it is taken, and its range widens the intervals.
-
-    Args:
-        position: m, shape (n,).
-        sample_time: s.
-        release: rows of free motion.
-        start: (ω₀, σ) to begin with, rad/s and 1/s.
-        known_friction: x_f of the device: value, low and high, m.
+    is known of x_f, its value, low and high, m, is taken, and its range widens the intervals.
     """
     rows = _rows(release.end - release.first)
     measured = position[release.first : release.end][rows]
@@ -196,13 +189,10 @@ def measure_sprung(
     built = [_sprung_columns(position, sample_time, release, rows, each) for each in choices]
     best = [_best(columns, measured, starts) for columns in built]
     columns, theta = built[0], best[0]
-    values = [
-        _frequency_and_decay(_solve(columns, measured, theta, _BOUNDS, left_out=block)[0])
-        for block in range(_BLOCKS)
-    ]
     answers = np.array([_frequency_and_decay(each) for each in best])
-    halves = _half_widths(np.array(values)) + np.max(np.abs(answers - answers[0]), axis=0)
-    fitted, solution = _fitted(columns(theta), measured)
+    halves = _half_widths(columns, measured, theta, _BOUNDS, _frequency_and_decay)
+    halves = halves + np.max(np.abs(answers - answers[0]), axis=0)
+    fitted, solution, misfit = _fitted(columns(theta), measured)
     frequency, decay = (float(each) for each in answers[0])
     return FreeMotion(
         frequency=frequency,
@@ -210,7 +200,7 @@ def measure_sprung(
         decay=decay,
         decay_half=float(halves[1]),
         friction=float(solution[3]) if told else None,
-        misfit=_misfit(measured, fitted),
+        misfit=misfit,
         fitted=fitted,
         rows=release.first + rows,
     )
@@ -235,18 +225,14 @@ def measure_unsprung(
     bounds = (np.array([-np.inf]), np.array([np.inf]))
     measured = position[first:end][rows]
     theta = _solve(columns, measured, np.log([decay]), bounds)[0]
-    values = [
-        np.exp(_solve(columns, measured, theta, bounds, left_out=block)[0])
-        for block in range(_BLOCKS)
-    ]
-    fitted, _ = _fitted(columns(theta), measured)
+    fitted, _, misfit = _fitted(columns(theta), measured)
     return FreeMotion(
         frequency=0.0,
         frequency_half=0.0,
         decay=float(np.exp(theta[0])),
-        decay_half=float(_half_widths(np.array(values))[0]),
+        decay_half=float(_half_widths(columns, measured, theta, bounds, np.exp)[0]),
         friction=None,
-        misfit=_misfit(measured, fitted),
+        misfit=misfit,
         fitted=fitted,
         rows=first + rows,
     )
@@ -358,11 +344,13 @@ def _solve(
 
 def _fitted(
     parts: tuple[FloatArray, FloatArray], measured: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """(fit, m; sizes of the columns)."""
+) -> tuple[FloatArray, FloatArray, float]:
+    """(fit, m; sizes of the columns; what is left, part of the rms about the mean)."""
     columns, known = parts
     fitted, sizes = _projected(columns, measured - known)
-    return fitted + known, sizes
+    fitted = fitted + known
+    misfit = float(np.sqrt(np.mean((measured - fitted) ** 2)) / np.std(measured))
+    return fitted, sizes, misfit
 
 
 def _projected(columns: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -380,12 +368,16 @@ def _frequency_and_decay(theta: FloatArray) -> tuple[float, float]:
     return 0.0, natural / (ratio + float(np.sqrt(ratio * ratio - 1)))
 
 
-def _half_widths(values: FloatArray) -> FloatArray:
-    """95 % half-widths from leaving out one block after the other (jackknife)."""
+def _half_widths(
+    columns: _Columns,
+    measured: FloatArray,
+    theta: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    told: Callable[[FloatArray], ArrayLike],
+) -> FloatArray:
+    """95 % half-widths of what is told, leaving out one block after the other (jackknife)."""
+    kept = (_solve(columns, measured, theta, bounds, left_out=k)[0] for k in range(_BLOCKS))
+    values = np.array([told(each) for each in kept], dtype=np.float64)
     spread = values - values.mean(axis=0)
     variance = (_BLOCKS - 1) / _BLOCKS * np.sum(spread * spread, axis=0)
     return np.asarray(_STUDENT * np.sqrt(variance), dtype=np.float64)
-
-
-def _misfit(measured: FloatArray, fitted: FloatArray) -> float:
-    return float(np.sqrt(np.mean((measured - fitted) ** 2)) / np.std(measured))

@@ -174,32 +174,26 @@ def _estimates(position: FloatArray, loop: LoopProfile) -> tuple[FloatArray, Flo
 
     change = np.diff(position, prepend=position[0]) / loop.sample_time
     again = np.diff(change, prepend=change[0]) / loop.sample_time
+
+    def low_pass(signal: FloatArray, cutoff: float | None, order: int) -> FloatArray:
+        """docs/theory.md, 1."""
+        if cutoff is None:
+            return signal
+        turn = 2 * np.pi * cutoff * loop.sample_time
+        if order == 1:
+            denominator = np.array([1.0, -np.exp(-turn)])
+        else:
+            shrink = np.exp(-turn * loop.filter_damping_ratio)
+            swing = np.cos(turn * np.sqrt(1 - loop.filter_damping_ratio**2))
+            denominator = np.array([1.0, -2 * shrink * swing, shrink * shrink])
+        return np.asarray(lfilter([np.sum(denominator)], denominator, signal), dtype=np.float64)
+
     if loop.velocity_window_samples is not None:
         count = loop.velocity_window_samples
         velocity = np.asarray(lfilter(np.full(count, 1 / count), [1.0], change), dtype=np.float64)
     else:
-        velocity = _low_pass(change, loop, loop.velocity_filter_hz, loop.velocity_filter_order)
-    return velocity, _low_pass(
-        again, loop, loop.acceleration_filter_hz, loop.acceleration_filter_order
-    )
-
-
-def _low_pass(
-    signal: FloatArray, loop: LoopProfile, cutoff: float | None, order: int
-) -> FloatArray:
-    """The low-pass a profile names; docs/theory.md, 1."""
-    from scipy.signal import lfilter
-
-    if cutoff is None:
-        return signal
-    turn = 2 * np.pi * cutoff * loop.sample_time
-    if order == 1:
-        denominator = np.array([1.0, -np.exp(-turn)])
-    else:
-        shrink = np.exp(-turn * loop.filter_damping_ratio)
-        swing = np.cos(turn * np.sqrt(1 - loop.filter_damping_ratio**2))
-        denominator = np.array([1.0, -2 * shrink * swing, shrink * shrink])
-    return np.asarray(lfilter([np.sum(denominator)], denominator, signal), dtype=np.float64)
+        velocity = low_pass(change, loop.velocity_filter_hz, loop.velocity_filter_order)
+    return velocity, low_pass(again, loop.acceleration_filter_hz, loop.acceleration_filter_order)
 
 
 def _contacts(used: Rows) -> list[tuple[int, int]]:

@@ -117,7 +117,7 @@ def judge_law(
         # it was not rounding.
         found = _explain(log, profile.loop, effects, nothing)
         if found is not None and (
-            found.residual > max(nothing, _EXPLAINS * fit.residual) or not found.material
+            found.residual > max(nothing, _EXPLAINS * fit.residual) or not found.law.material
         ):
             found = None
     played = scale_effects(effects[moment], fit.gain)
@@ -131,7 +131,7 @@ def judge_law(
         return replace(
             unseen,
             moment=found.moment,
-            loop=found.loop,
+            loop=found.law.loop,
             effects=found.effects,
             predicted=predicted,
             outcomes=(outcome, unassessed_outcome("gain", "the law is not the profile's")),
@@ -222,8 +222,8 @@ def _law_outcome(
     numbers = {"seen": fit.residual, "scale": scale, "tolerance": _MISFIT}
     remedy = ""
     if found is not None:
-        seen += f"; {found.words} ({found.residual:.2g} {unit} unexplained)"
-        remedy = found.remedy
+        seen += f"; {found.law.words} ({found.residual:.2g} {unit} unexplained)"
+        remedy = found.law.remedy
         numbers["unexplained"] = found.residual
     elif not agrees:
         seen += "; no other filter, shift or scaling that was tried explains it"
@@ -293,39 +293,27 @@ class _Variant:
     material: bool = True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class _Explanation:
-    """A law that explains the log: the effects played, its filters, the rms it leaves, N."""
+    """A law that explains the log: which, the effects played, and the rms it leaves, N."""
 
-    words: str
-    remedy: str
+    law: _Variant
     moment: Moment
-    loop: LoopProfile
     effects: Effects
     residual: float
-    material: bool
 
 
 def _explain(log: Log, loop: LoopProfile, moments: Moments, nothing: float) -> _Explanation | None:
     """The simplest of the laws that explain the log best; a residual of ``nothing`` is none."""
     found: list[_Explanation] = []
-    for variant in _variants(log, loop, moments):
-        columns = log.columns(variant.loop, variant.late)
+    for law in _variants(log, loop, moments):
+        columns = log.columns(law.loop, law.late)
         if columns is None:
             continue
         fits = {moment: fit_scaled(columns, effects) for moment, effects in moments.items()}
         moment = min(fits, key=lambda each: fits[each].residual)
-        found.append(
-            _Explanation(
-                words=variant.words,
-                remedy=variant.remedy,
-                moment=moment,
-                loop=variant.loop,
-                effects=scale_effects(moments[moment], fits[moment].gain),
-                residual=fits[moment].residual,
-                material=variant.material,
-            )
-        )
+        effects = scale_effects(moments[moment], fits[moment].gain)
+        found.append(_Explanation(law, moment, effects, fits[moment].residual))
     found += [each for _, each in sorted(_unscaled(log, loop, moments), key=lambda each: each[0])]
     if not found:
         return None
@@ -356,21 +344,15 @@ def _unscaled(
         spread = max(parts.values()) / min(parts.values()) if min(parts.values()) > 0 else np.inf
         words = ", ".join(f"{name} at {part:.4g} of the profile's" for name, part in parts.items())
         words += "".join(f", a {name} of {size:.4g} besides" for name, size in extra.items())
-        yield (
-            (len(extra), spread),
-            _Explanation(
-                words=f"the effects are not scaled alike: {words}",
-                remedy="Scale all effects of an element by one gain, and check the unit of each: "
-                "velocity per second, acceleration per second squared.",
-                moment=moment,
-                loop=loop,
-                effects=Effects(
-                    **{name: size for name, size in played.items() if name in {*parts, *extra}}
-                ),
-                residual=residual,
-                material=bool(extra) or abs(spread - 1) > _MATERIAL_SIZE,
-            ),
+        law = _Variant(
+            words=f"the effects are not scaled alike: {words}",
+            remedy="Scale all effects of an element by one gain, and check the unit of each: "
+            "velocity per second, acceleration per second squared.",
+            loop=loop,
+            material=bool(extra) or abs(spread - 1) > _MATERIAL_SIZE,
         )
+        kept = {name: size for name, size in played.items() if name in {*parts, *extra}}
+        yield (len(extra), spread), _Explanation(law, moment, Effects(**kept), residual)
 
 
 def _sizes(effects: Effects) -> Iterator[tuple[str, float]]:

@@ -115,10 +115,10 @@ class MeasuredMode:
 class MeasuredMotion:
     """The free motion and what the loop predicts of it; outcomes are "frequency" and "decay"."""
 
-    release: Release | None  # None where it was not looked for or not found
-    measured: FreeMotion | None
     prediction: Prediction
     outcomes: tuple[Outcome, ...]
+    release: Release | None = None  # where it was looked for and found
+    measured: FreeMotion | None = None
 
     @property
     def mode(self) -> MeasuredMode:
@@ -205,16 +205,10 @@ def judge_motion(
     sample_time: float,
     first: int,
 ) -> MeasuredMotion:
-    """Compare the free motion of a log with the slowest mode of a loop.
+    """Compare the free motion of a log with the slowest mode of a loop, with effects as played.
 
-    Args:
-        device: with its intervals.
-        loop: the filters that were run.
-        effects: as played.
-        position: m, shape (n,).
-        used: rows neither saturated nor outside of a one-sided wall, shape (n,).
-        sample_time: of the log, s.
-        first: row before which the motion is not free.
+    Position in m and the rows of the law that are used have shape (n,); before row ``first`` the
+    motion is not free.
     """
     prediction = predict(device, loop, effects)
     release = find_release(position, first)
@@ -262,16 +256,12 @@ def _unsprung(
     top = int(np.argmax(speed[release.first : release.end])) + release.first
     slow = np.flatnonzero(speed[top:] < _SLOW * speed[top])
     end = top + int(slow[0]) if slow.size else position.size
-    no_frequency = unassessed_outcome(
-        "frequency", "nothing holds the position, so nothing oscillates"
-    )
-    if end - top < _FEWEST_ROWS:
-        rows = end - top
+    rows, unheld = end - top, "nothing holds the position, so nothing oscillates"
+    no_frequency = unassessed_outcome("frequency", unheld)
+    if rows < _FEWEST_ROWS:
         why = f"the handle moves freely for {rows} rows only"
         decay = unassessed_outcome("decay", why, _LOUDER, rows=rows)
-        return MeasuredMotion(
-            release=None, measured=None, prediction=prediction, outcomes=(no_frequency, decay)
-        )
+        return MeasuredMotion(prediction=prediction, outcomes=(no_frequency, decay))
     measured = measure_unsprung(position, sample_time, top, end, prediction.nominal.decay)
     if measured.misfit > _MISFIT:
         return _not_one_mode(measured, release, prediction)
@@ -285,24 +275,18 @@ def _unsprung(
 
 def _growing(release: Release, prediction: Prediction) -> MeasuredMotion:
     low, high = prediction.decay
-    return MeasuredMotion(
-        release=release,
-        measured=None,
-        prediction=prediction,
-        outcomes=(
-            unassessed_outcome("frequency", "the motion grows"),
-            Outcome(
-                check="decay",
-                verdict="disagrees",
-                seen="the swings grow until the log ends",
-                predicted=f"{low:.4g} to {high:.4g} 1/s",
-                tolerance="decay",
-                remedy="Do not raise the gain. Check the sign of force and position, the filters "
-                "and the delay of the controller.",
-                numbers={"predicted_low": low, "predicted_high": high},
-            ),
-        ),
+    decay = Outcome(
+        check="decay",
+        verdict="disagrees",
+        seen="the swings grow until the log ends",
+        predicted=f"{low:.4g} to {high:.4g} 1/s",
+        tolerance="decay",
+        remedy="Do not raise the gain. Check the sign of force and position, the filters "
+        "and the delay of the controller.",
+        numbers={"predicted_low": low, "predicted_high": high},
     )
+    frequency = unassessed_outcome("frequency", "the motion grows")
+    return MeasuredMotion(release=release, prediction=prediction, outcomes=(frequency, decay))
 
 
 def _not_one_mode(measured: FreeMotion, release: Release, prediction: Prediction) -> MeasuredMotion:
@@ -317,7 +301,7 @@ def _not_one_mode(measured: FreeMotion, release: Release, prediction: Prediction
 
 def _unassessed(prediction: Prediction, why: str, remedy: str = "") -> MeasuredMotion:
     outcomes = tuple(unassessed_outcome(check, why, remedy) for check in ("frequency", "decay"))
-    return MeasuredMotion(release=None, measured=None, prediction=prediction, outcomes=outcomes)
+    return MeasuredMotion(prediction=prediction, outcomes=outcomes)
 
 
 def _frequency_outcome(
@@ -332,9 +316,8 @@ def _frequency_outcome(
     value, half, turns = measured.frequency, measured.frequency_half, len(release.turns)
     if turns == 0:
         if low == 0:
-            return unassessed_outcome(
-                "frequency", "the motion does not oscillate, which is predicted"
-            )
+            why = "the motion does not oscillate, which is predicted"
+            return unassessed_outcome("frequency", why)
         if _swing_back(release, prediction, effects, device) < _CLEARLY * release.clear:
             why = "the handle does not swing back, and is hardly predicted to"
             return unassessed_outcome("frequency", why)

@@ -58,7 +58,9 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
     length, force = units["length"], units["force"]
     _motion(above, profile, seen)
     above.set_ylabel(f"position, {length}")
-    _force(below, seen)
+    time, said = seen.trajectory.time, "law of the profile on the logged positions"
+    below.plot(time, seen.trajectory.force, color="0.5", lw=2, label="logged")
+    below.plot(time, seen.law.predicted, color="tab:blue", lw=0.8, ls="--", label=said)
     below.set_ylabel(f"force, {force}")
     _residual(left, seen)
     left.set_ylabel(f"force less law, {force}")
@@ -72,20 +74,6 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
         fontsize=10,
     )
     return figure
-
-
-def _force(axes: Axes, seen: Verification) -> None:
-    """The logged force and the law's on the logged positions."""
-    time = seen.trajectory.time
-    axes.plot(time, seen.trajectory.force, color="0.5", lw=2, label="logged")
-    axes.plot(
-        time,
-        seen.law.predicted,
-        color="tab:blue",
-        lw=0.8,
-        ls="--",
-        label="law of the profile on the logged positions",
-    )
 
 
 def _residual(axes: Axes, seen: Verification) -> None:

@@ -128,17 +128,11 @@ def _felt(design: Design, element: ElementProfile) -> _Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
-    """Motion of the device inside of an element, each of shape (devices, samples).
+    """Handle, rigid mass and force of the law inside of an element, SI, shape (devices, samples).
 
-    The first device is the best estimate, the others are corners of its box. The sampled loop is
-    followed from sample to sample with its delay and filters; the law is cut at the peak force, and
-    a one-sided element only pushes. Friction, quantisation and hands are left out.
-
-    Attributes:
-        time: s, shape (samples,).
-        position: of the handle, m.
-        speed: of the rigid mass, m/s.
-        force: of the law, N.
+    Time has shape (samples,). The first device is the best estimate, the others are corners of its
+    box. The sampled loop is followed with its delay and filters; the law is cut at the peak force,
+    and a one-sided element only pushes. Friction, quantisation and hands are left out.
     """
 
     time: FloatArray

@@ -89,25 +89,21 @@ def report_html(
 ) -> str:
     """The page of a profile that passed its check, every text escaped.
 
-    Args:
-        safe: the profile.
-        found: what its logs tell; None where they are not at hand.
-        alternatives: what would help; None where nobody asked.
-        day: of the report; None takes today.
+    It shows what its logs tell, where they are at hand, and what would help, where somebody asked.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     boundaries = Boundaries.of(safe)
     written = (day or date.today()).isoformat()
     gain, late = safe.certificate.gain, safe.certificate.extra_delay_samples
+    own, loader = files("tune") / "templates", PackageLoader("tune", "templates")
     environment = Environment(
-        loader=PackageLoader("tune", "templates"),
+        loader=loader,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    own = files("tune") / "templates"
     return environment.get_template("report.html").render(
         page={
             "title": f"{safe.scene} on {safe.device.name}: haptic profile",
@@ -203,11 +199,11 @@ def _pictures(safe: SafeProfile, boundaries: Boundaries) -> Iterator[dict[str, s
     )
 
     shown = words_of_shown(safe)
-    yield _picture(
-        profile_picture(safe, boundaries=boundaries),
+    words = (
         "The region without mass with every element, and the steps a hand can tell of each effect"
-        + (f"; {shown}." if shown else "."),
     )
+    words += f"; {shown}." if shown else "."
+    yield _picture(profile_picture(safe, boundaries=boundaries), words)
     for name in shown_elements(safe):
         yield _picture(
             element_picture(safe, name, boundaries=boundaries),
@@ -241,11 +237,10 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
     elif found is None:
         yield "the logs were not given to this report; their findings are named by code only"
     else:
-        yield (
-            f"identified again for this report: mass {found.device.mass.value:.6g}, damping "
-            f"{found.device.damping.value:.6g}; in the profile {safe.device.mass.value:.6g} and "
-            f"{safe.device.damping.value:.6g}"
-        )
+        mass, damping = found.device.mass.value, found.device.damping.value
+        before = f"{safe.device.mass.value:.6g} and {safe.device.damping.value:.6g}"
+        now = f"mass {mass:.6g}, damping {damping:.6g}"
+        yield f"identified again for this report: {now}; in the profile {before}"
 
 
 def _statements(safe: SafeProfile) -> Iterator[tuple[str, str, tuple[str, ...]]]:

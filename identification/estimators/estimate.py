@@ -98,7 +98,7 @@ class Estimate:
         delay: s, command to force: as given, or as fitted.
         delay_deviation: standard deviation of a fitted delay, s; None if it was given.
         values: shape (p,), in the order of ``model.parameters``.
-        covariance: shape (p, p), robust against coloured residuals (intervals.py).
+        covariance: shape (p, p), robust against coloured residuals.
         degrees_of_freedom: of the covariance, for Student's t and Hotelling's T².
         residual: shape (rows,), in ``residual_unit``.
         residual_unit: "force" (filtered, N) or "position" (m).

@@ -201,9 +201,7 @@ def _found(table: Regression, delay: float | None, first: float) -> tuple[_Probl
         known=table.known,
         shape=np.ones(1),
     )
-    mass, damping = table.solve(first)[:2]
-    # Where the force follows the position there is next to no mass, and a rate out of all bounds.
-    rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
+    rate = problem.drive.rate_of(table.solve(first))
     best = solve_separable(problem, _start(problem, rate, first))
     for _ in range(_ROUNDS):
         if not is_coloured(best.residual, either_side=True):

@@ -33,9 +33,6 @@ _SETTLED = 1e-3
 _LAGS = 40
 #: ... this far apart, in periods of the low-pass: closer ones are alike.
 _LAG = 0.25
-#: Half of the difference of delays for the slope of the force, in samples: it need not be exact,
-#: as the force itself is taken anew at every delay.
-_NUDGE = 0.05
 #: Combinations of past values smaller than this part of the largest are left out: the reference
 #: does not excite them.
 _UNEXCITED = 1e-6
@@ -147,8 +144,7 @@ def _simulated(table: Regression, values: FloatArray, delay: float) -> FloatArra
     """Position of the noise-free device, from the start that fits the measured one."""
     drive = Drive.of(table, delay)
     # A mass that is not positive has no motion to simulate; without damping it is still one.
-    rate = values[1] / values[0] if values[0] > 0 else 0.0
-    device = HeldResponse.at(float(np.clip(rate, *drive.rates)), drive.steps)
+    device = HeldResponse.at(drive.rate_of(values), drive.steps)
     mass = values[0] if values[0] > 0 else 1.0
     weights = np.concatenate(([1.0], -values[2:])) / mass
     nothing = np.zeros(table.signals.speed.size)
@@ -158,7 +154,7 @@ def _simulated(table: Regression, values: FloatArray, delay: float) -> FloatArra
         velocity = velocity + weight * gain.velocity
         distance = distance + weight * gain.distance
     moved, _ = device.position(Gain(velocity=velocity, distance=distance))
-    coasted, _ = device.position(Gain(velocity=nothing, distance=nothing), start=1.0)
+    coasted = device.coasting(nothing.size)
     starts = np.stack((np.ones(moved.size), coasted), axis=1)
     missing = table.signals.position - moved
     return moved + starts @ np.linalg.lstsq(starts, missing, rcond=None)[0]
@@ -195,8 +191,7 @@ class _Past:
 
 def _slope(table: Regression, commands: Commands, delay: float) -> FloatArray:
     """Derivative of the filtered force by its delay, N/s, shape (rows,)."""
-    width = _NUDGE * table.signals.step
-    low, high = max(delay - width, 0.0), delay + width
+    low, high = table.about(delay)
     late, early = (commands.after(each).times(table.motion.moving) for each in (high, low))
     change = of_rows(late.triangle() - early.triangle())
     return table.low_pass(change)[table.known :] / (high - low)

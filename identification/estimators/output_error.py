@@ -167,9 +167,7 @@ class _Problem:
         columns = np.empty((len(gains) + 2, self.position.size - self.known))
         for index, gain in enumerate(gains):
             columns[index] = device.position(gain)[0][self.known :]
-        nothing = np.zeros(self.position.size - 1)
-        resting = Gain(velocity=nothing, distance=nothing)
-        columns[-2] = device.position(resting, start=1.0)[0][self.known :]
+        columns[-2] = device.coasting(self.position.size - 1)[self.known :]
         columns[-1] = 1.0
         return columns, self.position[self.known :]
 
@@ -284,8 +282,7 @@ def _projected(table: Regression, delay: float | None, first: float) -> Position
         position=signals.position - np.mean(signals.position),
         known=table.known,
     )
-    mass, damping = table.solve(first)[:2]
-    rate = float(np.clip(damping / mass if mass > 0 else 0.0, *problem.drive.rates))
+    rate = problem.drive.rate_of(table.solve(first))
     best = solve_separable(problem, np.array([rate] if delay is not None else [rate, first]))
     values, jacobian = physical(best, len(table.model.parameters))
     return PositionFit(

@@ -153,6 +153,11 @@ class HeldResponse:
         moved = self.whole.speed * speed[:-1] + gain.distance
         return np.concatenate(([0.0], np.cumsum(moved))), speed
 
+    def coasting(self, intervals: int) -> FloatArray:
+        """Position, shape (n,), from a start velocity of 1 under no force."""
+        nothing = np.zeros(intervals)
+        return self.position(Gain(velocity=nothing, distance=nothing), start=1.0)[0]
+
     def position_slope(self, speed: FloatArray, slope: Gain) -> FloatArray:
         """Derivative of a position by p, from its velocity and the slope of what is added."""
         added = self.whole.decay_slope * speed[:-1] + slope.velocity
@@ -208,6 +213,10 @@ class Drive:
         """p searched, 1/s."""
         step = mean_step(self.steps)
         return -_GROWTH / step / self.moving.size, _FASTEST / step
+
+    def rate_of(self, values: FloatArray) -> float:
+        """b/m as far as it is searched: where the force follows the position there is no mass."""
+        return float(np.clip(values[1] / values[0] if values[0] > 0 else 0.0, *self.rates))
 
     def bounds(self, *between: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest θ searched: p, what is between, and the delay if it is fitted."""

@@ -43,9 +43,6 @@ _READ = FIRST + LAST + 1
 _MOST_ROUNDS = 20
 #: ... they have settled when no parameter moves by more than this part of its deviation.
 _SETTLED = 1e-3
-#: Half of the difference of delays for the slope of the force, in samples: it need not be exact,
-#: as the force itself is taken anew at every delay.
-_NUDGE = 0.05
 #: Test functions pass half of the power at this multiple of the frequency that holds most of the
 #: motion: what is learnt of mass and damping goes with the power of position.
 _HEADROOM = 4.0
@@ -227,8 +224,7 @@ class _TestedRows:
 
     def slope(self, delay: float) -> FloatArray:
         """Derivative of ``force`` by the delay, N/s, shape (functions,)."""
-        width = _NUDGE * self.table.signals.step
-        low, high = max(delay - width, 0.0), delay + width
+        low, high = self.table.about(delay)
         return (self.force(high) - self.force(low)) / (high - low)
 
     def improved(self, last: _Solution, corner: float) -> _Solution:

@@ -49,7 +49,7 @@ _ANCHOR = 1e3
 BLOCKS = 60
 #: Correlation of neighbouring blocks above this is taken as this: beyond it sixty blocks cannot
 #: tell a slow disturbance from a constant.
-MOST_CORRELATED = 0.9
+_MOST_CORRELATED = 0.9
 #: Random halves of the log that are looked at, in complementary pairs: frequencies in steps of
 #: 1/20, and pysindy takes some six milliseconds for each.
 HALVES = 20
@@ -286,7 +286,7 @@ def _long_run(shifts: FloatArray) -> FloatArray:
     power = np.sum(shifts * shifts, axis=0)
     crossed = np.sum(shifts[1:] * shifts[:-1], axis=0)
     correlation = float(np.max(crossed / np.where(power > 0, power, 1.0)))
-    correlation = min(max(correlation, 0.0), MOST_CORRELATED)
+    correlation = min(max(correlation, 0.0), _MOST_CORRELATED)
     memory = 4 * correlation**2 / (1 - correlation**2) ** 2
     reach = int(1.1447 * (memory * blocks) ** (1 / 3))
     total = shifts.T @ shifts

@@ -10,8 +10,8 @@ from typing import Any, Literal, NotRequired, cast
 # pydantic reads this one on every Python; it is part of what pydantic itself needs.
 from typing_extensions import TypedDict
 
-from tune.documents.profile import LAW, ElementProfile, LoopProfile, SafeProfile
-from tune.exporters.law import Estimate, largest_change, section_of
+from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
+from tune.exporters.law import LAW_IN_WORDS, Estimate, largest_change, section_of
 from tune.exporters.text import (
     digest,
     findings_of,
@@ -144,7 +144,7 @@ def plain_files(profile: SafeProfile) -> dict[str, str]:
         "taps": seal.longest_tap,
         "largest_change": largest_change(profile),
         "findings": findings_of(profile),
-        "law": LAW,
+        "law": LAW_IN_WORDS,
         "assumes": list(seal.assumes),
         "not_assessed": list(seal.not_assessed),
     }
@@ -190,8 +190,8 @@ def ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     head = (
         *heading(profile),
         "",
-        f"SI units. {LAW}. Moments are each element alone, any part of a group of 'together', and "
-        "each of these beside what is one_sided, but for the pairs of 'apart'.",
+        f"SI units. {LAW_IN_WORDS}. Moments are each element alone, any part of a group of "
+        "'together', and each of these beside what is one_sided, but for the pairs of 'apart'.",
     )
     body = "\n".join(_lines({node: {"ros__parameters": parameters}}, ""))
     comment = hash_comment(heading(profile))

@@ -19,7 +19,7 @@ Estimate = Literal["velocity", "acceleration"]
 _COUNTS = 2.0
 
 #: The law in words, where it is not exported as code.
-LAW = (
+LAW_IN_WORDS = (
     "u = stiffness*(y - rest) + damping*v + mass*a of each element and F = -level*u, u clamped to "
     "+-force_level where there is stiffness, and at 0 where it is one_sided and would pull; the "
     "sum of F is cut at the peak force. level is the gain, 0 to 1, of what is wanted and 0 of what "

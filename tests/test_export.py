@@ -120,6 +120,7 @@ def test_ros2_parameters_are_what_they_seem(name: str) -> None:
 def test_json_states_the_coefficients_of_the_poles(name: str) -> None:
     profile = changed(**LOOPS[name])
     content = json.loads(export(profile, "json")["haptune_profile.json"])
+    assert all(key in content["law"] for each in content["elements"].values() for key in each)
     assert content["digest"] == profile.digest
     assert content["moments"] == [["wall"], ["cup"], ["rubber"], ["wall", "cup"]]
     sizes = {"stiffness": 500.0, "damping": 10.0, "mass": 0.0}

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from tune.documents.effects import Effects
 from tune.loop.loop import Loop
 from tune.optimisation.problem import Moment, Problem
-from tune.rendering.ripple import force_ripple
 from tune.stability.search import CLOSE, last_within
 from tune.stability.verdict import is_stable, safe_gain, safe_up_to, stable_intervals
 
@@ -70,7 +69,7 @@ def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
     if problem.limits.encoder_resolution is None:
         return None
     effects = problem.effects(moment, sizes)
-    return float(force_ripple(problem.loops.nominal, effects, problem.limits.encoder_resolution))
+    return float(problem.loops.ripple(effects, problem.limits.encoder_resolution))
 
 
 def forces(moment: Moment, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -110,7 +109,7 @@ def passes_cheap_limits(problem: Problem, points: FloatArray) -> BoolArray:
     if resolution is not None:
         quiet = np.ones(np.count_nonzero(good), dtype=np.bool_)
         for effects in _felt(problem, points[good], meetings=False):
-            noise = force_ripple(problem.loops.nominal, effects, resolution)[..., 0]
+            noise = problem.loops.ripple(effects, resolution)[..., 0]
             quiet &= np.all(noise <= problem.limits.ripple * (1 + CLOSE), axis=1)
         good[good] = quiet
     return good

@@ -237,6 +237,7 @@ class Loops:
         present: loops of the corners of the region at every delay the device may have.
         late: the same with up to the margin's extra delay as well.
         nominal: the device alone at its best estimate and longest delay, for the ripple.
+        held: the same in the scene's hand; None without one.
     """
 
     region: Region
@@ -244,6 +245,7 @@ class Loops:
     present: tuple[Loop, ...]
     late: tuple[Loop, ...]
     nominal: Loop
+    held: Loop | None
     _stacks: dict[tuple[str, float], tuple[Loop, ...]] = field(
         default_factory=dict[tuple[str, float], tuple[Loop, ...]], init=False, repr=False
     )
@@ -262,7 +264,16 @@ class Loops:
             present=_side_by_side([one.loop for one in loops if not one.beyond]),
             late=_side_by_side([one.loop for one in loops]),
             nominal=Loop.from_parts(device, filters, extra_delay_samples=later),
+            held=region.hand
+            and Loop.from_parts(device, filters, region.hand, extra_delay_samples=later),
         )
+
+    def ripple(self, effects: Effects, resolution: float) -> FloatArray:
+        """Force ripple on the device alone or in the hand, whichever is more, N rms."""
+        noise = force_ripple(self.nominal, effects, resolution)
+        if self.held is None:
+            return noise
+        return np.maximum(noise, force_ripple(self.held, effects, resolution))
 
     def latest(self, extra: float) -> tuple[Loop, ...]:
         """Loops of all corners at the device's longest delay and ``extra`` samples more."""
@@ -303,7 +314,7 @@ class Loops:
 
         def noise(size: float) -> float:
             effects = Effects(**{effect: sign * size})
-            return float(force_ripple(self.nominal, effects, resolution))
+            return float(self.ripple(effects, resolution))
 
         key = (effect, sign, f"ripple {resolution!r} {limit!r}", top)
         return self._kept(key, lambda: last_within(noise, limit, top))

@@ -10,7 +10,9 @@ import pytest
 from tests.entered import Run, played
 from tests.entered_scenes import made
 from tests.guard import built
+from tests.test_clamps import WALL, random_device
 from tests.thinned import thinned
+from tune import NoFeasibleEffectError, Scene, optimise
 from tune.exporters import export
 
 #: HomeRehab's wall of the examples, and what is played beside it.
@@ -144,3 +146,77 @@ def test_whatever_is_called_a_free_device_comes_to_rest_no_faster(
     assert np.abs(run.speed[-300:]).max() < 1e-3
     assert np.abs(run.force).max() <= 28
     assert set(run.statuses) - {"GLITCH", "LATE", "WAITING"} == {"OK"}
+
+
+#: What is felt between two walls, each as much or as little as can be had.
+BETWEEN = {
+    "ice": {"damping": "min"},
+    "cup": {"mass": "max", "damping": "max"},
+    "feather": {"mass": "min"},
+    "water": {"damping": "max"},
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("together", [False, True])
+@pytest.mark.parametrize("seed", range(100))
+def test_what_is_tuned_for_a_random_device_never_pumps(
+    tmp_path: Path, seed: int, together: bool
+) -> None:
+    """Between two walls as stiff as they can be had, called at random or against the device."""
+    device, _ = random_device(seed, modes=False)
+    source = np.random.default_rng([4, seed])
+    chosen = [str(name) for name in source.permutation(list(BETWEEN))[:2]]
+    scene = {
+        "elements": {"wall": WALL, "wall 2": WALL, **{name: BETWEEN[name] for name in chosen}},
+        "together": [chosen] if together else [],
+        "loop": {
+            "velocity_filter_hz": 0.05 / device.sample_time.value,
+            "acceleration_filter_hz": 0.03 / device.sample_time.value,
+        },
+    }
+    try:
+        profile = optimise(device, Scene.model_validate(scene))
+    except NoFeasibleEffectError:
+        pytest.skip("nothing that a hand could tell")
+    bits = {name: 1 << k for k, name in enumerate(profile.elements)}
+    walls = [profile.elements[name] for name in bits if name in profile.walls]
+    both = sum(bits[name] for name in bits if name in profile.walls)
+    others = [bits[name] for name in chosen if name in bits]
+    speed = 0.5 * profile.elements["wall"].motion.speed
+    corridor = sum(w.motion.speed * w.damping / w.stiffness for w in walls if w.stiffness)
+    count = device.encoder_resolution.value if device.encoder_resolution else 0.0
+    face = corridor / 2 + 20 * count
+    faces = {bits.get("wall", 0): (face, -1), bits.get("wall 2", 0): (-face, 1)}
+    faces |= dict.fromkeys(others, (0.0, 0))
+    periods, calls = 6000, 3000
+    lasts = source.integers(1, 10 ** source.integers(1, 4), calls)
+    sets = np.repeat(source.choice([both, 0, *(both | each for each in others)], calls), lasts)
+    gains = np.repeat(source.choice([0.0, 0.3, 1.0], calls), lasts)[:calls]
+    before = 0.0
+
+    def gain(k: int, reading: float) -> float:
+        nonlocal before
+        before, moved = reading, reading - before
+        if seed % 2:
+            return float(gains[k]) if k < calls else 1.0
+        return 1.0 if moved * reading <= 0 else 0.1
+
+    run = played(
+        built(export(profile, "c"), tmp_path),
+        profile,
+        lambda k, _: int(sets[k]) if k < calls else both,
+        place=0.0,
+        speed=speed,
+        periods=periods,
+        faces={bit: place for bit, place in faces.items() if bit},
+        gain=gain,
+    )
+    assert device.force_limit is not None
+    assert fastest(run) <= speed * (1 + 1e-9)
+    # Between the walls only its own damping slows it down; counts of the encoder keep it awake.
+    left = np.abs(run.speed[calls : calls + 300]).max()
+    assert np.abs(run.speed[-300:]).max() <= max(left, 0.01 * speed)
+    # The peak is exported with twelve digits.
+    assert np.abs(run.force).max() <= device.force_limit.peak * (1 + 1e-11)
+    assert set(run.statuses) <= {"OK", "WAITING", "NOT_TOGETHER"}

@@ -445,7 +445,7 @@ def rehearse(
 
     Conditions are hands off and, if a hand is given, held; with the Coulomb friction of the device
     and, because it may be less than thought, without any; other devices without any. What is played
-    is in plays.py: elements beside the controller's own effects are also entered, left and scaled
+    is in `KINDS`: elements beside the controller's own effects are also entered, left and scaled
     while they act. All of it is one run; what is not at rest in the end, and only that, is judged
     by a longer one.
 

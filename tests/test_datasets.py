@@ -241,7 +241,7 @@ def test_log_text_prints_every_sample() -> None:
 
 def test_an_unknown_bundled_file_is_refused() -> None:
     with pytest.raises(InvalidInputError, match=r"homerehab\.csv"):
-        bundled_path("../rig.py")
+        bundled_path("../device.py")
 
 
 def test_public_names_exist_and_load_lazily() -> None:

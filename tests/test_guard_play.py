@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.entered import Run, played
+from tests.entered import FloatArray, Run, played
 from tests.entered_scenes import made
 from tests.guard import built
 from tests.test_clamps import WALL, random_device
@@ -20,6 +21,23 @@ STIFF = (12_000.0, 70.0, 0.0)
 ICE = (0.0, -9.0, 0.0)
 #: Speeds that are told as possible, so that none of them is a glitch, m/s.
 SPEED = 4.0
+
+
+def asked(gains: FloatArray) -> Callable[[int, float], float]:
+    """Gains in their order, then all."""
+    return lambda k, _: float(gains[k]) if k < gains.size else 1.0
+
+
+def adverse() -> Callable[[int, float], float]:
+    """A gain that holds the device less on its way in than on its way out."""
+    before = 0.0
+
+    def gain(_: int, reading: float) -> float:
+        nonlocal before
+        before, moved = reading, reading - before
+        return 1.0 if moved * reading <= 0 else 0.1
+
+    return gain
 
 
 def fastest(run: Run) -> float:
@@ -115,20 +133,11 @@ def test_whatever_is_called_a_free_device_comes_to_rest_no_faster(
         "water": (0.0, 20.0, 0.0),
     }
     profile = made("homerehab", scene, speed=SPEED)
-    periods, calls, before = 5000, 2500, 0.0
+    periods, calls = 5000, 2500
     lasts = source.integers(1, 10 ** source.integers(1, 4), calls)
     sets = source.choice([3, 3 | 4, 3 | 8, 3 | 16, 4, 8, 16, 1, 0], calls)
     sets = np.repeat(sets, lasts)[:calls].tolist()
     gains = np.repeat(source.choice([0.0, 0.3, 1.0, source.random()], calls), lasts)[:calls]
-
-    def gain(k: int, reading: float) -> float:
-        """At random, or such that the device is held less on its way in than on its way out."""
-        nonlocal before
-        before, moved = reading, reading - before
-        if seed % 2:
-            return float(gains[k]) if k < calls else 1.0
-        return 1.0 if moved * reading <= 0 else 0.1
-
     missed = np.flatnonzero(source.random(periods) < 0.02)
     run = played(
         built(export(profile, "c"), tmp_path),
@@ -138,7 +147,7 @@ def test_whatever_is_called_a_free_device_comes_to_rest_no_faster(
         speed=0.2,
         periods=periods,
         faces={1: (0.01, -1), 2: (-0.01, 1), 4: (0.0, 0), 8: (0.0, 0), 16: (0.0, 0)},
-        gain=gain,
+        gain=asked(gains) if seed % 2 else adverse(),
         missed=frozenset(missed[np.diff(missed, prepend=-9) > 2].tolist()),
         wrong=dict.fromkeys(source.integers(10, periods, 5).tolist(), 0.3),
     )
@@ -193,15 +202,6 @@ def test_what_is_tuned_for_a_random_device_never_pumps(
     lasts = source.integers(1, 10 ** source.integers(1, 4), calls)
     sets = np.repeat(source.choice([both, 0, *(both | each for each in others)], calls), lasts)
     gains = np.repeat(source.choice([0.0, 0.3, 1.0], calls), lasts)[:calls]
-    before = 0.0
-
-    def gain(k: int, reading: float) -> float:
-        nonlocal before
-        before, moved = reading, reading - before
-        if seed % 2:
-            return float(gains[k]) if k < calls else 1.0
-        return 1.0 if moved * reading <= 0 else 0.1
-
     run = played(
         built(export(profile, "c"), tmp_path),
         profile,
@@ -210,7 +210,7 @@ def test_what_is_tuned_for_a_random_device_never_pumps(
         speed=speed,
         periods=periods,
         faces={bit: place for bit, place in faces.items() if bit},
-        gain=gain,
+        gain=asked(gains) if seed % 2 else adverse(),
     )
     assert device.force_limit is not None
     assert fastest(run) <= speed * (1 + 1e-9)

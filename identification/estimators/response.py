@@ -5,7 +5,7 @@ Every response comes with its exact derivative by p, from the φ-functions one o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,22 +107,21 @@ class HeldResponse:
 
     def gain(self, column: HeldColumn) -> Gain:
         """What a column, force per mass, adds in each interval."""
-        velocity = column.level * self.whole.speed
-        distance = column.level * self.whole.place
-        if column.change.size:
-            jump = StepResponse.during(column.left, self.rate)
-            velocity = velocity + column.added(jump.speed)
-            distance = distance + column.added(jump.place)
-        return Gain(velocity=velocity, distance=distance)
+        return self._moved(column, lambda response: (response.speed, response.place))
 
     def slope_by_rate(self, column: HeldColumn) -> Gain:
         """Derivative of ``gain`` by p."""
-        velocity = column.level * self.whole.speed_slope
-        distance = column.level * self.whole.place_slope
+        return self._moved(column, lambda response: (response.speed_slope, response.place_slope))
+
+    def _moved(
+        self, column: HeldColumn, of: Callable[[StepResponse], tuple[FloatArray, FloatArray]]
+    ) -> Gain:
+        """What a column adds of two parts of the response, with its jumps inside the intervals."""
+        velocity, distance = (column.level * part for part in of(self.whole))
         if column.change.size:
-            jump = StepResponse.during(column.left, self.rate)
-            velocity = velocity + column.added(jump.speed_slope)
-            distance = distance + column.added(jump.place_slope)
+            jump = of(StepResponse.during(column.left, self.rate))
+            velocity = velocity + column.added(jump[0])
+            distance = distance + column.added(jump[1])
         return Gain(velocity=velocity, distance=distance)
 
     def slope_by_delay(self, column: HeldColumn, first: float) -> Gain:

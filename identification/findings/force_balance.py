@@ -5,7 +5,6 @@ Each row weighs the log with one smooth window w of unit area: mean held force, 
 but its own difference quotient between two stamps, and the stamps are those of the log, so uneven
 steps need no resampling (weak form: Shinbrot, Transactions of the ASME 79, 1957, p. 745).
 It is coarser than an estimator on purpose, and shares nothing with them: it is there to doubt them.
-One file: the rows that every later finding reads.
 """
 
 from __future__ import annotations

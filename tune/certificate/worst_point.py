@@ -3,7 +3,7 @@
 From corners, faces and chance points, each the best of a start climbs to larger pole radius at the
 full gain, and others to where the Nyquist curve comes nearest to -1/s for any gain s. It works in
 doubles on the poles in z; only its best points are judged, in many digits. It can find that a proof
-was wrong, and never that a region is stable. One file: box, climb and judgement of one search.
+was wrong, and never that a region is stable.
 """
 
 from __future__ import annotations

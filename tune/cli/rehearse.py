@@ -35,6 +35,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     where some trial diverges or keeps oscillating; then nothing may be written.
     """
     from datasets_synthetic import Hand, rehearse, rig_of
+    from tune.documents.effects import EFFECT_NAMES
     from tune.documents.errors import CheckFailedError
 
     hand = design.hand and Hand(
@@ -47,7 +48,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     felt = [
         names
         for names in design.moments()
-        if any(design.elements[name].sizes() != "nothing" for name in names)
+        if any(getattr(design.elements[name], effect) for name in names for effect in EFFECT_NAMES)
     ]
     runs = -(-len(felt) // _AT_ONCE)
     vetoes: list[str] = []

@@ -13,8 +13,8 @@ ${heading}
  * Level is the gain of what is wanted and 0 of what is not. What has to fade gets there slowly, and
  * not while a wall pushes. All else falls there at once; a spring rises only as it is entered, or
  * after HAPTUNE_TAPS samples without force. A spring that is entered rests where the device is, a
- * wall only if that is behind its face; it stands there again after HAPTUNE_TAPS samples without
- * force at its face.
+ * wall only if that is behind its face; a wall stands at its face again after HAPTUNE_TAPS samples
+ * without force there.
  *
  * A period without a good reading holds the force before it; the next good reading moves the
  * filters along the straight line between the two, and more than HAPTUNE_EXTRA_DELAY such periods
@@ -302,13 +302,13 @@ static void act(const effects *effect, haptune_contact *contact, const haptune_e
     const int spring = effect->stiffness > 0.0;
     const int enters = asked > 0.0 && !contact->wanted && contact->level == 0.0;
     const double at_face = clamped(effect, contact, axis, contact->face);
-    double u = clamped(effect, contact, axis, contact->rest);
+    double u;
     if (enters && spring) {
         const double inside = contact->side * (contact->face - axis->last);
         contact->rest = effect->one_sided && !(inside > 0.0) ? contact->face : axis->last;
         contact->quiet = contact->clear = 0;
-        u = clamped(effect, contact, axis, contact->rest);
     }
+    u = clamped(effect, contact, axis, contact->rest);
     contact->quiet = counted(contact->quiet, u == 0.0);
     contact->clear = counted(contact->clear, at_face == 0.0);
     if (effect->one_sided && contact->clear >= HAPTUNE_TAPS) {

@@ -96,12 +96,11 @@ class Element:
     def act(self, axis: Axis, *, asked: float, change: float, taps: int) -> None:
         """Go on by a reading; asked: the level it is to have, change: how far it may fade."""
         enters = asked > 0.0 and not self.wanted and self.level == 0.0
-        at_face, u = self._clamped(axis, self.face), self._clamped(axis, self.rest)
         if enters and self.spring:
             inside = self.side * (self.face - axis.last)
             self.rest = self.face if self.one_sided and not inside > 0.0 else axis.last
             self.quiet = self.clear = 0
-            u = self._clamped(axis, self.rest)
+        at_face, u = self._clamped(axis, self.face), self._clamped(axis, self.rest)
         self.quiet = min(self.quiet + 1, taps) if u == 0.0 else 0
         self.clear = min(self.clear + 1, taps) if at_face == 0.0 else 0
         if self.one_sided and self.clear >= taps:

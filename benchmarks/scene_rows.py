@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.row import Row, timed_in_turn, with_unit
 from benchmarks.scenes import Case, case, certificate, description, proposal
 from identification import Mode, quantity
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 
 WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
 DAMPED: dict[str, Any] = {"wall": {"stiffness": "max", "damping": "max"}}

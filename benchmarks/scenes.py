@@ -12,7 +12,7 @@ from tune.documents.certified import Certificate
 from tune.documents.perception import default_table
 from tune.documents.profile import Design
 from tune.documents.scene import MARGINS, Scene
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation._optimise import design_of
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.saturation import witness_of

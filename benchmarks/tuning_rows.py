@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from benchmarks.row import Row, timed
 from benchmarks.scenes import Case, case, certificate, description, fifty_elements, proposal
 from tune.documents.scene import Scene
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation._optimise import optimise
 from tune.optimisation.cutoffs import choose_filters
 

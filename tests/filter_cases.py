@@ -10,7 +10,7 @@ import numpy as np
 from identification import Device, ForceLimit, load_device, quantity
 from tune.documents.perception import default_table
 from tune.documents.scene import Scene
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation.cutoffs import CutoffObjective, ranks_of, tune_with_filters
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import groups

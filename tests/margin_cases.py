@@ -10,8 +10,7 @@ from tests import general_loops
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
 from tune.documents.effects import Effects
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
 
 
 def draw(rng: np.random.Generator, *, plain: bool = False) -> Case:

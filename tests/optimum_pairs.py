@@ -9,7 +9,7 @@ import numpy as np
 
 from identification import Device, ForceLimit, quantity
 from tune.documents.scene import Scene
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 
 #: What a scene may ask for.
 KINDS = (

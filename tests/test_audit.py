@@ -10,7 +10,7 @@ from tests.commands import haptune
 from tests.reference import reference_loop, stable_by_roots
 from tune._audit import audit
 from tune.documents.effects import Effects
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 
 PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")
 FILTERED = ("--velocity-filter", "30", "--acceleration-filter", "30")

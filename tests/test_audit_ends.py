@@ -13,8 +13,7 @@ from tests.commands import haptune
 from tests.thinned import thinned
 from tune._audit import audit
 from tune.documents.effects import Effects
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import largest
 
 EFFECTS = ("stiffness", "damping", "mass")

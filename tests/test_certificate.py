@@ -11,8 +11,7 @@ from tests.thinned import thinned
 from tune.certificate.poles import judge
 from tune.certificate.region import Point, Setting
 from tune.documents.effects import Effects
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import safe_gain
 
 

@@ -399,7 +399,7 @@ def random_device(seed: int, *, modes: bool) -> tuple[Device, Scene]:
 def stiffest(device: Device, wanted: Scene, profile: SafeProfile) -> float:
     """The largest stiffness beside as much damping, by a grid that closes in, of linear limits."""
     from tune.documents.perception import default_table
-    from tune.loop.filters import Filters
+    from tune.loop.loop import Filters
     from tune.optimisation.feasibility import feasible_points
     from tune.optimisation.problem import DesignTask, pose
 

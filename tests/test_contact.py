@@ -13,8 +13,8 @@ from scipy.linalg import expm
 from identification import Device, load_device, quantity
 from tune import SafeProfile, Scene, optimise
 from tune.certificate.time_domain import contact_failures
-from tune.loop.filters import Filters
-from tune.rendering.elements import contact
+from tune.loop.loop import Filters
+from tune.rendering import contact
 
 #: Stiffness and damping of a wall fit for each named device, and its velocity filter, Hz.
 WALLS: dict[str, tuple[float, float, float | None]] = {

@@ -20,7 +20,7 @@ from tests.thinned import thinned
 from tests.unlimited import stated
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune.documents.perception import default_table
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation.cutoffs import CutoffObjective, choose_filters, slope_of, tune_with_filters
 from tune.optimisation.problem import DesignTask
 

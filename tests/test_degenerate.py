@@ -13,7 +13,7 @@ from tests.commands import Ended, haptune
 from tests.reference import boundary_gains, reference_loop
 from tune import Scene, load_profile, optimise
 from tune.documents.perception import default_table
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import solve
 

@@ -14,10 +14,10 @@ from tests.wall_fades import STEPS, Fading, Wave, at_levels, chased_growth, grow
 from tests.wall_play import Array, Bench, Law
 from tests.wall_trials import play
 from tune import Scene, optimise
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.loop.state_space import Corner
-from tune.margins.time_varying import Values, shortest_fade
 from tune.optimisation.describe import with_fades
+from tune.stability.nonlinear import Values, shortest_fade
 
 LEVELS = np.linspace(0, 1, STEPS + 1)
 #: A fade is this many times slower than the shortest that no wave was found to pump.

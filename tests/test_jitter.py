@@ -16,9 +16,9 @@ from tune._audit import audit
 from tune.certificate.time_domain import jitter_failures
 from tune.documents.effects import Effects
 from tune.documents.profile import Design
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.loop.state_space import Corner
-from tune.margins.time_varying import MOST_JITTER, jitter_margin
+from tune.stability.nonlinear import MOST_JITTER, jitter_margin
 
 FloatArray = NDArray[np.float64]
 

@@ -20,8 +20,7 @@ from tests.printed import (
 )
 from tests.reference import reference_loop, stable_by_roots
 from tune.documents.effects import EFFECT_NAMES, Effects
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import is_stable, largest
 
 

@@ -9,8 +9,7 @@ from tests.general_loops import HAND, HOMEREHAB, MODE, loop_of
 from tests.reference import crossings
 from tests.sampled_loops import Case, loop_along
 from tune.documents.effects import EFFECT_NAMES, Effects
-from tune.loop.filters import LONGEST_WINDOW, Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import LONGEST_WINDOW, Filters, Loop
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.stability.verdict import is_stable, largest, verdict
 

@@ -10,11 +10,9 @@ from flint import arb, arb_mat, arb_poly
 
 from tests.reference import roots_of
 from tune.documents.effects import Effects
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
-from tune.loop.plant import ModeNumbers
+from tune.loop.loop import Filters, Loop
+from tune.loop.plant import ModeNumbers, block
 from tune.loop.polynomials import Polynomial, split_fractions, split_into_quadratics
-from tune.loop.zero_order_hold import block
 from tune.stability.criterion import UNIT, routh
 from tune.stability.verdict import is_stable, verdict
 

@@ -9,8 +9,7 @@ from identification import load_device
 from tests.general_loops import HAND, HOMEREHAB, MODE
 from tune.documents.errors import LoopError
 from tune.documents.scene import FREE_TO_RIGID
-from tune.loop.filters import LONGEST_WINDOW, Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import LONGEST_WINDOW, Filters, Loop
 from tune.loop.plant import LONGEST_DELAY, HandNumbers
 
 

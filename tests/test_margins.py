@@ -16,9 +16,8 @@ from tests.sampled_reference import Sampled
 from tests.thinned import thinned
 from tune.documents.effects import Effects
 from tune.documents.scene import Hand
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
-from tune.margins.margins import (
+from tune.loop.loop import Filters, Loop
+from tune.margins import (
     disk_margin,
     least_damping_ratio,
     margins_of,

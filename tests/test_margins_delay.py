@@ -10,7 +10,7 @@ from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
 from tune.documents.effects import Effects
 from tune.loop.loop import Loop
-from tune.margins.margins import delay_margin
+from tune.margins import delay_margin
 from tune.stability.verdict import largest
 
 #: Samples looked for; random loops that bear more are many.

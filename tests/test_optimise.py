@@ -16,8 +16,7 @@ from tune.documents.effects import EffectName, Effects
 from tune.documents.perception import default_table
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
 from tune.optimisation._optimise import optimise
 from tune.optimisation.feasibility import is_feasible
 from tune.optimisation.nash import largest_product

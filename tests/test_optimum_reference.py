@@ -22,7 +22,7 @@ from tests.reference import crossings
 from tests.sampled_loops import loop_along
 from tune.documents.perception import default_table
 from tune.documents.scene import Scene
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.solve import solve
 

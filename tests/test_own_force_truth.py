@@ -21,8 +21,7 @@ from tune.certificate.region import ModePoint, Point, Setting
 from tune.documents.certified import HandPlace
 from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.scene import FREE_TO_RIGID
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import is_stable
 
 #: The balanced margin.

@@ -14,8 +14,8 @@ from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
 from tests.thinned import thinned
 from tune.documents.effects import Effects
-from tune.loop.filters import Filters
-from tune.margins.margins import damping_needed, passivity
+from tune.loop.loop import Filters
+from tune.margins import damping_needed, passivity
 
 
 def test_spring_and_damper() -> None:

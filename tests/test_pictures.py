@@ -21,7 +21,7 @@ from tune.cli.session import Session
 from tune.documents.effects import UNITS
 from tune.documents.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
 from tune.documents.scene import Motion
-from tune.loop.filters import filters_of
+from tune.loop.loop import filters_of
 from tune.loop.state_space import SampledLoop, corners_of
 from tune.presentation.elements import impact_response, step_response, uses_of
 from tune.presentation.pictures import element_picture, place_labels, words_of_shown

@@ -12,8 +12,7 @@ from identification import Device, parse_document
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.scene import FREE_TO_RIGID, Hand
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
 from tune.optimisation.region import PlantPoint, Region
 from tune.stability.verdict import largest
 

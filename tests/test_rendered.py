@@ -15,9 +15,9 @@ from tests.commands import haptune
 from tune import Scene, load_profile, optimise
 from tune.documents.perception import default_table
 from tune.documents.profile import SafeProfile, digest_of
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation.problem import DesignTask, Problem, pose
-from tune.rendering.elements import FASTEST, SLOWEST, Shares, impedances, rendered_mass_and_damping
+from tune.rendering import FASTEST, SLOWEST, Shares, impedances, rendered_mass_and_damping
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -12,9 +12,8 @@ from tests.sampled_reference import Sampled
 from tune.certificate.claims import ripple_by_integration
 from tune.certificate.region import Point, Setting
 from tune.documents.effects import Effects
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
-from tune.rendering.ripple import count_jump, force_ripple, handle_vibration
+from tune.loop.loop import Filters, Loop
+from tune.rendering import count_jump, force_ripple, handle_vibration
 from tune.stability.verdict import is_stable
 
 

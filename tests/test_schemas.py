@@ -24,7 +24,7 @@ from identification import (
 from tune import SafeProfile, Scene, optimise
 from tune.cli.preparation import excitation_of, hardware_of, scene_of, template
 from tune.documents.perception import PerceptionTable
-from tune.rendering.ripple import ThresholdCurve
+from tune.rendering import ThresholdCurve
 from tune.schemas import FOLDER, generate
 
 MODELS: dict[str, type[Document]] = {

@@ -17,7 +17,7 @@ from tests.commands import haptune
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tests.thinned import thinned
 from tune import Scene, optimise
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.verification import Verification, advise, margins_of_others, verify
 from tune.verification.delay import Modes
 from tune.verification.motion import MeasuredMode, slowest

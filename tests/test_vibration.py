@@ -11,9 +11,8 @@ from pydantic import ValidationError
 
 from identification import InvalidInputError, load_document
 from tune.documents.effects import Effects
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
-from tune.rendering.ripple import (
+from tune.loop.loop import Filters, Loop
+from tune.rendering import (
     ThresholdCurve,
     default_thresholds,
     handle_spectrum,

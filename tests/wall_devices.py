@@ -8,8 +8,7 @@ import numpy as np
 
 from tests.wall_axis import Axis
 from tests.wall_play import Law
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
 from tune.loop.plant import HandNumbers, ModeNumbers
 
 #: What a moment is made of: spring, damper, mass that are switched, and a mass that is not.

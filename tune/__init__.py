@@ -30,9 +30,8 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.documents.profile import SafeProfile, load_profile
     from tune.documents.scene import Element, Scene, load_scene
     from tune.exporters import export
-    from tune.loop.filters import Filters
-    from tune.loop.loop import Loop
-    from tune.margins.margins import (
+    from tune.loop.loop import Filters, Loop
+    from tune.margins import (
         DelayMargin,
         DiskMargin,
         LoopMargins,
@@ -54,7 +53,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
         what_if,
     )
     from tune.presentation.pictures import profile_picture, profile_sheet
-    from tune.rendering.ripple import (
+    from tune.rendering import (
         CountJump,
         ThresholdCurve,
         count_jump,
@@ -147,9 +146,8 @@ _HOMES = {
     "documents.profile": "SafeProfile load_profile",
     "documents.scene": "Element Scene load_scene",
     "exporters": "export",
-    "loop.filters": "Filters",
-    "loop.loop": "Loop",
-    "margins.margins": (
+    "loop.loop": "Filters Loop",
+    "margins": (
         "DelayMargin DiskMargin LoopMargins Passivity damping_needed delay_margin disk_margin "
         "least_damping_ratio margins_of phase_margin slowest_decay"
     ),
@@ -158,7 +156,7 @@ _HOMES = {
         "Alternative candidates candidates_picture compare_candidates what_if"
     ),
     "presentation.pictures": "profile_picture profile_sheet",
-    "rendering.ripple": (
+    "rendering": (
         "CountJump ThresholdCurve count_jump default_thresholds force_ripple handle_vibration "
         "vibration_in_thresholds"
     ),

@@ -17,17 +17,15 @@ from tune.documents.errors import CheckFailedError
 from tune.documents.perception import default_table
 from tune.documents.profile import Contact, Design
 from tune.documents.scene import MarginName, Scene
-from tune.loop.filters import Filters, used_filters
-from tune.loop.loop import Loop
-from tune.margins.margins import LoopMargins, margins_of
+from tune.loop.loop import Filters, Loop, used_filters
+from tune.margins import LoopMargins, margins_of
 from tune.optimisation._optimise import SLACK, design_of
 from tune.optimisation.describe import SizedMoment, extra_delays
 from tune.optimisation.feasibility import forces, ripple, worst_gain
 from tune.optimisation.nash import Solution, largest_product
 from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.solve import backends, reasons_for_nothing, round_sizes
-from tune.rendering.elements import contact
-from tune.rendering.ripple import count_jump, handle_vibration, vibration_in_thresholds
+from tune.rendering import contact, count_jump, handle_vibration, vibration_in_thresholds
 
 FloatArray = NDArray[np.float64]
 

@@ -58,7 +58,7 @@ def audit(
     from tune.certificate.assumptions import trusted_facts
     from tune.documents.effects import Effects
     from tune.documents.errors import CheckFailedError
-    from tune.loop.filters import Filters
+    from tune.loop.loop import Filters
     from tune.presentation.tables import audit_table
 
     wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}

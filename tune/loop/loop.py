@@ -14,23 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from math import comb
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification import Device
 from tune.documents.effects import Effects
+from tune.documents.errors import LoopError
 from tune.documents.scene import Hand
-from tune.loop.filters import (
-    Estimator,
-    Filters,
-    Law,
-    common_denominator,
-    first_order_velocity,
-    law_of,
-    twofold_acceleration,
-)
 from tune.loop.plant import (
     HandNumbers,
     HoldEquivalent,
@@ -39,9 +32,181 @@ from tune.loop.plant import (
     ideal_equivalent,
     split_delay,
 )
-from tune.loop.polynomials import Polynomial, pad_coefficients
+from tune.loop.polynomials import (
+    DIFFERENCE,
+    LATE,
+    ONE,
+    Polynomial,
+    pad_coefficients,
+    slope,
+    spread,
+)
+
+if TYPE_CHECKING:
+    from tune.documents.profile import LoopProfile
 
 FloatArray = NDArray[np.float64]
+
+#: Samples. Each adds one to the degree; beyond some 80 doubles no longer hold the polynomial.
+LONGEST_WINDOW = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filters:
+    """Low-passes of the estimated velocity and acceleration; None is no filter.
+
+    Velocity is a backward difference (z-1)/(T·z) times its filter, acceleration the square of the
+    difference times its own. Order 1 is (1-a)·z/(z-a) with a = exp(-2π·f·T). Order 2 is
+    (1-t+p)·z²/(z²-t·z+p) with poles exp(-2π·f·T·(ζ ± j√(1-ζ²))); at ζ = 1 that is order 1 twice.
+    A window of n samples takes the velocity as (z^n - 1)/(n·T·z^n).
+
+    Attributes:
+        velocity_filter_hz: cut-off f of the velocity estimate, Hz, or None.
+        acceleration_filter_hz: cut-off f of the acceleration estimate, Hz, or None.
+        velocity_filter_order: 1 or 2.
+        acceleration_filter_order: 1 or 2.
+        filter_damping_ratio: ζ in (0, 1] of second-order filters: 1 two equal poles, 0.7071
+            Butterworth.
+        velocity_window_samples: n, samples of a moving window instead of a low-pass, or None.
+
+    Raises:
+        LoopError: a cut-off that is not positive, an order, ratio or window that does not exist,
+            a window together with a cut-off.
+    """
+
+    velocity_filter_hz: float | None = None
+    acceleration_filter_hz: float | None = None
+    velocity_filter_order: Literal[1, 2] = 1
+    acceleration_filter_order: Literal[1, 2] = 2
+    filter_damping_ratio: float = 1.0
+    velocity_window_samples: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("velocity_filter_hz", "acceleration_filter_hz"):
+            cutoff = getattr(self, name)
+            if cutoff is not None and not 0 < cutoff < np.inf:
+                raise LoopError(f"{name} must be positive, not {cutoff:g}; None is no filter")
+        for name in ("velocity_filter_order", "acceleration_filter_order"):
+            if getattr(self, name) not in {1, 2}:
+                raise LoopError(f"{name} must be 1 or 2, not {getattr(self, name)!r}")
+        if not 0 < self.filter_damping_ratio <= 1:
+            raise LoopError(
+                f"filter_damping_ratio must be in (0, 1], not {self.filter_damping_ratio:g}"
+            )
+        if self.velocity_window_samples is not None:
+            if not 1 <= self.velocity_window_samples <= LONGEST_WINDOW:
+                raise LoopError(
+                    f"velocity_window_samples must be 1 to {LONGEST_WINDOW} samples, not "
+                    f"{self.velocity_window_samples}"
+                )
+            if self.velocity_filter_hz is not None:
+                raise LoopError(
+                    f"velocity_window_samples {self.velocity_window_samples} and "
+                    f"velocity_filter_hz {self.velocity_filter_hz:g} exclude each other; give one "
+                    "of them"
+                )
+
+
+def used_filters(filters: Filters, effects: Effects) -> Filters:
+    """The filters of the effects that are there; the others would only add poles of their own."""
+    if effects.damping is None:
+        filters = replace(filters, velocity_filter_hz=None, velocity_window_samples=None)
+    if effects.mass is None:
+        filters = replace(filters, acceleration_filter_hz=None)
+    return filters
+
+
+def filters_of(loop: LoopProfile) -> Filters:
+    """The filters that a profile names."""
+    return Filters(**loop.filter_settings())
+
+
+class _Estimator(NamedTuple):
+    """A transfer function in w: numerator over the product of its factors, times T or T²."""
+
+    numerator: Polynomial
+    factors: tuple[Polynomial, ...]
+
+
+class Law(NamedTuple):
+    """The control law over one denominator, α's numerator too; those of β and γ; its estimators."""
+
+    denominator: Polynomial
+    beta: Polynomial
+    gamma: Polynomial
+    velocity: _Estimator
+    acceleration: _Estimator
+
+
+def _common_denominator(velocity: _Estimator, acceleration: _Estimator) -> Law:
+    """Both estimates over the least common multiple of their denominators."""
+    missing = list(velocity.factors)
+    only_acceleration: list[Polynomial] = []
+    for factor in acceleration.factors:
+        shared = next((k for k, other in enumerate(missing) if factor.same_as(other)), None)
+        if shared is None:
+            only_acceleration.append(factor)
+        else:
+            missing.pop(shared)
+    denominator = ONE.times(*acceleration.factors, *missing)
+    return Law(
+        denominator=denominator,
+        beta=velocity.numerator.times(*only_acceleration),
+        gamma=acceleration.numerator.times(*missing),
+        velocity=velocity,
+        acceleration=acceleration,
+    )
+
+
+def _law(filters: Filters, sample_time: FloatArray) -> Law:
+    """The law of filters at some sample times, of any shape."""
+
+    def behind(times: int, cutoff: float | None, order: int) -> _Estimator:
+        """So many differences behind a low-pass."""
+        numerator = ONE.times(*[DIFFERENCE] * times)
+        if cutoff is None:
+            return _Estimator(numerator, (LATE,) * times)
+        angle = 2 * np.pi * cutoff * sample_time
+        factors, gain = _low_pass(order, filters.filter_damping_ratio, angle)
+        if order > times:
+            numerator = numerator.times(LATE)
+        return _Estimator(numerator.scaled(gain), (*(LATE,) * (times - order), *factors))
+
+    window = filters.velocity_window_samples
+    if window is None:
+        velocity = behind(1, filters.velocity_filter_hz, filters.velocity_filter_order)
+    else:
+        # (1+w)^n - (1-w)^n: the odd powers, twice.
+        odd = [2 * comb(window, k) * (k % 2) / window for k in range(window + 1)]
+        velocity = _Estimator(Polynomial.exact(*odd), (LATE,) * window)
+    acceleration = behind(2, filters.acceleration_filter_hz, filters.acceleration_filter_order)
+    return _common_denominator(velocity, acceleration)
+
+
+def _low_pass(
+    order: int, ratio: float, angle: FloatArray
+) -> tuple[tuple[Polynomial, ...], FloatArray]:
+    """Factors of z - a or z² - t·z + p, and 1 - a or 1 - t + p."""
+    if order == 2 and ratio < 1:
+        pair = _oscillation(ratio * angle, np.sqrt((1 - ratio) * (1 + ratio)) * angle)
+        return (pair,), pair.value[0]
+    loss = -np.expm1(-angle)
+    line = Polynomial.exact(loss, 1 + np.exp(-angle))
+    return (line,) * order, loss if order == 1 else loss * loss
+
+
+def _oscillation(decay: FloatArray, angle: FloatArray) -> Polynomial:
+    """z² - t·z + p of poles exp(-decay ± j·angle): (1-t+p) + 2(1-p)w + (1+t+p)w²."""
+    loss, left = -np.expm1(-decay), np.exp(-decay)
+    near = loss * loss + 4 * left * np.sin(angle / 2) ** 2
+    far = loss * loss + 4 * left * np.cos(angle / 2) ** 2
+    value = np.stack([near, -2 * np.expm1(-2 * decay), far])
+    # The rounding of the angle, against which 1 ± t + p may be small.
+    slack = 2 * left * np.abs(angle * np.sin(angle))
+    slack = np.stack([slack, np.zeros_like(slack), slack])
+    return Polynomial(value=value, size=np.abs(value) + slack)
+
+
 ComplexArray = NDArray[np.complex128]
 
 
@@ -95,7 +260,7 @@ class Factors(NamedTuple):
         )
 
 
-def _estimate(estimator: Estimator, v: FloatArray) -> ComplexArray:
+def _estimate(estimator: _Estimator, v: FloatArray) -> ComplexArray:
     total = _at(estimator.numerator, v)
     for factor in estimator.factors:
         total = total / _at(factor, v)
@@ -220,7 +385,7 @@ class Loop:
         """The loops of sampled devices with certain filters."""
         T = sampled.sample_time
         return replace(
-            _closed(sampled.plant, law_of(filters, T), sampled.delta),
+            _closed(sampled.plant, _law(filters, T), sampled.delta),
             scales=(T * T / sampled.mass, T / sampled.mass, 1 / sampled.mass),
             grounded=sampled.grounded,
         )
@@ -242,7 +407,10 @@ class Loop:
         )
         samples, fraction = split_delay(np.asarray(delay_samples, float))
         assert fraction is None
-        law = common_denominator(first_order_velocity(av, 1 - av), twofold_acceleration(aa, 1 - aa))
+        velocity = _Estimator(DIFFERENCE.scaled(1 - av), (Polynomial.exact(1 - av, 1 + av),))
+        line = Polynomial.exact(1 - aa, 1 + aa)
+        twice = DIFFERENCE.times(DIFFERENCE).scaled((1 - aa) * (1 - aa))
+        law = _common_denominator(velocity, _Estimator(twice, (line, line)))
         return _closed(ideal_equivalent(delta, samples), law, delta)
 
     @property
@@ -283,7 +451,7 @@ class Loop:
 
 def _closed(plant: HoldEquivalent, law: Law, delta: FloatArray) -> Loop:
     """The loop of a plant and a law, in (α, β, γ)."""
-    laws = (law.alpha, law.beta, law.gamma)
+    laws = (law.denominator, law.beta, law.gamma)
     terms = [plant.denominator.times(law.denominator), *(plant.numerator.times(x) for x in laws)]
     one = np.ones_like(delta)
 
@@ -414,25 +582,6 @@ def for_each(loop: Loop, effects: Effects, answer: Callable[[ClosedLoop], float]
     """One number of each closed loop, in the broadcast shape."""
     loops, shape = closed_loops(loop, effects)
     return np.array([answer(one) for one in loops]).reshape(shape)
-
-
-def spread(coefficients: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Coefficients (degree+1, *own) with room to broadcast against ``shape``."""
-    missing = len(shape) - (coefficients.ndim - 1)
-    return coefficients.reshape(len(coefficients), *(1,) * missing, *coefficients.shape[1:])
-
-
-def value_at(polynomial: FloatArray, v: FloatArray) -> ComplexArray:
-    """A polynomial in w, ascending, at w = jv; of the shape of v."""
-    total = np.full(np.shape(v), polynomial[-1], dtype=np.complex128)
-    for coefficient in polynomial[-2::-1]:
-        total = total * (1j * v) + coefficient
-    return total
-
-
-def slope(polynomial: FloatArray) -> FloatArray:
-    """The derivative of a polynomial, ascending."""
-    return polynomial[1:] * np.arange(1, len(polynomial))
 
 
 def _polished(roots: ComplexArray, polynomial: FloatArray) -> ComplexArray:

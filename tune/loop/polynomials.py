@@ -1,4 +1,4 @@
-"""Polynomials in w with bounds of their rounding errors; quadratic factors, partial fractions.
+"""Polynomials in w with bounds of their rounding errors; quadratic factors, fractions, peaks.
 
 A coefficient comes with a size: its error is at most a few units of roundoff of it. Products and
 sums keep that true, because sizes are multiplied and added without signs.
@@ -9,18 +9,25 @@ coefficients, whose residual is exact to rounding. Its Jacobian is the matrix of
 fractions too. Close factors are ill-determined one by one, but all together they still reproduce
 the polynomial to a few units of roundoff of its terms, and that is what counts for whatever is put
 together from them.
+
+The peak of P(x)/Q(x), x = v², over all frequencies is found by level sets and no grid. Where
+P - level·Q has no positive root the level is nowhere exceeded. From the largest value known, the
+roots at that level enclose whatever exceeds it; the middles of those gaps give a larger value, and
+so on; it converges quadratically (Bruinsma and Steinbuch 1990, for norms of transfer functions).
+Levels need polynomials of half the degree that the stationary points would.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 #: Unit roundoff of float64.
 UNIT = 2.0**-53
@@ -79,7 +86,7 @@ def product(p: FloatArray, q: FloatArray) -> FloatArray:
     """Product of polynomials (degree+1, ...) along the first axis; the other axes broadcast."""
     shape = _common(p, q)
     grown = np.zeros((len(p) + len(q) - 1, *shape))
-    p = _lifted(p, shape)
+    p = spread(p, shape)
     for power, coefficient in enumerate(q):
         grown[power : power + len(p)] += p * coefficient
     return grown
@@ -89,8 +96,8 @@ def _total(p: FloatArray, q: FloatArray) -> FloatArray:
     """Sum of polynomials (degree+1, ...) along the first axis; the other axes broadcast."""
     shape = _common(p, q)
     grown = np.zeros((max(len(p), len(q)), *shape))
-    grown[: len(p)] += _lifted(p, shape)
-    grown[: len(q)] += _lifted(q, shape)
+    grown[: len(p)] += spread(p, shape)
+    grown[: len(q)] += spread(q, shape)
     return grown
 
 
@@ -106,13 +113,26 @@ def _common(p: FloatArray, q: FloatArray) -> tuple[int, ...]:
     return own if own == other else np.broadcast_shapes(own, other)
 
 
-def _lifted(p: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    if p.ndim == len(shape) + 1:
-        return p
-    return p.reshape(len(p), *(1,) * (len(shape) - p.ndim + 1), *p.shape[1:])
+def spread(coefficients: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Coefficients (degree+1, *own) with room to broadcast against ``shape``."""
+    missing = len(shape) - (coefficients.ndim - 1)
+    return coefficients.reshape(len(coefficients), *(1,) * missing, *coefficients.shape[1:])
 
 
-def companion_roots(lower: FloatArray) -> NDArray[np.complex128]:
+def value_at(polynomial: FloatArray, v: FloatArray) -> ComplexArray:
+    """A polynomial in w, ascending, at w = jv; of the shape of v."""
+    total = np.full(np.shape(v), polynomial[-1], dtype=np.complex128)
+    for coefficient in polynomial[-2::-1]:
+        total = total * (1j * v) + coefficient
+    return total
+
+
+def slope(polynomial: FloatArray) -> FloatArray:
+    """The derivative of a polynomial, ascending."""
+    return polynomial[1:] * np.arange(1, len(polynomial))
+
+
+def companion_roots(lower: FloatArray) -> ComplexArray:
     """Roots of stacked monic polynomials, (degree, columns), in the digits of eigenvalues.
 
     ``lower`` are ascending coefficients, (degree, columns), without the leading one.
@@ -219,7 +239,7 @@ def _factors(value: FloatArray, zeros: int) -> tuple[FloatArray, FloatArray]:
     return values[0::2], values[1::2]
 
 
-def _roots(value: FloatArray) -> NDArray[np.complex128]:
+def _roots(value: FloatArray) -> ComplexArray:
     """Roots of each column, (degree, columns), in units in which they are about 1."""
     degree, columns = len(value) - 1, value.shape[1]
     if degree == 0:
@@ -229,7 +249,7 @@ def _roots(value: FloatArray) -> NDArray[np.complex128]:
     return companion_roots(scaled[:-1]) * unit
 
 
-def _paired(roots: NDArray[np.complex128], *, single: bool) -> tuple[FloatArray, FloatArray]:
+def _paired(roots: ComplexArray, *, single: bool) -> tuple[FloatArray, FloatArray]:
     """(b, a) of each pair; ``single``: the first is a root at zero and the smallest real one."""
     count, columns = roots.shape
     pairs = (count + 1) // 2
@@ -308,3 +328,108 @@ def _inverse(matrix: FloatArray) -> FloatArray:
             if np.linalg.matrix_rank(each) == len(each):
                 inverse[index] = np.linalg.inv(each)
     return inverse * columns[:, :, None] * rows[:, None, :]
+
+
+#: Levels are raised by this, relative: two roots that touch the axis must be seen as a pair.
+_RAISED = 1e-13
+#: A gain in value below this, relative, ends the search; the peak is flat to its square root.
+_ENOUGH = 1e-12
+#: Levels tried; from a start near a peak four are usual.
+_MOST_LEVELS = 40
+#: Roots this far from the real axis, relative, are still tried: near its top a peak's two roots
+#: leave the axis by the square root of the rounding error. A false one costs one evaluation.
+_NEARLY_REAL = 1e-3
+
+
+def squared_modulus(polynomial: FloatArray) -> FloatArray:
+    """|p(jv)|² as coefficients of x = v², for ascending coefficients of p; shape (degree+1,)."""
+    even, odd = parts_on_axis(polynomial)
+    total = np.zeros(len(polynomial))
+    squared = np.convolve(even, even)
+    total[: len(squared)] = squared
+    if len(odd):
+        squared = np.convolve(odd, odd)
+        total[1 : 1 + len(squared)] += squared
+    return total
+
+
+def parts_on_axis(polynomial: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(E, O) in powers of x with p(jv) = E(x) + jv·O(x)."""
+    even, odd = polynomial[0::2], polynomial[1::2]
+    return even * (-1.0) ** np.arange(len(even)), odd * (-1.0) ** np.arange(len(odd))
+
+
+def positive_roots(polynomial: FloatArray) -> FloatArray:
+    """Positive and nearly real roots of a polynomial in x, ascending."""
+    roots = np.roots(polynomial[::-1])
+    real = (roots.real > 0) & (np.abs(roots.imag) <= _NEARLY_REAL * roots.real)
+    return np.sort(roots.real[real]).astype(np.float64)
+
+
+def peak(
+    value: Callable[[FloatArray], FloatArray],
+    top: FloatArray,
+    bottom: FloatArray,
+    starts: FloatArray,
+) -> tuple[float, float]:
+    """(largest value, its v) of P/Q over v in [0, ∞].
+
+    Both have shape (degree + 1,), ascending in x; Q is positive for x > 0, its last coefficient not
+    zero. ``value`` is P/Q at finite v and may know better digits than the expanded P and Q;
+    ``starts`` are places v where a peak may be expected, such as the imaginary parts of poles.
+    """
+    places = np.concatenate([[0.0], starts[np.isfinite(starts)]])
+    best, place = _largest(value, places)
+    end = float(top[-1] / bottom[-1])
+    if not best >= end:
+        best, place = end, float("inf")
+    for _ in range(_MOST_LEVELS):
+        edges = positive_roots(top - (best + _RAISED * abs(best)) * bottom)
+        if not edges.size:
+            break
+        middles = np.sqrt(edges[1:]) * np.sqrt(edges[:-1])
+        found, where = _largest(value, np.sqrt(np.concatenate([edges, middles])))
+        if not found > best:
+            break
+        gained, best, place = found - best, found, where
+        if gained <= _ENOUGH * abs(best):
+            break
+    return best, place
+
+
+def _largest(value: Callable[[FloatArray], FloatArray], v: FloatArray) -> tuple[float, float]:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = value(v)
+    index = int(np.argmax(np.where(np.isnan(values), -np.inf, values)))
+    return float(values[index]), float(v[index])
+
+
+def convolve(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
+    """Coefficients of the product of two polynomials, in any arithmetic."""
+    total: list[Any] = [0.0] * (len(p) + len(q) - 1)
+    for i, left in enumerate(p):
+        for j, right in enumerate(q):
+            total[i + j] = total[i + j] + left * right
+    return total
+
+
+def h2_squared(numerator: Sequence[Any], denominator: Sequence[Any]) -> Any:
+    """(1/2π)∫|N(jω)/D(jω)|² dω of a stable, strictly proper quotient, in any arithmetic.
+
+    The α-β recursion of K. J. Åström (Introduction to Stochastic Control Theory, 1970, chapter 5):
+    the energy is the sum of β_k²/(2α_k) over two tables, whose rows are reduced as in Routh's.
+    """
+    a = list(denominator[::-1])
+    b = [0.0] * (len(a) - 1 - len(numerator)) + list(numerator[::-1])
+    total: Any = 0.0
+    while len(a) > 1:
+        alpha = a[0] / a[1]
+        beta = b[0] / a[1]
+        total = total + beta * beta / (2 * alpha)
+        reduced, left = a[1:], b[1:]
+        for index in range(1, len(reduced) - 1, 2):
+            reduced[index] = reduced[index] - alpha * a[index + 2]
+        for index in range(1, len(left), 2):
+            left[index] = left[index] - beta * a[index + 2]
+        a, b = reduced, left
+    return total

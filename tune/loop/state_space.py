@@ -3,10 +3,17 @@
 A wall that is entered and left switches between two loops, and a clock that jitters between many:
 both are followed in time. The state is that of the mechanism in continuous time, the commands on
 their way to the actuator, and what the estimators remember.
+
+An element with a spring is entered where its law K·y + B·v + M·a passes zero: before its place
+where it damps, because a hand comes fast. From there to where the law passes zero again the sampled
+loop is linear, so that the ratio of speeds depends on the device and on where between two samples
+it is entered, and not on the speed. The estimates of velocity and acceleration run outside too: on
+entry they hold the free motion, speed constant and acceleration none.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -16,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 
 FloatArray = NDArray[np.float64]
 
@@ -288,3 +295,116 @@ def exponential(matrix: FloatArray) -> FloatArray:
     for _ in range(halvings):
         total = total @ total
     return total
+
+
+#: Samples beyond which half a period of the device on a spring is no bounce off a wall.
+_LONGEST_CONTACT = 5_000
+#: Places between two samples at which the element is entered, evenly up to a whole sample.
+_PHASES = 8
+#: Samples after which a device that is still inside has stayed.
+_FOLLOWED = 20_000
+#: Samples computed at once, at least and at most.
+_FEWEST, _MOST = 32, 1024
+
+
+def restitution(
+    device: Device, box: Box, filters: Filters, values: tuple[float, float], *, one_sided: bool
+) -> tuple[float, float] | None:
+    """Least and largest speed out of an element over that in; None where it is no bounce.
+
+    Over the corners of the box and the places between two samples at which it is entered. Between
+    those it is continuous; the largest difference between neighbours is added on both sides. That
+    no device inside the box is beyond its corners is not proved.
+    """
+    stiffness, damping = values
+    half_period = math.pi * math.sqrt(box.mass[1] / stiffness)
+    if half_period > _LONGEST_CONTACT * box.sample_time[0]:
+        return None
+    found = np.array(
+        [
+            _restitutions(
+                SampledLoop.of(place, filters, (stiffness, damping, 0.0)),
+                before=damping / stiffness,
+                one_sided=one_sided,
+                sample_time=place.sample_time,
+                half_period=half_period,
+            )
+            for place in corners_of(device, box)
+        ]
+    )
+    if not np.isfinite(found).all():
+        return None
+    beside = np.abs(np.diff(found, axis=1)).max()
+    return max(0.0, found.min() - beside), found.max() + beside
+
+
+# What grows without end stays inside, or comes out with a speed that is no number.
+@np.errstate(over="ignore", invalid="ignore")
+def _restitutions(
+    loop: SampledLoop, *, before: float, one_sided: bool, sample_time: float, half_period: float
+) -> FloatArray:
+    """Speed out over speed in, for each place between two samples at which it is entered.
+
+    Speeds are those of the rigid mass at the place of entry. Where forces on their way still act on
+    a device that has left, it is the speed with which free motion would have left: v + (b/m)·x
+    does not change in free motion, nor does v + (b/m)·x + τ·F/m while an actuator's force decays.
+    A wall, ``one_sided``, gives nothing where its law would pull until the device is outside; 0
+    where it stays inside. The face is entered ``before``, B/K, at unit speed.
+    """
+    plant = loop.plant
+    phases = np.arange(1, _PHASES + 1) / _PHASES
+    state = np.zeros((len(loop.read), _PHASES))
+    state[: len(plant.drive)] = plant.held(phases * sample_time)[0][:, :, plant.speed].T
+    state[0] -= before
+    state[loop.remembered] = loop.moving(loop.read @ state, sample_time)
+    wanted = np.clip(1.1 * half_period / sample_time, _FEWEST, _MOST)
+    count = 1 << int(np.ceil(np.log2(wanted)))
+    acting, idle = _powers(loop.pushed, count), None
+    left = np.zeros(_PHASES, dtype=bool)
+    followed = np.zeros(_PHASES, dtype=np.intp)
+    while True:
+        pushing = loop.command @ state < 0
+        left |= ~pushing & ((loop.read @ state <= 0) | (not one_sided))
+        inside = ~left & (followed < _FOLLOWED)
+        if not inside.any():
+            break
+        for acts in (True, False):
+            chosen = np.flatnonzero(inside & (pushing == acts))
+            if not chosen.size:
+                continue
+            if not acts and idle is None:
+                idle = _powers(loop.free, count)
+            powers = acting if acts or idle is None else idle
+            state[:, chosen], steps = _until_switched(loop, powers, state[:, chosen], acts=acts)
+            followed[chosen] += steps
+    under_way = loop.under_way.stop - loop.under_way.start
+    gone = (np.linalg.matrix_power(loop.free, under_way) @ state)[: len(plant.drive)]
+    motion = plant.motion[plant.speed]
+    speed = gone[plant.speed] - motion[plant.speed] * (gone[0] + before)
+    if plant.lagged:
+        speed -= motion[-1] / plant.motion[-1, -1] * gone[-1]
+    return np.where(left, np.maximum(0.0, -speed), 0.0)
+
+
+def _powers(transition: FloatArray, count: int) -> FloatArray:
+    """A⁰ to A^count, count a power of two; shape (count + 1, states, states)."""
+    size = transition.shape[0]
+    found = np.empty((count + 1, size, size))
+    found[0], found[1] = np.eye(size), transition
+    done = 1
+    while done < count:
+        found[done + 1 : 2 * done + 1] = found[1 : done + 1] @ found[done]
+        done *= 2
+    return found
+
+
+def _until_switched(
+    loop: SampledLoop, powers: FloatArray, state: FloatArray, *, acts: bool
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """States where the law first starts or stops pushing or that is outside; samples till then."""
+    other = ((loop.command @ powers[1:]) @ state < 0) != acts
+    if not acts:
+        other |= (loop.read @ powers[1:]) @ state <= 0
+    switched = other.any(axis=0)
+    steps = np.where(switched, other.argmax(axis=0) + 1, len(powers) - 1)
+    return np.einsum("cij,jc->ic", powers[steps], state), steps

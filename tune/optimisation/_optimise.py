@@ -20,7 +20,7 @@ from tune.documents.profile import (
     SafeProfile,
 )
 from tune.documents.scene import MARGINS, Scene, groups_of, hand_of
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.describe import (
     SizedMoment,

@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.loop.loop import Loop
-from tune.loop.polynomials import pad_coefficients
+from tune.loop.polynomials import convolve, pad_coefficients
 from tune.optimisation.problem import Problem
 from tune.optimisation.reach import Reach
-from tune.rendering.ripple import product, ripple_energy, routh_ratios
+from tune.rendering import ripple_energy
+from tune.stability.criterion import routh_ratios
 
 FloatArray = NDArray[np.float64]
 
@@ -167,7 +168,7 @@ def _graph(structure: _Structure) -> _Graph:
     if structure.laws:
         table, law = take(4, structure.laws + 1), take(4, structure.laws + 1)
         for total in compress(totals, structure.quiet):
-            numerator = product(list(law[0]), _polynomial(law, total, free=False, drop=False))
+            numerator = convolve(list(law[0]), _polynomial(law, total, free=False, drop=False))
             free = total[0] is None and not structure.bound
             energy = ripple_energy(
                 numerator, _polynomial(table, total, drop=False), position_free=free

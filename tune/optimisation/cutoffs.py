@@ -15,7 +15,7 @@ from identification import round_to_digits
 from tune.documents.effects import EffectName
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.scene import Cutoff
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation.backends import Evaluation, Rank, program_of
 from tune.optimisation.feasibility import (
     largest_allowed,
@@ -27,7 +27,7 @@ from tune.optimisation.linear_programs import maximise, multipliers
 from tune.optimisation.nash import SAME, Optimum
 from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, pose
 from tune.optimisation.solve import groups, optimum_of
-from tune.rendering.elements import FASTEST
+from tune.rendering import FASTEST
 
 FloatArray = NDArray[np.float64]
 

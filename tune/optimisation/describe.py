@@ -15,16 +15,15 @@ from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, Ef
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.profile import MOST_EXTRA_DELAY, Design, ElementProfile, LimitedBy, Margins
 from tune.documents.scene import MARGINS, Margin, Scene
-from tune.loop.filters import Filters, filters_of, used_filters
+from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of
-from tune.margins.margins import damping_needed
-from tune.margins.time_varying import MOST_JITTER, Values, jitter_margin, shortest_fade
+from tune.margins import damping_needed
 from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
 from tune.optimisation.problem import Moment, Problem
-from tune.rendering.elements import contact, rendered_mass_and_damping
-from tune.stability.search import CLOSE
-from tune.stability.verdict import safe_up_to
+from tune.rendering import contact, rendered_mass_and_damping
+from tune.stability.nonlinear import MOST_JITTER, Values, jitter_margin, shortest_fade
+from tune.stability.verdict import CLOSE, safe_up_to
 
 if TYPE_CHECKING:
     from tune.optimisation.nash import Solution

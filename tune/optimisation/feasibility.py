@@ -14,8 +14,14 @@ from numpy.typing import NDArray
 from tune.documents.effects import Effects
 from tune.loop.loop import Loop
 from tune.optimisation.problem import Moment, Problem
-from tune.stability.search import CLOSE, last_within
-from tune.stability.verdict import is_stable, safe_gain, safe_up_to, stable_intervals
+from tune.stability.verdict import (
+    CLOSE,
+    is_stable,
+    last_within,
+    safe_gain,
+    safe_up_to,
+    stable_intervals,
+)
 
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tune.documents.effects import EffectName
 from tune.documents.perception import Scale
 from tune.documents.scene import Wish
-from tune.rendering.elements import Band, Shares
+from tune.rendering import Band, Shares
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from identification import Device
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.perception import PerceptionTable, Scale
 from tune.documents.scene import DEFAULT_MOTION, MARGINS, Element, Margin, Scene, Wish, hand_of
-from tune.loop.filters import Filters, used_filters
+from tune.loop.loop import Filters, used_filters
 from tune.optimisation.linear_limits import (
     LinearLimits,
     Moment,
@@ -23,7 +23,7 @@ from tune.optimisation.linear_limits import (
     renderings,
 )
 from tune.optimisation.region import Loops, Region
-from tune.rendering.elements import Shares
+from tune.rendering import Shares
 
 FloatArray = NDArray[np.float64]
 

@@ -17,12 +17,10 @@ from identification import Box, Device, Mode, Quantity
 from tune.documents.effects import EffectName, Effects
 from tune.documents.errors import LoopError
 from tune.documents.scene import Hand
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop, stack_loops
+from tune.loop.loop import Filters, Loop, stack_loops
 from tune.loop.plant import LONGEST_DELAY, WHOLE, HandNumbers, ModeNumbers, SampledPlant
-from tune.rendering.ripple import force_ripple
-from tune.stability.search import last_within
-from tune.stability.verdict import stable_values
+from tune.rendering import force_ripple
+from tune.stability.verdict import last_within, stable_values
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,13 @@ from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.scene import Margin
 from tune.optimisation.problem import ROOM, Moment, Problem
-from tune.stability.absolute import Nonlinearities, Responses, absolute_gain, difference_at, is_peak
+from tune.stability.nonlinear import (
+    Nonlinearities,
+    Responses,
+    absolute_gain,
+    difference_at,
+    is_peak,
+)
 
 if TYPE_CHECKING:
     import clarabel

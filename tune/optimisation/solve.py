@@ -15,7 +15,7 @@ from identification import round_to_digits
 from tune.documents.errors import NoFeasibleEffectError
 from tune.documents.profile import LimitedBy
 from tune.documents.scene import Scene
-from tune.loop.filters import Filters
+from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Slsqp
 from tune.optimisation.describe import bindings
 from tune.optimisation.feasibility import feasible_points, largest_allowed, stable_points

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile
-from tune.loop.filters import filters_of
+from tune.loop.loop import filters_of
 from tune.loop.state_space import Corner, SampledLoop, corners_of, exponential
 
 FloatArray = NDArray[np.float64]

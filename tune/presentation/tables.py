@@ -202,7 +202,7 @@ def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
 
 def _jitter_words(jitter: float) -> str:
     """A jitter, which is not looked for beyond `MOST_JITTER`."""
-    from tune.margins.time_varying import MOST_JITTER
+    from tune.stability.nonlinear import MOST_JITTER
 
     return f"{jitter:.0%} or more" if jitter >= MOST_JITTER else f"{jitter:.1%}"
 

@@ -19,7 +19,7 @@ from tune.documents.profile import SafeProfile
 from tune.documents.results import DETAILS, Result
 from tune.documents.scene import Scene
 from tune.exporters.data import Exported
-from tune.rendering.ripple import ThresholdCurve
+from tune.rendering import ThresholdCurve
 
 FOLDER = Path(__file__).parent
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -11,6 +11,9 @@ arrays are made once and reused, so that a block stays in the cache.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -160,6 +163,25 @@ def _expanded(coefficients: FloatArray, place: ComplexArray) -> list[ComplexArra
         for power in range(len(rows) - 2, first - 1, -1):
             rows[power] = rows[power] + place * rows[power + 1]
     return rows
+
+
+def routh_ratios(coefficients: Sequence[Any]) -> list[Any]:
+    """Ratios, all below 1 exactly when a polynomial with positive coefficients is stable.
+
+    Each new entry of the table is a difference p - q; in a stable table every p, q and difference
+    is positive, so the ratios q/p say it all, free of units and of the scale of w. Coefficients
+    ascend, of degree 2 or more.
+    """
+    upper, lower = list(coefficients[::-2]), list(coefficients[-2::-2])
+    ratios: list[Any] = []
+    while len(upper) > 1:
+        factor = upper[0] / lower[0]
+        following = upper[1:]
+        for column, item in enumerate(lower[1:]):
+            ratios.append(factor * item / following[column])
+            following[column] = following[column] - factor * item
+        upper, lower = lower, following
+    return ratios
 
 
 #: Points of a block: its arrays stay in the cache, and the cost of a call is shared by many.

@@ -19,7 +19,7 @@ from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design
 from tune.documents.scene import DEFAULT_MOTION
-from tune.loop.filters import filters_of
+from tune.loop.loop import filters_of
 from tune.verification.delay import ConsistentLoops, MarginJudge, Modes
 from tune.verification.motion import (
     DECAY_TOLERANCE,

@@ -16,8 +16,7 @@ from tune.certificate.assumptions import refuse_unbalanced
 from tune.documents.effects import UNITS, Effects
 from tune.documents.errors import LoopError
 from tune.documents.profile import Design, LoopProfile
-from tune.loop.filters import filters_of
-from tune.loop.loop import Loop
+from tune.loop.loop import Loop, filters_of
 from tune.verification.delay import MeasuredDelay, judge_delay, unknown_delay
 from tune.verification.law import Log, MeasuredCutoff, measured_cutoffs, rms
 from tune.verification.measured_law import MeasuredLaw, decimal_digit, judge_law

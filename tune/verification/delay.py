@@ -19,8 +19,7 @@ from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import Hand
-from tune.loop.filters import Filters, used_filters
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import companion_roots
 from tune.stability.verdict import safe_up_to

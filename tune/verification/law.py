@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tune.documents.effects import Effects
 from tune.documents.profile import LoopProfile
-from tune.loop.filters import Filters, filters_of
+from tune.loop.loop import Filters, filters_of
 from tune.verification.outcome import Outcome
 
 FloatArray = NDArray[np.float64]

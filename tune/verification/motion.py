@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from identification import Device, quantity
 from tune.documents.effects import Effects
 from tune.documents.profile import LoopProfile
-from tune.loop.filters import filters_of
-from tune.loop.loop import Loop
+from tune.loop.loop import Loop, filters_of
 from tune.verification.free_motion import (
     FreeMotion,
     Release,

@@ -1,87 +1,264 @@
-"""What the encoder makes the hand feel: ripple of the force and vibration of the handle.
+"""What a hand gets: rendered mass and damping, entering an element, force ripple and vibration.
 
-A position in motion is quantised like white noise of variance Δ²/12. It reaches the force through
-C/(1 + G·C) and the handle through G_h·C/(1 + G·C), G_h from the force to the handle; the closed
-form of the H2 norm needs no simulation. In w the norm on the unit circle is that of a transfer
-function times √2/(1+w) on the imaginary axis. A device at rest shows single counts instead.
+**Rendered**, docs/theory.md, 8: what a hand feels of commanded effects at the motions people make.
+Filters, delay and hold let a virtual mass lag behind the acceleration: less of it is felt as mass,
+and some as damping. A damper that lags takes mass away, a spring that lags takes damping away.
 
-Vibration is weighed by a threshold curve, which is data with a source: the least displacement of a
-steady sinusoid that a hand detects. Where the spectrum of the handle's displacement, divided by the
-curve, sums to more than 1, it is said to be felt: the energies of a band add up in the Pacinian
-channel.
+**Contact**, docs/theory.md, 11: bounce, depth, jolt and energy of entering one element, its own, at
+full gain and below the level of its clamp.
+
+**Ripple.** A position in motion is quantised like white noise of variance Δ²/12. It reaches the
+force through C/(1 + G·C) and the handle through G_h·C/(1 + G·C), G_h from the force to the handle;
+the closed form of the H2 norm needs no simulation. In w the norm on the unit circle is that of a
+transfer function times √2/(1+w) on the imaginary axis. A device at rest shows single counts.
+
+**Vibration** is weighed by a threshold curve, which is data with a source: the least displacement
+of a steady sinusoid that a hand detects. Where the spectrum of the handle's displacement, divided
+by the curve, sums to more than 1, it is said to be felt: the energies of a band add up in the
+Pacinian channel.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import as_file, files
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from identification import Document, load_document
+from identification import Box, Device, Document, load_document, round_to_digits
 from tune.documents.effects import Effects
 from tune.documents.errors import LoopError
-from tune.loop.filters import Filters
-from tune.loop.loop import Loop, closed_loops, spread, value_at
+from tune.documents.profile import Contact, ElementProfile, Rendered
+from tune.loop.loop import Filters, Loop, closed_loops
+from tune.loop.polynomials import h2_squared, product, spread, value_at
+from tune.loop.state_space import restitution
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Hz. Voluntary movements of the arm and hand lie between these; what is slower is felt as the
+#: spring and friction, what is faster as vibration.
+SLOWEST, FASTEST = 0.5, 5.0
+#: Gauss-Lobatto nodes on the logarithm of frequency, the ends among them. Means are right to 1e-12
+#: with well damped filters above 5 Hz and to 1e-5 with the sharpest resonance in band.
+NODES = 65
+#: Digits of a written value, as of the perceived steps; restitutions are rounded outwards.
+_DIGITS = 4
 
 
-def product(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
-    """Coefficients of the product of two polynomials."""
-    total: list[Any] = [0.0] * (len(p) + len(q) - 1)
-    for i, left in enumerate(p):
-        for j, right in enumerate(q):
-            total[i + j] = total[i + j] + left * right
-    return total
+class Impedances(NamedTuple):
+    """Force against motion over velocity, N·s/m, of one unit of each effect; of any shape."""
+
+    stiffness: ComplexArray
+    damping: ComplexArray
+    mass: ComplexArray
 
 
-def routh_ratios(coefficients: Sequence[Any]) -> list[Any]:
-    """Ratios, all below 1 exactly when a polynomial with positive coefficients is stable.
+class Band(NamedTuple):
+    """A quantity over the motions people make: mean over the logarithm of frequency, and ends."""
 
-    Each new entry of the table is a difference p - q; in a stable table every p, q and difference
-    is positive, so the ratios q/p say it all, free of units and of the scale of w. Coefficients
-    ascend, of degree 2 or more.
+    mean: float
+    slowest: float
+    fastest: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shares:
+    """What one unit of each commanded effect is felt as; rotary units alike.
+
+    Attributes:
+        mass: apparent mass of a mass, kg per kg.
+        damping: damping of a damper, N·s/m per N·s/m.
+        damping_of_mass: parasitic damping of a mass, N·s/m per kg; positive, as it lags.
+        mass_of_damping: apparent mass of a damper, kg per N·s/m; negative, as it lags.
+        damping_of_stiffness: damping of a spring, N·s/m per N/m; negative, as it lags.
     """
-    upper, lower = list(coefficients[::-2]), list(coefficients[-2::-2])
-    ratios: list[Any] = []
-    while len(upper) > 1:
-        factor = upper[0] / lower[0]
-        following = upper[1:]
-        for column, item in enumerate(lower[1:]):
-            ratios.append(factor * item / following[column])
-            following[column] = following[column] - factor * item
-        upper, lower = lower, following
-    return ratios
+
+    mass: Band
+    damping: Band
+    damping_of_mass: Band
+    mass_of_damping: Band
+    damping_of_stiffness: Band
+
+    @classmethod
+    def of(cls, device: Device, filters: Filters) -> Shares:
+        """Shares at the device's best estimate; a vibration mode does not show at these motions."""
+        lag = device.current_lag
+        return _shares(
+            filters, device.sample_time.value, device.delay.value, 0.0 if lag is None else lag.value
+        )
 
 
-def h2_squared(numerator: Sequence[Any], denominator: Sequence[Any]) -> Any:
-    """(1/2π)∫|N(jω)/D(jω)|² dω of a stable, strictly proper quotient: Åström's α-β recursion.
+def impedances(
+    filters: Filters,
+    frequency: FloatArray,
+    *,
+    sample_time: float,
+    delay: float,
+    current_lag: float = 0.0,
+) -> Impedances:
+    """What a hand that moves in a sine feels, exact for the sampled, held force; SI units.
 
-    The energy is the sum of β_k²/(2α_k) over the two tables, each row of which is reduced as in
-    Routh's scheme (K. J. Åström, Introduction to Stochastic Control Theory, 1970, chapter 5).
+    The force at multiples of the sample rate away from the motion is ripple, not counted.
     """
-    a = list(denominator[::-1])
-    b = [0.0] * (len(a) - 1 - len(numerator)) + list(numerator[::-1])
-    total: Any = 0.0
-    while len(a) > 1:
-        alpha = a[0] / a[1]
-        beta = b[0] / a[1]
-        total = total + beta * beta / (2 * alpha)
-        reduced, left = a[1:], b[1:]
-        for index in range(1, len(reduced) - 1, 2):
-            reduced[index] = reduced[index] - alpha * a[index + 2]
-        for index in range(1, len(left), 2):
-            left[index] = left[index] - beta * a[index + 2]
-        a, b = reduced, left
-    return total
+    turn: ComplexArray = np.multiply(2j * np.pi, frequency)
+    step = turn * sample_time
+    hold = -np.expm1(-step) / step
+    late = np.exp(-turn * delay) * hold / (1 + turn * current_lag)
+    difference = -np.expm1(-step) / sample_time
+    if filters.velocity_window_samples is not None:
+        span = filters.velocity_window_samples * sample_time
+        velocity = -np.expm1(-turn * span) / span
+    else:
+        velocity = difference * _low_pass(
+            filters.velocity_filter_hz,
+            filters.velocity_filter_order,
+            filters.filter_damping_ratio,
+            step,
+            sample_time,
+        )
+    acceleration = difference**2 * _low_pass(
+        filters.acceleration_filter_hz,
+        filters.acceleration_filter_order,
+        filters.filter_damping_ratio,
+        step,
+        sample_time,
+    )
+    force = late / turn
+    return Impedances(stiffness=force, damping=velocity * force, mass=acceleration * force)
+
+
+def rendered_mass_and_damping(
+    device: Device, filters: Filters, *, stiffness: float, damping: float, mass: float
+) -> Rendered:
+    """The apparent mass and damping that an element adds to the device."""
+    shares = Shares.of(device, filters)
+
+    def band(*parts: tuple[float, Band]) -> tuple[float, tuple[float, float]]:
+        mean, slow, fast = (
+            round_to_digits(
+                sum(size * getattr(share, name) for size, share in parts if size), _DIGITS
+            )
+            for name in ("mean", "slowest", "fastest")
+        )
+        return mean, (slow, fast)
+
+    felt_mass, mass_at_ends = band((mass, shares.mass), (damping, shares.mass_of_damping))
+    felt_damping, damping_at_ends = band(
+        (damping, shares.damping),
+        (mass, shares.damping_of_mass),
+        (stiffness, shares.damping_of_stiffness),
+    )
+    return Rendered(
+        mass=felt_mass,
+        mass_at_ends=mass_at_ends,
+        damping=felt_damping,
+        damping_at_ends=damping_at_ends,
+    )
+
+
+def _low_pass(
+    cutoff: float | None, order: int, ratio: float, step: ComplexArray, sample_time: float
+) -> ComplexArray:
+    """Π (1-p)/(1-p/z) over the poles p = exp(-2π·f·T·(ζ ± j√(1-ζ²))), with ζ = 1 if of order 1."""
+    passed = np.ones_like(step)
+    if cutoff is None:
+        return passed
+    angle = 2 * np.pi * cutoff * sample_time
+    turn = 1j * np.sqrt((1 - ratio) * (1 + ratio))
+    poles = (1.0 + 0j,) if order == 1 else (ratio + turn, ratio - turn)
+    for pole in poles:
+        passed = passed * np.expm1(-angle * pole) / np.expm1(-angle * pole - step)
+    return passed
+
+
+@lru_cache(maxsize=1024)
+def _shares(filters: Filters, sample_time: float, delay: float, current_lag: float) -> Shares:
+    frequency, weights = _nodes()
+    felt = impedances(
+        filters, frequency, sample_time=sample_time, delay=delay, current_lag=current_lag
+    )
+    turn = 2 * np.pi * frequency
+
+    def band(values: FloatArray) -> Band:
+        return Band(float(weights @ values), float(values[0]), float(values[-1]))
+
+    return Shares(
+        mass=band(felt.mass.imag / turn),
+        damping=band(felt.damping.real),
+        damping_of_mass=band(felt.mass.real),
+        mass_of_damping=band(felt.damping.imag / turn),
+        damping_of_stiffness=band(felt.stiffness.real),
+    )
+
+
+@lru_cache(maxsize=1)
+def _nodes() -> tuple[FloatArray, FloatArray]:
+    """Frequencies, Hz, and weights of the mean over their logarithm, by Gauss-Lobatto."""
+    legendre = np.polynomial.Legendre.basis(NODES - 1)
+    inner = np.sort(legendre.deriv().roots().real)
+    places = np.concatenate([[-1.0], inner, [1.0]])
+    weights = 1 / (NODES * (NODES - 1) * legendre(places) ** 2)
+    frequency = SLOWEST * (FASTEST / SLOWEST) ** ((places + 1) / 2)
+    frequency[0], frequency[-1] = SLOWEST, FASTEST
+    return frequency, weights
+
+
+#: Less than this of a speed comes back as nothing: a number so small has no digits to round to.
+_LEAST = 1e-12
+
+
+def contact(
+    device: Device, box: Box, filters: Filters, element: ElementProfile, extra: float
+) -> Contact:
+    """What a free device meets that enters an element, ``extra`` samples late beyond its delay."""
+    K, B, M = element.stiffness, element.damping, element.mass
+    speed, level = element.motion.speed, element.force_level
+    found = Contact(
+        force_on_entry=round_to_digits(
+            speed * (K * max(box.sample_time) if K else abs(B)), _DIGITS
+        ),
+        energy_per_entry=round_to_digits(abs(M) * speed**2 / 2, _DIGITS) if M else None,
+    )
+    if not K:
+        return found
+    limit, lag = device.force_limit, device.current_lag
+    late = box.delay[1] + (extra + 0.5) * max(box.sample_time) + (lag.high if lag else 0.0)
+    present = device.delay.value + 0.5 * device.sample_time.value + (lag.value if lag else 0.0)
+    bounce = None
+    if not element.fades:
+        bounce = restitution(device, box, filters, (K, B), one_sided=element.one_sided)
+    if bounce is not None:
+        bounce = _outwards(bounce[0], -1), _outwards(bounce[1], 1)
+    stated = {
+        "restitution": bounce,
+        "net_damping": round_to_digits(B - K * late, _DIGITS),
+        "lead": round_to_digits(speed * (B / K - present), _DIGITS),
+    }
+    if limit is not None:
+        stated["depth_at_continuous_force"] = round_to_digits(
+            min(limit.continuous, level) / K, _DIGITS
+        )
+        stated["depth_at_peak_force"] = round_to_digits(level / K, _DIGITS)
+    return found.model_copy(update=stated)
+
+
+def _outwards(value: float, side: int) -> float:
+    """The next number of as many digits downwards (-1) or upwards (1)."""
+    if value < _LEAST:
+        return _LEAST if side > 0 and value > 0 else 0.0
+    unit = 10.0 ** (math.floor(math.log10(value)) + 1 - _DIGITS)
+    return round_to_digits(
+        max(0.0, (math.floor if side < 0 else math.ceil)(value / unit) * unit), _DIGITS
+    )
 
 
 #: A filtered estimate answers a step of one count most strongly within a quarter of a period of
@@ -194,7 +371,7 @@ def _noise(loop: Loop, effects: Effects, path: FloatArray, resolution: float) ->
         return np.zeros(loop.scales[0].shape)
     denominator, _ = loop.polynomial(effects)
     shape = denominator.shape[1:]
-    numerator = product(list(spread(path, shape)), list(spread(law, shape)))
+    numerator = list(product(spread(law, shape), spread(path, shape)))
     energy = ripple_energy(numerator, list(denominator), position_free=loop.has_free_pole(effects))
     with np.errstate(invalid="ignore"):
         return np.asarray(np.sqrt(energy / 12) * resolution)

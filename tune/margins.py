@@ -36,11 +36,17 @@ from numpy.typing import NDArray
 from identification import Device
 from tune.documents.effects import Effects
 from tune.documents.scene import Hand
-from tune.loop.filters import Filters, used_filters
-from tune.loop.loop import ClosedLoop, Loop, closed_loops, for_each, slope, value_at
+from tune.loop.loop import ClosedLoop, Filters, Loop, closed_loops, for_each, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
-from tune.stability.search import last_kept, parts_on_axis, peak, positive_roots, squared_modulus
-from tune.stability.verdict import is_stable, safe_gain, stable_gains, verdict
+from tune.loop.polynomials import (
+    parts_on_axis,
+    peak,
+    positive_roots,
+    slope,
+    squared_modulus,
+    value_at,
+)
+from tune.stability.verdict import is_stable, last_kept, safe_gain, stable_gains, verdict
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

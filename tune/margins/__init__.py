@@ -1,1 +1,0 @@
-"""How far from instability: gain, delay, phase, disk, damping, and passivity."""

@@ -1,1 +1,0 @@
-"""What a hand gets: rendered mass and damping, encoder ripple, vibration."""

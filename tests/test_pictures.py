@@ -23,8 +23,14 @@ from tune.documents.profile import Design, ElementProfile, LoopProfile, MarginPr
 from tune.documents.scene import Motion
 from tune.loop.loop import filters_of
 from tune.loop.state_space import SampledLoop, corners_of
-from tune.presentation.elements import impact_response, step_response, uses_of
-from tune.presentation.pictures import element_picture, place_labels, words_of_shown
+from tune.presentation.pictures import (
+    element_picture,
+    impact_response,
+    place_labels,
+    step_response,
+    uses_of,
+    words_of_shown,
+)
 from tune.presentation.regions import Boundaries
 
 DEVICE = load_device("homerehab")

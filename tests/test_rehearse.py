@@ -13,7 +13,7 @@ from identification import SlopeRange, quantity
 from tests.entered_scenes import made
 from tests.exported import FADE, tuned
 from tune import SafeProfile
-from tune.cli.rehearse import refuse_restless
+from tune.cli.preparation import refuse_restless
 
 
 def rehearsed(profile: SafeProfile) -> tuple[Rig, Controller, dict[str, Any]]:

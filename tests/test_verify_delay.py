@@ -20,8 +20,8 @@ from tune import Scene, optimise
 from tune.loop.loop import Filters
 from tune.verification import Verification, advise, margins_of_others, verify
 from tune.verification.delay import Modes
+from tune.verification.law import effects_of, scale_effects
 from tune.verification.motion import MeasuredMode, slowest
-from tune.verification.outcome import effects_of, scale_effects
 
 ELEMENTS = {"rubber": (1400.0, 0.0, 0.0), "wall": (1155.0, 82.0, 0.0), "cup": (0.0, 0.0, 1.44)}
 BENCH = Bench(

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tune.cli import delivery, judging, logs, preparation, tuning
+from tune.cli import judging, logs, preparation, profiles
 from tune.cli.process import ignore_signals
 from tune.cli.session import Exit, Session, finish_interrupted
 
@@ -27,18 +27,18 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for _name, _command, _summary in (
-    ("demo", tuning.demo, "Try it: bundled log to profile, with pictures."),
+    ("demo", profiles.demo, "Try it: bundled log to profile, with pictures."),
     ("new", preparation.new, "Write a template of a file."),
     ("doctor", logs.doctor, "What logs can and cannot support."),
     ("identify", logs.identify, "Logs to device.yaml."),
-    ("tune", tuning.tune, "Device and scene to profile.yaml."),
-    ("calibrate", tuning.calibrate, "Logs and scene to profile.yaml: the main job."),
+    ("tune", profiles.tune, "Device and scene to profile.yaml."),
+    ("calibrate", profiles.calibrate, "Logs and scene to profile.yaml: the main job."),
     ("audit", judging.audit, "Are these gains safe on a device, and if not, why."),
     ("check", judging.check, "Re-compute a profile by another path."),
     ("verify", judging.verify, "A low-gain log of the device against its profile."),
     ("compare", judging.compare, "What changed between two devices or two profiles."),
-    ("export", delivery.export, "A profile as files for a controller."),
-    ("report", delivery.report, "A profile as one page to read, print and sign."),
+    ("export", profiles.export, "A profile as files for a controller."),
+    ("report", profiles.report, "A profile as one page to read, print and sign."),
     ("excite", preparation.excite, "Plan a force that tells mass and damping best."),
     ("simulate", preparation.simulate, "Rehearse: a simulated log of a known device."),
 ):

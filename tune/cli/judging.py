@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from tune.cli.logs import tell_reading
-from tune.cli.options import LogOptions, MarginOption, Picture, command
-from tune.cli.session import Session
-from tune.cli.tuning import IN_DEVICE, draw_profile
+from tune.cli.preparation import refuse_restless
+from tune.cli.profiles import IN_DEVICE, draw_profile
+from tune.cli.session import LogOptions, MarginOption, Picture, Session, command
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -78,7 +78,7 @@ def audit(
             filters=Filters(
                 velocity_filter_hz=velocity_filter, acceleration_filter_hz=acceleration_filter
             ),
-            margin="balanced" if margin is None else margin.value,
+            margin=margin or "balanced",
             extra_delay_samples=extra_delay_samples,
         )
     session.details |= _audit_details(found)
@@ -170,10 +170,7 @@ def _audit_details(found: Audit) -> dict[str, object]:
         "critical_frequency_hz": number(margins and margins.critical_frequency_hz),
         "passive": None if margins is None else margins.passivity.passive,
         "passive_above_damping": margins and margins.passivity.damping_needed,
-        "faults": [
-            {"limit": f.limit, "seen": f.seen, "needed": f.needed, "remedy": f.remedy}
-            for f in found.faults
-        ],
+        "faults": [asdict(fault) for fault in found.faults],
         "nearest": None if found.nearest is None else _nearest(found),
     }
 
@@ -196,7 +193,6 @@ def check(
     from identification import as_stored, load_device, to_mapping
     from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
     from tune.certificate.check import check as recheck
-    from tune.cli.rehearse import refuse_restless
     from tune.presentation.tables import certificate_lines, elements_table
 
     session.target(picture, profile, None if device is None else Path(device))
@@ -400,7 +396,7 @@ def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
     """What to play for every element, or for the one named."""
     from tune.presentation.tables import headed_table
     from tune.verification import advise
-    from tune.verification.outcome import moments_of
+    from tune.verification.law import moments_of
 
     targets = None if element is None else moments_of(safe, element)
     with session.progress() as say:

@@ -5,8 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from tune.cli import options as opt
-from tune.cli.session import Session
+from tune.cli.session import (
+    Allow,
+    DeviceOut,
+    DryRun,
+    HardwareFile,
+    LogOptions,
+    Logs,
+    MethodOption,
+    Picture,
+    Session,
+    command,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -28,18 +38,18 @@ if TYPE_CHECKING:
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
 
 
-@opt.command()
+@command()
 def identify(
     session: Session,
-    logs: opt.Logs,
-    output: opt.DeviceOut = Path("device.yaml"),
+    logs: Logs,
+    output: DeviceOut = Path("device.yaml"),
     *,
-    options: opt.LogOptions,
-    hardware: opt.HardwareFile = None,
-    allow: opt.Allow = None,
-    method: opt.MethodOption = "auto",
-    picture: opt.Picture = None,
-    dry_run: opt.DryRun = False,
+    options: LogOptions,
+    hardware: HardwareFile = None,
+    allow: Allow = None,
+    method: MethodOption = "auto",
+    picture: Picture = None,
+    dry_run: DryRun = False,
 ) -> None:
     """Mass, damping and friction with 95 % intervals; several logs give their envelope."""
     from identification import to_mapping, to_yaml
@@ -174,15 +184,15 @@ def draw_identified(
     session.draw(picture, drawn)
 
 
-@opt.command()
+@command()
 def doctor(
     session: Session,
-    logs: opt.Logs,
+    logs: Logs,
     *,
-    options: opt.LogOptions,
-    hardware: opt.HardwareFile = None,
-    allow: opt.Allow = None,
-    picture: opt.Picture = None,
+    options: LogOptions,
+    hardware: HardwareFile = None,
+    allow: Allow = None,
+    picture: Picture = None,
 ) -> None:
     """What each log can and cannot support; ends with 4 if identify would refuse one."""
     from identification import Hardware, LogRefusedError, examine, load_document

@@ -1,20 +1,25 @@
-"""One run of a command: what it says, how far it is, what it writes, how it ends."""
+"""One run of a command: its options, what it says, how far it is, what it writes, how it ends."""
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import os
 import re
 import sys
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from enum import IntEnum
+from functools import cache, wraps
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
+from typer import Argument, Option
+
+from identification import Method
 from tune.cli.process import (
     FilesWhole,
     delivery_failure,
@@ -26,7 +31,7 @@ from tune.cli.process import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from identification import Finding
+    from identification import Finding, LogColumns
 
 
 class Exit(IntEnum):
@@ -351,3 +356,133 @@ class Stage:
             left = (self._parts - self._part + 1) * mean - (now - self._said)
             text += f", about {max(left, 1.0):.0f} s more" if mean else ""
         return text
+
+
+Logs = Annotated[
+    list[Path],
+    Argument(help="Logs of one axis: CSV or other text, Parquet, MAT, NPZ, Excel or MCAP."),
+]
+HardwareFile = Annotated[
+    Path | None,
+    Option("--hardware", metavar="FILE", help="hardware.yaml: what is known beforehand."),
+]
+Allow = Annotated[
+    list[str] | None,
+    Option("--allow", metavar="CODE", help="Accept this finding about the log; it is recorded."),
+]
+MethodOption = Annotated[Method, Option(help="Estimator.")]
+MarginOption = Annotated[
+    Literal["conservative", "balanced", "firm"] | None,
+    Option(help="Margin instead of the scene's."),
+]
+Candidates = Annotated[bool, Option("--candidates", help="Show all three margins side by side.")]
+WhatIf = Annotated[
+    bool,
+    Option(
+        "--what-if",
+        help="Also tune with half the delay, twice the sample rate, a finer encoder and so on: "
+        "what each fact of the hardware costs in perceived steps.",
+    ),
+]
+Picture = Annotated[
+    Path | None, Option("--picture", metavar="FILE", help="Where to draw it (PNG, SVG or PDF).")
+]
+DryRun = Annotated[bool, Option("--dry-run", help="Show what would be written.")]
+_Json = Annotated[bool, Option("--json", help="One JSON object on standard output.")]
+_Quiet = Annotated[bool, Option("--quiet", help="Only errors.")]
+DeviceOut = Annotated[Path, Option("-o", "--output", help="Where to write the device.")]
+ProfileOut = Annotated[Path, Option("-o", "--output", help="Where to write the profile.")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogOptions:
+    """What a person says of the columns of a log; each field is an option of the command."""
+
+    time: Annotated[str, Option(metavar="COL", help="Column of time, in seconds.")] = "time"
+    force: Annotated[str, Option(metavar="COL", help="Column of the actuator's force.")] = "force"
+    position: Annotated[str, Option(metavar="COL", help="Column of position.")] = "position"
+    reference: Annotated[
+        str | None, Option(metavar="COL", help="Column of the set-point, if logged.")
+    ] = None
+    time_gain: Annotated[
+        float | None, Option(metavar="X", help="s per unit of the time column.")
+    ] = None
+    force_gain: Annotated[
+        float | None,
+        Option(
+            metavar="X",
+            help="N (N·m) per unit of the force column: per ampere torque constant and "
+            "transmission; 1 states that it is in N (N·m).",
+        ),
+    ] = None
+    position_gain: Annotated[
+        float | None,
+        Option(
+            metavar="X",
+            help="m (rad) per unit of the position column; 1 states that it is in m (rad).",
+        ),
+    ] = None
+    axis: Annotated[
+        str | None, Option(metavar="NAME", help="Name of the axis; default from the hardware.")
+    ] = None
+    decimal: Annotated[
+        Literal["comma", "point"] | None, Option(help="What stands before decimals in a text file.")
+    ] = None
+
+    def columns(self) -> LogColumns:
+        """What the readers of logs take. Raises InvalidInputError for a gain that is none."""
+        from identification import LogColumns
+
+        return LogColumns(**asdict(self))
+
+
+def command(
+    *, without: Collection[str] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A command as typer reads it, made of a function that is given its session.
+
+    It offers ``--json`` and ``--quiet``, and in the place of ``options``, a LogOptions, an option
+    for each field but those it goes without.
+    """
+
+    def offering(body: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(body, eval_str=True)
+        told = [each for each in _log_options() if each.name not in without]
+        reads_logs = "options" in own.parameters
+        offered: list[inspect.Parameter] = []
+        for name, parameter in own.parameters.items():
+            if name == "options":
+                offered += told
+            elif name != "session":
+                offered.append(parameter)
+        offered += [
+            _keyword("json", _Json, default=False),
+            _keyword("quiet", _Quiet, default=False),
+        ]
+
+        @wraps(body)
+        def run(**given: Any) -> None:
+            json, quiet = given.pop("json"), given.pop("quiet")
+            if reads_logs:
+                given["options"] = LogOptions(**{each.name: given.pop(each.name) for each in told})
+            run_command(
+                body.__name__, lambda session: body(session, **given), as_json=json, quiet=quiet
+            )
+
+        run.__dict__["__signature__"] = own.replace(parameters=offered)  # read by typer
+        return run
+
+    return offering
+
+
+@cache
+def _log_options() -> list[inspect.Parameter]:
+    types = get_type_hints(LogOptions, include_extras=True)
+    return [
+        _keyword(each.name, types[each.name], default=each.default) for each in fields(LogOptions)
+    ]
+
+
+def _keyword(name: str, annotation: object, *, default: object) -> inspect.Parameter:
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, kind, default=default, annotation=annotation)

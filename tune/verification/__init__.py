@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from tune.verification.advice import Advice, Play, advise
-from tune.verification.comparison import Verification, verify
+from tune.verification.comparison import Verification, verification_picture, verify
 from tune.verification.delay import Kept, MeasuredDelay, margins_of_others
-from tune.verification.outcome import Outcome
-from tune.verification.picture import verification_picture
+from tune.verification.law import Outcome
 
 __all__ = [
     "Advice",

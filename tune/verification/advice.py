@@ -21,19 +21,19 @@ from tune.documents.profile import Design
 from tune.documents.scene import DEFAULT_MOTION
 from tune.loop.loop import filters_of
 from tune.verification.delay import ConsistentLoops, MarginJudge, Modes
+from tune.verification.law import (
+    Moment,
+    effects_of,
+    moment_in_words,
+    moments_of,
+    scale_effects,
+)
 from tune.verification.motion import (
     DECAY_TOLERANCE,
     MeasuredMode,
     Prediction,
     binding_stiffness,
     predict,
-)
-from tune.verification.outcome import (
-    Moment,
-    effects_of,
-    moment_in_words,
-    moments_of,
-    scale_effects,
 )
 
 #: Gains that are tried, the least first.

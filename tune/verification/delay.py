@@ -23,17 +23,18 @@ from tune.loop.loop import Filters, Loop, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import companion_roots
 from tune.stability.verdict import safe_up_to
-from tune.verification.law import MeasuredCutoff, allowed_filters
-from tune.verification.motion import MeasuredMode
-from tune.verification.outcome import (
+from tune.verification.law import (
+    MeasuredCutoff,
     Moment,
     Outcome,
     Verdict,
+    allowed_filters,
     effects_of,
     moment_in_words,
     moments_of,
     unassessed_outcome,
 )
+from tune.verification.motion import MeasuredMode
 
 FloatArray = NDArray[np.float64]
 Range = tuple[float, float]

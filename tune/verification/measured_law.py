@@ -15,13 +15,19 @@ from numpy.typing import NDArray
 from identification import Trajectory
 from tune.documents.effects import EFFECT_NAMES, UNITS, Effects
 from tune.documents.profile import Design, LoopProfile
-from tune.verification.law import LawFit, Log, fit_free, fit_scaled, noise_gain, rms, stretches
-from tune.verification.outcome import (
+from tune.verification.law import (
+    LawFit,
+    Log,
     Moment,
     Outcome,
     effects_of,
+    fit_free,
+    fit_scaled,
     moment_in_words,
+    noise_gain,
+    rms,
     scale_effects,
+    stretches,
     unassessed_outcome,
 )
 

@@ -19,7 +19,7 @@ from tune.verification.free_motion import (
     measure_sprung,
     measure_unsprung,
 )
-from tune.verification.outcome import Outcome, unassessed_outcome
+from tune.verification.law import Outcome, unassessed_outcome
 
 FloatArray = NDArray[np.float64]
 Range = tuple[float, float]

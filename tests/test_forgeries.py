@@ -164,9 +164,7 @@ def test_another_device_is_refused_key_by_key_and_the_own_one_rehearsed(tmp_path
     assert ended.code == 0, ended.err
     assert "rehearsed in simulation: settles" in ended.out
     assert "taken on trust: device" not in ended.out
-    with mock.patch(
-        "tune.cli.preparation.refuse_restless", side_effect=CheckFailedError(("shakes",))
-    ):
+    with mock.patch("tune.cli.judging.refuse_restless", side_effect=CheckFailedError(("shakes",))):
         ended = haptune("check", path, "--device", "homerehab")
     assert (ended.code, "shakes" in ended.err) == (6, True)
     other = to_mapping(load_device("homerehab"))

@@ -67,7 +67,7 @@ def test_tune_imports_public_names_of_identification_only(path: Path) -> None:
         if package == "identification":
             assert rest in identification.__all__, f"{path} reaches into {name}"
         if package == "datasets_synthetic":
-            allowed = {"preparation.py", "rehearse.py", "tuning.py"}
+            allowed = {"preparation.py", "profiles.py"}
             assert path.name in allowed, f"{path} imports {name}"
 
 

@@ -411,7 +411,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/templates/guard.c",
         "tests/test_guard_faults.py",
-        ("a gain above 1", "if (!(gain >= 0.0 && gain <= 1.0)) {", "if (!(gain >= 0.0)) {"),
+        ("a gain above 1", "gain < 0.0 || gain > 1.0", "gain < 0.0"),
         (
             "missed periods in a row",
             "} else if (steps - 1 > HAPTUNE_EXTRA_DELAY) {",

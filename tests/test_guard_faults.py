@@ -62,7 +62,9 @@ def test_whatever_is_not_certified_gives_no_force_and_a_reason(
     [
         (2, float("nan"), "NOT_FINITE"),
         (2, float("-inf"), "NOT_FINITE"),
-        (2, 1e308, "GLITCH"),
+        (2, 1e308, "NOT_FINITE"),
+        (2, -(2.0**64), "NOT_FINITE"),
+        (2, 1e19, "GLITCH"),
         (1, PLACE, "STALE"),
     ],
 )

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ import pytest
 from tests.commands import haptune
 from tests.exported import LOOPS, STEP, changed, tuned
 from tests.guard import STATUS, Guard, built, enter, parameters_of, push, write
+from tests.middleware import Middleware, module_of
 from tune import SafeProfile
 from tune.exporters import export
 
@@ -40,17 +39,6 @@ def walled(**loop: Any) -> SafeProfile:
     other = wall.model_copy(update={"damping": 20.0, "force_level": 10.0})
     elements = {**profile.elements, "wall": wall, "other": other}
     return profile.model_copy(update={"elements": elements, "apart": (("other", "cup"),)})
-
-
-def module_of(folder: Path, name: str, patch: pytest.MonkeyPatch) -> Any:
-    """An exported Python file as a module, found by others of its folder by its name."""
-    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    patch.setitem(sys.modules, name, module)
-    spec.loader.exec_module(module)
-    return module
 
 
 class Knocked:
@@ -157,60 +145,21 @@ def test_a_yaml_1_1_reader_takes_every_parameter_for_what_it_is() -> None:
         assert found[f"elements.{name}.stiffness"] == element.stiffness
 
 
-class FakeNode:
-    """What the node takes of rclpy.node.Node."""
-
-    given: dict[str, Any]
-
-    def __init__(self, name: str, **options: Any) -> None:
-        assert options == {"automatically_declare_parameters_from_overrides": True}
-        self.name, self.sent, self.said = name, [], []
-
-    def get_parameters_by_prefix(self, prefix: str) -> dict[str, Any]:
-        assert prefix == ""
-        return {name: SimpleNamespace(value=item) for name, item in self.given.items()}
-
-    def create_publisher(self, kind: type, topic: str, depth: int) -> Any:
-        return SimpleNamespace(publish=lambda message: self.sent.append(*message.data))
-
-    def create_subscription(self, kind: type, topic: str, callback: Any, depth: int) -> None:
-        self.callback = callback
-
-    def get_logger(self) -> Any:
-        return SimpleNamespace(warning=lambda text, **options: self.said.append(text))
-
-
-def _fake_ros(patch: pytest.MonkeyPatch) -> None:
-    modules = {
-        "rclpy": {},
-        "rclpy.node": {"Node": FakeNode},
-        "sensor_msgs": {},
-        "sensor_msgs.msg": {"JointState": SimpleNamespace},
-        "std_msgs": {},
-        "std_msgs.msg": {"Float64MultiArray": SimpleNamespace},
-    }
-    for name, content in modules.items():
-        module = ModuleType(name)
-        module.__dict__.update(content)
-        patch.setitem(sys.modules, name, module)
-
-
 def test_the_node_plays_the_law_by_the_stamps_of_its_messages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files = export(walled(), "ros2", node="/robot/haptune_x")
     write(files, tmp_path)
-    _fake_ros(monkeypatch)
-    FakeNode.given = parameters_of(files["haptune_params.yaml"], "/robot/haptune_x")
-    law = module_of(tmp_path, "haptune_law", monkeypatch)
-    node_class = module_of(tmp_path, "haptune_node", monkeypatch).HaptuneNode
+    given = parameters_of(files["haptune_params.yaml"], "/robot/haptune_x")
+    ros = Middleware(tmp_path, given, monkeypatch)
+    law = sys.modules["haptune_law"]
 
-    class Played(node_class):
+    class Played(ros.module.HaptuneNode):
         def touched(self, position: float) -> dict[str, tuple[float, int]]:
             rubber = {"rubber": (9.0, 0)} if position > 0 else {}
             return {"wall": (0.0 if node.law.missed < 2 else 1e-3, -1)} | rubber
 
-    node, alone = Played(), law.Law(FakeNode.given)
+    node, alone = Played(), law.Law(given)
     assert node.name == "haptune_x"
     periods = [*range(20), *range(21, 40), *range(50, 80), *range(81, 300)]
     wanted: list[float] = []
@@ -218,10 +167,9 @@ def test_the_node_plays_the_law_by_the_stamps_of_its_messages(
     for period in periods:
         place = 0.002 * np.sin(period / 10)
         now = 1_000_000_000 + period * 1_000_000 + 40_000 * (period % 3)
-        stamp = SimpleNamespace(sec=now // 10**9, nanosec=now % 10**9)
-        header = SimpleNamespace(stamp=stamp)
         touched = node.touched(place)
-        node.callback(SimpleNamespace(header=header, name=["other", "x"], position=[9.0, place]))
+        ros.now = now
+        ros.deliver(now, ["other", "x"], [9.0, place])
         for name, entry in touched.items():
             if inside.get(name) != entry and alone.reset([name], *entry).name == "OK":
                 inside[name] = entry
@@ -229,11 +177,11 @@ def test_the_node_plays_the_law_by_the_stamps_of_its_messages(
         inside = {name: inside[name] for name in touched if name in inside}
         if alone.status.name == "LATE":
             inside = {}
-    assert node.sent == wanted
+    assert [force for _, force in ros.sent] == wanted
     assert min(wanted) < -0.5
     assert wanted[60:70] != [0.0] * 10
     assert alone.elements["wall"].face == 1e-3
-    assert any(text.startswith("LATE") for text in node.said)
+    assert any(text.startswith("LATE") for text in ros.said)
 
 
 @pytest.mark.parametrize("name", ["9x", "a-b", "/robot//x", "robot/x", ""])

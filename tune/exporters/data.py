@@ -196,12 +196,14 @@ def ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     body = "\n".join(_lines({node: {"ros__parameters": parameters}}, ""))
     comment = hash_comment(heading(profile))
     templates = files("tune") / "templates"
-    law, thin = ((templates / name).read_text(encoding="utf-8") for name in ("law.py", "node.py"))
-    return {
-        "haptune_params.yaml": hash_comment(head) + body + "\n",
-        "haptune_law.py": f"{comment}\n{law}",
-        "haptune_node.py": f"{comment}\n{thin.replace('${node}', node.rpartition('/')[2])}",
-    }
+    files_of = {"haptune_params.yaml": hash_comment(head) + body + "\n"}
+    for name in ("law.py", "node.py"):
+        text = (templates / name).read_text(encoding="utf-8")
+        text = text.replace("${digest}", digest(profile))
+        files_of[f"haptune_{name}"] = (
+            f"{comment}\n{text.replace('${node}', node.rpartition('/')[2])}"
+        )
+    return files_of
 
 
 def _element(element: ElementProfile) -> ExportedElement:

@@ -54,6 +54,7 @@ def chai3d_files(profile: SafeProfile) -> dict[str, str]:
     ]
     kind, load = ("Angular", "Torque") if rotary else ("Linear", "Force")
     values = {
+        **_tags(profile),
         "max_force": f"m_max{kind}{load}",
         "max_stiffness": f"m_max{kind}Stiffness",
         "max_damping": f"m_max{kind}Damping",
@@ -113,11 +114,10 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
     words = _macros(profile)
     places = {name: index for index, name in enumerate(profile.elements)}
     sets = sorted({_bits(moment, places) for moment in profile.moments()})
-    sealed = digest(profile)
     return {
+        **_tags(profile),
         "heading": block_comment(heading(profile)),
-        "tag": f"0x{sealed.removeprefix('sha256:')[:8]}u",
-        "digest": sealed,
+        "digest": digest(profile),
         "sample_time": _number(loop.sample_time),
         "extra_delay": str(int(seal.extra_delay_samples)),
         "taps": str(seal.longest_tap),
@@ -148,6 +148,12 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
         "moments": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
         "peak": _number(force_limit(profile).peak),
     }
+
+
+def _tags(profile: SafeProfile) -> dict[str, str]:
+    """The first digits of the profile's digest, as part of a name and as a constant."""
+    word = digest(profile).removeprefix("sha256:")[:8]
+    return {"word": word, "tag": f"0x{word}u"}
 
 
 def _plain(name: str) -> str:

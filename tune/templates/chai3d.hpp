@@ -11,6 +11,11 @@ ${heading}
  * its stiffness times the penetration along the axis, once a period, without delay besides, and no
  * more than its force level.
  */
+#include "haptune_guard.h"
+
+#if HAPTUNE_PROFILE != ${tag}
+#error "haptune_guard.h comes from another profile than haptune_chai3d.hpp: export both again"
+#endif
 #ifndef HAPTUNE_CHAI3D_HPP
 #define HAPTUNE_CHAI3D_HPP
 
@@ -18,9 +23,9 @@ ${heading}
 #include <cstdint>
 
 #include "chai3d.h"
-#include "haptune_guard.h"
 
 namespace haptune {
+inline namespace profile_${word} { // so that a program of several profiles links each to its own
 
 // Continuous and peak force (torque) of the actuator; compare what is sent with them.
 const double continuous_force = ${continuous};
@@ -97,6 +102,7 @@ private:
     haptune_guard m_guard;
 };
 
+} // namespace profile_${word}
 } // namespace haptune
 
 #endif

@@ -25,9 +25,6 @@ ${heading}
 #include <math.h>
 #include <string.h>
 
-#ifdef __FAST_MATH__
-#error "compile without -ffast-math: it takes out the test for NaN and reorders the filters"
-#endif
 #if HAPTUNE_PROFILE != ${tag}
 #error "haptune_guard.h comes from another profile: export both again"
 #endif
@@ -65,6 +62,19 @@ ${moments}};
 
 /* ${force}: the peak force of the actuator. */
 static const double peak_force = ${peak};
+
+/* Whether a number is finite and below 2^64, so that nothing made of it overflows or is NaN. Asked of
+ * the exponent's bits, before anything is computed: flags may let a compiler assume that a double is
+ * finite, which it then need not compare. It can assume nothing of what is volatile. */
+static int usable(double number)
+{
+    volatile union {
+        double number;
+        uint64_t bits;
+    } seen;
+    seen.number = number;
+    return (seen.bits >> 52 & 0x7ffu) < 1023u + 64u;
+}
 
 static uint64_t bit(unsigned index)
 {
@@ -169,7 +179,7 @@ static haptune_status read_position(
 {
     haptune_estimate *axis = &guard->axis;
     haptune_status fault = HAPTUNE_OK;
-    if (!isfinite(position)) {
+    if (!usable(position)) {
         fault = HAPTUNE_NOT_FINITE;
     } else if (!axis->started) {
         start(axis, period, position, 0.0);
@@ -201,7 +211,7 @@ static haptune_status read_position(
 static int narrow(const effects *one, const effects *other, double room)
 {
     const double here = one->lead_time, there = other->lead_time;
-    const double lead = fabs(here - there) <= 1e-9 * fmax(here, there)
+    const double lead = fabs(here - there) <= 1e-9 * (here > there ? here : there)
         ? 0.0 : here * one->speed + there * other->speed;
     return !(room >= lead);
 }
@@ -337,7 +347,7 @@ HAPTUNE_API haptune_status haptune_reset(
     guard->status = HAPTUNE_OK;
     if (elements & ~known) {
         guard->status = HAPTUNE_NOT_TOGETHER;
-    } else if (!isfinite(rest)) {
+    } else if (!usable(rest)) {
         guard->status = HAPTUNE_NOT_FINITE;
     } else if ((elements & walls) && side == 0) {
         guard->status = HAPTUNE_NO_SIDE;
@@ -395,7 +405,7 @@ HAPTUNE_API double haptune_force(
     if (!entered(guard, elements)) {
         return no_force(guard, HAPTUNE_NOT_ENTERED);
     }
-    if (!(gain >= 0.0 && gain <= 1.0)) {
+    if (!usable(gain) || gain < 0.0 || gain > 1.0) {
         return no_force(guard, HAPTUNE_BAD_GAIN);
     }
     guard->status = together(guard, elements);
@@ -431,7 +441,7 @@ HAPTUNE_API double haptune_force(
         guard->clamped |= guard->contacts[index].force != 0.0 && played[index].stiffness > 0.0
             && fabs(guard->contacts[index].force) >= most;
     }
-    if (!isfinite(force)) {
+    if (!usable(force)) {
         return no_force(guard, HAPTUNE_NOT_FINITE);
     }
     if (force > peak_force) {

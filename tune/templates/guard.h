@@ -1,8 +1,22 @@
 ${heading}
+#if defined(HAPTUNE_PROFILE) && HAPTUNE_PROFILE != ${tag}
+#error "headers of two profiles in one source: give each profile a source of its own"
+#endif
 #ifndef HAPTUNE_GUARD_H
 #define HAPTUNE_GUARD_H
 
+#include <float.h>
 #include <stdint.h>
+
+/* Here too, since flags of the caller may lose a NaN before it gets to the guard. */
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST) \
+    || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "compile without -ffast-math, -ffinite-math-only, -Ofast, /fp:fast: they take out tests for NaN"
+#endif
+#if FLT_RADIX != 2 || DBL_MANT_DIG != 53 || DBL_MAX_EXP != 1024
+#error "the guard computes in doubles of 64 bits (IEEE 754), which double is not here"
+#endif
+typedef char haptune_constants_have_to_be_of_type_double[sizeof 1.0 == sizeof(double) ? 1 : -1];
 
 /* "static" where haptune_guard.c is included in a file of yours, as for a second axis. */
 #ifndef HAPTUNE_API
@@ -13,9 +27,13 @@ ${heading}
 extern "C" {
 #endif
 
-/* First digits of the profile's digest: header and source must come from one profile. */
+/* First digits of the profile's digest. What comes from another profile neither compiles nor links
+ * with this: the functions below have them in their names. */
 #define HAPTUNE_PROFILE ${tag}
 #define HAPTUNE_DIGEST "${digest}"
+#define haptune_init haptune_init_${word}
+#define haptune_reset haptune_reset_${word}
+#define haptune_force haptune_force_${word}
 
 /* s: period of the loop that calls haptune_force. */
 #define HAPTUNE_SAMPLE_TIME ${sample_time}
@@ -44,7 +62,7 @@ typedef enum {
     HAPTUNE_NOT_TOGETHER, /* this set, with what still fades out, is not certified as a sum */
     HAPTUNE_NOT_ENTERED,  /* no haptune_reset since the start, or since contacts were ended */
     HAPTUNE_NO_SIDE,      /* a wall that pushes only was given no side */
-    HAPTUNE_NOT_FINITE,   /* a reading, or what comes out, is no finite number */
+    HAPTUNE_NOT_FINITE,   /* a reading, or what comes out, is no finite number below 2^64 */
     HAPTUNE_BAD_GAIN,     /* gain is not in [0, 1] */
     HAPTUNE_STALE,        /* the reading of this period was used before */
     HAPTUNE_GLITCH,       /* the device cannot have moved so far: the reading is not used */

@@ -12,12 +12,16 @@ program that is copied to a controller as it is.
 from __future__ import annotations
 
 import enum
-import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+#: The profile that this file was written from.
+PROFILE = "${digest}"
+
 _WRAP = 2**32
+#: No reading, face or sum of forces is as large.
+_ENDLESS = 2.0**64
 
 
 class Status(enum.Enum):
@@ -28,7 +32,7 @@ class Status(enum.Enum):
     NOT_TOGETHER = "this set, with what still fades out, is not certified as a sum"
     NOT_ENTERED = "no reset since the start, or since contacts were ended"
     NO_SIDE = "a wall that pushes only was given no side"
-    NOT_FINITE = "a reading, or what comes out, is no finite number"
+    NOT_FINITE = "a reading, or what comes out, is no finite number below 2^64"
     BAD_GAIN = "gain is not in [0, 1]"
     STALE = "the reading of this period was used before"
     GLITCH = "the device cannot have moved so far: the reading is not used"
@@ -193,7 +197,15 @@ class Law:
     """
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
-        """Take the parameters by their full names, such as "elements.wall.stiffness"."""
+        """Take the parameters by their full names, such as "elements.wall.stiffness".
+
+        Raises ValueError for those of another profile.
+        """
+        told = parameters.get("digest")
+        if told != PROFILE:
+            raise ValueError(
+                f"parameters are of profile {told}, haptune_law.py of {PROFILE}: export both again"
+            )
         self.sample_time = float(parameters["sample_time"])
         self.extra_delay = int(parameters["margin.extra_delay_samples"])
         self.peak = float(parameters["force_limit.peak"])
@@ -226,7 +238,7 @@ class Law:
         self.status = Status.OK
         if not set(elements) <= self.elements.keys():
             self.status = Status.NOT_TOGETHER
-        elif not math.isfinite(rest):
+        elif not _usable(rest):
             self.status = Status.NOT_FINITE
         chosen = [self.elements[name] for name in self.names if name in elements]
         wall = any(each.one_sided for each in chosen)
@@ -268,9 +280,7 @@ class Law:
         steps = (period - self.axis.period) % _WRAP if self.axis.started else 1
         self.clamped, self.status = False, self._read(steps, period, position)
         if self.status is Status.LATE:
-            for each in self.elements.values():
-                each.end()
-            return self._no_force(Status.LATE)
+            return self.stop()
         if self.status is not Status.OK:
             return self.last_force
         wanted = frozenset(elements)
@@ -296,16 +306,22 @@ class Law:
             total += each.force
             most = each.level * each.force_level
             self.clamped |= each.spring and each.force != 0.0 and abs(each.force) >= most
-        if not math.isfinite(total):
+        if not _usable(total):
             return self._no_force(Status.NOT_FINITE)
         self.clamped |= abs(total) > self.peak
         self.last_force = max(-self.peak, min(self.peak, total))
         return self.last_force
 
+    def stop(self) -> float:
+        """No force; every contact ends until its next reset, as nothing came for too long."""
+        for each in self.elements.values():
+            each.end()
+        return self._no_force(Status.LATE)
+
     def _read(self, steps: int, period: int, position: float) -> Status:
         """Use a reading; where it is not OK, the reading was not used for any force."""
         axis, fault = self.axis, Status.OK
-        if not math.isfinite(position):
+        if not _usable(position):
             fault = Status.NOT_FINITE
         elif not axis.started:
             axis.start(period % _WRAP, position, 0.0)
@@ -371,6 +387,10 @@ class Law:
             one_sided=bool(parameters[f"{place}.one_sided"]),
             fade=min(1.0, self.sample_time / fade_time) if fade_time else 1.0,
         )
+
+
+def _usable(number: float) -> bool:
+    return abs(number) < _ENDLESS
 
 
 def _sets(parameters: Mapping[str, Any], kind: str, names: str) -> Iterator[frozenset[str]]:

@@ -6,19 +6,29 @@ Reads sensor_msgs/JointState from ``joint_states`` and writes std_msgs/Float64Mu
 ``commands``, as effort controllers of ros2_control take it; remap both as needed. Fill in
 ``touched``. The joint is the profile's axis, or the parameter ``joint``. Stamps number the periods
 of the loop, so they have to be those of the readings. What is certified is the law, not the way
-that messages take: its time belongs to the delay of the device. A loop that must not miss a period
-plays the C guard.
+that messages take: its time belongs to the delay of the device. Where they stop, or come later than
+the certificate covers, 0 goes out. What takes the efforts has to fall to 0 by itself where this
+node is gone. A loop that must not miss a period plays the C guard.
 """
 
 from __future__ import annotations
 
+import signal
+
 import rclpy
-from haptune_law import Law, Status
+from haptune_law import PROFILE, Law, Status
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+if PROFILE != "${digest}":
+    raise ImportError(f"haptune_law.py is of another profile, {PROFILE}: export both again")
+
 _NANOSECONDS = 1_000_000_000
+#: By so much of a period may stamps fall behind the steady clock in one: clocks differ.
+_DRIFT = 1e-3
 
 
 class HaptuneNode(Node):
@@ -29,10 +39,17 @@ class HaptuneNode(Node):
         found = {name: each.value for name, each in self.get_parameters_by_prefix("").items()}
         self.law = Law(found)
         self.joint = found.get("joint", found["axis"])
+        self.step = self.law.sample_time * _NANOSECONDS
         self.first: int | None = None
+        self.quickest: float | None = None
+        self.ignored = 0
         self.inside: dict[str, tuple[float, int]] = {}
         self.commands = self.create_publisher(Float64MultiArray, "commands", 1)
         self.create_subscription(JointState, "joint_states", self.read, 1)
+        # A clock that neither jumps nor stands still, as that of the system or a simulation may.
+        self.steady = Clock(clock_type=ClockType.STEADY_TIME)
+        covered = (self.law.extra_delay + 1) * self.law.sample_time
+        self.silence = self.create_timer(covered, self.stop, clock=self.steady)
 
     def touched(self, position: float) -> dict[str, tuple[float, int]]:
         """Fill in: each element touched there, and walls always, with (rest, side).
@@ -46,10 +63,17 @@ class HaptuneNode(Node):
 
     def read(self, message: JointState) -> None:
         """One reading: the force of what is touched goes out, zero after anything not certified."""
-        position = message.position[list(message.name).index(self.joint)]
+        names = list(message.name)[: len(message.position)]
+        if self.joint not in names:
+            self.ignored += 1
+            text = f"{self.ignored} messages ignored that have no position of {self.joint}"
+            self.get_logger().warning(text, throttle_duration_sec=1.0)
+            return
+        self.silence.reset()
+        position = message.position[names.index(self.joint)]
         stamp = message.header.stamp.sec * _NANOSECONDS + message.header.stamp.nanosec
         self.first = stamp if self.first is None else self.first
-        period = round((stamp - self.first) / (self.law.sample_time * _NANOSECONDS))
+        period = round((stamp - self.first) / self.step)
         now = self.touched(position)
         for name, place in now.items():
             new = name not in self.inside
@@ -57,6 +81,8 @@ class HaptuneNode(Node):
             if (new or moved) and self.law.reset([name], *place) is Status.OK:
                 self.inside[name] = place
         force = self.law.force(list(now), period, position)
+        if self.overdue(stamp):
+            force = self.law.stop()
         # What is left, and what was ended, is entered anew.
         ended = self.law.status in (Status.LATE, Status.NOT_ENTERED)
         self.inside = {} if ended else {k: v for k, v in self.inside.items() if k in now}
@@ -65,13 +91,30 @@ class HaptuneNode(Node):
             self.get_logger().warning(text, throttle_duration_sec=1.0)
         self.commands.publish(Float64MultiArray(data=[force]))
 
+    def overdue(self, stamp: int) -> bool:
+        """Whether a message took more periods longer than the quickest than are certified."""
+        took = self.steady.now().nanoseconds - stamp
+        if self.quickest is None or self.law.status is Status.LATE:  # its clock may have jumped
+            self.quickest = took
+        self.quickest = min(self.quickest + _DRIFT * self.step, took)
+        return round((took - self.quickest) / self.step) > self.law.extra_delay
+
+    def stop(self) -> None:
+        """Nothing came for longer than is certified: no force until something is entered anew."""
+        self.inside = {}
+        self.commands.publish(Float64MultiArray(data=[self.law.stop()]))
+
 
 def main() -> None:
-    """Run the node until it is told to stop."""
-    rclpy.init()
+    """Run the node until it is told to stop; the last that goes out is 0."""
+    # What ROS does about signals would let nothing out after them.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     node = HaptuneNode()
     try:
         rclpy.spin(node)
+    except KeyboardInterrupt:
+        pass
     finally:
         node.commands.publish(Float64MultiArray(data=[0.0]))
         node.destroy_node()

@@ -75,7 +75,6 @@ _REASONS = {
     "innovations": "it fits the sizes of two noises beside the model; where there is only one, "
     "output error "
     "needs less.",
-    "weak": "its windows are made for a noise of position that is white and for friction.",
     "output-error": "the peer's model is of this very device (no friction, no direction, delay "
     "of whole samples), which the peer solves with fewer passes over the log; where forces "
     "disturb, methods that allow for them are more accurate.",

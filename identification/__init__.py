@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     )
     from identification.estimators import METHODS, Method
     from identification.figure import NotebookFigure, legend_above
-    from identification.fitting.one_log import LogFit
+    from identification.fitting import LogFit
     from identification.pictures import fit_picture, identified_picture, log_picture
-    from identification.planning.excitation import (
+    from identification.planning import (
         Excitation,
         excitation_picture,
         force_text,
@@ -82,9 +82,9 @@ _HOMES = {
     ),
     "estimators": "METHODS Method",
     "figure": "NotebookFigure legend_above",
-    "fitting.one_log": "LogFit",
+    "fitting": "LogFit",
     "pictures": "fit_picture identified_picture log_picture",
-    "planning.excitation": "Excitation excitation_picture force_text plan_excitation",
+    "planning": "Excitation excitation_picture force_text plan_excitation",
     "planning.limits": "ExcitationSpec load_excitation",
     "plant": "Plant",
     "readers": "LogColumns load_trajectory",

@@ -21,7 +21,7 @@ from identification.estimators.estimate import NORMAL_95, Estimate, Gravity, Mod
 from identification.estimators.least_squares import prepare
 from identification.figure import NotebookFigure, legend_above
 from identification.findings.force_balance import ForceBalance, balance_of
-from identification.fitting.one_log import LogFit
+from identification.fitting import LogFit
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

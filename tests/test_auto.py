@@ -15,18 +15,17 @@ from numpy.typing import NDArray
 
 from identification import Trajectory, identify
 from identification.estimators.estimate import quantile
-from identification.fitting.one_log import LogFit, fit_log
+from identification.fitting import LogFit, fit_log
 from tests.simulated.families import FAMILIES, POSE_FACTORS, family_named, poses
 from tests.thinned import thinned
 
 Array = NDArray[np.float64]
 NAMES = ("mass", "damping")
 
-#: Forces that the log does not know ask for innovations; gravity at a noisy position for the weak
-#: form, which knows what that noise does.
+#: Forces that the log does not know ask for innovations, and gravity taken at a noisy position.
 EXPECTED = dict.fromkeys(FAMILIES, "output-error") | {
     "closed-loop-force-noise": "innovations",
-    "offset-gravity": "weak",
+    "offset-gravity": "innovations",
 }
 #: Intervals that hold more than 97 %: where there is no friction, the doubt of it stays in the
 #: damping, and in the mass where that leans on it (test_no_tighter_interval_would_hold).
@@ -37,7 +36,7 @@ WIDE = {(name, "damping") for name in FAMILIES} - {
 #: Families of which one log costs seconds.
 DEAREST = {"coulomb", "directional-friction"}
 #: Methods a family is compared with; least squares and instruments are never near in white noise.
-RIVALS = ("output-error", "innovations", "weak", "instruments", "least-squares")
+RIVALS = ("output-error", "innovations", "instruments", "least-squares")
 
 
 def fitted(name: str, trajectory: Trajectory, method: str = "auto") -> LogFit:

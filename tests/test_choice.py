@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from identification import Hardware, Trajectory, quantity
 from identification.estimators.estimate import Estimate
-from identification.findings.clock import contradicting_delays
+from identification.findings.excitation import contradicting_delays
 from identification.findings.force_balance import balance_of
-from identification.findings.validation import cut_off_sensitivity, inertia, inertia_of
+from identification.findings.forces import cut_off_sensitivity, inertia, inertia_of
+from identification.fitting import distinguishable_terms, fit_log
 from identification.fitting.choice import (
     CONTRADICTED,
     PreparedLog,
@@ -25,7 +26,6 @@ from identification.fitting.choice import (
     region,
     statistic,
 )
-from identification.fitting.one_log import distinguishable_terms, fit_log
 from tests.bare_servo import INERTIA, path, servo_log
 from tests.simulated.families import FAMILIES
 

@@ -22,9 +22,9 @@ from identification import (
     quantity,
     to_mapping,
 )
+from identification.fitting import distinguishable_terms
 from identification.fitting.choice import PreparedLog
-from identification.fitting.one_log import distinguishable_terms
-from identification.structure.friction_curve import FrictionCurve, friction_curve, stop_operators
+from identification.fitting.friction_curve import FrictionCurve, friction_curve, stop_operators
 from tests.friction_play import settled
 from tests.simulated.families import FAMILIES
 from tests.simulated.friction_rigs import (

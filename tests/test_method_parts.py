@@ -5,65 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.estimators.estimate import gauss_newton
 from identification.estimators.filters import is_coloured
-from identification.estimators.linear import gauss_newton
+from identification.estimators.output_error import Direction, path
 from identification.estimators.response import HeldResponse
-from identification.estimators.signals import FIRST, LAST, HeldColumn, Kinematics, of_rows
-from identification.estimators.stick_slip import Direction, path
-from identification.estimators.weak import BandedCovariance, Operators, bands, bump_weights
 
 STEP = 1e-3
-
-
-def test_bumps_are_weights_that_end() -> None:
-    place = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 500)) * STEP
-    weights = bump_weights(place, 0.01)
-    dense = weights.toarray()
-    np.testing.assert_allclose(dense.sum(axis=1), 1.0, rtol=1e-12)
-    assert np.all(dense >= 0)
-    middle = dense[len(dense) // 2]
-    centre = middle @ place
-    deviation = np.sqrt(middle @ (place - centre) ** 2)
-    assert deviation == pytest.approx(0.01, rel=0.05)
-    assert np.ptp(place[middle > 0]) < 0.1
-
-
-def test_operators_are_the_rows() -> None:
-    generator = np.random.default_rng(1)
-    steps = generator.uniform(0.8e-3, 1.2e-3, 299)
-    position = generator.standard_normal(300)
-    known = 3
-    rows = Kinematics.of(position, steps)
-    place = np.cumsum(steps)[FIRST - 1 : -LAST][known:]
-    weights = bump_weights(place, 0.004)
-    found = Operators.of(weights, steps, 300, known)
-    middle = HeldColumn.constant((position[1:] + position[:-1]) / 2, steps)
-    for operator, row in (
-        (found.acceleration, rows.acceleration),
-        (found.velocity, rows.velocity),
-        (found.place, of_rows(middle.triangle())),
-    ):
-        expected = weights @ row[known:]
-        np.testing.assert_allclose(
-            operator @ position, expected, atol=1e-9 * np.abs(expected).max()
-        )
-
-
-def test_banded_covariance_is_the_dense_one() -> None:
-    place = np.arange(200) * np.float64(STEP)
-    weights = bump_weights(place, 0.005)
-    dense = (weights @ weights.T).toarray()
-    banded = bands(weights @ weights.T)[0]
-    # On its own the overlap of smooth functions is all but singular.
-    dense += 0.01 * np.eye(len(dense))
-    banded[0] += 0.01
-    covariance = BandedCovariance.of(banded)
-    right = np.random.default_rng(2).standard_normal((2, len(dense)))
-    white = covariance.whitened(right)
-    inverse = np.linalg.inv(dense)
-    np.testing.assert_allclose(white @ white.T, right @ inverse @ right.T, rtol=1e-6)
-    np.testing.assert_allclose(covariance.solve(right[0]), inverse @ right[0], rtol=1e-5)
-    assert covariance.log_determinant == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-9)
 
 
 def test_a_path_is_finite_whatever_drives_it() -> None:

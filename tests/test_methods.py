@@ -80,7 +80,7 @@ def test_friction_is_recovered(method: str, clock: str) -> None:
     check(found, truth, 0.06)
 
 
-@pytest.mark.parametrize("method", ["weak", "instruments", "output-error", "innovations"])
+@pytest.mark.parametrize("method", ["instruments", "output-error", "innovations"])
 def test_a_delay_nobody_states_is_fitted(method: str) -> None:
     for log in logs("even", 2.3 * STEP):
         found = estimate_by(method, log, Model(coulomb=False), None)
@@ -183,10 +183,3 @@ def test_without_a_moving_reference_instruments_are_simulated() -> None:
         )
         assert "simulated" in found.notes[0]
         assert "open loop" in found.notes[0]
-
-
-def test_weak_residual_is_white_where_its_covariance_is_true() -> None:
-    for log in logs("even", 0.4 * STEP):
-        found = estimate_by("weak", log, Model(coulomb=False), 0.4 * STEP)
-        # Bartlett: beyond 1.63/√(n/2) once in a hundred.
-        assert found.whiteness < 1.63 / np.sqrt(found.residual.size / 2)

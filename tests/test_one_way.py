@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import Finding, Trajectory
-from identification.fitting.one_log import distinguishable_terms
+from identification.fitting import distinguishable_terms
 from tests.exact_axis import Axis, counted, positions
 from tests.findings import findings_of
 from tests.motor_logs import RUNS, STEP, Motors, Run, logs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.structure.stability_selection import paying_terms
+from identification.fitting.stability_selection import paying_terms
 
 
 def test_terms_that_pay_are_picked() -> None:

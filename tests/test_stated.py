@@ -134,7 +134,7 @@ def test_a_form_for_a_device_leaves_blank_what_nobody_stated() -> None:
 
 
 def test_a_file_from_before_facts_were_marked_is_asked_for_its_motion_too() -> None:
-    log = {"source": "log.csv", "digest": "", "samples": 8000, "method": "weak"}
+    log = {"source": "log.csv", "digest": "", "samples": 8000, "method": "innovations"}
     old = {"encoder_resolution": {"value": 6e-6, "source": "log"}, "logs": [log]}
     assert _device(**old).missing == ("motion", "encoder_resolution")
     assert _device(**old, missing=[]).missing == ("encoder_resolution",)

@@ -17,7 +17,7 @@ from datasets_synthetic import Rig, Servo, simulate
 from identification import Trajectory
 from identification.estimators.estimate import Model
 from identification.estimators.least_squares import Regression, prepare
-from identification.structure.stability_selection import (
+from identification.fitting.stability_selection import (
     Structure,
     candidate_columns,
     structure_of,
@@ -282,7 +282,7 @@ def test_the_seed_decides_the_halves_and_nothing_else() -> None:
 
 def test_pysindy_is_loaded_only_when_asked() -> None:
     code = (
-        "import sys, identification.structure.stability_selection\n"
+        "import sys, identification.fitting.stability_selection\n"
         "sys.exit(', '.join({'pysindy', 'sklearn'} & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

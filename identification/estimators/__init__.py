@@ -1,6 +1,6 @@
 """Estimators, one file each, named as on the command line and entered at its ``fit``.
 
-``fit(table, delay, start=...) -> Estimate`` takes a log as regression.prepare gives it; where
+``fit(table, delay, start=...) -> Estimate`` takes a log as least_squares.prepare gives it; where
 the delay is None it is fitted too, from ``start`` on. Least squares alone needs to be given one.
 """
 
@@ -9,6 +9,6 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 #: What may be asked for: the method that the evidence allows, or an estimator by its name.
-Method = Literal["auto", "least-squares", "weak", "instruments", "output-error", "innovations"]
+Method = Literal["auto", "least-squares", "instruments", "output-error", "innovations"]
 METHODS: tuple[Method, ...] = get_args(Method)
 ESTIMATORS: tuple[Method, ...] = METHODS[1:]

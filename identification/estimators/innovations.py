@@ -10,12 +10,21 @@ is output error, with nothing else least squares; it is consistent in closed loo
 
 from __future__ import annotations
 
+from cmath import exp, sqrt
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import Estimate, PointEstimate, spread
+from identification.estimators.estimate import (
+    Estimate,
+    PointEstimate,
+    Solution,
+    physical,
+    solve,
+    solve_separable,
+    spread,
+)
 from identification.estimators.filters import causal, is_coloured, recursive, whitener
 from identification.estimators.least_squares import (
     CUT_OFF_RANGE,
@@ -23,7 +32,6 @@ from identification.estimators.least_squares import (
     Regression,
     complete_estimate,
 )
-from identification.estimators.linear import Solution, physical, solve, solve_separable
 from identification.estimators.response import Drive, Gain, HeldResponse
 
 FloatArray = NDArray[np.float64]
@@ -201,8 +209,7 @@ def _found(table: Regression, delay: float | None, first: float) -> tuple[_Probl
         known=table.known,
         shape=np.ones(1),
     )
-    rate = problem.drive.rate_of(table.solve(first))
-    best = solve_separable(problem, _start(problem, rate, first))
+    best = solve_separable(problem, _start(problem, table, first))
     for _ in range(_ROUNDS):
         if not is_coloured(best.residual, either_side=True):
             break
@@ -243,14 +250,19 @@ def _leaning(table: Regression, problem: _Problem, best: Solution, delay: float)
     return (values - physical(best, len(model.parameters))[0]) / 2
 
 
-def _start(problem: _Problem, rate: float, delay: float) -> FloatArray:
-    """The best moving average of a few ratios of force to position noise, at one p and delay."""
+def _start(problem: _Problem, table: Regression, delay: float) -> FloatArray:
+    """The best moving average of a few, at the p of least squares and one delay."""
     trials: list[tuple[float, FloatArray]] = []
+    values = table.solve(delay)
+    averages = [_moving_average(corner) for corner in _CORNERS]
+    if table.model.gravity != "none":
+        averages.append(_under_gravity(table, values))
+    rate = problem.drive.rate_of(values)
     least = np.array([rate, 0.0, 0.0, delay])[: 4 if problem.drive.delay is None else 3]
     rows = problem.rows(least)
-    for corner in _CORNERS:
+    for average in averages:
         theta = least.copy()
-        theta[1:3] = _moving_average(corner)
+        theta[1:3] = average
         columns, target = (problem.whitened(each, theta) for each in rows)
         residual = target - solve(columns.T, target) @ columns
         trials.append((float(residual @ residual), theta))
@@ -261,3 +273,21 @@ def _moving_average(corner: float) -> tuple[float, float]:
     """c1, c2 whose roots are those of a critically tuned filter of a corner, part of the rate."""
     pole = np.exp(np.sqrt(2) * np.pi * corner * (-1 + 1j))
     return -2 * float(pole.real), float(abs(pole) ** 2)
+
+
+def _under_gravity(table: Regression, values: FloatArray) -> tuple[float, float]:
+    """c1, c2 where position noise is all there is: their roots are the poles under gravity.
+
+    Gravity is taken at the measured position, so noise passes through its mean slope as well.
+    """
+    known = dict(zip(table.model.parameters, values.tolist(), strict=True))
+    position = table.signals.position
+    stiffness = known.get("position_stiffness", 0.0) + float(
+        known.get("gravity_sine", 0.0) * np.mean(np.cos(position))
+        - known.get("gravity_cosine", 0.0) * np.mean(np.sin(position))
+    )
+    mass, damping = values[:2].tolist()
+    rate = damping / mass
+    root = sqrt(complex(rate * rate / 4 - stiffness / mass))
+    first, second = (exp((each - rate / 2) * table.signals.step) for each in (root, -root))
+    return -(first + second).real, (first * second).real

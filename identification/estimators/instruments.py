@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import Estimate, PointEstimate, spread
+from identification.estimators.estimate import Estimate, PointEstimate, spread, unit_columns
 from identification.estimators.least_squares import MOST_SAMPLES, Regression, complete_estimate
-from identification.estimators.linear import unit_columns
 from identification.estimators.motion import Motion
 from identification.estimators.response import Drive, Gain, HeldResponse
 from identification.estimators.signals import Commands, HeldColumn, of_rows

@@ -14,9 +14,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import Estimate, Model, PointEstimate, Spread, spread
+from identification.estimators.estimate import (
+    Estimate,
+    Model,
+    PointEstimate,
+    Spread,
+    spread,
+    unit_columns,
+)
 from identification.estimators.filters import REACH, LowPass, width_of
-from identification.estimators.linear import unit_columns
 from identification.estimators.motion import Motion, measured_motion, others, refine_motion, terms
 from identification.estimators.signals import (
     FIRST,

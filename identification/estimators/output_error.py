@@ -2,39 +2,63 @@
 
 q = q0 + v0·(1 - e^(-pt))/p + (G_p[F] - Σ terms·G_p[column])/m, G_p = 1/(s(s+p)), p = b/m, is
 integrated exactly for held inputs and any time stamps. Only p, and the delay if nobody states it,
-are nonlinear; with friction the velocity reversals are nonlinear too (stick_slip.py).
-Best where position noise is all there is; a force that the log does not know integrates twice and
-spoils it, which its residual then shows.
+are nonlinear. Best where position noise is all there is; a force that the log does not know
+integrates twice and spoils it, which its residual then shows.
 
 Such a force, white, is a slow drift of the position. While position noise still covers it in every
 octave of the residual, it moves damping and friction by more than that noise does, and hardly
 differs from one part of a log to the next, which is where leaving out blocks looks. So its variance
 is estimated from the lowest lines of the residual, by restricted maximum likelihood: what the fit
 has taken up of these lines is accounted for (Patterson and Thompson, Biometrika 58, 1971, p. 545).
+
+With Coulomb friction the velocity reversals are nonlinear too. Where the direction of motion is
+read from a noisy position, every turn is off by part of a sample, always a little to the same side,
+and the error integrates twice. Here it follows from the parameters themselves, and Gauss-Newton
+goes over all of them with the exact sensitivity of every turn. Between two turns the motion is that
+of a mass with damping under a held force, known in closed form from one response of the whole log;
+so only turns cost a step of a loop. At a turn friction changes sides: a change of velocity before
+it goes on as the part ρ = a⁺/a⁻ of itself, the ratio of the accelerations after and before, and
+ends where the device comes to rest (the saltation of Leine and Nijmeijer, Dynamics and Bifurcations
+of Non-Smooth Mechanical Systems, 2004, section 7.2).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import Estimate, PointEstimate, spread
-from identification.estimators.filters import is_coloured, recursive, whiteness
-from identification.estimators.least_squares import Regression, complete_estimate
-from identification.estimators.linear import (
+from identification.estimators.estimate import (
+    Estimate,
+    Model,
+    PointEstimate,
+    gauss_newton,
     physical,
     solve_separable,
+    spread,
     symmetric_inverse,
     unit_columns,
 )
-from identification.estimators.response import Drive, Gain, HeldResponse, StepResponse
-from identification.estimators.signals import HeldColumn
-from identification.estimators.stick_slip import FrictionProblem, PositionFit
+from identification.estimators.filters import is_coloured, recursive, whiteness
+from identification.estimators.least_squares import Regression, complete_estimate
+from identification.estimators.motion import Motion, others, terms
+from identification.estimators.response import (
+    Drive,
+    Gain,
+    HeldResponse,
+    StepResponse,
+    accumulate_decay,
+)
+from identification.estimators.signals import HeldColumn, Signals
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
 
 #: A log is looked at in so many parts at most, which hold the lines that matter.
 _PARTS = 512
@@ -291,3 +315,358 @@ def _projected(table: Regression, delay: float | None, first: float) -> Position
         residual=best.residual,
         converged=best.converged,
     )
+
+
+#: Intervals looked through for the next turn at first; four times as many each time there is none.
+_LOOK = 128
+#: Samples tabulated: the first two looks.
+_TABLE = 5 * _LOOK
+#: Steps of Gauss-Newton; from an estimate within its interval it takes three or four.
+_MOST_STEPS = 15
+#: Times a step that makes the fit worse is halved before it is given up.
+_MOST_HALVINGS = 8
+#: The search ends when a step is shorter than this part of the standard deviation along it.
+_CONVERGED = 0.05
+#: Directions this much weaker than the strongest carry nothing but rounding.
+_NOTHING = 1e-13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Path:
+    """A simulated motion."""
+
+    motion: Motion  # direction and standstill
+    forward: BoolArray  # whether each interval begins forward, shape (n - 1,)
+    speed: FloatArray  # velocity at each sample, m/s, shape (n,)
+    #: factor on what a device keeps of a small change of velocity in each interval: 1, ρ where it
+    #: turns, 0 where it stands or comes to rest, shape (n - 1,)
+    kept: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Direction:
+    """One direction of motion."""
+
+    device: HeldResponse  # p = b/m in this direction on the grid of the log
+    #: velocity if all forces but Coulomb friction acted with this p, from rest, shape (n,)
+    free: FloatArray
+    #: part left of a velocity after 1, 2, … even steps, shape (_TABLE,), else empty
+    left: FloatArray
+    lost: FloatArray  # velocity that a unit deceleration takes in that time, s, shape (_TABLE,)
+
+    @classmethod
+    def of(cls, device: HeldResponse, free: FloatArray) -> Direction:
+        """With tables for even steps, which spare an exponential for each turn."""
+        if isinstance(device.steps, np.ndarray):
+            return cls(device=device, free=free, left=np.empty(0), lost=np.empty(0))
+        left, lost = _decay(device.rate, device.steps * np.arange(1.0, _TABLE + 1))
+        return cls(device=device, free=free, left=left, lost=lost)
+
+    def after(
+        self, age: FloatArray, at: int, begin: int, end: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """``left`` and ``lost`` from sample ``at`` to each of ``begin`` to ``end``; ages in s."""
+        if end - at <= self.left.size:
+            since = slice(begin - at - 1, end - at - 1)
+            return self.left[since], self.lost[since]
+        return _decay(self.device.rate, age[begin:end] - age[at])
+
+
+def path(
+    forward: Direction,
+    backward: Direction,
+    pull: FloatArray,
+    *,
+    mass: float,
+    friction: float,
+    start: float,
+) -> Path:
+    """Simulate a log under the mean over each interval of all forces but damping and friction."""
+    count = pull.size
+    steps = np.broadcast_to(np.asarray(forward.device.steps), pull.shape)
+    age = np.concatenate(([0.0], np.cumsum(steps)))
+    speed = np.zeros(count + 1)
+    speed[0] = start
+    kept, fraction = np.ones(count), np.ones(count)
+    early, late, moving = np.zeros((3, count))
+    loose = np.flatnonzero(np.abs(pull) > friction)
+    at, sign = 0, float(np.sign(start))
+    while at < count:
+        if sign == 0:  # at rest, until the pull exceeds friction
+            following = int(np.searchsorted(loose, at))
+            go = int(loose[following]) if following < loose.size else count
+            kept[at:go] = 0.0
+            if go == count:
+                break
+            at, sign = go, float(np.sign(pull[go]))
+        way = forward if sign > 0 else backward
+        turn = _next_turn(way, speed, age, at, sign * friction / mass)
+        early[at : turn + 1] = late[at : turn + 1] = sign
+        moving[at : turn + 1] = 1.0
+        if turn == count:
+            break
+        step, stopping = float(steps[turn]), float(pull[turn]) - sign * friction
+        used = _time_to_stop(float(speed[turn]), stopping / mass, way.device.rate, step)
+        fraction[turn] = used / step
+        if abs(pull[turn]) > friction:
+            starting = float(pull[turn]) + sign * friction
+            kept[turn] = starting / stopping
+            way = backward if sign > 0 else forward
+            speed[turn + 1] = starting / mass * _braked(step - used, way.device.rate)
+            sign = late[turn] = -sign
+        else:  # static friction then balances the pull
+            kept[turn] = speed[turn + 1] = 0.0
+            late[turn] = pull[turn] / friction
+            sign = 0.0
+        at = turn + 1
+    direction = HeldColumn.turning(early, late, fraction, forward.device.steps)
+    motion = Motion(direction=direction.times(moving), moving=moving)
+    return Path(motion=motion, forward=early > 0, speed=speed, kept=kept)
+
+
+def _time_to_stop(speed: float, acceleration: float, rate: float, longest: float) -> float:
+    """When damping and a force against the motion have used up a speed, s.
+
+    A force that changes inside the interval may not brake in the mean of it; then it is the end.
+    """
+    if speed == 0:
+        return 0.0
+    undamped = -speed / acceleration if speed * acceleration < 0 else math.inf
+    if math.isinf(undamped) or rate * undamped <= -1:
+        return longest
+    return min(math.log1p(rate * undamped) / rate if rate != 0 else undamped, longest)
+
+
+def _braked(time: float, rate: float) -> float:
+    """Velocity over acceleration that a force gives from rest in a time, s."""
+    return -math.expm1(-rate * time) / rate if rate != 0 else time
+
+
+def _decay(rate: float, since: FloatArray) -> tuple[FloatArray, FloatArray]:
+    left = np.exp(-rate * since)
+    return left, since if rate == 0 else (1 - left) / rate
+
+
+def _next_turn(way: Direction, speed: FloatArray, age: FloatArray, at: int, resisted: float) -> int:
+    """Fill in the speed up to the end of the interval in which it changes sign, and return that."""
+    count = speed.size - 1
+    excess = speed[at] - way.free[at]
+    begin, length = at + 1, _LOOK
+    while begin <= count:
+        end = min(begin + length, count + 1)
+        left, lost = way.after(age, at, begin, end)
+        trial = way.free[begin:end] + left * excess - resisted * lost
+        turned = trial * resisted < 0
+        first = int(turned.argmax())
+        if turned[first]:
+            speed[begin : begin + first + 1] = trial[: first + 1]
+            return begin + first - 1
+        speed[begin:end] = trial
+        begin, length = end, 4 * length
+    return count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionFit:
+    """A fit of the simulated to the measured position."""
+
+    #: m, b, terms, then the delay if it is fitted, then nuisance; shape (parameters + nuisance,)
+    values: FloatArray
+    #: derivative of the position by parameters, delay, start velocity and position, shape
+    #: (parameters + nuisance, rows)
+    jacobian: FloatArray
+    residual: FloatArray  # m, shape (rows,)
+    converged: bool  # whether the search ended because steps became short
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residual @ self.residual)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Simulated:
+    """One simulation: everything its derivatives need."""
+
+    values: FloatArray  # see Turns.fit.
+    #: the device forward and backward; one alone where friction is the same
+    ways: tuple[HeldResponse, ...]
+    inputs: tuple[HeldColumn, ...]  # force, then the terms beside damping, where they act
+    along: Path  # the path
+    residual: FloatArray  # m, shape (rows,)
+
+    @property
+    def cost(self) -> float:
+        return float(self.residual @ self.residual)
+
+    def by_way(self, of_device: Callable[[HeldResponse], FloatArray]) -> FloatArray:
+        """A quantity of each interval, from the device as it moves there."""
+        if len(self.ways) == 1:
+            return of_device(self.ways[0])
+        forward, backward = (of_device(way) for way in self.ways)
+        return np.where(self.along.forward, forward, backward)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionProblem:
+    """The output-error problem of one log with Coulomb friction."""
+
+    signals: Signals  # of the log
+    model: Model  # with Coulomb friction
+    drive: Drive  # the force; its delay is None if it is fitted
+    known: int  # first sample after intervals that feel only logged forces
+    mean_speed: float  # s of the model, m/s
+
+    def part(self, samples: int) -> FrictionProblem:
+        """The problem of the first samples alone."""
+        signals = self.signals.part(samples)
+        return replace(self, signals=signals, drive=Drive.bare(signals, self.drive.delay))
+
+    def fit(self, start: FloatArray) -> PositionFit | None:
+        """The best fit; None if friction or mass vanish at the start.
+
+        A start is m, b, terms, the delay if it is fitted, start velocity, start position.
+        """
+        best = self._simulated(start)
+        if best is None:
+            return None
+        jacobian, fresh, converged = self._jacobian(best), True, False
+        for _ in range(_MOST_STEPS):
+            move, gain = gauss_newton(jacobian, best.residual, _NOTHING)
+            converged = gain <= _CONVERGED**2
+            if converged:
+                break
+            # A Jacobian is the dear part, and one step old it is still good enough to end with.
+            if not fresh:
+                jacobian, fresh = self._jacobian(best), True
+                continue
+            trial = self._improved(best, move)
+            if trial is None:
+                break
+            best, fresh = trial, False
+        return PositionFit(
+            values=best.values, jacobian=jacobian, residual=best.residual, converged=converged
+        )
+
+    def _improved(self, best: _Simulated, move: FloatArray) -> _Simulated | None:
+        for halving in range(_MOST_HALVINGS):
+            trial = self._simulated(best.values + move / 2**halving)
+            if trial is not None and trial.cost < best.cost:
+                return trial
+        return None
+
+    def _delay(self, values: FloatArray) -> float:
+        return float(values[-3]) if self.drive.delay is None else self.drive.delay
+
+    def _simulated(self, values: FloatArray) -> _Simulated | None:
+        model, steps = self.model, self.drive.steps
+        known = dict(zip(model.parameters, values.tolist(), strict=False))
+        mass, friction = known["mass"], known["coulomb_friction"]
+        delay, (least, most) = self._delay(values), self.drive.delays
+        if not (mass > 0 and friction > 0 and least <= delay <= most):
+            return None
+        # The asymmetry is in the ways; its column is about the mean speed, which leaves an offset.
+        asymmetry = known.get("damping_asymmetry", 0.0)
+        known["force_offset"] = known.get("force_offset", 0.0) - asymmetry * self.mean_speed
+        ways = tuple(
+            HeldResponse.at((known["damping"] + side) / mass, steps)
+            for side in ((asymmetry, -asymmetry) if model.directional else (0.0,))
+        )
+        slowest, fastest = self.drive.rates
+        if not all(slowest <= way.rate <= fastest for way in ways):
+            return None
+        force = self.drive.commands.after(delay)
+        # Without an asymmetry no other term leans on the direction.
+        anyway = Motion.always(self.drive.moving.size, steps)
+        plain = replace(model, directional=False)
+        rest = others(plain, anyway, self.signals.position, steps, known)
+        resisting = HeldColumn.constant(rest, steps)
+        driven = [
+            Direction.of(
+                way, way.speed((way.gain(force).velocity - way.gain(resisting).velocity) / mass)
+            )
+            for way in ways
+        ]
+        along = path(
+            driven[0],
+            driven[-1],
+            force.mean() - rest,
+            mass=mass,
+            friction=friction,
+            start=float(values[-2]),
+        )
+        moving = along.motion.moving
+        inputs = (force.times(moving), along.motion.direction, resisting.times(moving))
+        point = _Simulated(
+            values=values, ways=ways, inputs=inputs, along=along, residual=np.empty(0)
+        )
+        moved = point.by_way(lambda way: way.whole.speed * along.speed[:-1])
+        for weight, held in zip((1.0, -friction, -1.0), inputs, strict=True):
+            gained = point.by_way(partial(_distance, held))
+            moved = moved + weight / mass * gained
+        simulated = float(values[-1]) + np.concatenate(([0.0], np.cumsum(moved)))
+        residual = (self.signals.position - simulated)[self.known :]
+        return replace(point, residual=residual) if np.all(np.isfinite(residual)) else None
+
+    def _jacobian(self, point: _Simulated) -> FloatArray:
+        values, along, names = point.values, point.along, self.model.parameters
+        mass, moving = float(values[0]), along.motion.moving
+        intervals = moving.size
+        added: dict[str, FloatArray] = {}
+        # What the forces add, and its derivative by p where the device moves that way.
+        net, by_rate = np.zeros((2, 2, intervals))
+        for weight, held in zip((1.0, -values[2], -1.0), point.inputs, strict=True):
+            net -= weight / mass**2 * point.by_way(partial(_gain, held))
+            by_rate += weight / mass * point.by_way(partial(_slope, held))
+        by_rate += moving * along.speed[:-1] * point.by_way(_coasting_slope)
+        rates = point.by_way(lambda way: np.full(intervals, way.rate))
+        added["mass"] = net - rates / mass * by_rate
+        added["damping"] = by_rate / mass
+        found = terms(self.model, along.motion, self.signals.position, self.drive.steps)
+        for name, held in zip(names[2:], found.columns, strict=True):
+            added[name] = -point.by_way(partial(_gain, held)) / mass
+        if self.model.directional:
+            side = np.where(along.forward, 1.0, -1.0)
+            constant = added["force_offset"]
+            added["damping_asymmetry"] = side * added["damping"] - self.mean_speed * constant
+        if self.drive.delay is None:
+            delay = self._delay(values)
+            later = point.by_way(lambda way: _pair(self.drive.slope_by_delay(way, delay)))
+            added["delay"] = later * moving / mass
+        added["start"] = np.zeros((2, intervals))
+        names = tuple(added)
+        decay = point.by_way(lambda way: np.broadcast_to(way.whole.decay, moving.shape))
+        whole = point.by_way(lambda way: np.broadcast_to(way.whole.speed, moving.shape))
+        # A device that stands at the start does not heed a small velocity.
+        start = [*([0.0] * (len(names) - 1)), float(moving[0])]
+        speeds = accumulate_decay(decay * along.kept, [added[name][0] for name in names], start)
+        jacobian = np.empty((len(names) + 1, intervals + 1))
+        jacobian[-1], jacobian[:-1, 0] = 1.0, 0.0
+        for row, name in enumerate(names):
+            moved = whole * speeds[row, :-1]
+            moved += added[name][1]
+            np.cumsum(moved, out=jacobian[row, 1:])
+        return jacobian[:, self.known :]
+
+
+def _pair(gain: Gain) -> FloatArray:
+    """Velocity and distance as rows, shape (2, n - 1)."""
+    return np.stack((gain.velocity, gain.distance))
+
+
+def _distance(held: HeldColumn, way: HeldResponse) -> FloatArray:
+    return way.gain(held).distance
+
+
+def _gain(held: HeldColumn, way: HeldResponse) -> FloatArray:
+    return _pair(way.gain(held))
+
+
+def _slope(held: HeldColumn, way: HeldResponse) -> FloatArray:
+    return _pair(way.slope_by_rate(held))
+
+
+def _coasting_slope(way: HeldResponse) -> FloatArray:
+    """Slope by p of what is left of a velocity and of the distance coasted, (2, 1 or n - 1)."""
+    whole = way.whole
+    return np.stack((np.atleast_1d(whole.decay_slope), np.atleast_1d(whole.speed_slope)))

@@ -8,12 +8,30 @@ from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.estimate import Estimate
 from identification.estimators.least_squares import Delay
-from identification.findings.clock import contradicting_delays, sampling, unknown_delay
-from identification.findings.columns import encoder_wrap, mass_unit, resolution, saturation, units
-from identification.findings.excitation import causality, excitation
+from identification.findings.columns import (
+    encoder_wrap,
+    mass_unit,
+    resolution,
+    sampling,
+    saturation,
+    stiction,
+    units,
+)
+from identification.findings.excitation import (
+    causality,
+    contradicting_delays,
+    excitation,
+    unknown_delay,
+)
 from identification.findings.force_balance import balance_of
-from identification.findings.forces import hand, position_dependence, stiction, unlogged
-from identification.findings.validation import cross_validation, cut_off_sensitivity, inertia
+from identification.findings.forces import (
+    cross_validation,
+    cut_off_sensitivity,
+    hand,
+    inertia,
+    position_dependence,
+    unlogged,
+)
 from identification.trajectory import Trajectory
 
 #: Every code a finding can have; the list is part of the file format and of the command line.

@@ -1,17 +1,23 @@
-"""What moved the device: a force that tells mass and damping, or one computed from the motion?"""
+"""Does the log tell mass, damping and delay, or the controller that computed its force?"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Finding
-from identification.estimators.estimate import NORMAL_95, Estimate, half_width, quantile
+from identification.estimators.estimate import (
+    NORMAL_95,
+    Estimate,
+    half_width,
+    quantile,
+    solve,
+    unit_columns,
+)
 from identification.estimators.least_squares import MOST_SAMPLES, Delay
-from identification.estimators.linear import solve, unit_columns
 from identification.findings.force_balance import ONE_WAY, ForceBalance, least_squares_residual
 from identification.findings.forces import MOST_SLOW, SLOW, TREMOR, Unlogged
 from identification.trajectory import Trajectory
@@ -304,3 +310,73 @@ def _one_way(
         needed=f"at least {ONE_WAY:.0%} of the motion the other way{speeds}",
         remedy=f"Move both ways{speeds}, to tell friction from an offset{more}{alone}.",
     )
+
+
+_AT_END = 0.1  # samples from the end of the scan within which the true delay may lie beyond it, ...
+#: ... if the residual still falls there by this part from one sample to the next. A log that does
+#: not tell its delay may have its smallest residual anywhere.
+_STILL_FALLING = 0.01
+#: Half-width of the 95 % interval of a delay, in samples, above which it is doubted: a stability
+#: margin is of one sample.
+_WIDEST_DELAY = 1.0
+#: Two delays contradict each other if they are further apart than this many deviations of both ...
+_DELAY_SIGMAS = 4.0
+_APART = 0.25  # ... and than this part of a sample, below which the difference matters to nothing.
+
+
+def unknown_delay(trajectory: Trajectory, delay: Delay | None) -> Iterator[Finding]:
+    """``delay-unknown``: beyond what is looked for, or nowhere in particular."""
+    if delay is None:
+        return
+    step = trajectory.sample_time
+    # Nothing is known beyond the scan, so no doubt is wider.
+    width = min(NORMAL_95 * delay.deviation / step, float(MOST_SAMPLES))
+    found = delay.value / step
+    before, last = delay.residuals[-2:]
+    beyond = found >= MOST_SAMPLES - _AT_END and last < (1 - _STILL_FALLING) * before
+    if not beyond and width <= _WIDEST_DELAY:
+        return
+    seen = (
+        f"the residual of {trajectory.source} is smallest at {found:.2f} ± {width:.2g} samples "
+        "of delay"
+    )
+    yield Finding(
+        code="delay-unknown",
+        severity="refusal" if beyond else "warning",
+        seen=seen + (f", the end of the scan from 0 to {MOST_SAMPLES}" if beyond else ""),
+        needed=f"a delay below {MOST_SAMPLES} samples"
+        if beyond
+        else f"a delay within ± {_WIDEST_DELAY:g} sample",
+        remedy="State delay in the hardware file, or excite fast enough to show it.",
+    )
+
+
+def contradicting_delays(
+    trajectory: Trajectory, chosen: Estimate, others: Iterable[Estimate]
+) -> Iterator[Finding]:
+    """``delay-unknown``: two methods read delays that exclude each other."""
+    if chosen.delay_deviation is None:
+        return
+    step = trajectory.sample_time
+    for other in others:
+        if other.delay_deviation is None:
+            continue
+        apart = abs(other.delay - chosen.delay)
+        chance = float(np.hypot(other.delay_deviation, chosen.delay_deviation))
+        if apart > max(_DELAY_SIGMAS * chance, _APART * step):
+            yield Finding(
+                code="delay-unknown",
+                severity="warning",
+                seen=f"{_told(chosen, step)} in {trajectory.source}, {_told(other, step)}",
+                needed=f"delays within {_DELAY_SIGMAS:g} deviations or {_APART:g} samples",
+                remedy="State delay in the hardware file; where it varies from sample to "
+                "sample, state its largest value.",
+            )
+            return
+    return
+
+
+def _told(estimate: Estimate, step: float) -> str:
+    width = NORMAL_95 * (estimate.delay_deviation or 0.0)
+    name = estimate.method.replace("-", " ")
+    return f"{name} say {estimate.delay / step:.2f} ± {width / step:.2g} samples of delay"

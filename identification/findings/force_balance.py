@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import Estimate, Gravity
-from identification.estimators.linear import solve
+from identification.estimators.estimate import Estimate, Gravity, solve
 from identification.estimators.signals import position_noise
 from identification.trajectory import Trajectory
 

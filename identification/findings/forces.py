@@ -1,29 +1,39 @@
-"""Forces that mass, damping, friction and offset do not explain: of place, of a hand, of rest."""
+"""Forces that the model does not have: of place, of a hand, of friction, of a device that changed.
+
+The last show where parts of a log, other cut-offs or rows at equal velocity tell another device.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.device import SlopeRange, UnmodelledForce
-from identification.device.hardware import Hardware
 from identification.errors import Finding
-from identification.estimators.estimate import Estimate, half_width
-from identification.estimators.linear import solve, unit_columns
-from identification.estimators.motion import running_maximum, running_range
-from identification.estimators.signals import finest_reading
-from identification.findings.force_balance import ForceBalance, balance_at
+from identification.estimators.estimate import (
+    Estimate,
+    half_width,
+    solve,
+    symmetric_inverse,
+    unit_columns,
+)
+from identification.findings.force_balance import (
+    ForceBalance,
+    balance_at,
+    even_sizes,
+    least_squares_residual,
+)
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 _POWERS = (1, 2, 3)  # powers of position that stand for any smooth force over the travel
-#: Parts a log is cut into; what position explains is judged on the part it was not fitted on.
-_PARTS = 4
+_PARTS = 4  # parts a log is cut into, each left out in turn
 #: Of the mean square that mass, damping and friction leave over, position explains this part in
 #: rows it was not fitted on. Below, it may be chance.
 _LEAST_GAIN = 0.3
@@ -283,61 +293,6 @@ def _slow(balance: ForceBalance) -> float:
     return float(np.std(np.fft.irfft(spectrum, left.size)))
 
 
-#: The device stands where its position stays within this many readings of the finest resolution, a
-#: count to either side, ...
-_STILL = 3.0
-#: ... for as long as it takes to move this many times as far at its usual speed: a slow turn is no
-#: standstill, ...
-_FURTHER = 10.0
-_FEWEST = 20  # ... and for this many samples at least, this part of the log at most, ...
-_LONGEST = 0.1
-_CHANGES = 0.02  # ... while the force in the window changes by this part of its whole range.
-#: Part of the log spent so above which friction is doubted, and above which too little motion is
-#: left to tell mass and damping.
-_DOUBTED_REST = 0.25
-_REFUSED_REST = 0.9
-
-
-def stiction(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
-    """``stiction``: the device is held, or sticks and slips, under a force that changes."""
-    stuck = _stuck(trajectory, hardware)
-    share = float(np.mean(stuck))
-    if share < _DOUBTED_REST:
-        return
-    stops = int(np.count_nonzero(np.diff(stuck.astype(np.int8)) == 1)) + int(stuck[0])
-    largest = float(np.max(np.abs(trajectory.force[:-1][stuck])))
-    refused = share >= _REFUSED_REST
-    yield Finding(
-        code="stiction",
-        severity="refusal" if refused else "warning",
-        seen=f"{trajectory.source} stands still for {share:.0%} of its time, in {stops} "
-        f"stops, while the force changes and reaches {largest:.3g}",
-        needed=f"at most {_REFUSED_REST if refused else _DOUBTED_REST:.0%} of the time",
-        remedy="Push harder than friction holds, for longer in each direction; look for a "
-        "brake, an end stop or a dry bearing.",
-    )
-
-
-def _stuck(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool_]:
-    """Which of the n - 1 intervals lie in a standstill under a changing force."""
-    place, force = trajectory.position, trajectory.force
-    stated = None if hardware is None else hardware.encoder_resolution
-    known = 0.0 if stated is None else stated.value
-    fine = max(known, finest_reading(place, force))
-    # Over spans long enough for the noise of a reading not to count as speed.
-    span = max(1, place.size // 200)
-    speed = float(np.sqrt(np.mean((place[span:] - place[:-span]) ** 2))) / span
-    if speed == 0:  # a cycle of exactly this span
-        return np.zeros(place.size - 1, dtype=np.bool_)
-    width = 2 * (int(max(_FEWEST, _FURTHER * _STILL * fine / speed)) // 2) + 1
-    if width >= _LONGEST * place.size:
-        return np.zeros(place.size - 1, dtype=np.bool_)
-    changes = running_range(force, width) >= _CHANGES * float(np.ptp(force))
-    still = changes & (running_range(place, width) <= _STILL * fine)
-    covered = running_maximum(still.astype(np.float64), width) > 0
-    return covered[:-1] & covered[1:]
-
-
 #: Friction that the slope over speed does not cover, because it falls, depends on position or
 #: remembers, may make up this part of the force, both rms.
 _MOST_SHARE = 0.15
@@ -384,4 +339,264 @@ def unmodelled(
         seen=seen,
         needed=needed,
         remedy=remedy,
+    )
+
+
+#: A prediction may miss by this part of the rms force more than a fit of the part itself does; ...
+_DOUBTED = 0.05
+_REFUSED = 0.25  # ... beyond this the parts are not of one device.
+#: ... and by this many standard deviations of the prediction itself, or the rest says too little.
+_SIGMAS = 4.0
+_BLOCKS = 8  # blocks of each part, left out in turn for that standard deviation
+_JUDGED = ("mass", "damping")  # parameters that must not move
+_HARMLESS = 0.02  # a move that is this part of the value, or less, matters to no margin
+
+
+def cross_validation(
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
+) -> Iterator[Finding]:
+    """``heldout-misfit``: the device changed while it was logged, or the model is wrong."""
+    missed = _misses(balance, chosen)
+    worst = int(np.argmax(missed))
+    share = float(missed[worst] / np.std(balance.force))
+    if share < _DOUBTED:
+        return
+    start, span = float(balance.time[0]), float(balance.time[-1] - balance.time[0])
+    first, last = (start + span * part / _PARTS for part in (worst, worst + 1))
+    refused = share >= _REFUSED
+    yield Finding(
+        code="heldout-misfit",
+        severity="refusal" if refused else "warning",
+        seen=f"fitted on the rest of {trajectory.source}, the force from {first:.3g} to "
+        f"{last:.3g} s is missed by {share:.0%} of its rms more than by a fit of its own",
+        needed=f"at most {_REFUSED if refused else _DOUBTED:.0%}",
+        remedy="Log again with nothing loose, warmed up and untouched; cut the log where the "
+        "device changed.",
+    )
+
+
+def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> Iterator[Finding]:
+    """``heldout-misfit``: what the cut-off moves is more than the interval without it holds.
+
+    A model that is right is right at every frequency. The move is in the interval all the same.
+    """
+    if chosen.leaning is None:
+        return
+    alone = replace(chosen, covariance=chosen.covariance - np.outer(chosen.leaning, chosen.leaning))
+    moved = {name: abs(float(chosen.leaning[chosen.parameters.index(name)])) for name in _JUDGED}
+    unstable = [
+        name
+        for name, move in moved.items()
+        if move > half_width(alone, name) and move > _HARMLESS * abs(chosen.value(name))
+    ]
+    if not unstable:
+        return
+    seen = " and ".join(
+        f"{name} {chosen.value(name):.4g} ± {half_width(alone, name):.2g} by ± {moved[name]:.2g}"
+        for name in unstable
+    )
+    yield Finding(
+        code="heldout-misfit",
+        severity="warning",
+        seen=f"another cut-off moves the {seen} in {trajectory.source}",
+        needed="a move within the interval",
+        remedy="A force that the model does not have acts at some frequencies: excite harder, "
+        "and look for play, vibration or friction that depends on place.",
+    )
+
+
+def _misses(balance: ForceBalance, chosen: Estimate) -> FloatArray:
+    """Excess of each part's prediction over its own fit, rms in N, shape (parts,); 0 if chance.
+
+    Only rows of a part that move no faster than the rest count: others are extrapolated.
+    """
+    # A term that the estimate does without would only follow chance where the rest is slow.
+    terms = balance.plant if chosen.model.directional else balance.plant[:, :-1]
+    columns, _ = unit_columns(np.column_stack((terms, balance.carried)))
+    edges = np.cumsum([0, *even_sizes(len(balance), _PARTS * _BLOCKS)])
+    parts = list(pairwise(edges[::_BLOCKS].tolist()))
+    slow = balance.moving
+    for column in (np.abs(balance.acceleration), np.abs(balance.velocity)):
+        fastest = np.array([np.max(column[first:last]) for first, last in parts])
+        for part, (first, last) in enumerate(parts):
+            slow[first:last] &= column[first:last] <= np.max(np.delete(fastest, part))
+    whole = _Blocks.of(columns, balance.force, balance.moving, edges)
+    shown = _Blocks.of(columns, balance.force, slow, edges)
+    inside = np.arange(_PARTS * _BLOCKS) // _BLOCKS
+    return np.array(
+        [
+            _miss(whole.chosen(inside != part), shown.chosen(inside == part))
+            for part in range(_PARTS)
+        ]
+    )
+
+
+def _miss(rest: _Blocks, own: _Blocks) -> float:
+    """What the rest of a log predicts worse of a part than its own fit does, rms in N."""
+    if own.counts.sum() == 0 or rest.counts.sum() == 0:
+        return 0.0
+    square, count = own.normal.sum(axis=0), float(own.counts.sum())
+    fits = [rest.fits(), own.fits()]
+    apart = fits[0][0] - fits[1][0]
+    excess = float(apart @ square @ apart) / count
+    # How far both fits may be off: each without one of its blocks in turn (jackknife).
+    chance = 0.0
+    for fit in fits:
+        change = fit[1:] - fit[0]
+        squares = np.einsum("ij,jk,ik->", change, square, change)
+        chance += float(squares) / count * (1 - 1 / len(change))
+    return float(np.sqrt(excess)) if excess > _SIGMAS**2 * chance else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Blocks:
+    """Sums of squares and products of consecutive blocks, from which any part is fitted at once."""
+
+    normal: FloatArray  # XᵀX of each block, shape (blocks, p, p), columns of unit norm
+    right: FloatArray  # Xᵀf, shape (blocks, p)
+    counts: FloatArray  # rows of each, shape (blocks,)
+
+    @classmethod
+    def of(
+        cls, columns: FloatArray, force: FloatArray, used: NDArray[np.bool_], edges: IntArray
+    ) -> _Blocks:
+        """Blocks between edges, of the rows used."""
+        table = np.column_stack((columns, force)) * used[:, None]
+        blocks = [table[first:last] for first, last in pairwise(edges.tolist())]
+        squares = np.stack([block.T @ block for block in blocks])
+        return cls(
+            normal=squares[:, :-1, :-1],
+            right=squares[:, :-1, -1],
+            counts=np.add.reduceat(used, edges[:-1], dtype=np.float64),
+        )
+
+    def chosen(self, which: NDArray[np.bool_]) -> _Blocks:
+        """Some of the blocks."""
+        return _Blocks(
+            normal=self.normal[which], right=self.right[which], counts=self.counts[which]
+        )
+
+    def fits(self) -> FloatArray:
+        """Least squares, of least norm, on all blocks, then without each, shape (1 + blocks, p)."""
+        count = len(self.counts)
+        weights = np.concatenate((np.ones((1, count)), 1.0 - np.eye(count)))
+        inverse = symmetric_inverse(np.tensordot(weights, self.normal, axes=1))
+        solved = inverse @ (weights @ self.right)[..., None]
+        return np.asarray(solved[..., 0], dtype=np.float64)
+
+
+#: Bands of velocity in each direction at most, and rows in each at least: two take up what
+#: the straight line costs, the others tell.
+_BANDS = 20
+_ROWS = 24
+_EITHER = 0.2  # ... of which this part, at least, is accelerated, and as many braked.
+_FEWEST_BANDS = 4  # bands without which there is no judgement
+_STRETCHES = 30  # stretches of the log left out in turn for the deviation
+#: Windows, the delay and what friction remembers are good to this part of the mass.
+_SYSTEMATIC = 0.01
+_MASS_SIGMAS = 4.0  # deviations of the difference beyond which the estimate is not of this device
+#: ... and part of the mass beyond which it is refused; below, stability margins absorb it.
+_REFUSED_MASS = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Inertia:
+    """Mass told by rows at equal velocity."""
+
+    least: float  # slope of force over acceleration, kg (kg·m²)
+    most: float  # inverse slope of acceleration over force, kg (kg·m²)
+    deviation: float  # standard deviation of either, kg (kg·m²)
+
+    def outside(self, estimate: Estimate) -> float:
+        """How far the mass of an estimate lies below (negative) or above the bounds, kg (kg·m²)."""
+        mass = estimate.value("mass")
+        return mass - float(np.clip(mass, self.least, self.most))
+
+    def contradicts(self, estimate: Estimate) -> bool:
+        """Whether a mass lies further outside than chance and its own doubt explain."""
+        chance = float(np.hypot(self.deviation, estimate.deviation("mass")))
+        return abs(self.outside(estimate)) > _MASS_SIGMAS * chance
+
+
+def inertia_of(balance: ForceBalance) -> _Inertia | None:
+    """The mass that a log tells without a model of friction; None where it tells too little."""
+    moving = np.flatnonzero(balance.moving)
+    velocity = balance.velocity[moving]
+    acceleration, force = balance.acceleration[moving], balance.force[moving]
+    carried, bands = balance.carried[moving], 0
+    columns = np.column_stack((acceleration, force, carried))
+    left: list[FloatArray] = []
+    told: list[NDArray[np.intp]] = []
+    for sense in (1.0, -1.0):
+        side = np.flatnonzero(sense * velocity > 0)
+        side = side[np.argsort(velocity[side])]
+        sizes = even_sizes(side.size, max(1, min(_BANDS, side.size // _ROWS)))
+        gaining = _sums(sense * acceleration[side] > 0, sizes)
+        either = np.minimum(gaining, sizes - gaining)
+        tells = (sizes >= _ROWS) & (either >= _EITHER * sizes)
+        bands += np.count_nonzero(tells)
+        kept = np.repeat(tells, sizes)
+        left.append(_levelled(columns[side], velocity[side], sizes)[kept])
+        told.append(side[kept])
+    if bands < _FEWEST_BANDS:
+        return None
+    table, rows = np.concatenate(left), np.concatenate(told)
+    if table.shape[1] > 2:
+        table[:, :2] = np.stack(
+            [least_squares_residual(table[:, 2:], each) for each in table[:, :2].T], axis=1
+        )
+    change, pull = table[:, 0], table[:, 1]
+    power, both = float(change @ change), float(change @ pull)
+    if both <= 0:
+        return None
+    value = both / power
+    stretch = moving[rows] * _STRETCHES // len(balance)
+    squares = np.bincount(stretch, change * change, minlength=_STRETCHES)
+    scores = np.bincount(stretch, change * (pull - value * change), minlength=_STRETCHES)
+    # A stretch that alone tells nearly all leaves no judgement of the others.
+    if np.max(squares) > 0.5 * power:
+        return None
+    shifts = scores / (power - squares)
+    chance = float(np.sqrt((_STRETCHES - 1) / _STRETCHES * np.sum(shifts**2)))
+    return _Inertia(
+        least=value,
+        most=float(pull @ pull) / both,
+        deviation=float(np.hypot(chance, _SYSTEMATIC * value)),
+    )
+
+
+def _sums(rows: FloatArray | NDArray[np.bool_], sizes: NDArray[np.intp]) -> FloatArray:
+    """Sum of the rows of each band, shape (bands, ...)."""
+    if not len(rows):
+        return np.zeros((sizes.size, *rows.shape[1:]))
+    return np.add.reduceat(rows, np.cumsum(sizes) - sizes, axis=0, dtype=np.float64)
+
+
+def _levelled(columns: FloatArray, velocity: FloatArray, sizes: NDArray[np.intp]) -> FloatArray:
+    """Columns less a straight line in velocity in each band, shape (rows, columns)."""
+    both = np.column_stack((velocity, columns))
+    both = both - np.repeat(_sums(both, sizes) / np.maximum(sizes, 1)[:, None], sizes, axis=0)
+    speed, rest = both[:, :1], both[:, 1:]
+    power = _sums(speed * speed, sizes)
+    slopes = _sums(speed * rest, sizes) / np.where(power > 0, power, 1.0)
+    return rest - speed * np.repeat(slopes, sizes, axis=0)
+
+
+def inertia(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Iterator[Finding]:
+    """``heldout-misfit``: the mass is not the one that rows at equal velocity tell."""
+    judge = inertia_of(balance)
+    if judge is None or not judge.contradicts(chosen):
+        return
+    mass, doubt = chosen.value("mass"), 2 * judge.deviation
+    refused = abs(judge.outside(chosen)) > _REFUSED_MASS * abs(mass)
+    needed = f"{_REFUSED_MASS:.0%}" if refused else f"{_MASS_SIGMAS:g} deviations"
+    yield Finding(
+        code="heldout-misfit",
+        severity="refusal" if refused else "warning",
+        seen=f"at equal velocity the force of {trajectory.source} while accelerating, less that "
+        f"while braking, tells a mass from {judge.least:.4g} to {judge.most:.4g}, ± {doubt:.2g}, "
+        f"{chosen.method.replace('-', ' ')} {mass:.4g} ± {2 * chosen.deviation('mass'):.2g}",
+        needed=f"within {needed}",
+        remedy="The friction is not what the model has: excite faster, so that inertia is "
+        "more of the force, and look for play, cables or a gear that remember the motion.",
     )

@@ -28,7 +28,7 @@ from identification.estimators.least_squares import (
 )
 from identification.estimators.signals import encoder_count
 from identification.findings.force_balance import balance_of
-from identification.findings.validation import inertia_of
+from identification.findings.forces import inertia_of
 from identification.trajectory import Trajectory
 
 _DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
@@ -212,8 +212,7 @@ _ENCODER_RESIDUAL = 0.295
 _NEARLY_WHITE = 0.025
 #: ... or this over the root of half its rows, which white noise exceeds once in a hundred times.
 _WHITE_BY_CHANCE = 1.63
-#: Methods whose answers are heard where another is believed; output error and the weak form are
-#: astray where they are not believed.
+#: Methods whose answers are heard where another is believed; output error is then astray.
 CONSULTED = ("innovations", "instruments")
 #: Instruments whose joint region is this many times that of least squares have nothing to say
 #: against an estimate that least squares would.
@@ -253,7 +252,7 @@ def choose(prepared: PreparedLog, method: str, explained: str | None) -> tuple[E
     if method != "auto":
         return prepared.fit(method), f"{method.replace('-', ' ')} as asked"
     if prepared.model.gravity != "none":
-        return _under_gravity(prepared)
+        return robust(prepared, prepared.model)
     return _evident(prepared, explained)
 
 
@@ -280,20 +279,6 @@ def _contradicted_by_instruments(prepared: PreparedLog) -> bool:
     instrumental = prepared.fit("instruments")
     simulated = prepared.fit("output-error")
     return instrumental.value("mass") > 0 and bool(contradiction(simulated, instrumental))
-
-
-def _under_gravity(prepared: PreparedLog) -> tuple[Estimate, str]:
-    """Weak form where position noise explains all, as it knows what gravity makes of that noise."""
-    tested = prepared.fit("weak")
-    explained = not tested.open_loop_only and not is_coloured(tested.residual)
-    regression = prepared.fit("least-squares")
-    sharper = tested.value("mass") > 0 and region(tested) <= region(regression)
-    if explained and sharper and not contradiction(tested, regression):
-        return tested, (
-            "weak form, because noise of the position at which gravity is taken explains its "
-            "residual"
-        )
-    return robust(prepared, prepared.model)
 
 
 def robust(prepared: PreparedLog, model: Model) -> tuple[Estimate, str]:

@@ -26,7 +26,7 @@ from identification.device.device import Kind, SlopeRange, UnmodelledForce
 from identification.estimators.estimate import NORMAL_95
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
-from identification.structure.stability_selection import (
+from identification.fitting.stability_selection import (
     BLOCKS,
     HALF_HURDLE,
     HALVES,

@@ -1,1 +1,0 @@
-"""Which terms a log asks for beyond mass and damping."""

@@ -25,11 +25,17 @@ from identification.documents import as_stored
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
 from identification.estimators.estimate import NORMAL_95, Estimate, quantile
-from identification.estimators.signals import LOST, encoder_count, finest_reading, position_noise
+from identification.estimators.signals import LOST, position_noise
 from identification.findings import CODES, inspect
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting import LogFit, fit_log
-from identification.trajectory import Motion, Trajectory, refuse_sizes
+from identification.trajectory import (
+    Motion,
+    Trajectory,
+    encoder_count,
+    finest_reading,
+    refuse_sizes,
+)
 
 FloatArray = NDArray[np.float64]
 

@@ -31,7 +31,7 @@ class Plan:
 
 
 PLANS = {
-    "identification": Plan(rooms=14, floors=7),
+    "identification": Plan(rooms=13, floors=7),
     "tune": Plan(rooms=15, floors=8),
     "datasets_synthetic": Plan(rooms=10, floors=6),
 }
@@ -121,7 +121,7 @@ def test_no_file_has_more_lines_than_planned(package: str) -> None:
     ("most", "code"),
     [
         (
-            31,
+            29,
             "from identification import identify, load_trajectory\n"
             "identify(load_trajectory('datasets_synthetic/logs/homerehab.csv'))\n",
         ),
@@ -141,7 +141,8 @@ def test_files_that_are_passed(most: int, code: str) -> None:
         "import sys\n"
         "own = [m.__file__ for n, m in sys.modules.items() if n.split('.')[0] in"
         " ('identification', 'tune', 'datasets_synthetic')]\n"
-        "print(sum(not file.endswith('__init__.py') for file in own))\n"
+        "print(sum('\\ndef ' in open(file, encoding='utf-8').read() or"
+        " not file.endswith('__init__.py') for file in own))\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code + count], capture_output=True, text=True, check=True, cwd=ROOT

@@ -21,7 +21,8 @@ from identification.estimators.least_squares import (
     find_delay,
     prepare,
 )
-from identification.estimators.signals import Signals, encoder_count, finest_reading, position_noise
+from identification.estimators.signals import Signals
+from identification.trajectory import encoder_count, finest_reading, position_noise
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.thinned import thinned

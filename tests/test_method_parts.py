@@ -8,7 +8,7 @@ import pytest
 from identification.estimators.estimate import gauss_newton
 from identification.estimators.filters import is_coloured
 from identification.estimators.output_error import Direction, path
-from identification.estimators.response import HeldResponse
+from identification.estimators.signals import HeldResponse
 
 STEP = 1e-3
 

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from datasets_synthetic import Faults
 from identification import LogRefusedError, Method, identify
-from identification.estimators.output_error import process_noise_covariance
+from identification.estimators.estimate import process_noise_covariance
 from tests.fleet_hardware import data_sheet, log_of
 from tests.simulated.fleet import random_devices
 

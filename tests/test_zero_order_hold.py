@@ -11,16 +11,17 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import Trajectory
-from identification.estimators.response import HeldResponse, phi
 from identification.estimators.signals import (
     FIRST,
     LAST,
     LOST,
     Commands,
     HeldColumn,
+    HeldResponse,
     Kinematics,
     Signals,
     of_rows,
+    phi,
     unknown_intervals,
 )
 from tests.thinned import thinned

@@ -22,7 +22,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.filters import whiteness
+from identification.estimators.filters import recursive, whiteness
+from identification.estimators.signals import StepResponse
 
 FloatArray = NDArray[np.float64]
 
@@ -446,6 +447,85 @@ def _inverse(normal: FloatArray, *, symmetric: bool = True) -> FloatArray:
     if symmetric:
         return symmetric_inverse(normal, _SINGULAR)
     return np.asarray(np.linalg.pinv(normal, rcond=_SINGULAR), dtype=np.float64)
+
+
+#: A log is looked at in so many parts at most, which hold the lines that matter.
+_POSITION_PARTS = 512
+#: Lines of the residual, from the lowest on, that tell the force from position noise.
+_LINES = 64
+#: Variances tried, from so little of the position noise in the line that shows most of it to so
+#: much, each this many times the one before: its root, which intervals go by, is right to 7 %.
+_LEAST, _MOST, _RATIO = 1e-3, 1e9, 1.15
+#: Directions this much weaker than the strongest carry nothing but rounding.
+_SPANNED = 1e-10
+
+
+def process_noise_covariance(
+    jacobian: FloatArray, residual: FloatArray, keep: int, *, mass: float, rate: float, step: float
+) -> FloatArray:
+    """What a white force adds to the covariance of a fit of positions, shape (keep, keep).
+
+    The rate is b/m; where no such force is seen, nothing is added.
+    """
+    rows = residual.size
+    parts = min(rows, _POSITION_PARTS)
+    starts = np.linspace(0, rows, parts, endpoint=False).astype(np.intp)
+    counts = np.diff(starts, append=rows)
+    unit, norms = unit_columns(jacobian.T)
+    sums = np.add.reduceat(unit.T, starts, axis=1)
+    pushed = _Pushed(mass, max(rate, 0.0), step * rows / parts)
+    variance = _variance(sums / counts, np.add.reduceat(residual, starts) / counts, pushed)
+    inverse = symmetric_inverse(unit.T @ unit, _SPANNED)[:keep]
+    moved = pushed.back(inverse @ sums / norms[:keep, None])
+    return variance * moved @ moved.T
+
+
+class _Pushed:
+    """Positions under a force held for one part of a log each, from rest."""
+
+    def __init__(self, mass: float, rate: float, span: float) -> None:
+        push = StepResponse.during(span, rate)
+        speed, place, decay = float(push.speed), float(push.place), float(push.decay)
+        self._above = np.array([place, speed * speed - place * decay]) / mass
+        self._below = -1.0 - decay, decay
+
+    def back(self, weights: FloatArray) -> FloatArray:
+        """Weights of the forces in sums of positions with these weights, shape (..., parts)."""
+        turned = recursive(weights[..., ::-1], *self._below)
+        forces = np.zeros_like(turned)
+        forces[..., 1:] = self._above[0] * turned[..., :-1]
+        forces[..., 2:] += self._above[1] * turned[..., :-2]
+        return forces[..., ::-1]
+
+
+def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> float:
+    """The likeliest variance of a force held for one part each, beside columns the fit took up."""
+    parts = residual.size
+    line = np.arange(1, min(_LINES, parts // 2) + 1)[:, None]
+    lines = np.cos(np.pi * line * (np.arange(parts) + 0.5) / parts)
+    taken = _directions(unit_columns(columns.T)[0].T, 1.0)
+    seen = _directions(lines - (lines @ taken.T) @ taken, parts / 2)
+    if not seen.size:
+        return 0.0
+    forces = pushed.back(seen)
+    shares, axes = np.linalg.eigh(forces @ forces.T)
+    power = (axes.T @ (seen @ residual)) ** 2
+    rest = parts - len(taken) - len(seen)
+    noise = (float(residual @ residual) - float(np.sum(power))) / max(rest, 1)
+    if not (noise > 0 and shares[-1] > 0):
+        return 0.0
+    steps = int(np.log(_MOST / _LEAST) / np.log(_RATIO))
+    tried = np.concatenate(([0.0], _LEAST * _RATIO ** np.arange(steps))) * noise / shares[-1]
+    level = noise + tried[:, None] * np.maximum(shares, 0.0)
+    likelihood = -np.sum(np.log(level) + power / level, axis=1)
+    return float(tried[np.argmax(likelihood)])
+
+
+def _directions(rows: FloatArray, power: float) -> FloatArray:
+    """Orthonormal rows of the same span; ``power`` is that of a row that lost nothing."""
+    powers, mixed = np.linalg.eigh(rows @ rows.T)
+    strong = powers > _SPANNED * power
+    return (mixed[:, strong] / np.sqrt(powers[strong])).T @ rows
 
 
 def half_width(estimate: Estimate, name: str, confidence: float = 0.95) -> float:

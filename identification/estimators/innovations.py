@@ -11,6 +11,7 @@ is output error, with nothing else least squares; it is consistent in closed loo
 from __future__ import annotations
 
 from cmath import exp, sqrt
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,10 +30,11 @@ from identification.estimators.filters import causal, is_coloured, recursive, wh
 from identification.estimators.least_squares import (
     CUT_OFF_RANGE,
     REFINEMENTS,
+    Drive,
     Regression,
     complete_estimate,
 )
-from identification.estimators.response import Drive, Gain, HeldResponse
+from identification.estimators.signals import Gain, HeldResponse
 
 FloatArray = NDArray[np.float64]
 
@@ -254,10 +256,8 @@ def _start(problem: _Problem, table: Regression, delay: float) -> FloatArray:
     """The best moving average of a few, at the p of least squares and one delay."""
     trials: list[tuple[float, FloatArray]] = []
     values = table.solve(delay)
-    averages = [_moving_average(corner) for corner in _CORNERS]
-    if table.model.gravity != "none":
-        averages.append(_under_gravity(table, values))
     rate = problem.drive.rate_of(values)
+    averages = [*map(_moving_average, _CORNERS), *_under_gravity(table, values, rate)]
     least = np.array([rate, 0.0, 0.0, delay])[: 4 if problem.drive.delay is None else 3]
     rows = problem.rows(least)
     for average in averages:
@@ -275,7 +275,9 @@ def _moving_average(corner: float) -> tuple[float, float]:
     return -2 * float(pole.real), float(abs(pole) ** 2)
 
 
-def _under_gravity(table: Regression, values: FloatArray) -> tuple[float, float]:
+def _under_gravity(
+    table: Regression, values: FloatArray, rate: float
+) -> Iterator[tuple[float, float]]:
     """c1, c2 where position noise is all there is: their roots are the poles under gravity.
 
     Gravity is taken at the measured position, so noise passes through its mean slope as well.
@@ -286,8 +288,7 @@ def _under_gravity(table: Regression, values: FloatArray) -> tuple[float, float]
         known.get("gravity_sine", 0.0) * np.mean(np.cos(position))
         - known.get("gravity_cosine", 0.0) * np.mean(np.sin(position))
     )
-    mass, damping = values[:2].tolist()
-    rate = damping / mass
-    root = sqrt(complex(rate * rate / 4 - stiffness / mass))
-    first, second = (exp((each - rate / 2) * table.signals.step) for each in (root, -root))
-    return -(first + second).real, (first * second).real
+    if known["mass"] > 0 and stiffness > 0:
+        root = sqrt(complex(rate * rate / 4 - stiffness / known["mass"]))
+        poles = [exp((each - rate / 2) * table.signals.step) for each in (root, -root)]
+        yield -(poles[0] + poles[1]).real, (poles[0] * poles[1]).real

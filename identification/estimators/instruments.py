@@ -17,10 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.estimate import Estimate, PointEstimate, spread, unit_columns
-from identification.estimators.least_squares import MOST_SAMPLES, Regression, complete_estimate
+from identification.estimators.least_squares import (
+    MOST_SAMPLES,
+    Drive,
+    Regression,
+    complete_estimate,
+)
 from identification.estimators.motion import Motion
-from identification.estimators.response import Drive, Gain, HeldResponse
-from identification.estimators.signals import Commands, HeldColumn, of_rows
+from identification.estimators.signals import Commands, Gain, HeldColumn, HeldResponse, of_rows
 
 FloatArray = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 Every term of the equation of motion at measured positions makes a column. The rows are exact for
 any time stamps; one zero-phase low-pass goes over all columns and the force alike, so what it does
-to them cancels. The other estimators begin with this regression.
+to them cancels. The other estimators begin with this regression, or with its inputs (Drive).
 """
 
 from __future__ import annotations
@@ -26,10 +26,14 @@ from identification.estimators.filters import REACH, LowPass, width_of
 from identification.estimators.motion import Motion, measured_motion, others, refine_motion, terms
 from identification.estimators.signals import (
     FIRST,
+    Commands,
+    Gain,
     HeldColumn,
+    HeldResponse,
     Kinematics,
     Signals,
     even_taps,
+    mean_step,
     of_rows,
     unknown_intervals,
 )
@@ -70,6 +74,11 @@ _NUDGE = 0.05
 CUT_OFF_RANGE = 2.0
 #: Longest delay looked for, sample times; a longer one is to be stated.
 MOST_SAMPLES = 4
+#: Fastest |p| searched, per sample: there nothing of a motion is left after one, and no log tells a
+#: faster one. A bound that a device may reach would be taken for its rate.
+_FASTEST = 50.0
+#: Fastest growth searched, per log: e^50 exceeds any travel.
+_GROWTH = 50.0
 #: Steps of the scan per sample time, ...
 _STEPS_PER_SAMPLE = 2
 #: ... and the finer steps about the best, samples, each with a parabola through the best three.
@@ -323,6 +332,64 @@ class Regression:
             )
             table = table.with_motion(motion)
         return table
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Inputs of one log; the delay is given, or one more nonlinear parameter."""
+
+    commands: Commands  # forces as logged
+    terms: tuple[HeldColumn, ...]  # columns of the terms beside mass and damping
+    moving: FloatArray  # 1, or 0 where the device stands, shape (n - 1,)
+    steps: float | FloatArray  # of the log, s: one number, or shape (n - 1,)
+    delay: float | None  # s, or None if it is fitted
+
+    @classmethod
+    def of(cls, table: Regression, delay: float | None) -> Drive:
+        """Inputs as a prepared regression knows them."""
+        signals, motion = table.signals, table.motion
+        beside = terms(table.model, motion, signals.position, signals.steps).columns
+        return cls(signals.commands, beside, motion.moving, signals.steps, delay)
+
+    @classmethod
+    def bare(cls, signals: Signals, delay: float | None) -> Drive:
+        """The force alone, as if the device never stood."""
+        return cls(signals.commands, (), np.ones(signals.speed.size), signals.steps, delay)
+
+    def inputs(self, delay: float) -> tuple[HeldColumn, ...]:
+        """Force, then the terms, where they act."""
+        return (self.commands.after(delay).times(self.moving), *self.terms)
+
+    def slope_by_delay(self, device: HeldResponse, delay: float) -> Gain:
+        """What the force adds in each interval, differentiated by its delay."""
+        force = self.commands.after(delay)
+        later = device.slope_by_delay(force, float(self.commands.value[0]))
+        return Gain(velocity=later.velocity * self.moving, distance=later.distance * self.moving)
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """p searched, 1/s."""
+        step = mean_step(self.steps)
+        return -_GROWTH / step / self.moving.size, _FASTEST / step
+
+    def rate_of(self, values: FloatArray) -> float:
+        """b/m as far as it is searched: where the force follows the position there is no mass."""
+        return float(np.clip(values[1] / values[0] if values[0] > 0 else 0.0, *self.rates))
+
+    def bounds(self, *between: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest θ searched: p, what is between, and the delay if it is fitted."""
+        ranges = [self.rates, *between, *([self.delays] if self.delay is None else [])]
+        low, high = np.array(ranges).T
+        return low, high
+
+    def delay_of(self, theta: FloatArray) -> float:
+        """The delay, s: as given, or the last parameter."""
+        return float(theta[-1]) if self.delay is None else self.delay
+
+    @property
+    def delays(self) -> tuple[float, float]:
+        """Delays searched, s."""
+        return 0.0, MOST_SAMPLES * mean_step(self.steps)
 
 
 def prepare(

@@ -27,7 +27,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -39,36 +38,27 @@ from identification.estimators.estimate import (
     PointEstimate,
     gauss_newton,
     physical,
+    process_noise_covariance,
     solve_separable,
     spread,
     symmetric_inverse,
     unit_columns,
 )
-from identification.estimators.filters import is_coloured, recursive, whiteness
-from identification.estimators.least_squares import Regression, complete_estimate
+from identification.estimators.filters import is_coloured, whiteness
+from identification.estimators.least_squares import Drive, Regression, complete_estimate
 from identification.estimators.motion import Motion, others, terms
-from identification.estimators.response import (
-    Drive,
+from identification.estimators.signals import (
     Gain,
+    HeldColumn,
     HeldResponse,
-    StepResponse,
+    Signals,
     accumulate_decay,
 )
-from identification.estimators.signals import HeldColumn, Signals
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
-#: A log is looked at in so many parts at most, which hold the lines that matter.
-_PARTS = 512
-#: Lines of the residual, from the lowest on, that tell the force from position noise.
-_LINES = 64
-#: Variances tried, from so little of the position noise in the line that shows most of it to so
-#: much, each this many times the one before: its root, which intervals go by, is right to 7 %.
-_LEAST, _MOST, _RATIO = 1e-3, 1e9, 1.15
-#: Directions this much weaker than the strongest carry nothing but rounding.
-_ROUNDING = 1e-10
 #: Intervals whose mean speed is where the search for the start velocity begins.
 _FIRST_LOOK = 10
 #: Friction this many standard deviations large decides where the device turns; less is taken for
@@ -79,74 +69,6 @@ _DOUBTED = 0.05
 #: A log longer than this is begun with its first so many samples: the whole then takes one or two
 #: steps.
 _LONG = 1 << 14
-
-
-def process_noise_covariance(
-    jacobian: FloatArray, residual: FloatArray, keep: int, *, mass: float, rate: float, step: float
-) -> FloatArray:
-    """What a white force adds to the covariance of a fit of positions, shape (keep, keep).
-
-    The rate is b/m; where no such force is seen, nothing is added.
-    """
-    rows = residual.size
-    parts = min(rows, _PARTS)
-    starts = np.linspace(0, rows, parts, endpoint=False).astype(np.intp)
-    counts = np.diff(starts, append=rows)
-    unit, norms = unit_columns(jacobian.T)
-    sums = np.add.reduceat(unit.T, starts, axis=1)
-    pushed = _Pushed(mass, max(rate, 0.0), step * rows / parts)
-    variance = _variance(sums / counts, np.add.reduceat(residual, starts) / counts, pushed)
-    inverse = symmetric_inverse(unit.T @ unit, _ROUNDING)[:keep]
-    moved = pushed.back(inverse @ sums / norms[:keep, None])
-    return variance * moved @ moved.T
-
-
-class _Pushed:
-    """Positions under a force held for one part of a log each, from rest."""
-
-    def __init__(self, mass: float, rate: float, span: float) -> None:
-        push = StepResponse.during(span, rate)
-        speed, place, decay = float(push.speed), float(push.place), float(push.decay)
-        self._above = np.array([place, speed * speed - place * decay]) / mass
-        self._below = -1.0 - decay, decay
-
-    def back(self, weights: FloatArray) -> FloatArray:
-        """Weights of the forces in sums of positions with these weights, shape (..., parts)."""
-        turned = recursive(weights[..., ::-1], *self._below)
-        forces = np.zeros_like(turned)
-        forces[..., 1:] = self._above[0] * turned[..., :-1]
-        forces[..., 2:] += self._above[1] * turned[..., :-2]
-        return forces[..., ::-1]
-
-
-def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> float:
-    """The likeliest variance of a force held for one part each, beside columns the fit took up."""
-    parts = residual.size
-    line = np.arange(1, min(_LINES, parts // 2) + 1)[:, None]
-    lines = np.cos(np.pi * line * (np.arange(parts) + 0.5) / parts)
-    taken = _directions(unit_columns(columns.T)[0].T, 1.0)
-    seen = _directions(lines - (lines @ taken.T) @ taken, parts / 2)
-    if not seen.size:
-        return 0.0
-    forces = pushed.back(seen)
-    shares, axes = np.linalg.eigh(forces @ forces.T)
-    power = (axes.T @ (seen @ residual)) ** 2
-    rest = parts - len(taken) - len(seen)
-    noise = (float(residual @ residual) - float(np.sum(power))) / max(rest, 1)
-    if not (noise > 0 and shares[-1] > 0):
-        return 0.0
-    steps = int(np.log(_MOST / _LEAST) / np.log(_RATIO))
-    tried = np.concatenate(([0.0], _LEAST * _RATIO ** np.arange(steps))) * noise / shares[-1]
-    level = noise + tried[:, None] * np.maximum(shares, 0.0)
-    likelihood = -np.sum(np.log(level) + power / level, axis=1)
-    return float(tried[np.argmax(likelihood)])
-
-
-def _directions(rows: FloatArray, power: float) -> FloatArray:
-    """Orthonormal rows of the same span; ``power`` is that of a row that lost nothing."""
-    powers, mixed = np.linalg.eigh(rows @ rows.T)
-    strong = powers > _ROUNDING * power
-    return (mixed[:, strong] / np.sqrt(powers[strong])).T @ rows
 
 
 class _Acting(NamedTuple):
@@ -506,6 +428,14 @@ class _Simulated:
         forward, backward = (of_device(way) for way in self.ways)
         return np.where(self.along.forward, forward, backward)
 
+    def gain(self, held: HeldColumn) -> FloatArray:
+        """Velocity and distance that a column adds, shape (2, n - 1)."""
+        return self.by_way(lambda way: _pair(way.gain(held)))
+
+    def slope_by_rate(self, held: HeldColumn) -> FloatArray:
+        """Derivative of ``gain`` by p."""
+        return self.by_way(lambda way: _pair(way.slope_by_rate(held)))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionProblem:
@@ -602,8 +532,7 @@ class FrictionProblem:
         )
         moved = point.by_way(lambda way: way.whole.speed * along.speed[:-1])
         for weight, held in zip((1.0, -friction, -1.0), inputs, strict=True):
-            gained = point.by_way(partial(_distance, held))
-            moved = moved + weight / mass * gained
+            moved = moved + weight / mass * point.gain(held)[1]
         simulated = float(values[-1]) + np.concatenate(([0.0], np.cumsum(moved)))
         residual = (self.signals.position - simulated)[self.known :]
         return replace(point, residual=residual) if np.all(np.isfinite(residual)) else None
@@ -616,15 +545,15 @@ class FrictionProblem:
         # What the forces add, and its derivative by p where the device moves that way.
         net, by_rate = np.zeros((2, 2, intervals))
         for weight, held in zip((1.0, -values[2], -1.0), point.inputs, strict=True):
-            net -= weight / mass**2 * point.by_way(partial(_gain, held))
-            by_rate += weight / mass * point.by_way(partial(_slope, held))
+            net -= weight / mass**2 * point.gain(held)
+            by_rate += weight / mass * point.slope_by_rate(held)
         by_rate += moving * along.speed[:-1] * point.by_way(_coasting_slope)
         rates = point.by_way(lambda way: np.full(intervals, way.rate))
         added["mass"] = net - rates / mass * by_rate
         added["damping"] = by_rate / mass
         found = terms(self.model, along.motion, self.signals.position, self.drive.steps)
         for name, held in zip(names[2:], found.columns, strict=True):
-            added[name] = -point.by_way(partial(_gain, held)) / mass
+            added[name] = -point.gain(held) / mass
         if self.model.directional:
             side = np.where(along.forward, 1.0, -1.0)
             constant = added["force_offset"]
@@ -652,18 +581,6 @@ class FrictionProblem:
 def _pair(gain: Gain) -> FloatArray:
     """Velocity and distance as rows, shape (2, n - 1)."""
     return np.stack((gain.velocity, gain.distance))
-
-
-def _distance(held: HeldColumn, way: HeldResponse) -> FloatArray:
-    return way.gain(held).distance
-
-
-def _gain(held: HeldColumn, way: HeldResponse) -> FloatArray:
-    return _pair(way.gain(held))
-
-
-def _slope(held: HeldColumn, way: HeldResponse) -> FloatArray:
-    return _pair(way.slope_by_rate(held))
 
 
 def _coasting_slope(way: HeldResponse) -> FloatArray:

@@ -1,8 +1,8 @@
-"""Signals of one log: noise of a reading, forces under a zero-order hold, rows of the equation.
+"""Signals of one log under a zero-order hold, and the response of a mass with damping to them.
 
 Interval k is [t[k], t[k+1]); a log of n samples has n - 1 of them, of any lengths. Everything that
 acts on the device is constant over an interval but for jumps inside it, so the equation of motion
-can be averaged and integrated exactly.
+can be averaged and integrated exactly, for any rate p = b/m, and with it the derivative by p.
 
 Row k is m·q̈ + b·q̇ + … = F multiplied by the triangle that is 1 at t[k] and 0 at both neighbours,
 integrated and divided by the mean step. Integrated by parts, acceleration becomes the difference
@@ -12,34 +12,18 @@ integral (HeldColumn.triangle). Any weighted sum of rows holds as well, so filte
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.trajectory import Trajectory
+from identification.estimators.filters import recursive
+from identification.trajectory import Trajectory, position_noise
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.intp]
 
-#: Steps this many counts or fewer decide whether there is a grid; larger ones only add rounding.
-_SMALL_STEPS = 50.0
-#: Fewer small steps than this may lie on a grid by chance, unless there are no other steps.
-_FEWEST_STEPS = 20
-#: A step may miss a whole number of counts by this part of a count (printed digits).
-_OFF_GRID = 0.05
-#: Steps held at once.
-_BLOCK = 1 << 20
-#: The noise is read in the band from this part of the sampling rate to its half, ...
-_BAND = 0.3
-#: ... of second differences, cut to this many samples at most: more add time, not truth.
-_LONGEST = 1 << 17
-#: Answers by log, for as long as its columns live: everything that looks at a log asks for them.
-_counts: dict[int, float | None] = {}
-_noises: dict[tuple[int, int], float] = {}
-#: Noise this many times the rounding of a count hides the count.
-_HIDDEN = 2.0
 #: A step longer than this many median steps has lost a sample.
 LOST = 1.5
 #: A delay this part of a sample beyond whole ones is whole: the rest is rounding of the stamps.
@@ -48,113 +32,6 @@ _HARDLY = 1e-6
 FIRST = 2
 #: ... and as many samples at the end have none: means of position need both neighbours' bend.
 LAST = 2
-
-
-def encoder_count(position: FloatArray) -> float | None:
-    """The step all changes of position are multiples of, m; None if there is no such step."""
-    key = id(position)
-    if key in _counts:
-        return _counts[key]
-    count = _count_of(position)
-    if _unchanging(position):
-        _counts[key] = count
-        finalize(position, _counts.pop, key, None)
-    return count
-
-
-def _unchanging(column: FloatArray) -> bool:
-    """Whether nobody can write to a column, as to none of a Trajectory."""
-    return column.base is None and not column.flags.writeable
-
-
-def _count_of(position: FloatArray) -> float | None:
-    # Below rounding of the values themselves a difference says nothing.
-    floor = 16 * float(np.spacing(max(abs(position.max()), abs(position.min()))))
-    blocks = [slice(i, i + _BLOCK + 1) for i in range(0, position.size - 1, _BLOCK)]
-    smallest, told = np.inf, 0
-    for rows in blocks:
-        steps = _steps(position[rows], floor)
-        told += steps.size
-        smallest = min(smallest, float(steps.min(initial=np.inf)))
-    if told == 0:
-        return None
-    small, crossed, square = 0, 0.0, 0.0
-    for rows in blocks:
-        steps = _steps(position[rows], floor, _SMALL_STEPS * smallest)
-        whole = np.rint(steps / smallest)
-        small += steps.size
-        crossed += float(np.sum(steps * whole))
-        square += float(np.sum(whole * whole))
-    if small < min(_FEWEST_STEPS, told):
-        return None
-    count = crossed / square
-    for rows in blocks:
-        counts = _steps(position[rows], floor, _SMALL_STEPS * smallest) / count
-        if np.max(np.abs(counts - np.rint(counts)), initial=0.0) >= _OFF_GRID:
-            return None
-    return count
-
-
-def _steps(position: FloatArray, above: float, most: float = np.inf) -> FloatArray:
-    """Sizes of the changes from one sample to the next that lie within some bounds, m."""
-    steps = np.abs(np.diff(position))
-    return steps[(steps > above) & (steps <= most)]
-
-
-def position_noise(
-    position: FloatArray, force: FloatArray, steps: float | FloatArray = 1.0
-) -> float:
-    """Standard deviation of one position reading, m, taken as white, rounding included.
-
-    Read from the highest frequencies of the second difference, where a held force moves a device
-    least; what follows the force even there is taken out first. Never below Δ/√12 of the encoder's
-    count Δ (Widrow: rounding noise of a signal that crosses counts).
-    """
-    if isinstance(steps, np.ndarray) or not (_unchanging(position) and _unchanging(force)):
-        return _noise_of(position, force, steps)
-    key = id(position), id(force)
-    if key not in _noises:
-        _noises[key] = _noise_of(position, force, steps)
-        for column in (position, force):
-            finalize(column, _noises.pop, key, None)
-    return _noises[key]
-
-
-def _noise_of(position: FloatArray, force: FloatArray, steps: float | FloatArray) -> float:
-    count = encoder_count(position)
-    least = 0.0 if count is None else count / np.sqrt(12.0)
-    middle = max(0, (position.size - _LONGEST) // 2)
-    part = slice(middle, middle + _LONGEST)
-    place, push = position[part], force[part]
-    if isinstance(steps, np.ndarray):
-        relative = (steps / np.mean(steps))[part][: place.size - 1]
-        slope, uneven = np.diff(place) / relative, float(np.mean(relative**-2.0))
-    else:
-        slope, uneven = np.diff(place), 1.0
-    window = np.hanning(place.size - 2)
-    second = np.fft.rfft(np.diff(slope) * window)
-    drive = np.fft.rfft((push[1:-1] + push[:-2]) / 2 * window)
-    frequency = np.fft.rfftfreq(window.size)
-    band = frequency >= _BAND
-    second, drive, frequency = second[band], drive[band], frequency[band]
-    power = float(np.sum(np.abs(drive) ** 2))
-    if power > 0:
-        second = second - drive * (np.sum(second * drive.conj()).real / power)
-    gain = (2 * np.sin(np.pi * frequency)) ** 4 * np.sum(window**2) * uneven
-    return max(least, float(np.sqrt(np.mean(np.abs(second) ** 2 / gain))))
-
-
-def finest_reading(position: FloatArray, force: FloatArray) -> float:
-    """Resolution of a log that does not state one: the encoder's count, m.
-
-    If noise exceeds the rounding of that count, or there is no count, the count whose rounding
-    would be as large as the noise.
-    """
-    count = encoder_count(position)
-    equivalent = float(np.sqrt(12.0)) * position_noise(position, force)
-    if count is not None and equivalent < _HIDDEN * count:
-        return count
-    return equivalent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -405,3 +282,155 @@ class Signals:
             kinematics=Kinematics.of(position - np.mean(position), steps),
             reference=None if reference is None else reference[:samples],
         )
+
+
+#: Below this |δ| the φ-functions are summed as series, above it taken from expm1.
+_SERIES_BELOW = 0.5
+#: Terms of the series: 0.5^16/18! is below the last bit.
+_TERMS = 18
+
+
+def phi(delta: float | FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """φ1 = (1 - e^(-δ))/δ, φ2 = (1 - φ1)/δ, φ3 = (1/2 - φ2)/δ, finite at δ = 0; any shape."""
+    delta = np.asarray(delta, dtype=np.float64)
+    if not np.any(np.abs(delta) >= _SERIES_BELOW):
+        return _series(delta)
+    near = np.abs(delta) < _SERIES_BELOW
+    large = np.where(near, 1.0, delta)
+    first = -np.expm1(-large) / large
+    second = (1 - first) / large
+    far = (first, second, (0.5 - second) / large)
+    return tuple(  # type: ignore[return-value]
+        np.where(near, small, beyond)
+        for small, beyond in zip(_series(np.where(near, delta, 0.0)), far, strict=True)
+    )
+
+
+def _series(delta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    # φ3 = Σ (-δ)^k/(k+3)!, by Horner with the common factor 1/6 last.
+    third = np.ones_like(delta)
+    for k in range(_TERMS, 3, -1):
+        third = 1 - delta * third / k
+    third = third / 6
+    second = 0.5 - delta * third
+    return 1 - delta * second, second, third
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepResponse:
+    """Step response to a unit force per mass, from rest; each of the shape of the times."""
+
+    #: velocity gained, m/s for each m/s²; also the distance coasted for each m/s; s
+    speed: FloatArray
+    place: FloatArray  # distance gained, s²
+    decay: FloatArray  # part left of a velocity
+    speed_slope: FloatArray  # derivative of ``speed`` by p, s²
+    place_slope: FloatArray  # derivative of ``place`` by p, s³
+    decay_slope: FloatArray  # derivative of ``decay`` by p, s
+
+    @classmethod
+    def during(cls, span: float | FloatArray, rate: float) -> StepResponse:
+        """For times in s, of any shape, and p in 1/s."""
+        span = np.asarray(span, dtype=np.float64)
+        first, second, third = phi(rate * span)
+        square = span * span
+        decay = 1 - rate * span * first
+        return cls(
+            speed=span * first,
+            place=square * second,
+            decay=decay,
+            speed_slope=square * (second - first),
+            place_slope=square * span * (2 * third - second),
+            decay_slope=-span * decay,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gain:
+    """Velocity and distance that each interval adds by itself, shape (n - 1,) each."""
+
+    velocity: FloatArray
+    distance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldResponse:
+    """A device of rate p on the grid of one log, moved by held columns."""
+
+    rate: float  # p, 1/s
+    whole: StepResponse  # of one full interval; numbers, or arrays of shape (n - 1,)
+    steps: float | FloatArray  # length of the intervals, s: one number, or shape (n - 1,)
+
+    @classmethod
+    def at(cls, rate: float, steps: float | FloatArray) -> HeldResponse:
+        """For p in 1/s and the steps of a log in s: one number, or shape (n - 1,)."""
+        return cls(rate=rate, whole=StepResponse.during(steps, rate), steps=steps)
+
+    def gain(self, column: HeldColumn) -> Gain:
+        """What a column, force per mass, adds in each interval."""
+        return self._moved(column, lambda response: (response.speed, response.place))
+
+    def slope_by_rate(self, column: HeldColumn) -> Gain:
+        """Derivative of ``gain`` by p."""
+        return self._moved(column, lambda response: (response.speed_slope, response.place_slope))
+
+    def _moved(
+        self, column: HeldColumn, of: Callable[[StepResponse], tuple[FloatArray, FloatArray]]
+    ) -> Gain:
+        """What a column adds of two parts of the response, with its jumps inside the intervals."""
+        velocity, distance = (column.level * part for part in of(self.whole))
+        if column.change.size:
+            jump = of(StepResponse.during(column.left, self.rate))
+            velocity = velocity + column.added(jump[0])
+            distance = distance + column.added(jump[1])
+        return Gain(velocity=velocity, distance=distance)
+
+    def slope_by_delay(self, column: HeldColumn, first: float) -> Gain:
+        """Derivative of ``gain`` by a delay of all jumps; ``first`` is the value before the log."""
+        level = column.level
+        before = np.concatenate(([first], level[:-1]))
+        if column.change.size:
+            inside = column.added(1.0)
+            before[1:] += inside[:-1]
+        border = level - before
+        velocity = -border * self.whole.decay
+        distance = -border * self.whole.speed
+        if column.change.size:
+            jump = StepResponse.during(column.left, self.rate)
+            velocity = velocity - column.added(jump.decay)
+            distance = distance - column.added(jump.speed)
+        return Gain(velocity=velocity, distance=distance)
+
+    def speed(self, added: FloatArray, start: float = 0.0) -> FloatArray:
+        """Velocity at each sample, shape (n,), from what intervals add to it, shape (n - 1,)."""
+        if self.whole.decay.ndim == 0:
+            return recursive(np.concatenate(([start], added)), -float(self.whole.decay))
+        return accumulate_decay(self.whole.decay, [added], [start])[0]
+
+    def position(self, gain: Gain, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity, shape (n,) each, from rest at zero or from a start velocity."""
+        speed = self.speed(gain.velocity, start)
+        moved = self.whole.speed * speed[:-1] + gain.distance
+        return np.concatenate(([0.0], np.cumsum(moved))), speed
+
+    def coasting(self, intervals: int) -> FloatArray:
+        """Position, shape (n,), from a start velocity of 1 under no force."""
+        nothing = np.zeros(intervals)
+        return self.position(Gain(velocity=nothing, distance=nothing), start=1.0)[0]
+
+    def position_slope(self, speed: FloatArray, slope: Gain) -> FloatArray:
+        """Derivative of a position by p, from its velocity and the slope of what is added."""
+        added = self.whole.decay_slope * speed[:-1] + slope.velocity
+        moved = self.whole.speed_slope * speed[:-1] + slope.distance
+        return self.position(Gain(velocity=added, distance=moved))[0]
+
+
+def accumulate_decay(
+    decay: FloatArray, added: Sequence[FloatArray], start: Sequence[float]
+) -> FloatArray:
+    """Velocities, shape (columns, n), where each interval leaves its own part of the one before."""
+    rows = np.empty((len(start), decay.size + 1))
+    rows[:, 0] = start
+    for index, column in enumerate(added):
+        rows[index, 1:] = column
+    return recursive(rows, -np.concatenate(([0.0], decay)))

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from identification.device.hardware import Hardware
 from identification.errors import Finding, InvalidInputError
 from identification.estimators.motion import running_maximum, running_range
-from identification.estimators.signals import LOST, encoder_count, finest_reading, position_noise
+from identification.estimators.signals import LOST, position_noise
 from identification.findings.force_balance import balance_of
-from identification.trajectory import Motion, Trajectory
+from identification.trajectory import Motion, Trajectory, encoder_count, finest_reading
 
 FloatArray = NDArray[np.float64]
 

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.estimate import Estimate, Gravity, solve
-from identification.estimators.signals import position_noise
-from identification.trajectory import Trajectory
+from identification.trajectory import Trajectory, position_noise
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -1,7 +1,4 @@
-"""Forces that the model does not have: of place, of a hand, of friction, of a device that changed.
-
-The last show where parts of a log, other cut-offs or rows at equal velocity tell another device.
-"""
+"""Forces that the model does not have, and logs whose parts tell different devices."""
 
 from __future__ import annotations
 

@@ -12,7 +12,6 @@ from identification.device.hardware import Hardware
 from identification.errors import Finding
 from identification.estimators.estimate import Estimate, Gravity, Model, half_width
 from identification.estimators.least_squares import Delay
-from identification.estimators.signals import position_noise
 from identification.findings import judge
 from identification.fitting.choice import (
     CONSULTED,
@@ -22,7 +21,7 @@ from identification.fitting.choice import (
     over_cut_offs,
     robust,
 )
-from identification.trajectory import Trajectory
+from identification.trajectory import Trajectory, position_noise
 
 if TYPE_CHECKING:
     from identification.fitting.friction_curve import FrictionCurve

@@ -26,10 +26,9 @@ from identification.estimators.least_squares import (
     find_delay,
     prepare,
 )
-from identification.estimators.signals import encoder_count
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
-from identification.trajectory import Trajectory
+from identification.trajectory import Trajectory, encoder_count
 
 _DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
 #: The method that is given a delay; the others fit one if nobody states it.

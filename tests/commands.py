@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import os
 import sys
+import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import tune
 from tune.cli.app import run
 
 #: The quickest scene there is: a fluid settles at once in rehearsal, a lone spring rings for long.
 FLUID = "elements: {water: {damping: 10.0}}\n"
+#: The JSON Schemas that are shipped.
+SCHEMAS = Path(tune.__file__).parent / "schemas"
 #: What --json prints, whatever happens; a message and details are added where there are any.
 RESULT_KEYS = {"schema", "command", "status", "exit_code", "findings", "outputs"}
 
@@ -73,3 +79,19 @@ def log_text(samples: int = 400, force: str = "") -> str:
 def files() -> set[str]:
     """Names of everything in the current folder."""
     return {path.name for path in Path().iterdir()}
+
+
+def form(*arguments: str) -> str:
+    """What ``haptune new`` writes for these arguments."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "form.yaml"
+        ended = haptune("new", *arguments, "-o", str(path), "--quiet")
+        assert ended.code == 0, ended.err
+        return path.read_text(encoding="utf-8")
+
+
+def digest_of(content: Mapping[str, Any]) -> str:
+    """The digest of a profile as documented: sha256 of its JSON, keys in order, without itself."""
+    rest = {key: value for key, value in content.items() if key != "digest"}
+    text = json.dumps(rest, sort_keys=True, separators=(",", ":"))
+    return "sha256:" + hashlib.sha256(text.encode()).hexdigest()

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tune.documents.profile import SafeProfile, digest_of
+from tests.commands import digest_of
+from tune.documents.profile import SafeProfile
 
 Path = tuple[str | int, ...]
 

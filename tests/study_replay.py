@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.simulated.experiment import EFFECTS, EffectName
 from tests.simulated.user_study import AREA_1, AREA_2, Given
-from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.perception import PerceptionTable, Study
 
 FloatArray = NDArray[np.float64]
@@ -66,7 +66,7 @@ def table_3(counts: dict[EffectName, tuple[int, int]], people: int) -> dict[str,
     """All ten rows of table 3 from the successes with equal and with different pairs."""
     rows: dict[str, Cell] = {}
     everything = Cell(trials=0, success=0)
-    for effect in EFFECT_NAMES:
+    for effect in EFFECTS:
         same = equal_trials(effect)
         equal, different = (
             Cell(trials=people * int(np.sum(which)), success=int(success))
@@ -80,7 +80,7 @@ def table_3(counts: dict[EffectName, tuple[int, int]], people: int) -> dict[str,
 
 def felt_ratios(given: Given) -> dict[EffectName, FloatArray]:
     """Area 2 over area 1 as given to each hand, shape (trials, people); area 1 is the first."""
-    return {name: getattr(given, name)[1:] / getattr(given, name)[0] for name in EFFECT_NAMES}
+    return {name: getattr(given, name)[1:] / getattr(given, name)[0] for name in EFFECTS}
 
 
 def study_of(table: PerceptionTable, effect: EffectName) -> Study:

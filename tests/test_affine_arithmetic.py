@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mpmath
 import numpy as np
 import pytest
 from flint import acb
@@ -12,34 +11,8 @@ from tests.thinned import thinned
 from tune.certificate.affine import AffineForm
 from tune.certificate.poles import closed_loop, precision
 from tune.certificate.region import ModeRegion, Region, Setting
-from tune.certificate.value_set import MOST_ALIASED, Mechanism, alias_sums, value_set
+from tune.certificate.value_set import Mechanism, value_set
 from tune.documents.certified import HandBox
-
-
-def _folded_exactly(n: int, theta: float, x: float) -> complex:
-    """t_n from its closed form: piecewise polynomials in x, each the integral of the one before."""
-    with mpmath.workdps(90):
-        angle, fraction = mpmath.mpf(theta), mpmath.mpf(x) - mpmath.floor(x)
-        parts = [1 / (mpmath.expj(angle) - 1)]
-        for _ in range(n - 1):
-            parts = [mpmath.mpf(0), *(-part / (i + 1) for i, part in enumerate(parts))]
-            parts[0] = mpmath.fsum(parts) / (mpmath.expj(-angle) - 1)
-        whole = mpmath.fsum(part * fraction**i for i, part in enumerate(parts))
-        return complex(whole * mpmath.expj(angle * fraction) - 1 / (1j * angle) ** n)
-
-
-def test_sums_over_aliases_are_their_closed_forms() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(60):
-        theta = float(rng.choice([10 ** rng.uniform(-4, 0), rng.uniform(0, np.pi), np.pi]))
-        x = float(rng.choice([rng.uniform(0, 5), float(rng.integers(0, 4)), 3 - 1e-9]))
-        found = alias_sums(np.array([theta]), np.array([x]), 2, 7)
-        for n in range(2, 8):
-            exact = _folded_exactly(n, theta, x)
-            assert abs(found[n - 2][0] - exact) < 1e-14
-            assert abs(exact) <= MOST_ALIASED[n]
-        if x % 1:
-            assert abs(_folded_exactly(1, theta, x)) <= MOST_ALIASED[1]
 
 
 def _region(rng: np.random.Generator, spread: float) -> tuple[Region, Setting]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -80,10 +78,3 @@ def test_ripple_with_everything_is_the_predicted_one() -> None:
         hand=Hand(mass=mass, damping=damping, stiffness=stiffness),
     )
     assert float(simulated[0]) == pytest.approx(predicted, rel=0.15)
-
-
-def test_ripple_needs_an_encoder_and_no_wall() -> None:
-    with pytest.raises(ValueError, match="give it an encoder_resolution"):
-        ripple_by_simulation(Rig(**DEVICE), Controller(damping=5.0))
-    with pytest.raises(ValueError, match="a wall gives no force outside"):
-        ripple_by_simulation(replace(Rig(**DEVICE), encoder_resolution=6e-6), Controller(side=-1))

@@ -19,13 +19,16 @@ from typing import Any
 import pytest
 
 from identification import InvalidInputError, load_device, load_trajectory
-from identification.documents import LARGEST_FILE, MOST_EVENTS, load_mapping
-from identification.readers.tables import LONGEST_HEADER, MOST_COLUMNS
+from identification.documents import load_mapping
 from tests.thinned import thinned
 from tune.documents.profile import load_profile
-from tune.documents.scene import MOST_ELEMENTS, MOST_SUMS, Scene, load_scene, moments_of
+from tune.documents.scene import Scene, load_scene
 from tune.optimisation._optimise import optimise
 
+#: Limits as documented: bytes of a YAML file, its keys and values, columns, letters of a header.
+LARGEST_FILE, MOST_EVENTS, MOST_COLUMNS, LONGEST_HEADER = 1_000_000, 20_000, 10_000, 5_000_000
+#: Elements of a scene, and sums of them.
+MOST_ELEMENTS, MOST_SUMS = 200, 1000
 TABLE = b"time,force,position\n" + b"0,0,0\n" * 300
 
 
@@ -167,8 +170,12 @@ def test_a_profile_of_the_largest_scene_is_read(tmp_path: Path) -> None:
     """With every key that an element can have, and every moment named where moments are named."""
     profile = optimise(load_device("homerehab"), Scene.model_validate(_FULL))
     elements = {f"e{i}": profile.elements["cup"] for i in range(MOST_ELEMENTS)}
-    moments = (" + ".join(moment) for moment in moments_of(elements, _GROUPS))
-    interior = dict.fromkeys(moments, next(iter(profile.certificate.interior.values())))
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(_scene(MOST_ELEMENTS, _GROUPS), encoding="utf-8")
+    subsets = load_scene(scene).subsets()
+    interior = dict.fromkeys(
+        map(" + ".join, subsets), next(iter(profile.certificate.interior.values()))
+    )
     many = profile.model_copy(
         update={
             "elements": elements,

@@ -62,24 +62,6 @@ def test_the_gain_up_to_which_all_gains_are_stable_is_the_same(block: int) -> No
     assert bounded > 20
 
 
-def test_a_gap_below_the_full_gain_is_found() -> None:
-    """Stable at full gain and near zero, unstable between: not safe, because gains pass there."""
-    delta = 0.0057
-    point = Point(mass=1.0, damping=delta, sample_time=1.0, delay_samples=0)
-    setting = Setting(
-        stiffness=0.752,
-        damping=0.211,
-        mass=0.576,
-        velocity_filter_hz=None,
-        acceleration_filter_hz=None,
-    )
-    verdict = judge(point, setting, 1.0)
-    assert verdict.radius < 1
-    assert verdict.answer == "unstable"
-    assert "crosses" in verdict.reason
-    assert judge(point, setting, 0.039).answer == "stable"
-
-
 def test_marginal_is_not_stable() -> None:
     """An undamped device under a virtual mass alone drifts for ever."""
     point = Point(mass=1.0, damping=0.0, sample_time=1e-3, delay_samples=0)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from identification import load_device, to_mapping, to_yaml
+from tests.commands import digest_of
 from tests.random_boxes import safe_gain as limit_of_corners
 from tune import SafeProfile, Scene, optimise
 from tune.certificate.assumptions import NO_HAND, WITH_HAND
@@ -16,7 +17,7 @@ from tune.certificate.check import check
 from tune.certificate.poles import judge
 from tune.certificate.region import Point, regions_of, setting_of
 from tune.documents.errors import CheckFailedError
-from tune.documents.profile import Design, digest_of
+from tune.documents.profile import Design
 
 
 def _design(**changes: object) -> Design:

@@ -14,10 +14,8 @@ from identification import Device, ForceLimit, Mode, load_device, quantity
 from tests.wall_axis import Axis
 from tests.wall_play import Array, Bench, Gate, Law
 from tune import SafeProfile, Scene, optimise
-from tune.certificate.certify import certify
-from tune.documents.certified import AbsoluteStability, Channel, Multiplier
-from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
-from tune.documents.profile import Design
+from tune.documents.certified import Multiplier
+from tune.documents.errors import NoFeasibleEffectError
 
 WALL = {"stiffness": "max", "damping": "max", "one_sided": True}
 #: N/m or N·m/rad that one wall reaches at least, both effects as large as can be.
@@ -191,92 +189,11 @@ def test_what_no_wall_can_meet_is_kept_apart_and_said_so() -> None:
     assert profile.elements["wall"].stiffness > STIFF["homerehab"]
 
 
-def proof_failures(design: Design, witnesses: dict[str, AbsoluteStability]) -> list[str]:
-    """What `certify` says of clamps."""
-    try:
-        certify(design, 4_000, witnesses)
-    except CheckFailedError as error:
-        return [
-            each
-            for each in error.failures
-            if "clamps" in each or "absolute_stab" in each or "multiplier" in each
-        ]
-    return []
-
-
 @pytest.fixture(scope="module")
 def wet() -> SafeProfile:
     """A wall beside a damper that may be switched."""
     elements = {"wall": WALL, "water": {"damping": 10.0}}
     return optimise(load_device("homerehab"), Scene.model_validate({"elements": elements}))
-
-
-def stated(profile: SafeProfile) -> dict[str, AbsoluteStability]:
-    return dict(profile.certificate.absolute_stability or {})
-
-
-def with_claim(profile: SafeProfile, moment: str, **update: object) -> dict[str, AbsoluteStability]:
-    found = stated(profile)
-    return found | {moment: found[moment].model_copy(update=update)}
-
-
-@pytest.mark.parametrize("beside", [None, "water", "cup"])
-def test_half_a_per_cent_beyond_what_a_clamp_is_proved_for_is_refused(beside: str | None) -> None:
-    """Of the wall alone, beside a damper that is switched and beside a mass that fades."""
-    wall = {"stiffness": 8000.0, "damping": 60.0, "one_sided": True}
-    elements = {"wall": wall, "water": {"damping": 30.0}, "cup": {"mass": 0.8, "damping": 20.0}}
-    chosen = {name: each for name, each in elements.items() if name in {"wall", beside}}
-    profile = optimise(load_device("homerehab"), Scene.model_validate({"elements": chosen}))
-    moment = "wall" if beside is None else f"wall + {beside}"
-
-    def proved(gain: float) -> bool:
-        return not proof_failures(profile, with_claim(profile, moment, gain=gain))
-
-    edge, beyond = 2.0, 8.0
-    while beyond > edge * 1.004:
-        middle = float(np.sqrt(edge * beyond))
-        edge, beyond = (middle, beyond) if proved(middle) else (edge, middle)
-    assert proved(edge * 0.995)
-    assert not proved(edge * 1.005)
-
-
-@pytest.mark.parametrize(
-    ("update", "words"),
-    [
-        ({"gain": 1.99}, "says a gain of 1.99"),
-        ({"extra_delay_samples": 0.0}, "with 0 extra samples"),
-        ({"free": None}, "no multiplier is stated"),
-    ],
-)
-def test_a_false_claim_of_a_clamp_is_refused(
-    wet: SafeProfile, update: dict[str, object], words: str
-) -> None:
-    failures = proof_failures(wet, with_claim(wet, "wall + water", **update))
-    assert any(words in each for each in failures)
-
-
-def test_channels_are_those_of_the_moment(wet: SafeProfile) -> None:
-    whole = stated(wet)["wall + water"].free
-    assert whole is not None
-    fewer = Multiplier(channels=whole.channels[:1])
-    failures = proof_failures(wet, with_claim(wet, "wall + water", free=fewer))
-    assert any("not of wall, damping" in each for each in failures)
-
-
-def test_a_constant_in_a_free_clamp_and_a_held_multiplier_without_a_hand_are_refused(
-    wet: SafeProfile,
-) -> None:
-    (moment,) = stated(wet)
-    free = stated(wet)[moment].free
-    assert moment == "wall + water"
-    assert free is not None
-    channel, damping = free.channels
-    lifted = Multiplier(channels=(channel.model_copy(update={"constant": 0.1}), damping))
-    assert proof_failures(wet, with_claim(wet, moment, free=lifted))
-    assert proof_failures(wet, with_claim(wet, moment, held=lifted))
-    assert proof_failures(wet, {})
-    nothing = Multiplier(channels=(Channel(name="wall"), damping))
-    assert proof_failures(wet, with_claim(wet, moment, free=nothing))
 
 
 class Clamped(Bench):

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from datasets_synthetic import bundled_path
-from tests.commands import files, haptune
+from tests.commands import files, form, haptune
 from tests.thinned import thinned
-from tune.cli.preparation import excitation_of
 
 #: The second name is wider than its column.
 SCENE = (
@@ -30,7 +29,7 @@ TABLES = (
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
-    text = excitation_of("homerehab").replace("duration: 10.0", "duration: 2.0")
+    text = form("excitation", "--device", "homerehab").replace("duration: 10.0", "duration: 2.0")
     Path("excitation.yaml").write_text(text, encoding="utf-8")
     shutil.copy(bundled_path("homerehab.csv"), "log.csv")
 

@@ -12,7 +12,6 @@ from scipy.linalg import expm
 
 from identification import Device, load_device, quantity
 from tune import SafeProfile, Scene, optimise
-from tune.certificate.time_domain import contact_failures
 from tune.loop.loop import Filters
 from tune.rendering import contact
 
@@ -212,29 +211,3 @@ def test_depth_force_and_energy_are_those_of_the_stated_motion() -> None:
     assert cup.force_on_entry == pytest.approx(0.2 * 30.0, rel=1e-3)
     mass = _tuned().elements["cup"].mass
     assert cup.energy_per_entry == pytest.approx(0.5 * mass * 0.2**2, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "forged"),
-    [
-        ("wall", {"restitution": (0.0, 0.1)}),
-        ("wall", {"restitution": None}),
-        ("wall", {"depth_at_continuous_force": 0.02}),
-        ("wall", {"depth_at_peak_force": None}),
-        ("wall", {"force_on_entry": 9.0}),
-        ("wall", {"net_damping": 30.0}),
-        ("wall", {"lead": 0.001}),
-        ("cup", {"energy_per_entry": 0.019}),
-        ("cup", {"restitution": (0.0, 0.0)}),
-    ],
-)
-def test_a_forged_contact_is_found(name: str, forged: dict[str, Any]) -> None:
-    profile = _tuned()
-    assert [*contact_failures(profile, name)] == []
-    element = profile.elements[name]
-    assert element.contact is not None
-    changed = element.model_copy(update={"contact": element.contact.model_copy(update=forged)})
-    false = profile.model_copy(update={"elements": {**profile.elements, name: changed}})
-    failures = [*contact_failures(false, name)]
-    assert failures
-    assert all(each.startswith(f"{name}: contact.{next(iter(forged))}") for each in failures)

@@ -21,13 +21,14 @@ from scipy.linalg import expm
 from scipy.stats import chi2, norm
 
 from identification import Device, load_device, round_to_digits, to_mapping, to_yaml
+from tests.commands import digest_of
 from tests.reference import crossings
 from tests.sampled_loops import Case, loop_along
 from tests.sampled_reference import Sampled
 from tune import CheckFailedError, Effects, Filters, Scene, audit, check, optimise
 from tune.certificate.certify import certify
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
-from tune.documents.profile import Design, LimitedBy, PerceptionProfile, digest_of
+from tune.documents.profile import Design, LimitedBy, PerceptionProfile
 
 #: How far from an edge, relative.
 OFF = 0.005

@@ -16,9 +16,8 @@ from identification import (
     load_excitation,
     plan_excitation,
 )
-from tests.commands import files, haptune
+from tests.commands import files, form, haptune
 from tests.excitation_plans import LIMITS, STEP, planned, rig_of, spec
-from tune.cli.preparation import template
 
 
 def test_the_same_limits_give_the_same_force() -> None:
@@ -158,7 +157,7 @@ def test_command_says_what_it_would_do_and_what_is_wrong(here: Path) -> None:
 @pytest.mark.usefixtures("here")
 def test_template_is_read() -> None:
     assert haptune("new", "excitation", "-o", "blank.yaml", "--quiet").code == 0
-    assert Path("blank.yaml").read_text(encoding="utf-8") == template("excitation")
+    assert Path("blank.yaml").read_text(encoding="utf-8") == form("excitation")
     filled = ("--device", "homerehab", "-o", "mine.yaml", "--quiet")
     assert haptune("new", "excitation", *filled).code == 0
     read = load_excitation(Path("mine.yaml"))

@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 
 from identification import to_mapping, to_yaml
-from tests.commands import files, haptune
+from tests.commands import digest_of, files, haptune
 from tests.exported import tuned
-from tune.documents.profile import digest_of
 from tune.exporters import TARGETS, export
 
 ALL = {

@@ -16,7 +16,6 @@ from tests.wall_trials import play
 from tune import Scene, optimise
 from tune.loop.loop import Filters
 from tune.loop.state_space import Corner
-from tune.optimisation.describe import with_fades
 from tune.stability.nonlinear import Values, shortest_fade
 
 LEVELS = np.linspace(0, 1, STEPS + 1)
@@ -160,10 +159,10 @@ def test_a_scene_may_ask_for_a_longer_fade_and_not_for_a_shorter_one() -> None:
 
     tuned = optimise(load_device("homerehab"), scene({}))
     assert tuned.elements["cup"].fade_time == 0.4
-    longer = with_fades(tuned, scene({"fade_time": 0.6}))
+    longer = optimise(load_device("homerehab"), scene({"fade_time": 0.6}))
     assert longer.elements["cup"].fade_time == 0.6
     with pytest.raises(InvalidInputError, match=r"it must fade over 0\.4 s") as refused:
-        with_fades(tuned, scene({"fade_time": 0.2}))
+        optimise(load_device("homerehab"), scene({"fade_time": 0.2}))
     assert "cup.fade_time" in str(refused.value)
 
 

@@ -18,12 +18,11 @@ from identification import (
     plan_excitation,
 )
 from identification.planning.limits import spec_from_device
-from tests.commands import haptune
+from tests.commands import form, haptune
 from tests.exact_axis import Axis, positions
 from tests.excitation_plans import LIMITS, STEP, planned, spec
 from tests.first_plays import Unknown, stored
 from tests.thinned import thinned
-from tune.cli.preparation import excitation_of
 
 Array = NDArray[np.float64]
 #: Between two ways to add up the same motion.
@@ -217,7 +216,7 @@ def test_the_command_warns_with_numbers_and_says_the_next_step(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = excitation_of("homerehab").replace("duration: 10.0", "duration: 2.0")
+    text = form("excitation", "--device", "homerehab").replace("duration: 10.0", "duration: 2.0")
     Path("excitation.yaml").write_text(text, encoding="utf-8")
     ended = haptune("excite", "excitation.yaml")
     assert ended.code == 0

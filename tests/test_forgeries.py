@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from identification import InvalidInputError, load_device, to_mapping, to_yaml
-from tests.commands import haptune
+from tests.commands import digest_of, haptune
 from tests.forgeries import GONE, Field, fields, forged, forgeries
 from tests.thinned import thinned
 from tune import CheckFailedError, SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
 from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST, check_content
 from tune.documents.certified import Certificate
-from tune.documents.profile import Design, digest_of
+from tune.documents.profile import Design
 
 SCENE: dict[str, Any] = {
     "elements": {

@@ -16,15 +16,9 @@ from identification import (
     Identification,
     LogRefusedError,
     SlopeRange,
-    Trajectory,
     identify,
     load_device,
-    quantity,
-    to_mapping,
 )
-from identification.fitting import distinguishable_terms
-from identification.fitting.choice import PreparedLog
-from identification.fitting.friction_curve import FrictionCurve, friction_curve, stop_operators
 from tests.friction_play import settled
 from tests.simulated.families import FAMILIES
 from tests.simulated.friction_rigs import (
@@ -42,8 +36,6 @@ from tests.thinned import thinned
 from tests.true_loops import judged
 from tests.unlimited import BOUNDLESS
 from tune import SafeProfile, Scene, optimise
-from tune.certificate.check import check_content
-from tune.certificate.region import regions_of
 from tune.documents.errors import NoFeasibleEffectError
 
 WALL = Scene.model_validate(
@@ -81,29 +73,13 @@ NAMED = {
 DRAGS = (0.0, 3.0, 10.0, 100.0)
 
 
-def _curve(log: Trajectory) -> FrictionCurve | None:
-    prepared = PreparedLog.of(log, distinguishable_terms(log), quantity(T))
-    return friction_curve(prepared.table, prepared.delay)
-
-
-def test_a_spring_that_yields_follows_its_width() -> None:
-    there = np.linspace(0.0, 3.0, 301)
-    position = np.concatenate((there, there[::-1]))
-    soft, hard = stop_operators(position, [1.0, 0.25])
-    np.testing.assert_allclose(soft[:301], np.minimum(there, 1.0), atol=1e-12)
-    # On the way back it unloads over twice its width.
-    np.testing.assert_allclose(
-        hard[301:], np.clip(1 - (3.0 - there[::-1]) / 0.25, -1, 1), atol=1e-9
-    )
-
-
 @pytest.mark.parametrize(
     ("kind", "servo"),
     thinned([("presliding", True), ("quadratic", False), ("place", False), ("stribeck", True)], 1),
 )
 def test_each_kind_is_named_and_mass_and_slope_are_right_beside_it(kind: Kind, servo: bool) -> None:
     log = record(friction_of(kind, SHARES["middle"]), range(3, 4), servo=servo, seconds=6.0)[0]
-    curve = _curve(log.trajectory)
+    curve = identify(log.trajectory, hardware=hardware()).logs[0].curve
     assert curve is not None
     assert curve.found[0].kind == NAMED[kind]
     assert 0.3 * log.share < curve.found[0].share < 1.7 * log.share
@@ -122,7 +98,7 @@ def test_each_kind_is_named_and_mass_and_slope_are_right_beside_it(kind: Kind, s
 @pytest.mark.parametrize("servo", [False, True])
 def test_plain_friction_shows_no_curve(seed: int, servo: bool) -> None:
     (log,) = record(Friction(), range(seed, seed + 1), servo=servo, seconds=6.0)
-    assert _curve(log.trajectory) is None
+    assert identify(log.trajectory, hardware=hardware()).logs[0].curve is None
 
 
 def test_drag_is_told_and_the_box_holds_its_slopes() -> None:
@@ -155,15 +131,12 @@ def test_what_holds_before_it_slides_is_proved_beside_what_slides() -> None:
     profile = optimise(device, WALL)
     assert profile.certificate.presliding_stiffness == (10.0, 800.0)
     assert any("slides, or holds the device" in each for each in profile.certificate.assumes)
-    bare, held = regions_of(profile)
-    assert (bare.position_stiffness, held.position_stiffness) == ((0.0, 0.0), (10.0, 800.0))
     # Late and filtered, a damper pushes where a stiff spring swings fast.
     strong = load_device("homerehab").model_copy(update={"force_limit": BOUNDLESS})
     stiff = SlopeRange(low=1e5, high=2e5)
     sprung = strong.model_copy(update={"presliding_stiffness": stiff})
     most, less = (optimise(each, WATER).elements["water"].damping for each in (strong, sprung))
     assert 0 < less < 0.5 * most
-    assert check_content(to_mapping(profile), "profile.yaml") is not None
 
 
 def _identified(log: Recorded) -> Identification | None:

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from identification import load_device, load_mapping, to_mapping, to_yaml
-from tests.commands import haptune
+from tests.commands import digest_of, haptune
 from tests.thinned import thinned
 from tune import Scene, optimise
-from tune.documents.profile import digest_of
 
 SCENE: dict[str, Any] = {
     "elements": {"wall": {"stiffness": 500.0, "damping": 10.0}},

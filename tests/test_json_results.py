@@ -18,14 +18,12 @@ from jsonschema import Draft202012Validator
 
 from datasets_synthetic import Controller, bundled_path, log_text, named_rig, simulate
 from identification import load_trajectory
-from tests.commands import FLUID, Ended, haptune
+from tests.commands import FLUID, SCHEMAS, Ended, form, haptune
 from tests.exported import LOOPS, changed
 from tune.cli.app import app
-from tune.cli.preparation import excitation_of
 from tune.cli.session import Session
 from tune.documents.results import DETAILS
 from tune.exporters import export
-from tune.schemas import FOLDER
 
 #: A fluid settles at once; the wall has all that a profile can say.
 SCENES = {
@@ -48,7 +46,7 @@ FIXED = (
 
 @functools.cache
 def _schema(name: str) -> Draft202012Validator:
-    return Draft202012Validator(json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")))
+    return Draft202012Validator(json.loads((SCHEMAS / f"{name}.json").read_text(encoding="utf-8")))
 
 
 def both(*arguments: str) -> tuple[Ended, str]:
@@ -128,7 +126,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "log.csv").write_text(log_text(log), encoding="utf-8")
     for name, scene in SCENES.items():
         (place / f"{name}.yaml").write_text(scene, encoding="utf-8")
-    text = excitation_of("homerehab").replace("duration: 10.0", "duration: 2.0")
+    text = form("excitation", "--device", "homerehab").replace("duration: 10.0", "duration: 2.0")
     (place / "excitation.yaml").write_text(text, encoding="utf-8")
     for name, (mass, start) in PLAYED.items():
         played = Controller(stiffness=800.0, damping=8.0, velocity_filter_hz=50.0)

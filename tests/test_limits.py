@@ -19,7 +19,8 @@ from tests.printed import (
     equation_43,
 )
 from tests.reference import reference_loop, stable_by_roots
-from tune.documents.effects import EFFECT_NAMES, Effects
+from tests.simulated.experiment import EFFECTS
+from tune.documents.effects import Effects
 from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import is_stable, largest
 
@@ -125,7 +126,7 @@ def test_known_limits_of_homerehab(
         delay_samples=delay,
         filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
     )
-    found = [float(largest(loop, name)) for name in EFFECT_NAMES]
+    found = [float(largest(loop, name)) for name in EFFECTS]
     assert [f"{found[0]:.0f}", f"{found[1]:.0f}", f"{found[2]:.3g}"] == [stiffness, damping, mass]
 
 
@@ -134,7 +135,7 @@ def test_limits_that_the_printed_formulas_miss_at_large_delta() -> None:
     for index, onset in enumerate((3.7208, 2.3106, 1.7022)):
         for delta in (onset * 1.01, 10.0, 600.0):
             loop = Loop.dimensionless(delta)
-            limit = float(largest(loop, EFFECT_NAMES[index]))
+            limit = float(largest(loop, EFFECTS[index]))
             reference = reference_loop(delta, *(limit if i == index else 0.0 for i in range(3)))
             assert stable_by_roots(reference.at(arb(1 - 1e-9)))
             assert not stable_by_roots(reference.at(arb(1 + 1e-9)))

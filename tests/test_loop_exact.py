@@ -11,8 +11,9 @@ from flint import arb, arb_poly
 from tests.general_loops import compare, draw_case, draw_ray, loop_of, without_filters
 from tests.reference import crossings, stable_by_jury
 from tests.sampled_loops import Case, loop_along, plant
+from tests.simulated.experiment import EFFECTS
 from tests.thinned import thinned
-from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.effects import Effects
 from tune.stability.criterion import ULPS, UNIT
 from tune.stability.verdict import largest, stable_values
 
@@ -47,7 +48,7 @@ def test_intervals_in_one_coordinate_end_where_360_digits_change_sides() -> None
         case = draw_case(rng)
         k, b, m = draw_ray(rng, case)
         others = Effects(stiffness=k, damping=b, mass=m)
-        name = EFFECT_NAMES[int(rng.integers(3))]
+        name = EFFECTS[int(rng.integers(3))]
         low, high = stable_values(loop_of(case), name, others)
         for end in np.ravel([low, high]):
             if not 0 < end < np.inf:
@@ -55,7 +56,7 @@ def test_intervals_in_one_coordinate_end_where_360_digits_change_sides() -> None
             sides: list[bool] = []
             for factor in (1 - 1e-9, 1 + 1e-9):
                 # Absent effects stay absent: the pole of free motion is not asked for.
-                values = dict(zip(EFFECT_NAMES, (k, b, m), strict=True))
+                values = dict(zip(EFFECTS, (k, b, m), strict=True))
                 values[name] = float(end) * factor
                 reference = loop_along(case, *values.values())
                 sides.append(stable_by_jury(reference.at(arb(1))))

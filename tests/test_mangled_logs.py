@@ -11,10 +11,9 @@ import pytest
 
 from datasets_synthetic import log_text, run, scenario_named
 from identification import Trajectory, load_document
-from tests.commands import Ended, haptune
+from tests.commands import Ended, form, haptune
 from tests.mangled import MANGLED, TORQUE_CONSTANT
 from tune import SafeProfile
-from tune.cli.preparation import hardware_of
 
 #: Scenario of a log by the known device it is of.
 LOGS = {"homerehab": "homerehab", "knob": "knob", "emps": "emps-open-loop"}
@@ -69,16 +68,16 @@ def test_no_form_of_a_log_needs_an_edit_by_hand(
     assert len(MANGLED) == 20
     monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
-    Path("hardware.yaml").write_text(hardware_of(device), encoding="utf-8")
+    Path("hardware.yaml").write_text(form("hardware", "--device", device), encoding="utf-8")
     log = log_of(device)
     Path("plain.csv").write_text(log_text(log), encoding="utf-8")
     ended, options = calibrated("plain.csv")
     assert (ended.code, options) == (0, []), ended.err
     plain = load_document(SafeProfile, Path("p.yaml"))
     wrong: list[str] = []
-    for name, form in MANGLED.items():
-        path = Path(f"log.{form.ending}")
-        path.write_bytes(form.content(log, plain.device.motion == "rotary"))
+    for name, written in MANGLED.items():
+        path = Path(f"log.{written.ending}")
+        path.write_bytes(written.content(log, plain.device.motion == "rotary"))
         ended, options = calibrated(path.name)
         print(f"{device}, {name}: {ended.code} {shlex.join(options)}")
         if ended.code:

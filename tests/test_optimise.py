@@ -8,20 +8,16 @@ import numpy as np
 import pytest
 
 from identification import Device, load_device, quantity
+from tests.simulated.experiment import EffectName
 from tests.thinned import thinned
 from tests.unlimited import BOUNDLESS, UNLIMITED
 from tune.certificate.poles import judge
 from tune.certificate.region import Point, setting_of
-from tune.documents.effects import EffectName, Effects
-from tune.documents.perception import default_table
+from tune.documents.effects import Effects
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene
-from tune.loop.loop import Filters, Loop
+from tune.loop.loop import Loop
 from tune.optimisation._optimise import optimise
-from tune.optimisation.feasibility import is_feasible
-from tune.optimisation.nash import largest_product
-from tune.optimisation.problem import DesignTask, pose
-from tune.optimisation.solve import backends, groups
 from tune.stability.verdict import largest
 
 #: A spring that acts at once takes little of the damping away, so that stability limits it.
@@ -135,6 +131,34 @@ def test_each_limit_binds_and_relaxing_it_lets_the_value_grow(
     assert abs(values[1][0]) > abs(values[0][0]) * 1.05
 
 
+@pytest.mark.parametrize(
+    ("effects", "ripple", "word", "grows"),
+    [
+        (("damping", "mass"), 0.05, "ripple", True),
+        (("stiffness", "damping"), 0.1, "rendering", False),
+    ],
+)
+def test_two_effects_at_once_name_the_limit_that_binds_them(
+    effects: tuple[str, str], ripple: float, word: str, grows: bool
+) -> None:
+    """A tenth more ripple lets both grow if that is the limit, and neither if it is another."""
+    tight, loose = (
+        optimise(
+            _device(),
+            _scene(
+                {"it": dict.fromkeys(effects, "max")},
+                ripple_limit=limit,
+                loop={"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+            ),
+        ).elements["it"]
+        for limit in (ripple, 1.1 * ripple)
+    )
+    assert set(tight.limited_by.values()) == {word}
+    for effect in effects:
+        more = getattr(loose, effect) / getattr(tight, effect)
+        assert (more > 1.03) if grows else more == pytest.approx(1, abs=1e-5)
+
+
 def test_what_no_hand_could_tell_is_played_once_the_encoder_is_finer() -> None:
     """A coarse encoder leaves less than a step of mass, and all of the ripple to the damper."""
     scene = _scene(
@@ -150,27 +174,6 @@ def test_what_no_hand_could_tell_is_played_once_the_encoder_is_finer() -> None:
     assert fine.perceived_steps["mass"] >= 1
 
 
-def test_joint_optimum_against_a_fine_grid() -> None:
-    """Product of the steps of K and B of a wall: no allowed grid point has a larger one."""
-    device = _device()
-    scene = _scene({"wall": {"stiffness": "max", "damping": "max"}}, ripple_limit=0.02)
-    task = DesignTask.of(device, scene, default_table())
-    problem = pose(task, elements=["wall"], filters=Filters(velocity_filter_hz=50.0))
-    best = largest_product(problem, backends())
-    assert best.sizes is not None
-    assert best.disagreements < 1e-6
-    steps = [u.steps(float(s)) for u, s in zip(problem.unknowns, best.sizes, strict=True)]
-    most, grid = steps[0] * steps[1], 0.0
-    for h0 in np.linspace(0.8, 1.2, 17) * steps[0]:
-        for h1 in np.linspace(0.8, 1.2, 17) * steps[1]:
-            pairs = zip(problem.unknowns, (h0, h1), strict=True)
-            sizes = np.array([unknown.size_at(height) for unknown, height in pairs])
-            if h0 * h1 > grid and is_feasible(problem, sizes):
-                grid = h0 * h1
-    assert grid <= most * (1 + 1e-6)
-    assert grid >= 0.9 * most
-
-
 def test_homerehab_is_stiff_damped_and_heavy_at_once() -> None:
     """By least steps 69 N/m; a random search with its own check found 1400, 58 and 1.18."""
     scene = _scene(
@@ -183,21 +186,6 @@ def test_homerehab_is_stiff_damped_and_heavy_at_once() -> None:
     assert it.mass >= 1.1
 
 
-def test_three_effects_of_one_element_are_found_and_certified() -> None:
-    profile = optimise(
-        _device(),
-        _scene(
-            {"block": {"stiffness": "max", "damping": "max", "mass": "max"}},
-            loop={"velocity_filter_hz": 50.0, "acceleration_filter_hz": 20.0},
-        ),
-    )
-    block = profile.elements["block"]
-    assert min(block.perceived_steps.values()) >= 1
-    assert block.stiffness > 0
-    assert block.damping > 0
-    assert block.mass > 0
-
-
 def test_elements_together_are_certified_as_a_sum() -> None:
     alone = optimise(_device(), _scene({"wall": {"stiffness": "max", **DEEP}}))
     apart = {"wall": {"stiffness": "max", **DEEP}, "rail": {"stiffness": 500.0, **DEEP}}
@@ -206,15 +194,6 @@ def test_elements_together_are_certified_as_a_sum() -> None:
     assert both.elements["wall"].stiffness == pytest.approx(
         alone.elements["wall"].stiffness - 500.0, rel=1e-3
     )
-
-
-def test_groups_follow_together() -> None:
-    scene = _scene(
-        {name: {"stiffness": 1.0} for name in "abcde"}, together=[["a", "c"], ["c", "e"]]
-    )
-    assert groups(scene) == (("a", "c", "e"), ("b",), ("d",))
-    assert ("a", "e") not in scene.subsets()
-    assert ("a", "c") in scene.subsets()
 
 
 def test_an_effect_no_hand_can_tell_is_dropped_and_said_so() -> None:

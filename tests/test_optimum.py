@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.solver_cells import CASES, posed_of, task_of
-from benchmarks.solvers import SOLVERS
 from tests.optimum_answers import (
     UNDECIDED,
     case_of,
@@ -30,7 +28,6 @@ from tune.certificate.check import check
 from tune.documents.errors import NoFeasibleEffectError
 from tune.optimisation._optimise import optimise
 from tune.optimisation.nash import Solution
-from tune.optimisation.solve import groups
 
 FloatArray = NDArray[np.float64]
 
@@ -190,18 +187,3 @@ def test_no_evolution_finds_better(seed: int) -> None:
     solver.optimize(np.log(sizes) - 1)
     assert best <= reached + GAP
     assert best >= reached - 0.2, "the evolution did not come near: it proves nothing"
-
-
-@pytest.mark.long
-def test_the_benchmark_asks_every_local_solver_fairly() -> None:
-    """Given the corners and the start, all of them end where the searches did."""
-    posed = posed_of(CASES["K and B"], starts=3)
-    task = task_of(posed)
-    for name in ("IPOPT", "nlopt SLSQP", "scipy SLSQP", "nlopt COBYLA"):
-        place = SOLVERS[name](task)
-        assert place is not None
-        assert posed.gap(place) == pytest.approx(0, abs=GAP), name
-
-
-def test_every_pair_is_one_group() -> None:
-    assert all(len(groups(random_pair(seed).scene)) == 1 for seed in range(24))

@@ -14,12 +14,13 @@ from identification import as_stored, load_device, quantity
 from tests.optimum_wishes import felt_ends, wanted_of
 from tests.own_force_cases import OwnForceCase, Triple, draw_case, scaled, stable, unstable_gain
 from tests.sampled_bench import SampledBench
+from tests.simulated.experiment import EFFECTS
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune._audit import Audit, audit
 from tune.certificate.poles import judge
 from tune.certificate.region import ModePoint, Point, Setting
 from tune.documents.certified import HandPlace
-from tune.documents.effects import EFFECT_NAMES, Effects
+from tune.documents.effects import Effects
 from tune.documents.scene import FREE_TO_RIGID
 from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import is_stable
@@ -42,7 +43,7 @@ def some(*few: int) -> list[Any]:
 
 def effects_of(sizes: Triple) -> Effects:
     """Sizes of zero as effects that are absent."""
-    return Effects(**{name: size or None for name, size in zip(EFFECT_NAMES, sizes, strict=True)})
+    return Effects(**{name: size or None for name, size in zip(EFFECTS, sizes, strict=True)})
 
 
 def filters_of(case: OwnForceCase, sizes: Triple) -> Filters:
@@ -157,7 +158,7 @@ def test_what_is_tuned_is_stable_and_what_is_refused_is_not(seed: int) -> None:
         (reason,) = error.reasons
         size = re.match(rf"one\.{played}: (\S+) would be 0\.\d+ of a step", reason)
         assert size, reason
-        largest = [1.05 * float(size[1]) if name == played else 0.0 for name in EFFECT_NAMES]
+        largest = [1.05 * float(size[1]) if name == played else 0.0 for name in EFFECTS]
         if reason.endswith("limited by rendering"):
             # A little more would bring or take more than a step of what is not asked for.
             filters = (case.velocity_filter_hz, case.acceleration_filter_hz)

@@ -13,8 +13,7 @@ import pytest
 import identification
 import tune
 from identification import InvalidInputError, Replaced
-from tests.commands import FLUID, log_text
-from tune.cli.preparation import excitation_of
+from tests.commands import FLUID, form, log_text
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ def folder(tmp_path: Path) -> Path:
         "check": profile,
         "load_device": identification.to_yaml(identification.to_mapping(device)),
         "load_document": FLUID,
-        "load_excitation": excitation_of("homerehab"),
+        "load_excitation": form("excitation", "--device", "homerehab"),
         "load_mapping": FLUID,
         "load_profile": profile,
         "load_scene": FLUID,

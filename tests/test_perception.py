@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification import InvalidInputError, load_device, load_document, quantity
-from tune.documents.effects import EFFECT_NAMES
+from tests.simulated.experiment import EFFECTS
 from tune.documents.perception import (
     PerceptionTable,
     Scale,
@@ -163,7 +163,7 @@ def test_the_literature_says_how_it_is_known() -> None:
     assert {entry.quantity for entry in entries} >= {"force", "stiffness", "damping", "mass"}
     assert all(entry.low <= entry.high < 1 for entry in entries)
     # Where other people measured the same quantity, the study's interval meets theirs.
-    for effect in EFFECT_NAMES:
+    for effect in EFFECTS:
         weber = default_table().fraction(effect).estimate()
         published = [entry for entry in entries if entry.quantity == effect]
         assert weber.low is not None

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification import load_device, to_mapping, to_yaml
+from tests.commands import digest_of
+from tests.simulated.experiment import EFFECTS, EffectName
 from tune import SafeProfile, Scale, Scene, chance_to_tell_apart, check, default_table, optimise
-from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.errors import CheckFailedError
-from tune.documents.profile import digest_of
 from tune.documents.scene import DEFAULT_MOTION, Motion
 
 #: Smallest forces that are noticed, N and N·m, over depth, speed and acceleration.
@@ -29,7 +29,7 @@ def _scale(name: str, effect: EffectName) -> Scale:
     return Scale.of(effect, device, default_table(), DEFAULT_MOTION[device.motion])
 
 
-@pytest.mark.parametrize("effect", EFFECT_NAMES)
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_on_the_papers_device_steps_are_logarithms_to_the_last_bit(effect: EffectName) -> None:
     scale = _scale("homerehab", effect)
     printed = {"stiffness": 34.3, "damping": 2.11, "mass": 0.246}
@@ -44,7 +44,7 @@ def test_on_the_papers_device_steps_are_logarithms_to_the_last_bit(effect: Effec
 
 
 @pytest.mark.parametrize("name", FLOORS)
-@pytest.mark.parametrize("effect", EFFECT_NAMES)
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_on_light_devices_a_step_is_the_smallest_force(name: str, effect: EffectName) -> None:
     scale, floor = _scale(name, effect), FLOORS[name][effect]
     assert scale.reference < scale.corner

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from identification import load_device
+from tests.simulated.experiment import EFFECTS, EffectName
 from tests.simulated.user_study import AREA_1, AREA_2, PEOPLE
 from tests.study_replay import COLUMN, TABLE_3, equal_trials, study_of
-from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.documents.perception import Answers, Study, chance_to_tell_apart, default_table
 
 NORMAL = NormalDist()
@@ -42,7 +42,7 @@ def test_the_normal_quantile_used_here_is_right() -> None:
             assert NORMAL.inv_cdf(float(share)) == pytest.approx(float(exact), rel=1e-13)
 
 
-@pytest.mark.parametrize("effect", EFFECT_NAMES)
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_the_shipped_counts_are_those_of_tables_2_and_3(effect: EffectName) -> None:
     study, column = _study(effect), COLUMN[effect]
     equal = int(np.sum(equal_trials(effect)))
@@ -79,7 +79,7 @@ def test_weber_fractions_of_the_paper(
 
 def test_the_paper_calls_damping_best_and_mass_least_discriminated() -> None:
     """Section 5, though mass was shown at a smaller ratio: its Weber fraction is the least."""
-    order = sorted(EFFECT_NAMES, key=lambda effect: _study(effect).sensitivity())
+    order = sorted(EFFECTS, key=lambda effect: _study(effect).sensitivity())
     assert order == ["mass", "stiffness", "damping"]
     assert default_table().mass.value < default_table().damping.value
 
@@ -104,7 +104,7 @@ def _values(answers: Answers) -> list[float]:
     return [answers.right.value, answers.equal.value, answers.wrong.value]
 
 
-@pytest.mark.parametrize("effect", EFFECT_NAMES)
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_the_prediction_gives_back_the_rates_of_the_study(effect: EffectName) -> None:
     device = load_device("homerehab")
     low, high = (area[COLUMN[effect]] for area in (AREA_1, AREA_2[-1]))
@@ -143,7 +143,7 @@ def _jeffreys(right: int, trials: int) -> tuple[float, float]:
     return quantile(0.025), quantile(0.975)
 
 
-@pytest.mark.parametrize("effect", EFFECT_NAMES)
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_at_the_ratio_shown_the_interval_is_that_of_the_observed_share(effect: EffectName) -> None:
     study = _study(effect)
     shown, same = study.answers(study.ratio).right, study.answers(1.0).equal
@@ -154,7 +154,7 @@ def test_at_the_ratio_shown_the_interval_is_that_of_the_observed_share(effect: E
     assert [same.low, same.high] == pytest.approx(expected, abs=2e-4)
 
 
-@pytest.mark.parametrize("effect", EFFECT_NAMES)
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_intervals_of_weber_fractions_against_draws_of_another_generator(
     effect: EffectName,
 ) -> None:

@@ -10,8 +10,8 @@ import pytest
 
 from tests import printed
 from tests.printed import Characteristic, Number, Setting
+from tests.simulated.experiment import EFFECTS, EffectName
 from tune import Effects, Filters, Loop, is_stable, largest, least_damping_ratio
-from tune.documents.effects import EFFECT_NAMES, EffectName
 from tune.stability.verdict import stable_values
 
 #: HomeRehab and the paper's setting.
@@ -31,9 +31,9 @@ PRESENT: dict[str, tuple[Characteristic, tuple[EffectName, ...]]] = {
 }
 
 
-def _setting(effects: tuple[EffectName, ...] = EFFECT_NAMES) -> Setting:
+def _setting(effects: tuple[EffectName, ...] = EFFECTS) -> Setting:
     """HomeRehab with some of the paper's setting."""
-    K, B, M = (mpmath.mpf(EVERYTHING[name] if name in effects else 0) for name in EFFECT_NAMES)
+    K, B, M = (mpmath.mpf(EVERYTHING[name] if name in effects else 0) for name in EFFECTS)
     m, b = mpmath.mpf(3), mpmath.mpf(10)
     return Setting(m=m, b=b, T=mpmath.mpf(0.001), K=K, B=B, M=M)
 
@@ -100,7 +100,7 @@ def test_characteristic_equations_have_the_polynomial_of_the_loop(
     with mpmath.workdps(printed.DIGITS):
         ours = [mpmath.mpf(float(c)) for c in coefficients]
         s = Setting.dimensionless(
-            delta, *(values[name] if name in names else 0.0 for name in EFFECT_NAMES)
+            delta, *(values[name] if name in names else 0.0 for name in EFFECTS)
         )
         factors: list[Number] = []
         for z in POINTS:
@@ -162,7 +162,7 @@ def test_lower_limits_13_is_exact_and_20_low_by_five_sixths_of_delta() -> None:
     """-b < B to the last digit; the exact lower limit of M is -m(1 + 5δ/6 + O(δ²))."""
     for delta in (1e-4, 1e-3, 1e-2, 0.1):
         loop = Loop.dimensionless(delta)
-        low = {name: float(stable_values(loop, name, sign=-1).high[0]) for name in EFFECT_NAMES[1:]}
+        low = {name: float(stable_values(loop, name, sign=-1).high[0]) for name in EFFECTS[1:]}
         assert low["damping"] == pytest.approx(delta, rel=1e-12)
         assert (low["mass"] - 1) / delta == pytest.approx(5 / 6, abs=delta)
 
@@ -171,7 +171,7 @@ def test_lower_limits_13_is_exact_and_20_low_by_five_sixths_of_delta() -> None:
 def test_figures_2_to_4_meet_on_their_axes(delta: float) -> None:
     """Each boundary of two effects ends on an axis where the limit of one effect alone is."""
     loop = Loop.dimensionless(delta)
-    alone = {name: float(largest(loop, name)) for name in EFFECT_NAMES}
+    alone = {name: float(largest(loop, name)) for name in EFFECTS}
     tiny = 1e-9
     assert float(largest(loop, "stiffness", Effects(damping=0.0))) == pytest.approx(
         alone["stiffness"], rel=1e-12
@@ -193,8 +193,8 @@ def test_the_cube_of_side_two_is_one_for_small_delta_only(delta: float, side: fl
     """How far the stable region of positive α, β, γ reaches, over a grid of the two others."""
     loop, grid = Loop.dimensionless(delta), np.linspace(0, 1.2 * side, 61)
     reach = 0.0
-    for name in EFFECT_NAMES:
-        others = [other for other in EFFECT_NAMES if other != name]
+    for name in EFFECTS:
+        others = [other for other in EFFECTS if other != name]
         first, second = np.meshgrid(grid, grid)
         ends = stable_values(loop, name, Effects(**dict(zip(others, (first, second), strict=True))))
         reach = max(reach, float(np.nanmax(ends.high)))

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from identification import load_device
+from tests.commands import form
 from tune.certificate.check import check
-from tune.cli.preparation import hardware_of
 from tune.documents.errors import CheckFailedError
 
 LOG = Path(__file__).parents[2] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
@@ -64,7 +64,7 @@ def test_calibrate_writes_a_profile_that_check_passes_and_a_changed_digit_fails(
     scene, target = tmp_path / "scene.yaml", tmp_path / "profile.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     hardware = tmp_path / "hardware.yaml"
-    hardware.write_text(hardware_of("emps"), encoding="utf-8")
+    hardware.write_text(form("hardware", "--device", "emps"), encoding="utf-8")
     arguments = (str(LOG), *OPTIONS, "--scene", str(scene), "-o", str(target))
     assert _haptune(monkeypatch, "calibrate", *arguments) == 3, "nobody stated the hardware"
     arguments += ("--hardware", str(hardware))

@@ -144,15 +144,15 @@ def test_a_perception_table_is_found_beside_the_scene(tmp_path: Path) -> None:
 
 
 def test_the_template_is_a_scene_and_shows_every_key(tmp_path: Path) -> None:
-    from tune.cli.preparation import template
+    from tests.commands import form
 
     path = tmp_path / "scene.yaml"
-    path.write_text(template("scene"), encoding="utf-8")
+    path.write_text(form("scene"), encoding="utf-8")
     scene = load_scene(path)
     assert scene.model_fields_set == set(Scene.model_fields)
     shown = set[str]().union(*(element.model_fields_set for element in scene.elements.values()))
     # What binds or changes walls where it is stated is shown without stating it.
     for line in ("# penetration: 0.01", "# lead: 0.001", "# favour: both"):
-        assert line in template("scene")
+        assert line in form("scene")
     shown |= {"penetration", "lead", "favour"}
     assert shown == set(type(scene.elements["wall"]).model_fields)

@@ -21,11 +21,11 @@ from identification import (
     named_devices,
     to_mapping,
 )
+from tests.commands import SCHEMAS, form
 from tune import SafeProfile, Scene, optimise
-from tune.cli.preparation import excitation_of, hardware_of, scene_of, template
 from tune.documents.perception import PerceptionTable
 from tune.rendering import ThresholdCurve
-from tune.schemas import FOLDER, generate
+from tune.schemas import generate
 
 MODELS: dict[str, type[Document]] = {
     "hardware": Hardware,
@@ -39,7 +39,7 @@ MODELS: dict[str, type[Document]] = {
 
 
 def _validator(name: str) -> Draft202012Validator:
-    return Draft202012Validator(json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")))
+    return Draft202012Validator(json.loads((SCHEMAS / f"{name}.json").read_text(encoding="utf-8")))
 
 
 def _parsed(text: str) -> Any:
@@ -52,9 +52,9 @@ def _parsed(text: str) -> Any:
 def test_shipped_schemas_are_up_to_date() -> None:
     """If not: python -m tune.schemas."""
     assert {f"{name}.json" for name in (*MODELS, "export", "result")} == set(generate())
-    assert set(generate()) == {path.name for path in FOLDER.glob("*.json")}
+    assert set(generate()) == {path.name for path in SCHEMAS.glob("*.json")}
     for name, text in generate().items():
-        assert json.loads((FOLDER / name).read_text(encoding="utf-8")) == json.loads(text), name
+        assert json.loads((SCHEMAS / name).read_text(encoding="utf-8")) == json.loads(text), name
 
 
 def test_schemas_and_templates_are_in_the_package() -> None:
@@ -68,17 +68,17 @@ def test_schemas_and_templates_are_in_the_package() -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_each_is_a_schema_that_knows_its_own_file(name: str) -> None:
-    schema = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    schema = json.loads((SCHEMAS / f"{name}.json").read_text(encoding="utf-8"))
     Draft202012Validator.check_schema(schema)
     assert schema["properties"]["schema"]["const"] == f"haptune/{name}/1"
     assert schema["additionalProperties"] is False
 
 
 def test_what_haptune_writes_and_ships_is_valid() -> None:
-    _validator("scene").validate(_parsed(template("scene")))
-    _validator("hardware").validate(_parsed(template("hardware")))
+    _validator("scene").validate(_parsed(form("scene")))
+    _validator("hardware").validate(_parsed(form("hardware")))
     for name in named_devices():
-        _validator("excitation").validate(_parsed(excitation_of(name)))
+        _validator("excitation").validate(_parsed(form("excitation", "--device", name)))
     for kind, name in (
         ("perception", "homerehab_study"),
         ("vibration", "grasped_cylinder"),
@@ -87,8 +87,8 @@ def test_what_haptune_writes_and_ships_is_valid() -> None:
         text = (files("tune") / "data" / f"{name}.yaml").read_text(encoding="utf-8")
         _validator(kind).validate(_parsed(text))
     for name in named_devices():
-        _validator("hardware").validate(_parsed(hardware_of(name)))
-        _validator("scene").validate(_parsed(scene_of(name)))
+        _validator("hardware").validate(_parsed(form("hardware", "--device", name)))
+        _validator("scene").validate(_parsed(form("scene", "--device", name)))
         _validator("device").validate(to_mapping(load_device(name)))
     profile = optimise(
         load_device("homerehab"), Scene.model_validate({"elements": {"w": {"stiffness": "max"}}})

@@ -7,17 +7,18 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from flint import arb
+from flint import arb, arb_poly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.reference import boundary_gains, reference_loop, stable_by_roots
+from tests.reference import boundary_gains, reference_loop, roots_of, stable_by_roots
+from tests.simulated.experiment import EFFECTS
 from tests.thinned import thinned
 from tune.documents.effects import Effects
-from tune.loop.loop import Loop
+from tune.loop.loop import Filters, Loop
+from tune.loop.plant import ModeNumbers
 from tune.stability.criterion import routh
 from tune.stability.verdict import (
-    EFFECT_NAMES,
     gain_interval,
     is_stable,
     largest,
@@ -197,19 +198,10 @@ def test_limits_do_not_depend_on_units(
     other = Loop.from_numbers(
         mass=mass * unit, damping=damping, sample_time=step * unit, delay_samples=1
     )
-    for name, power in zip(EFFECT_NAMES, (-1, 0, 1), strict=True):
+    for name, power in zip(EFFECTS, (-1, 0, 1), strict=True):
         assert float(largest(other, name)) == pytest.approx(
             float(largest(plain, name)) * unit**power, rel=1e-9
         )
-
-
-def test_the_fast_criterion_and_the_routh_array_agree() -> None:
-    rng = np.random.default_rng(5)
-    values = rng.uniform(-3, 8, (3, 50_000)) * 10 ** rng.uniform(-6, 0, (3, 50_000))
-    for delta in (0.0, 1e-9, 1e-2, 3.0):
-        loop = Loop.dimensionless(delta)
-        effects = Effects(stiffness=values[0], damping=values[1], mass=values[2])
-        assert np.array_equal(verdict(loop, effects), routh(*loop.polynomial(effects)))
 
 
 def test_broadcasting_devices_against_effects() -> None:
@@ -264,3 +256,71 @@ def test_a_million_verdicts_cost_at_most_30_ns_each_and_beat_eigenvalues_100_fol
     theirs = _best_time(lambda: np.linalg.eigvals(companion), 3) / 20_000
     assert ours <= 30e-9 * max(1.0, plain / 3.3e-3)
     assert theirs / ours >= 100
+
+
+def _built(roots: np.ndarray) -> list[arb]:
+    """Coefficients in 360 digits of the real polynomial with these roots and their conjugates."""
+    total = arb_poly([1])
+    for root in roots:
+        real, imaginary = arb(float(root.real)), arb(float(root.imag))
+        if root.imag == 0:
+            total = total * arb_poly([-real, 1])
+        else:
+            total = total * arb_poly([real * real + imaginary * imaginary, -2 * real, 1])
+    return list(total.coeffs())
+
+
+def test_any_degree_is_judged_by_its_roots_or_not_at_all() -> None:
+    """Clusters, graded and nearly marginal roots up to degree 25; rounded coefficients."""
+    rng = np.random.default_rng(4)
+    tally = {"stable": 0, "unstable": 0, "open": 0}
+    for _ in range(400):
+        pairs = int(rng.integers(1, 12))
+        modulus = 10 ** rng.uniform(-3, 1, pairs)
+        if rng.random() < 0.3:
+            modulus[:] = modulus[0] * (1 + 0.1 * rng.standard_normal(pairs))
+        angle = rng.uniform(np.pi / 2 + 0.02, np.pi, pairs)
+        roots = modulus * np.exp(1j * angle)
+        distance = 10 ** rng.uniform(-9, -1) * rng.choice([-1, 1])
+        roots[0] = abs(roots[0]) * complex(-distance, 1)
+        lone = -(10 ** rng.uniform(-3, 1, int(rng.integers(0, 4)))) + 0j
+        exact = _built(np.concatenate([roots, lone]))
+        c = np.array([float(x) for x in exact])
+        answer = int(routh(c, np.abs(c)))
+        # The roots of the rounded coefficients, whose box is what is judged.
+        truth = all(root.real < 0 for root in roots_of([arb(x) for x in c]))
+        assert answer == 0 or (answer > 0) == truth
+        tally["open" if answer == 0 else "stable" if answer > 0 else "unstable"] += 1
+    assert min(tally["stable"], tally["unstable"]) > 80, tally
+    assert tally["open"] < 160, tally
+
+
+def test_a_million_verdicts_of_degree_ten_take_at_most_200_ns_each() -> None:
+    rng = np.random.default_rng(7)
+    values = rng.uniform([[0], [-50], [-2]], [[9e3], [2e3], [20]], (3, 1_000_000))
+    mode = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.3, at_handle=-0.5)
+    filters = Filters(velocity_filter_hz=60.0, velocity_filter_order=2, acceleration_filter_hz=40.0)
+    loop = Loop.from_numbers(
+        mass=3.0,
+        damping=10.0,
+        sample_time=1e-3,
+        delay_samples=1.5,
+        modes=(mode,),
+        filters=filters,
+    )
+    assert loop.degree == 10
+    effects = Effects(stiffness=values[0], damping=values[1], mass=values[2])
+    # A processor shared with others is as much slower at a hundred million plain products, 33 ms of
+    # one to itself; the best of a dozen of both tells by how much.
+    first, second, product = rng.uniform(1, 2, (3, 8192))
+    least = plain = np.inf
+    for _ in range(12):
+        start = time.thread_time()
+        is_stable(loop, effects)
+        middle = time.thread_time()
+        for _ in range(12_207):
+            np.multiply(first, second, out=product)
+        least, plain = min(least, middle - start), min(plain, time.thread_time() - middle)
+        if least <= 0.2:
+            break
+    assert least <= 0.2 * max(1.0, plain / 0.033)

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from identification import load_device, load_document, named_devices
+from tests.commands import form
 from tune import Scene, optimise
-from tune.cli.preparation import scene_of
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", named_devices())
 def test_a_scene_that_suits_a_device_is_played_whole(tmp_path: Path, name: str) -> None:
-    (tmp_path / "scene.yaml").write_text(scene_of(name), encoding="utf-8")
+    (tmp_path / "scene.yaml").write_text(form("scene", "--device", name), encoding="utf-8")
     scene = load_document(Scene, tmp_path / "scene.yaml")
     profile = optimise(load_device(name), scene)
     for element, wanted in scene.elements.items():

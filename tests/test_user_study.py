@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import binom
 
 from datasets_synthetic import Rig, named_rig
+from tests.simulated.experiment import EFFECTS, EffectName
 from tests.simulated.user_study import AREA_1, AREA_2, PEOPLE, Given, draw_people, play_areas
 from tests.study_replay import (
     COLUMN,
@@ -21,7 +22,6 @@ from tests.study_replay import (
     table_3,
 )
 from tune import default_table
-from tune.documents.effects import EFFECT_NAMES, EffectName
 
 AREAS = np.array([AREA_1, *AREA_2])
 #: What HomeRehab adds to the areas: stiffness, damping, mass.
@@ -57,7 +57,7 @@ def _given() -> Given:
 def test_table_3_follows_from_its_counts_to_every_printed_digit() -> None:
     shipped: dict[EffectName, tuple[int, int]] = {
         effect: (study.equal_right, study.different_right)
-        for effect in EFFECT_NAMES
+        for effect in EFFECTS
         for study in [study_of(default_table(), effect)]
     }
     rows = table_3(shipped, PEOPLE)
@@ -70,7 +70,7 @@ def test_table_3_follows_from_its_counts_to_every_printed_digit() -> None:
 def test_trials_are_balanced_as_section_4_says() -> None:
     """Stiffness is equal in trials 2, 3 and 6, different in 1, 4, 5 and 7."""
     assert (np.flatnonzero(equal_trials("stiffness")) + 1).tolist() == [2, 3, 6]
-    for effect in EFFECT_NAMES:
+    for effect in EFFECTS:
         assert equal_trials(effect).sum() == 3
         assert {area[COLUMN[effect]] for area in AREA_2} == {
             AREA_1[COLUMN[effect]],
@@ -118,7 +118,7 @@ def test_without_filters_the_encoder_drowns_a_virtual_mass_of_a_kilogram() -> No
     assert np.max(np.abs(rough.stiffness[1] / 500.0 - 1)) > 0.2
 
 
-@pytest.mark.parametrize("effect", EFFECT_NAMES)
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_replayed_counts_scatter_about_table_3_as_binomial_counts_do(effect: EffectName) -> None:
     """Every cell within its 95 % band in 19 of 20 replays, as the printed rate has it."""
     counts = replay(_given(), default_table(), seed=0, replays=REPLAYS)[effect]

@@ -17,11 +17,7 @@ from tests.commands import haptune
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
 from tests.thinned import thinned
 from tune import Scene, optimise
-from tune.loop.loop import Filters
 from tune.verification import Verification, advise, margins_of_others, verify
-from tune.verification.delay import Modes
-from tune.verification.law import effects_of, scale_effects
-from tune.verification.motion import MeasuredMode, slowest
 
 ELEMENTS = {"rubber": (1400.0, 0.0, 0.0), "wall": (1155.0, 82.0, 0.0), "cup": (0.0, 0.0, 1.44)}
 BENCH = Bench(
@@ -123,36 +119,6 @@ def test_a_log_says_which_other_elements_it_does_not_vouch_for() -> None:
     lost = kept[("rubber",)]
     assert lost is not None
     assert not _margin_is_kept("rubber", int(np.ceil(lost)) + 1)
-
-
-@pytest.mark.parametrize("gain", [0.2, 0.6, 1.0])
-@pytest.mark.parametrize(
-    ("mass", "damping", "delay"), [(2.6, 9.1, 2.5), (3.1, 11.3, 0.0), (3.5, 8.3, 6.3)]
-)
-def test_the_true_loop_is_among_those_its_mode_allows(
-    gain: float, mass: float, damping: float, delay: float
-) -> None:
-    device = PROFILE.device
-    effects = scale_effects(effects_of(PROFILE, ("rubber",)), gain)
-    truth = device.model_copy(
-        update={
-            "mass": device.mass.model_copy(update={"value": mass}),
-            "damping": device.damping.model_copy(update={"value": damping}),
-            "delay": device.delay.model_copy(update={"value": delay * T}),
-        }
-    )
-    mode = slowest(truth, PROFILE.loop, effects)
-    narrow = MeasuredMode(
-        frequency=(0.9999 * mode.frequency, 1.0001 * mode.frequency),
-        decay=(0.999 * mode.decay, 1.001 * mode.decay),
-    )
-    allowed = Modes(device, Filters(), effects, extra=1).allow(narrow)
-    near = (
-        (np.abs(allowed.delay_samples - delay) <= 0.5)
-        & (np.abs(allowed.mass / mass - 1) < 0.02)
-        & (np.abs(allowed.damping - damping) < 0.3)
-    )
-    assert np.any(near)
 
 
 def test_the_cutoffs_that_a_rounded_force_allows_are_stated() -> None:

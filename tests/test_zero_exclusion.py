@@ -15,8 +15,8 @@ from tests.random_boxes import EXTRA, around, draw, safe_gain, unstable_samples
 from tests.thinned import thinned
 from tune.certificate.poles import judge
 from tune.certificate.region import Region, Setting
-from tune.certificate.worst_point import worst_points, worst_points_of_all
-from tune.certificate.zero_exclusion import Claim, prove, prove_all
+from tune.certificate.worst_point import worst_points
+from tune.certificate.zero_exclusion import Claim, prove
 from tune.documents.certified import HandBox
 
 #: What is left of the safe gain, as the studies ask.
@@ -62,37 +62,6 @@ def test_the_proof_reaches_to_the_very_edge_of_the_margin(
     assert not prove(
         AROUND_HOMEREHAB, setting, [Claim(gain=limit * (1 + 1e-4), extra=EXTRA)], 10_000
     ).proved
-
-
-def test_settings_of_one_run_are_judged_as_each_alone() -> None:
-    """Springs, and springs with dampers: all within their limits, then one of each beyond."""
-    plain = Setting(
-        stiffness=500.0,
-        damping=0.0,
-        mass=0.0,
-        velocity_filter_hz=100.0,
-        acceleration_filter_hz=None,
-    )
-    settings = [
-        replace(plain, stiffness=stiffness, damping=damping)
-        for stiffness in (500.0, 900.0, 1600.0)
-        for damping in (0.0, 40.0)
-    ]
-    limits = [safe_gain(AROUND_HOMEREHAB, each) for each in settings]
-    for beyond in ((), (1, 4)):
-        asked = [
-            (each, [Claim(gain=limit * (1.01 if number in beyond else 0.99), extra=EXTRA)])
-            for number, (each, limit) in enumerate(zip(settings, limits, strict=True))
-        ]
-        proofs = prove_all(AROUND_HOMEREHAB, asked, 10_000)
-        assert [each.proved for each in proofs] == [n not in beyond for n in range(len(settings))]
-        alone = [prove(AROUND_HOMEREHAB, *each, 10_000) for each in asked]
-        assert [each.cells for each in proofs] == [each.cells for each in alone]
-        found = worst_points_of_all(AROUND_HOMEREHAB, asked)
-        for own, (setting, claims) in zip(found, asked, strict=True):
-            (together,), (single,) = own, worst_points(AROUND_HOMEREHAB, setting, claims)
-            assert together.point == single.point
-            assert together.verdict.radius == single.verdict.radius
 
 
 def _study(

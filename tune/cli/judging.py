@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+import identification as ident
+from identification import UsageError
 from tune.cli.logs import tell_reading
 from tune.cli.preparation import refuse_restless
 from tune.cli.profiles import IN_DEVICE, draw_profile
 from tune.cli.session import LogOptions, MarginOption, Picture, Session, command
+from tune.documents.errors import CheckFailedError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -52,19 +55,17 @@ def audit(
     picture: Picture = None,
 ) -> None:
     """Are these gains safe, why not, and the nearest safe ones; exit code 6 if they are not."""
-    from identification import UsageError, load_device
     from tune._audit import NEEDED
     from tune._audit import audit as judged
     from tune.certificate.assumptions import trusted_facts
     from tune.documents.effects import Effects
-    from tune.documents.errors import CheckFailedError
     from tune.loop.loop import Filters
     from tune.presentation.tables import audit_table
 
     wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
     session.target(picture, Path(device))
     _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)
-    known = load_device(device)
+    known = ident.load_device(device)
     known.require_stated(NEEDED, subject=device, where=IN_DEVICE)
     if extra_delay_samples * known.sample_time.value + known.delay.low < 0:
         seen = f"{extra_delay_samples:g} leaves less than no delay"
@@ -102,7 +103,6 @@ def audit(
 def _refuse_nonsense(
     wanted: dict[str, float], extra: float, velocity: float | None, acceleration: float | None
 ) -> None:
-    from identification import UsageError
     from tune.documents.scene import LARGEST, SMALLEST
 
     if not any(wanted.values()):
@@ -190,20 +190,19 @@ def check(
     picture: Picture = None,
 ) -> None:
     """Re-compute all that a profile says; exit code 6 if anything differs."""
-    from identification import as_stored, load_device, to_mapping
     from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
     from tune.certificate.check import check as recheck
     from tune.presentation.tables import certificate_lines, elements_table
 
     session.target(picture, profile, None if device is None else Path(device))
-    known = None if device is None else as_stored(load_device(device))
+    known = None if device is None else ident.as_stored(ident.load_device(device))
     with session.progress() as say:
         say("re-computing the certificate")
         report = recheck(profile, known)
         if known is not None:
             refuse_restless(report.profile, say)
-    session.details["profile"] = to_mapping(report.profile)
-    session.details["certificate"] = to_mapping(report.certificate)
+    session.details["profile"] = ident.to_mapping(report.profile)
+    session.details["certificate"] = ident.to_mapping(report.certificate)
     session.say(elements_table(report.profile))
     session.say_each(certificate_lines(report.certificate))
     trusted = {
@@ -234,15 +233,13 @@ def compare(
     ],
 ) -> None:
     """What changed beyond both intervals; ends with 6 if the old profile no longer holds."""
-    from identification import Device
     from tune.comparison import compare as compared
-    from tune.documents.errors import CheckFailedError
 
     first, second = _load(old), _load(new)
     with session.progress() as say:
         say(f"comparing {old} with {new}")
         found = compared(first, second)
-    motion = first.motion if isinstance(first, Device) else first.device.motion
+    motion = first.motion if isinstance(first, ident.Device) else first.device.motion
     session.say(_comparison_table(found, old, new, motion))
     session.details |= _comparison_details(found)
     beyond = ", ".join(change.name for change in found.changes if change.beyond)
@@ -261,15 +258,14 @@ def compare(
 
 def _load(reference: str) -> Device | SafeProfile:
     """A profile, its digest compared, or else a device."""
-    from identification import load_device, load_mapping, named_devices
     from tune.documents.profile import load_profile
 
     path = Path(reference)
-    if reference not in named_devices() and path.is_file():
-        schema = str(load_mapping(path).get("schema", ""))
+    if reference not in ident.named_devices() and path.is_file():
+        schema = str(ident.load_mapping(path).get("schema", ""))
         if schema.startswith("haptune/profile/"):
             return load_profile(path)
-    return load_device(reference)
+    return ident.load_device(reference)
 
 
 def _comparison_table(found: Comparison, old: str, new: str, motion: Motion) -> Table:
@@ -347,8 +343,6 @@ def verify(
     picture: Picture = None,
 ) -> None:
     """Does a low-gain closed-loop log behave as the profile predicts? Ends with 6 if not."""
-    from identification import UsageError, load_trajectory
-    from tune.documents.errors import CheckFailedError
     from tune.documents.profile import load_profile
     from tune.verification import margins_of_others, verification_picture, verify
 
@@ -360,7 +354,7 @@ def verify(
     session.target(picture, profile, log)
     safe = load_profile(profile)
     columns = options.columns()
-    trajectory = load_trajectory(
+    trajectory = ident.load_trajectory(
         log, columns, motion=safe.device.motion, axis=columns.axis or safe.device.axis
     )
     tell_reading(session, trajectory)

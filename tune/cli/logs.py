@@ -5,18 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from tune.cli.session import (
-    Allow,
-    DeviceOut,
-    DryRun,
-    HardwareFile,
-    LogOptions,
-    Logs,
-    MethodOption,
-    Picture,
-    Session,
-    command,
-)
+import identification as ident
+from identification import IdentificationError, LogRefusedError
+from tune.cli import session as opt
+from tune.cli.session import Session, command
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -41,19 +33,17 @@ DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the cov
 @command()
 def identify(
     session: Session,
-    logs: Logs,
-    output: DeviceOut = Path("device.yaml"),
+    logs: opt.Logs,
+    output: opt.DeviceOut = Path("device.yaml"),
     *,
-    options: LogOptions,
-    hardware: HardwareFile = None,
-    allow: Allow = None,
-    method: MethodOption = "auto",
-    picture: Picture = None,
-    dry_run: DryRun = False,
+    options: opt.LogOptions,
+    hardware: opt.HardwareFile = None,
+    allow: opt.Allow = None,
+    method: opt.MethodOption = "auto",
+    picture: opt.Picture = None,
+    dry_run: opt.DryRun = False,
 ) -> None:
     """Mass, damping and friction with 95 % intervals; several logs give their envelope."""
-    from identification import to_mapping, to_yaml
-
     session.target(output, *logs, hardware)
     session.target(picture, *logs, hardware, output)
     columns = options.columns()
@@ -65,16 +55,16 @@ def identify(
         if refusal is not None:
             session.warn(f"tune will refuse this device: {refusal}")
     before = None if picture is None else device_in(output)
-    session.write(output, to_yaml(to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run)
+    session.write(
+        output, ident.to_yaml(ident.to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run
+    )
     if picture is not None:
         draw_identified(session, picture, result, before)
 
 
 def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Trajectory:
     """One log, of the motion and axis of its hardware."""
-    from identification import load_trajectory
-
-    return load_trajectory(
+    return ident.load_trajectory(
         path,
         columns,
         motion=None if hardware is None else hardware.motion,
@@ -100,18 +90,16 @@ def identify_logs(
     allow: list[str],
 ) -> Identification:
     """Read logs, identify and show the result."""
-    from identification import Hardware, load_document
-    from identification import identify as estimate
     from tune.presentation.tables import device_table
 
-    known = None if hardware is None else load_document(Hardware, hardware)
+    known = None if hardware is None else ident.load_document(ident.Hardware, hardware)
     with session.progress() as say:
         say("reading logs")
         trajectories = [read_log(path, columns, known) for path in logs]
     tell_reading(session, *trajectories)
     with session.progress() as say:
         say("identifying")
-        result = estimate(trajectories, hardware=known, method=method, allow=allow)
+        result = ident.identify(trajectories, hardware=known, method=method, allow=allow)
     session.add_findings(result.findings)
     session.details |= identification_details(result)
     session.say(device_table(result.device))
@@ -128,11 +116,10 @@ def identify_logs(
 
 def identification_details(found: Identification) -> IdentifyDetails:
     """The device as its file will hold it, and how each log was identified."""
-    from identification import to_mapping
     from tune.presentation.tables import half_widths
 
     return {
-        "device": to_mapping(found.device),
+        "device": ident.to_mapping(found.device),
         "half_widths": half_widths(found.device),
         "method": found.method,
         "logs": [_log_details(fit) for fit in found.logs],
@@ -159,15 +146,13 @@ def _log_details(fit: LogFit) -> LogIdentified:
 
 def device_in(output: Path) -> Device | None:
     """The device that a file states which is about to be replaced; None where there is none."""
-    from identification import Device, IdentificationError, load_mapping, parse_document
-
     if not output.is_file():
         return None
     try:
-        content = load_mapping(output)
+        content = ident.load_mapping(output)
         inside: object = content.get("device")
         known = cast("dict[str, object]", inside) if isinstance(inside, dict) else content
-        return parse_document(Device, known, output)
+        return ident.parse_document(ident.Device, known, output)
     except IdentificationError:
         return None
 
@@ -176,31 +161,27 @@ def draw_identified(
     session: Session, picture: Path, found: Identification, before: Device | None
 ) -> None:
     """Draw fit, residual, friction and intervals of an identification."""
-    from identification import identified_picture
-
     with session.progress() as say:
         say("drawing")
-        drawn = identified_picture(found.device, found.logs, before=before)
+        drawn = ident.identified_picture(found.device, found.logs, before=before)
     session.draw(picture, drawn)
 
 
 @command()
 def doctor(
     session: Session,
-    logs: Logs,
+    logs: opt.Logs,
     *,
-    options: LogOptions,
-    hardware: HardwareFile = None,
-    allow: Allow = None,
-    picture: Picture = None,
+    options: opt.LogOptions,
+    hardware: opt.HardwareFile = None,
+    allow: opt.Allow = None,
+    picture: opt.Picture = None,
 ) -> None:
     """What each log can and cannot support; ends with 4 if identify would refuse one."""
-    from identification import Hardware, LogRefusedError, examine, load_document
-
     columns = options.columns()
     for place in range(len(logs)):
         session.target(picture and _numbered(picture, place), *logs, hardware)
-    known = None if hardware is None else load_document(Hardware, hardware)
+    known = None if hardware is None else ident.load_document(ident.Hardware, hardware)
     findings: list[Finding] = []
     examined: list[LogExamined] = []
     session.details["logs"] = examined
@@ -213,7 +194,7 @@ def doctor(
             tell_reading(session, trajectory)
             with session.progress() as say:
                 say(f"examining {path.name}")
-                seen = examine(trajectory, hardware=known, allow=allow or [])
+                seen = ident.examine(trajectory, hardware=known, allow=allow or [])
         except LogRefusedError as error:  # the columns are no log at all
             findings += error.findings
             refused = True
@@ -237,14 +218,12 @@ def _numbered(picture: Path, place: int) -> Path:
 
 def _draw(session: Session, picture: Path, trajectory: Trajectory, seen: Examination) -> None:
     """Draw what identify makes of one log, or the log alone if it makes nothing of it."""
-    from identification import identified_picture, log_picture
-
     with session.progress() as say:
         say("drawing")
         if seen.found is None:
-            drawn = log_picture(trajectory)
+            drawn = ident.log_picture(trajectory)
         else:
-            drawn = identified_picture(seen.found.device, seen.found.logs)
+            drawn = ident.identified_picture(seen.found.device, seen.found.logs)
     session.draw(picture, drawn)
 
 

@@ -16,7 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
+import identification as ident
+from identification import UsageError
 from tune.cli.session import DryRun, Session, command
+from tune.documents.errors import CheckFailedError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -55,8 +58,6 @@ def new(
     dry_run: DryRun = False,
 ) -> None:
     """Write a commented template of hardware.yaml, scene.yaml or excitation.yaml, or a player."""
-    from identification import UsageError, named_devices
-
     if language is not None and kind != "player":
         raise UsageError("--language", f"is of no {kind}", "Leave it out")
     if device is not None and kind == "player":
@@ -74,7 +75,7 @@ def new(
     text = template(kind) if device is None else filled[kind](device)
     session.write(path, text, dry_run=dry_run)
     if kind != "scene" and device is None:
-        known = ", ".join(named_devices())
+        known = ", ".join(ident.named_devices())
         session.say(f"fill in what is blank; known devices for --device: {known}")
 
 
@@ -92,13 +93,13 @@ def excitation_of(name: str) -> str:
     """
     from numpy import format_float_positional
 
-    from identification import UsageError, load_device, named_devices
-
-    if name not in named_devices():
+    if name not in ident.named_devices():
         raise UsageError(
-            "--device", f"{name} is no known device", f"Give one of {', '.join(named_devices())}"
+            "--device",
+            f"{name} is no known device",
+            f"Give one of {', '.join(ident.named_devices())}",
         )
-    device = load_device(name)
+    device = ident.load_device(name)
     limit, count = device.force_limit, device.encoder_resolution
     assert limit is not None
     assert count is not None
@@ -131,12 +132,11 @@ def excitation_of(name: str) -> str:
 
 def scene_of(name: str) -> str:
     """The template of a scene with sizes and motions that suit a known device or a device file."""
-    from identification import load_device
     from tune.documents.effects import UNITS, format_number
     from tune.documents.perception import SCALE_DEPTH, default_table
     from tune.documents.scene import DEFAULT_MOTION
 
-    device = load_device(name)
+    device = ident.load_device(name)
     units, motion = UNITS[device.motion], DEFAULT_MOTION[device.motion]
     depth, damping = SCALE_DEPTH[device.motion], device.damping.value
     noticed = f"ripple_limit: {format_number(default_table().threshold(device.motion))}"
@@ -164,14 +164,14 @@ def scene_of(name: str) -> str:
 
 def hardware_of(name: str) -> str:
     """The hardware part of a device as YAML, without what nobody stated of it."""
-    from identification import Hardware, load_device, to_mapping, to_yaml
-
-    device = load_device(name)
+    device = ident.load_device(name)
     known = ("name", "axis", "motion", "sample_time", "delay", "encoder_resolution", "force_limit",
              "modes", "current_lag")  # fmt: skip
-    hardware = Hardware(**{key: getattr(device, key) for key in known})
+    hardware = ident.Hardware(**{key: getattr(device, key) for key in known})
     hardware = hardware.model_copy(update=dict.fromkeys(device.unstated()))
-    return to_yaml(to_mapping(hardware), f"Hardware of the known device {name}; check it on yours.")
+    return ident.to_yaml(
+        ident.to_mapping(hardware), f"Hardware of the known device {name}; check it on yours."
+    )
 
 
 @command()
@@ -187,15 +187,13 @@ def excite(
     dry_run: DryRun = False,
 ) -> None:
     """Plan a force that tells mass and damping best within limits. Drives no hardware."""
-    from identification import excitation_picture, force_text, load_excitation, plan_excitation
-
     session.target(output, spec)
     session.target(picture, spec, output)
-    wanted = load_excitation(spec)
+    wanted = ident.load_excitation(spec)
     with session.progress() as say:
-        plan = plan_excitation(wanted, progress=say)
-        text = force_text(plan)
-        drawing = None if picture is None else excitation_picture(plan)
+        plan = ident.plan_excitation(wanted, progress=say)
+        text = ident.force_text(plan)
+        drawing = None if picture is None else ident.excitation_picture(plan)
     rows = text.count("\n") - 1
     session.details |= _plan_details(plan) | {"rows": rows}
     session.say(_excitation_table(plan))
@@ -369,22 +367,21 @@ def simulate(
 #: Amplitude of force that may last, in ripple limits: the peak of three rms of a sinusoid. Within a
 #: count the encoder keeps a frictionless device moving for ever.
 _LASTING = 3 * 2**0.5
-#: Moments played in one run: a step of a batch costs little more than one of a single device until
-#: there are some hundred members, and each moment is some three dozen.
+#: Combinations played in one run: a step of a batch costs little more than one of a single device
+#: until there are some hundred members, and each combination is some three dozen.
 _AT_ONCE = 12
 #: Walls whose lead times differ by less, in parts, are alike: one clamp of one signal.
 _ALIKE = 1e-9
 
 
 def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
-    """Play every moment of a design, and its transitions, in the standard trials of the simulator.
+    """Play every combination of a design, and its transitions, in the simulator's trials.
 
     The design is as it will be stored, its force limit and encoder stated. Raises CheckFailedError
     where some trial diverges or keeps oscillating; then nothing may be written.
     """
     from datasets_synthetic import Hand, rehearse, rig_of
     from tune.documents.effects import EFFECT_NAMES
-    from tune.documents.errors import CheckFailedError
 
     hand = design.hand and Hand(
         mass=design.hand.mass.value,
@@ -393,15 +390,15 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     )
     rig = rig_of(design.device)
     others = _other_rigs(design, rig)
-    felt = [
+    combinations = [
         names
         for names in design.moments()
         if any(getattr(design.elements[name], effect) for name in names for effect in EFFECT_NAMES)
     ]
-    runs = -(-len(felt) // _AT_ONCE)
+    runs = -(-len(combinations) // _AT_ONCE)
     vetoes: list[str] = []
     for run in range(runs):
-        part = felt[run::runs]
+        part = combinations[run::runs]
         what = f"{' + '.join(part[0])}{' and others' if part[1:] else ''}"
         say(f"rehearsing {what} in simulation ({run + 1} of {runs})")
         found = rehearse(
@@ -412,8 +409,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
             force_allowed=_LASTING * design.ripple_limit,
         )
         for names, each in zip(part, found, strict=True):
-            told = [f"{' + '.join(names)}: rehearsal: {trial.reason}" for trial in each.vetoes]
-            vetoes += told[:1]
+            vetoes += [f"{' + '.join(names)}: rehearsal: {t.reason}" for t in each.vetoes[:1]]
     if vetoes:
         raise CheckFailedError(tuple(vetoes))
 
@@ -438,13 +434,13 @@ def _other_rigs(design: Design, rig: Rig) -> list[Rig]:
     return found
 
 
-def _law(design: Design, moments: Sequence[tuple[str, ...]]) -> Controller:
-    """The elements as the simulator plays them, one member a moment."""
+def _law(design: Design, combinations: Sequence[tuple[str, ...]]) -> Controller:
+    """The elements as the simulator plays them, one member a combination."""
     from datasets_synthetic import Calls, Controller
     from tune.documents.profile import SafeProfile
 
     certified = {frozenset(names) for names in design.moments()}
-    played = [_parts(design, names, certified) for names in moments]
+    played = [_parts(design, names, certified) for names in combinations]
     loop = design.loop
     infinite = float("inf")
     # Samples that a gain waits for before it rises; of an uncertified design one.
@@ -464,7 +460,7 @@ def _law(design: Design, moments: Sequence[tuple[str, ...]]) -> Controller:
 def _parts(
     design: Design, names: tuple[str, ...], certified: Collection[frozenset[str]]
 ) -> list[_Part]:
-    """The elements of a moment, and a wall on the other side, as near as it may stand."""
+    """The elements of a combination, and a wall on the other side, as near as it may stand."""
     walls = [name for name in names if name in design.walls]
     others = frozenset(names).difference(walls)
     parts = [(design.elements[name], -1 if name in walls else 0, 0.0) for name in names]
@@ -491,7 +487,7 @@ def _corridor(wall: ElementProfile, other: ElementProfile) -> float:
 
 
 def _column(parts: Sequence[_Part | None]) -> Element:
-    """One part of each moment, or none of it, as one element of the batch."""
+    """One part of each combination, or none of it, as one element of the batch."""
     import numpy as np
 
     from datasets_synthetic import Element

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+import identification as ident
+from identification import InvalidInputError, NotWrittenError, UsageError
+from tune.cli import session as opt
 from tune.cli.logs import (
     DEVICE_COMMENT,
     device_in,
@@ -20,21 +23,7 @@ from tune.cli.logs import (
 )
 from tune.cli.preparation import refuse_restless, template
 from tune.cli.process import FilesWhole
-from tune.cli.session import (
-    Allow,
-    Candidates,
-    DryRun,
-    HardwareFile,
-    LogOptions,
-    Logs,
-    MarginOption,
-    MethodOption,
-    Picture,
-    ProfileOut,
-    Session,
-    WhatIf,
-    command,
-)
+from tune.cli.session import Session, command
 
 if TYPE_CHECKING:
     from identification import Device, Hardware, LogColumns, Trajectory
@@ -64,21 +53,19 @@ def tune(
     session: Session,
     device: Annotated[str, Argument(help="device.yaml, or the name of a known device.")],
     scene: Annotated[Path, Argument(help="scene.yaml")],
-    output: ProfileOut = Path("profile.yaml"),
-    margin: MarginOption = None,
-    candidates: Candidates = False,
-    what_if: WhatIf = False,
-    picture: Picture = None,
-    dry_run: DryRun = False,
+    output: opt.ProfileOut = Path("profile.yaml"),
+    margin: opt.MarginOption = None,
+    candidates: opt.Candidates = False,
+    what_if: opt.WhatIf = False,
+    picture: opt.Picture = None,
+    dry_run: opt.DryRun = False,
 ) -> None:
     """The largest perceivable effects of a scene that are safe on a device."""
-    from identification import load_device
-
     session.target(output, scene, Path(device))
     session.target(picture, scene, Path(device), output)
     sheet = picture and _further_picture(picture, "candidates") if candidates else None
     session.target(sheet, scene, Path(device), output)
-    known = load_device(device)
+    known = ident.load_device(device)
     known.require_stated(subject=device, where=IN_DEVICE)
     wish = read_request(scene, margin)
     profile = tune_device(session, known, wish, compare=candidates, sheet=sheet)
@@ -92,18 +79,18 @@ def tune(
 @command()
 def calibrate(
     session: Session,
-    logs: Logs,
+    logs: opt.Logs,
     scene: Annotated[Path, Option(metavar="SCENE", help="scene.yaml")],
-    output: ProfileOut = Path("profile.yaml"),
+    output: opt.ProfileOut = Path("profile.yaml"),
     *,
-    options: LogOptions,
-    hardware: HardwareFile = None,
-    allow: Allow = None,
-    method: MethodOption = "auto",
-    margin: MarginOption = None,
-    candidates: Candidates = False,
-    picture: Picture = None,
-    dry_run: DryRun = False,
+    options: opt.LogOptions,
+    hardware: opt.HardwareFile = None,
+    allow: opt.Allow = None,
+    method: opt.MethodOption = "auto",
+    margin: opt.MarginOption = None,
+    candidates: opt.Candidates = False,
+    picture: opt.Picture = None,
+    dry_run: opt.DryRun = False,
 ) -> None:
     """Identify the device and tune the scene in one go; the device is kept inside the profile."""
     session.target(output, *logs, scene, hardware)
@@ -130,26 +117,26 @@ def calibrate(
 def demo(session: Session) -> None:
     """Bundled log → device.yaml → scene.yaml → profile.yaml, with tables and two pictures."""
     from datasets_synthetic import bundled_path
-    from identification import LogColumns, to_mapping, to_yaml
 
     for name in _FILES:
         session.target(Path(name))
     log = bundled_path("homerehab.csv")
     hardware = bundled_path("homerehab.hardware.yaml")
     session.say(f"log: {log}")
-    found = identify_logs(session, [log], LogColumns(), hardware, "auto", [])
-    session.write(Path("device.yaml"), to_yaml(to_mapping(found.device), DEVICE_COMMENT))
+    found = identify_logs(session, [log], ident.LogColumns(), hardware, "auto", [])
+    session.write(
+        Path("device.yaml"), ident.to_yaml(ident.to_mapping(found.device), DEVICE_COMMENT)
+    )
     scene = Path("scene.yaml")
     session.write(scene, template("scene"))
     profile = tune_device(session, found.device, read_request(scene, None))
     session.write(Path("profile.yaml"), profile.to_yaml())
     with session.progress() as say:
         say("drawing")
-        from identification import fit_picture
         from tune.presentation.pictures import profile_picture
 
         fit = found.logs[0]
-        picture = fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)
+        picture = ident.fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)
         session.draw(Path("identification.png"), picture)
         session.draw(Path("profile.png"), profile_picture(profile))
 
@@ -182,7 +169,6 @@ def tune_device(
     sheet: Path | None = None,
 ) -> SafeProfile:
     """Tune, show the result and return it; all candidates are compared, and drawn, if asked."""
-    from identification import to_mapping
     from tune.certificate.assumptions import trusted_facts
     from tune.optimisation._optimise import optimise
     from tune.presentation.tables import certificate_lines, elements_table
@@ -194,7 +180,7 @@ def tune_device(
             profile = optimise(device, wish.scene, table=wish.table, progress=say)
         session.say(elements_table(profile))
     trusted = trusted_facts(profile.device)
-    session.details |= {"profile": to_mapping(profile.signed()), "taken_on_trust": trusted}
+    session.details |= {"profile": ident.to_mapping(profile.signed()), "taken_on_trust": trusted}
     session.say_each(profile.notes)
     session.say_each(certificate_lines(profile.certificate))
     session.say_each(f"taken on trust: {line}" for line in trusted)
@@ -236,14 +222,13 @@ def _choose_candidate(
 
 
 def _candidate_result(candidate: Candidate, rows: list[CandidateEffect]) -> dict[str, object]:
-    from identification import round_to_digits
     from tune.documents.scene import MARGINS
 
     apart = {"candidate", "margin", "steps"}
 
     def short(number: float | None) -> float | None:
         """Four digits, as profiles state steps: the interval is no better known."""
-        return None if number is None else round_to_digits(number, 4)
+        return None if number is None else ident.round_to_digits(number, 4)
 
     profile = candidate.profile
     return {
@@ -326,16 +311,15 @@ def export(
             help="Name of the ROS 2 node, such as haptune or /robot/haptune; default haptune.",
         ),
     ] = None,
-    dry_run: DryRun = False,
+    dry_run: opt.DryRun = False,
 ) -> None:
     """Files for a controller, from a profile whose digest and certificate are checked first."""
-    from identification import NotWrittenError
     from tune.certificate.check import check as recheck
     from tune.exporters import export as export_to
 
     targets = _targets(to)
     called = _node(node, targets)
-    _refuse_homeless(output)
+    _refuse_missing_folder(output)
     with session.progress() as say:
         say("re-computing the certificate")
         checked = recheck(profile).profile
@@ -355,10 +339,8 @@ def export(
             session.write(path, text, dry_run=dry_run)
 
 
-def _refuse_homeless(folder: Path) -> None:
+def _refuse_missing_folder(folder: Path) -> None:
     """A folder is made in one that exists, not deeper. Raises NotWrittenError."""
-    from identification import NotWrittenError
-
     # The functions of os.path also take names that no folder can have.
     if not os.path.isdir(folder.parent):  # noqa: PTH112
         raise NotWrittenError(folder, f"there is no folder {folder.parent}")
@@ -368,8 +350,6 @@ def _refuse_homeless(folder: Path) -> None:
 
 def _node(given: str | None, targets: list[Target]) -> str:
     """The name of the node. Raises UsageError."""
-    from identification import UsageError
-
     if given is None:
         return "haptune"
     if "ros2" not in targets:
@@ -386,7 +366,6 @@ def _node(given: str | None, targets: list[Target]) -> str:
 
 def _targets(given: list[str]) -> list[Target]:
     """The targets of every --to, each once. Raises UsageError."""
-    from identification import UsageError
     from tune.exporters import TARGETS
 
     names = dict.fromkeys(name.strip() for each in given for name in each.split(","))
@@ -417,10 +396,9 @@ def report(
         ),
     ] = None,
     *,
-    options: LogOptions,
+    options: opt.LogOptions,
 ) -> None:
     """One page to sign, complete in itself, after the check; exit code 6 if that fails."""
-    from identification import identify, to_mapping
     from tune.certificate.check import check
     from tune.presentation.page import report_html
     from tune.presentation.tables import half_widths
@@ -436,7 +414,7 @@ def report(
         say("identifying")
         allowed = {code for each in safe.device.logs for code in each.allowed}
         hardware = _hardware_of(safe.device) if given else None
-        found = identify(trajectories, hardware=hardware, allow=allowed) if given else None
+        found = ident.identify(trajectories, hardware=hardware, allow=allowed) if given else None
     if found is not None:
         session.add_findings(found.findings)
     alternatives = None if what_if is None else _alternatives(session, safe, what_if)
@@ -444,7 +422,7 @@ def report(
         say("drawing")
         text = report_html(safe, found, alternatives)
     session.details |= {} if found is None else identification_details(found)
-    session.details |= {"profile": to_mapping(safe), "half_widths": half_widths(safe.device)}
+    session.details |= {"profile": ident.to_mapping(safe), "half_widths": half_widths(safe.device)}
     session.store(output, text.encode())
     session.say(
         f"{profile} passed its check. Open the page in a browser, read it, print it and sign it"
@@ -453,8 +431,6 @@ def report(
 
 def _own_log(path: Path, columns: LogColumns, safe: SafeProfile, profile: Path) -> Trajectory:
     """A log that the profile's device was identified from; else raises InvalidInputError."""
-    from identification import InvalidInputError
-
     trajectory = read_log(path, columns, _hardware_of(safe.device))
     known = {log.digest: log.source for log in safe.device.logs}
     if trajectory.digest not in known:
@@ -470,17 +446,13 @@ def _own_log(path: Path, columns: LogColumns, safe: SafeProfile, profile: Path) 
 
 def _hardware_of(device: Device) -> Hardware:
     """What was known of a device before its logs were read."""
-    from identification import Hardware, parse_document, to_mapping
-
-    stated = to_mapping(device)
-    kept = (name for name in Hardware.model_fields if name in stated)
-    return parse_document(Hardware, {name: stated[name] for name in kept}, device.name)
+    stated = ident.to_mapping(device)
+    kept = (name for name in ident.Hardware.model_fields if name in stated)
+    return ident.parse_document(ident.Hardware, {name: stated[name] for name in kept}, device.name)
 
 
 def _alternatives(session: Session, safe: SafeProfile, scene_file: Path) -> tuple[Alternative, ...]:
     """The profile's scene tuned anew with one fact of the hardware changed at a time."""
-    from identification import UsageError
-
     wish = read_request(scene_file, safe.margin.name)
     strange = sorted(set(safe.elements) - set(wish.scene.elements))
     if strange:

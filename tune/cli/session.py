@@ -19,7 +19,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast, get_ty
 
 from typer import Argument, Option
 
-from identification import Method
+import identification as ident
+from identification import (
+    InvalidInputError,
+    LogRefusedError,
+    Method,
+    NotWrittenError,
+    UnstatedError,
+    UsageError,
+)
 from tune.cli.process import (
     FilesWhole,
     delivery_failure,
@@ -27,6 +35,7 @@ from tune.cli.process import (
     was_interrupted,
     wrap_text,
 )
+from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,7 +129,6 @@ class Session:
         """
         if output is None:
             return
-        from identification import NotWrittenError, UsageError
 
         for given in inputs:
             if given is not None and os.path.realpath(given) == os.path.realpath(output):
@@ -141,21 +149,18 @@ class Session:
             self.say(f"dry run: {path} would be written")
             self.say(text)
             return
-        from identification import difference_of, write_text
 
         before = path.exists()
-        replaced = self._store(path, lambda: write_text(path, text))
+        replaced = self._store(path, lambda: ident.write_text(path, text))
         if replaced is not None:
-            self.say(difference_of(path, replaced, text))
+            self.say(ident.difference_of(path, replaced, text))
             self.say(f"{path} written; the file before is {replaced.backup.name}")
         else:
             self.say(f"{path} {'unchanged' if before else 'written'}")
 
     def store(self, path: Path, content: bytes) -> None:
         """Write a file that nobody reads as text. Raises NotWrittenError."""
-        from identification import write_bytes
-
-        self._store(path, lambda: write_bytes(path, content))
+        self._store(path, lambda: ident.write_bytes(path, content))
         self.say(f"{path} written")
 
     def draw(self, path: Path, figure: Figure) -> None:
@@ -216,10 +221,10 @@ class Session:
         if not reason:
             return 0
         remedy = "Print to another place, or use --quiet where nothing need be printed"
-        self._complain(f"standard output: not written: {reason}; {self.whereabouts()}. {remedy}")
+        self._complain(f"standard output: not written: {reason}; {self.files_written()}. {remedy}")
         return Exit.NOT_WRITTEN
 
-    def whereabouts(self) -> str:
+    def files_written(self) -> str:
         """Which files were written and which were not."""
         left = [target for target in self.targets if target not in self.outputs]
         if not self.outputs:
@@ -263,26 +268,18 @@ def finish_interrupted() -> int:
 
 def _end_interrupted(session: Session) -> int:
     ignore_signals()
-    return session.finish(Exit.INTERRUPTED, f"interrupted; {session.whereabouts()}")
+    return session.finish(Exit.INTERRUPTED, f"interrupted; {session.files_written()}")
 
 
 def _end_failed(session: Session, error: BaseException) -> int:
     ignore_signals()
-    from identification import (
-        InvalidInputError,
-        LogRefusedError,
-        NotWrittenError,
-        UnstatedError,
-        UsageError,
-    )
-    from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectError
 
     if isinstance(error, LogRefusedError):
         session.findings += [asdict(finding) for finding in error.findings]
         lines = [f"{finding.severity}: {finding}" for finding in error.findings]
         return session.finish(Exit.LOG_REFUSED, "log refused\n" + "\n".join(lines))
     if isinstance(error, NotWrittenError):
-        others = f" Of all files, {session.whereabouts()}." if session.outputs else ""
+        others = f" Of all files, {session.files_written()}." if session.outputs else ""
         return session.finish(Exit.NOT_WRITTEN, f"{error}{others}")
     if isinstance(error, CheckFailedError) and len(error.failures) > 1:
         return session.finish(Exit.CHECK_FAILED, "\n".join(("check failed", *error.failures)))
@@ -297,7 +294,7 @@ def _end_failed(session: Session, error: BaseException) -> int:
     ):
         if isinstance(error, kind):
             return session.finish(code, str(error))
-    seen = f"{type(error).__name__}: {error}; {session.whereabouts()}"
+    seen = f"{type(error).__name__}: {error}; {session.files_written()}"
     words = f"internal error: {seen}. Please report it with the command and the files"
     return session.finish(Exit.INTERNAL_ERROR, words)
 
@@ -431,9 +428,7 @@ class LogOptions:
 
     def columns(self) -> LogColumns:
         """What the readers of logs take. Raises InvalidInputError for a gain that is none."""
-        from identification import LogColumns
-
-        return LogColumns(**asdict(self))
+        return ident.LogColumns(**asdict(self))
 
 
 def command(
@@ -447,24 +442,24 @@ def command(
 
     def offering(body: Callable[..., None]) -> Callable[..., None]:
         own = inspect.signature(body, eval_str=True)
-        told = [each for each in _log_options() if each.name not in without]
+        common = [each for each in _log_options() if each.name not in without]
         reads_logs = "options" in own.parameters
         offered: list[inspect.Parameter] = []
         for name, parameter in own.parameters.items():
             if name == "options":
-                offered += told
+                offered += common
             elif name != "session":
                 offered.append(parameter)
-        offered += [
-            _keyword("json", _Json, default=False),
-            _keyword("quiet", _Quiet, default=False),
-        ]
+        offered.append(_keyword("json", _Json, default=False))
+        offered.append(_keyword("quiet", _Quiet, default=False))
 
         @wraps(body)
         def run(**given: Any) -> None:
             json, quiet = given.pop("json"), given.pop("quiet")
             if reads_logs:
-                given["options"] = LogOptions(**{each.name: given.pop(each.name) for each in told})
+                given["options"] = LogOptions(
+                    **{each.name: given.pop(each.name) for each in common}
+                )
             run_command(
                 body.__name__, lambda session: body(session, **given), as_json=json, quiet=quiet
             )

@@ -28,58 +28,6 @@ if TYPE_CHECKING:
     from tune.documents.profile import SafeProfile
     from tune.optimisation.alternatives import Alternative
 
-#: What a reader takes away.
-_VERDICT = (
-    "Checked on {day}: all that the profile says was computed anew by an independent path, and "
-    "nothing differs. Stable on every device in the box below, for every gain up to {gain:g} times "
-    "the one written, with up to {late:g} more sample(s) of delay."
-)
-#: (meaning, what helps) by what binds.
-_LIMITS: dict[LimitedBy, tuple[str, str]] = {
-    "stability": (
-        "More of it would shake the loop.",
-        "A shorter delay, a faster sample rate or more damping of the device itself help.",
-    ),
-    "gain-margin": (
-        "More of it would keep less than the margin of gain.",
-        "A shorter delay or a faster sample rate help; log longer for narrower intervals.",
-    ),
-    "delay-margin": (
-        "More of it would keep less than the margin of delay.",
-        "A shorter delay or a faster sample rate help.",
-    ),
-    "saturation": (
-        "More of it is stable as long as nothing is cut or switched, and no proof was found beyond "
-        "that.",
-        "More damping of the device or a shorter delay help, or name it apart from what it is not "
-        "met with.",
-    ),
-    "lead": (
-        "More damping would be met too far before the face of the wall; more stiffness would lag "
-        "more than its damping makes good.",
-        "A longer lead in the scene gives more damping; a shorter delay gives more of both.",
-    ),
-    "force": (
-        "More of it would ask for more force than the actuator gives.",
-        "A stronger actuator, or less penetration, speed or acceleration in the scene help.",
-    ),
-    "rendering": (
-        "More of it would be felt, by filters and delay, as another mass or damping by more than a "
-        "step.",
-        "A finer encoder (less filtering), a faster sample rate or damping beside it help.",
-    ),
-    "ripple": (
-        "More of it would make the counts of the encoder felt.",
-        "A finer encoder helps; a lower cut-off does too, but makes mass and damping lag.",
-    ),
-    "wanted": ("It is what the scene asks for.", ""),
-    "range": ("It is the end of the range that the scene allows.", "A wider range helps."),
-    "not-perceptible": (
-        "All that is allowed of it is less than a hand can tell, so that it is left out.",
-        "See what limits the other effects; --what-if tells what each fact of the hardware costs.",
-    ),
-}
-
 
 def report_html(
     safe: SafeProfile,
@@ -95,7 +43,6 @@ def report_html(
 
     boundaries = Boundaries.of(safe)
     written = (day or date.today()).isoformat()
-    gain, late = safe.certificate.gain, safe.certificate.extra_delay_samples
     own, loader = files("tune") / "templates", PackageLoader("tune", "templates")
     environment = Environment(
         loader=loader,
@@ -108,7 +55,8 @@ def report_html(
         page={
             "title": f"{safe.scene} on {safe.device.name}: haptic profile",
             "facts": list(_facts(safe, written)),
-            "verdict": _VERDICT.format(day=written, gain=gain, late=late),
+            "gain": f"{safe.certificate.gain:g}",
+            "late": f"{safe.certificate.extra_delay_samples:g}",
             "effects": _table(elements_table(safe)),
             "notes": safe.notes,
             "limits": _limits(safe),
@@ -117,10 +65,7 @@ def report_html(
             "log_pictures": [] if found is None else [_fit(safe, found)],
             "findings": () if found is None else found.findings,
             "log_lines": list(_log_lines(safe, found)),
-            "statements": [
-                {"heading": heading, "lead": lead, "lines": lines}
-                for heading, lead, lines in _statements(safe)
-            ],
+            "statements": _statements(safe),
             "alternatives": alternatives and _table(alternatives_table(alternatives)),
             "day": written,
         },
@@ -147,13 +92,13 @@ def _table(table: Table) -> dict[str, object]:
     }
 
 
-def _limits(design: Design) -> list[tuple[str, str, str]]:
-    """(which effects a limit binds, what it means, what helps), each limit once."""
+def _limits(design: Design) -> list[tuple[LimitedBy, str]]:
+    """(limit, which effects it binds), each limit once."""
     bound: dict[LimitedBy, list[str]] = {}
     for name, element in design.elements.items():
         for effect, reason in element.limited_by.items():
             bound.setdefault(reason, []).append(f"{name} {effect}")
-    return [(f"{why}: {', '.join(effects)}", *_LIMITS[why]) for why, effects in bound.items()]
+    return [(reason, ", ".join(effects)) for reason, effects in bound.items()]
 
 
 def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
@@ -243,34 +188,27 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
         yield f"identified again for this report: {now}; in the profile {before}"
 
 
-def _statements(safe: SafeProfile) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """(heading, lead, lines) of what is proved, assumed, assessed, left out, taken on trust."""
+def _statements(safe: SafeProfile) -> dict[str, tuple[str, ...]]:
+    """What is proved, assumed, not assessed and taken on trust, line by line."""
     from tune.certificate.assumptions import trusted_facts
     from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
 
     seal = safe.certificate
-    lead = "Shown for every point of the box, by interval arithmetic or in as many digits as it "
-    lead += "takes."
-    lines = (
+    absolute = (seal.absolute_stability or {}).items()
+    proved = (
         *certificate_lines(seal)[:-1],
         f"by: {seal.method}",
         f"moments proved: {'; '.join(seal.interior)}",
         *(
-            f"{moment}: absolutely stable up to gain {each.gain:.4g} with "
+            f"{names}: absolutely stable up to gain {each.gain:.4g} with "
             f"{each.extra_delay_samples:g} more sample(s): {', '.join(each.covers)}"
-            for moment, each in (seal.absolute_stability or {}).items()
+            for names, each in absolute
         ),
     )
-    yield "Proved", lead, lines
-    yield "Assumed", "The proof holds where all of this does.", seal.assumes
-    lines = (
-        "what is felt of each element, what entering it amounts to and by how much steps may "
-        "vary: the lines below the table of what is played",
-        "before it was written, every moment was rehearsed in simulation with quantiser, "
-        "friction and force limit, entered and left and at gains that change: it settles",
-    )
-    yield "Assessed, not proved", "Computed at corners of the box or played in simulation.", lines
-    yield "Not assessed", "Nobody has looked at this.", seal.not_assessed
-    lead = "No calculation can confirm it: the person who signs answers for it."
     trusted = (f"{each.key}: {each.reason}" for each in (*TAKEN_ON_TRUST, *OPINIONS))
-    yield "Taken on trust", lead, (*trusted_facts(safe.device), *trusted)
+    return {
+        "proved": proved,
+        "assumed": seal.assumes,
+        "not_assessed": seal.not_assessed,
+        "trusted": (*trusted_facts(safe.device), *trusted),
+    }

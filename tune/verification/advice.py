@@ -147,10 +147,8 @@ def advise(
 class _Plays:
     """What each element tells of each target, at each gain; what was found is kept."""
 
-    __slots__ = ("_allowed", "_judge", "_plan", "_profile")
-
     def __init__(self, profile: Design) -> None:
-        self._profile = profile
+        self._profile, self._filters = profile, (filters_of(profile.loop),)
         self._plan = cache(partial(_plan_play, profile))
         self._allowed = cache(partial(_allowed_loops, profile))
         self._judge = cache(partial(MarginJudge, profile))
@@ -173,7 +171,8 @@ class _Plays:
                 if play is None:
                     why = why or hindered
                     continue
-                told = self._tells(player, gain, target)
+                allowed, judge = self._allowed(player, gain), self._judge(target)
+                told = [judge.keeps_all(self._filters, each) for each in allowed]
             except LoopError as error:
                 why = str(error)
                 continue
@@ -188,25 +187,16 @@ class _Plays:
         best: dict[Moment, Play] = {}
         most = np.inf
         # A spring tells a delay best: what it leaves of the gains need not be looked at.
-        for player in sorted(players, key=self._pulls, reverse=True):
+        for player in sorted(players, key=self._position_free):
             play, _ = self.least(player, target, most)
             if play is not None:
                 best[player] = play
                 most = min(most, play.gain)
-        return min(
-            (best[player] for player in players if player in best),
-            key=lambda each: each.gain,
-            default=None,
-        )
+        told = (best[player] for player in players if player in best)
+        return min(told, key=lambda each: each.gain, default=None)
 
-    def _pulls(self, player: Moment) -> bool:
-        return effects_of(self._profile, player).stiffness is not None
-
-    def _tells(self, player: Moment, gain: float, target: Moment) -> tuple[bool, ...]:
-        """Whether all loops that a log of each device would allow keep the margin of the target."""
-        filters = (filters_of(self._profile.loop),)
-        judge = self._judge(target)
-        return tuple(judge.keeps_all(filters, each) for each in self._allowed(player, gain))
+    def _position_free(self, player: Moment) -> bool:
+        return effects_of(self._profile, player).position_free
 
 
 def _allowed_loops(profile: Design, player: Moment, gain: float) -> tuple[ConsistentLoops, ...]:
@@ -225,10 +215,9 @@ def _expected(prediction: Prediction) -> MeasuredMode:
     nominal = prediction.nominal
     hertz = (prediction.frequency_tolerance + _USUAL_HALF) * nominal.frequency
     slack = (DECAY_TOLERANCE + _USUAL_HALF) * nominal.decay
+    swings = nominal.frequency - hertz, nominal.frequency + hertz
     return MeasuredMode(
-        frequency=(nominal.frequency - hertz, nominal.frequency + hertz)
-        if nominal.frequency
-        else None,
+        frequency=swings if nominal.frequency else None,
         decay=(nominal.decay - slack, nominal.decay + slack),
     )
 

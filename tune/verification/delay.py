@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,8 +89,6 @@ class ConsistentLoops:
 class Modes:
     """The slow mode under some effects, of any loop of a device's box and of any delay."""
 
-    __slots__ = ("_knots", "_places", "_values", "most", "stated")
-
     def __init__(
         self, device: Device, filters: Filters, effects: Effects, *, extra: float, step: float = 0.5
     ) -> None:
@@ -103,12 +102,8 @@ class Modes:
         delays = np.unique([*np.arange(0, most + step / 2, step), *stated, device.delay.value / T])
         masses, slopes = np.log(box.mass), _places(box.position_stiffness, _STIFFNESSES)
         self._places = delays, _places(masses, _MASSES), _places(box.damping, _DAMPINGS), slopes
-        self._knots = (
-            np.arange(most + 1),
-            _places(masses, _KNOTS),
-            _places(box.damping, _KNOTS),
-            slopes,
-        )
+        knots = _places(masses, _KNOTS), _places(box.damping, _KNOTS)
+        self._knots = np.arange(most + 1), *knots, slopes
         self._values = _mode(device, filters, effects, self._knots)
         self.most, self.stated = most, stated
 
@@ -237,8 +232,6 @@ class MarginJudge:
     whole samples of delay and at the shortest and the longest delay.
     """
 
-    __slots__ = ("_effects", "_hands", "_known", "_moment", "_profile", "_tasks")
-
     def __init__(self, profile: Design, moment: Moment) -> None:
         """Takes a profile and elements felt together."""
         margin = profile.margin
@@ -273,22 +266,15 @@ class MarginJudge:
         )
 
     def _stable(
-        self,
-        rigid: _Rigid,
-        delay: float,
-        filters: Filters,
-        hand: HandNumbers | None,
-        gain: float,
+        self, rigid: _Rigid, delay: float, filters: Filters, hand: HandNumbers | None, gain: float
     ) -> bool:
         """Whether all loops of these masses, dampings and own stiffnesses are stable up to it."""
         which = (*(part.tobytes() for part in rigid), delay, filters, hand)
         up_to, not_at = self._known.get(which, (0.0, np.inf))
         if up_to < gain < not_at:
             loop = _loops_over(self._profile.device, rigid, delay, filters, hand)
-            if np.all(safe_up_to(loop, self._effects, gain)):
-                up_to = gain
-            else:
-                not_at = gain
+            stable = np.all(safe_up_to(loop, self._effects, gain))
+            up_to, not_at = (gain, not_at) if stable else (up_to, gain)
             self._known[which] = up_to, not_at
         return gain <= up_to
 
@@ -297,13 +283,8 @@ def _hands_of(hand: Hand | None) -> tuple[HandNumbers | None, ...]:
     """No hand, and every corner of a box of hands."""
     if hand is None:
         return (None,)
-    corners = {
-        (mass, damping, stiffness): HandNumbers(mass=mass, damping=damping, stiffness=stiffness)
-        for mass in (hand.mass.low, hand.mass.high)
-        for damping in (hand.damping.low, hand.damping.high)
-        for stiffness in (hand.stiffness.low, hand.stiffness.high)
-    }
-    return (None, *corners.values())
+    ends = ((each.low, each.high) for each in (hand.mass, hand.damping, hand.stiffness))
+    return (None, *(HandNumbers(*corner) for corner in dict.fromkeys(product(*ends))))
 
 
 def _judged_delays(allowed: ConsistentLoops) -> list[float]:
@@ -380,9 +361,8 @@ def margins_of_others(
 
 def unknown_delay(why: str) -> MeasuredDelay:
     """Nothing is known of the delay, and why."""
-    return MeasuredDelay(
-        allowed=None, played=None, filters=(), outcome=unassessed_outcome("delay", why)
-    )
+    outcome = unassessed_outcome("delay", why)
+    return MeasuredDelay(allowed=None, played=None, filters=(), outcome=outcome)
 
 
 def _outcome(profile: Design, allowed: ConsistentLoops, played: Kept) -> Outcome:

@@ -53,11 +53,9 @@ def moments_of(profile: Design, element: str | None) -> tuple[Moment, ...]:
 
 def effects_of(profile: Design, moment: Moment) -> Effects:
     """The sum of the effects of a moment; what sums to zero is not there."""
-    sums = {
-        name: sum(float(getattr(profile.elements[each], name)) for each in moment)
-        for name in EFFECT_NAMES
-    }
-    return Effects(**{name: value or None for name, value in sums.items()})
+    elements = [profile.elements[name] for name in moment]
+    sums = (sum(float(getattr(each, effect)) for each in elements) for effect in EFFECT_NAMES)
+    return Effects(**dict(zip(EFFECT_NAMES, (value or None for value in sums), strict=True)))
 
 
 def scale_effects(effects: Effects, gain: float) -> Effects:
@@ -159,7 +157,7 @@ class Columns:
 
     @property
     def scale(self) -> float:
-        """rms of the force that position, velocity and acceleration have to explain, N."""
+        """rms of the force to be explained, N."""
         return rms(self.force)
 
 

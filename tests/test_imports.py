@@ -18,14 +18,25 @@ PACKAGES = ("identification", "tune", "datasets_synthetic")
 
 @cache
 def _imports(path: Path) -> frozenset[str]:
-    """Full dotted names imported by a file, ``from a import b`` as a.b."""
+    """Full dotted names that a file imports: a.b for ``from a import b``, or x.b of a as x."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    packages: dict[str, str] = {}
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            found |= {alias.name for alias in node.names if not alias.asname}
+            packages |= {alias.asname: alias.name for alias in node.names if alias.asname}
         elif isinstance(node, ast.ImportFrom) and node.module:
             assert node.level == 0, f"{path} imports relatively"
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    within: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            if node.value.id in packages:
+                found.add(f"{packages[node.value.id]}.{node.attr}")
+                within.add(node.value)
+        elif isinstance(node, ast.Name) and node.id in packages and node not in within:
+            found.add(packages[node.id])
     return frozenset(found)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -52,23 +53,21 @@ def find_multiplier(
         gain: up to which it is to prove the sum.
         delay_samples: the longest of the loops.
     """
-    table, owners = _table(responses, parts, gain, _ladder(delay_samples))
-    slopes = _slopes(responses, parts, owners)
-    seen = np.arange(0, table.shape[1], _SEEN, dtype=np.intp)
+    condition = _Condition.of(responses, parts, gain, _ladder(delay_samples))
+    slopes = _slopes(responses, parts, condition.owners)
+    seen = np.arange(0, condition.factors.shape[1], _SEEN, dtype=np.intp)
     weights: FloatArray | None = None
     for _ in range(_ROUNDS):
-        weights = _program(table[:, seen], slopes)
+        weights = _program(condition.matrices(seen), slopes)
         if weights is None:
             return None
-        matrices = np.tensordot(weights, table, axes=1)
-        values: FloatArray = np.asarray(np.linalg.eigvalsh(matrices), dtype=np.float64)
-        least = values[:, 0].reshape(responses.position.shape)
+        least = condition.least_eigenvalues(weights).reshape(responses.position.shape)
         short = np.flatnonzero(is_peak(-least) & (least <= 0))
         if not short.size:
             break
         seen = np.union1d(seen, short)
     assert weights is not None
-    return _multiplier(weights, owners, parts, grounded=responses.grounded)
+    return _multiplier(weights, condition.owners, parts, grounded=responses.grounded)
 
 
 def _ladder(delay_samples: float) -> list[int]:
@@ -78,33 +77,74 @@ def _ladder(delay_samples: float) -> list[int]:
     return [*range(1, _SHORT), *(round(_SHORT * _RATIO**step) for step in range(count + 1))]
 
 
-def _table(
-    responses: Responses, parts: Nonlinearities, gain: float, ladder: list[int]
-) -> tuple[ComplexArray, list[tuple[int, int]]]:
-    """Hermitian matrices of each unknown, (unknowns, points, n, n), and its (channel, tap).
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Condition:
+    """Hermitian part of diag(M)·(1 + loops), linear in the weights of a multiplier M.
 
-    A constant is tap 0. Rows of a channel are in units of its own size times the gain. At each
-    point the matrices are turned and scaled alike, so that none of their directions is small in all
-    of them: near θ = 0 that in which two clamps push against each other is.
+    At each point it is turned and scaled, left^H ... right, so that no direction is small in the
+    matrices of all weights: near θ = 0 that in which two clamps push against each other is.
+
+    Attributes:
+        owners: (channel, tap) of each weight; a constant is tap 0. Channels are in units of their
+            own size times the gain.
+        factors: of each weight in M, (weights, points).
+        left, right: (points, channels, channels).
     """
-    loops = gain * parts.loops(responses)
-    size, angle = len(loops), np.broadcast_to(responses.angle, loops.shape[1:])
-    tables: list[ComplexArray] = []
-    owners: list[tuple[int, int]] = []
-    for channel in range(size):
-        taps = (0, *ladder) if responses.grounded else ladder
-        for tap in taps if channel < len(parts.clamps) else (0,):
-            factor = difference_at(tap, angle) if tap else np.ones(angle.shape)
-            matrix = np.zeros((*angle.shape, size, size), dtype=np.complex128)
-            matrix[..., channel, :] = (factor * loops[channel])[..., None]
-            matrix[..., channel, channel] += factor
-            hermitian = (matrix + np.conj(np.swapaxes(matrix, -1, -2))) / 2
-            tables.append(hermitian.reshape(-1, size, size))
-            owners.append((channel, tap))
-    table = np.stack(tables)
-    values, vectors = np.linalg.eigh(np.einsum("vpij,vpjk->pik", table, table))
-    scale = vectors * np.maximum(values, np.finfo(float).tiny)[:, None, :] ** -0.25
-    return np.einsum("pji,vpjk,pkl->vpil", np.conj(scale), table, scale, optimize=True), owners
+
+    owners: list[tuple[int, int]]
+    factors: ComplexArray
+    left: ComplexArray
+    right: ComplexArray
+
+    @classmethod
+    def of(
+        cls, responses: Responses, parts: Nonlinearities, gain: float, ladder: list[int]
+    ) -> _Condition:
+        loops = gain * parts.loops(responses)
+        size = len(loops)
+        angle = np.broadcast_to(responses.angle, loops.shape[1:]).reshape(-1)
+        constant = np.ones(angle.shape, dtype=np.complex128)
+        taps = {tap: difference_at(tap, angle) for tap in ladder}
+        taps = {0: constant} | taps if responses.grounded else taps
+        each = [taps if i < len(parts.clamps) else {0: constant} for i in range(size)]
+        rows = np.eye(size) + loops.reshape(size, -1).T[..., None]
+        # Sum of the squares of the matrices of all weights.
+        squares = np.stack([sum(f**2 for f in own.values()) for own in each], axis=-1)
+        sizes = np.stack([sum(np.abs(f) ** 2 for f in own.values()) for own in each], axis=-1)
+        diagonal = np.einsum("pii->pi", rows)
+        half = (squares * diagonal)[..., None] * rows
+        total = half + _adjoint(half) + _adjoint(rows) @ (sizes[..., None] * rows)
+        total += np.eye(size) * (sizes * np.sum(np.abs(rows) ** 2, axis=-1))[..., None]
+        values, vectors = np.linalg.eigh(total / 4)
+        left = vectors * np.maximum(values, np.finfo(float).tiny)[:, None, :] ** -0.25
+        return cls(
+            owners=[(index, tap) for index, own in enumerate(each) for tap in own],
+            factors=np.stack([factor for own in each for factor in own.values()]),
+            left=left,
+            right=rows @ left,
+        )
+
+    def matrices(self, points: NDArray[np.intp]) -> ComplexArray:
+        """Those of each weight at some points, (weights, points, channels, channels)."""
+        own = np.eye(self.left.shape[-1])[[owner for owner, _ in self.owners]]
+        multipliers = self.factors[:, points, None] * own[:, None]
+        return _hermitian(self.left[points], multipliers, self.right[points])
+
+    def least_eigenvalues(self, weights: FloatArray) -> FloatArray:
+        """The least of the sum with these weights at every point, (points,)."""
+        own = np.eye(self.left.shape[-1])[[owner for owner, _ in self.owners]]
+        matrix = _hermitian(self.left, (self.factors.T * weights) @ own, self.right)
+        return np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64)[:, 0]
+
+
+def _adjoint(matrix: ComplexArray) -> ComplexArray:
+    return np.conj(np.swapaxes(matrix, -1, -2))
+
+
+def _hermitian(left: ComplexArray, multiplier: ComplexArray, right: ComplexArray) -> ComplexArray:
+    """Hermitian part of left^H·diag(multiplier)·right."""
+    matrix = _adjoint(left) @ (multiplier[..., None] * right)
+    return (matrix + _adjoint(matrix)) / 2
 
 
 def _slopes(
@@ -259,8 +299,10 @@ def search_gain(
     )
 
 
-def _least_gain(responses: Responses, parts: Nonlinearities, multiplier: Multiplier) -> float:
-    return float(np.min(absolute_gain(responses, parts, multiplier)))
+def _least_gain(
+    responses: Responses, parts: Nonlinearities, multiplier: Multiplier, enough: float = 0.0
+) -> float:
+    return float(np.min(absolute_gain(responses, parts, multiplier, enough=enough)))
 
 
 def _with_few_taps(
@@ -274,8 +316,9 @@ def _with_few_taps(
     for part, first in product(_FAINT, _FIRST_TAP):
         channels = tuple(_thinned(channel, part, first) for channel in multiplier.channels)
         fewer = Multiplier(channels=channels)
-        left = _least_gain(responses, parts, fewer)
-        if left >= _KEPT * gain and (left >= least or gain < least):
+        enough = max(_KEPT * gain, least if gain >= least else 0.0)
+        left = _least_gain(responses, parts, fewer, enough)
+        if left >= enough:
             return fewer, left
     return multiplier, gain
 

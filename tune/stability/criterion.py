@@ -76,16 +76,16 @@ def _running(coefficients: FloatArray, errors: FloatArray) -> VerdictArray:
             ratio = upper[0] / pivot
             ratio_error = (upper_error[0] + np.abs(ratio) * slack) / (pivot - slack)
             ratio_error += 2 * UNIT * np.abs(ratio)
-            count = len(upper) - 1
             nxt, nxt_error = upper[1:].copy(), upper_error[1:].copy()
-            for column in range(min(count, len(lower) - 1)):
-                product = ratio * lower[column + 1]
-                nxt[column] -= product
-                nxt_error[column] += (
-                    np.abs(ratio) * lower_error[column + 1]
-                    + ratio_error * (np.abs(lower[column + 1]) + lower_error[column + 1])
-                    + 2 * UNIT * (np.abs(product) + np.abs(nxt[column]))
-                )
+            below, below_error = lower[1 : len(upper)], lower_error[1 : len(upper)]
+            both = len(below)
+            product = ratio * below
+            nxt[:both] -= product
+            nxt_error[:both] += (
+                np.abs(ratio) * below_error
+                + ratio_error * (np.abs(below) + below_error)
+                + 2 * UNIT * (np.abs(product) + np.abs(nxt[:both]))
+            )
             upper, upper_error, lower, lower_error = lower, lower_error, nxt, nxt_error
     return np.where((verdict > 0) & doubtful, np.int8(0), verdict)
 

@@ -233,18 +233,19 @@ class Nonlinearities:
 
 
 def absolute_gain(
-    responses: Responses, parts: Nonlinearities, multiplier: Multiplier
+    responses: Responses, parts: Nonlinearities, multiplier: Multiplier, *, enough: float = 0.0
 ) -> FloatArray:
     """Largest g such that the condition holds for all of a sum times any gain in (0, g].
 
     The multiplier has a channel for each part, in their order. Shape (loops,); inf where nothing
-    bounds it.
+    bounds it. Where some loop is seen at once to have less than is enough, all are of the grid
+    only, upper bounds.
     """
     inverse = _inverse_gain(responses, parts, multiplier)
     angle = np.broadcast_to(responses.angle, inverse.shape)
     low, high = _around_peaks(inverse, angle)
     most = inverse.max(axis=1)
-    for _ in range(_ZOOMS):
+    for _ in range(_ZOOMS if np.all(most * enough <= 1) else 0):
         places = np.linspace(low, high, _ZOOM_POINTS, axis=-1)
         near = responses.at_each(places.reshape(len(places), -1))
         peaks = _inverse_gain(near, parts, multiplier).reshape(places.shape)

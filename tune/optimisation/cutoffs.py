@@ -178,6 +178,7 @@ class _Search:
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
         """From a point to one that is worth more than all around it."""
         kept = self._worth(point).kept
+        every = sum(kept) == sum(self.wished.values())
         # Beyond the highest cut-off there is no filter, and nothing has a slope.
         free = [i for i in free if self.axes[i].hertz(point[i]) is not None]
         if not free:
@@ -188,8 +189,9 @@ class _Search:
             return [chosen.get(index, place) for index, place in enumerate(point)]
 
         def value(places: Sequence[float]) -> float:
-            worth = self._worth(whole(places))
-            return worth.value if worth.kept >= kept else -math.inf
+            # That not all are kept is soon told; which of them is not asked where all can be.
+            worth = self._whole(whole(places)) if every else self._worth(whole(places))
+            return worth.value if worth and worth.kept >= kept else -math.inf
 
         def slopes(places: Sequence[float]) -> list[float]:
             return [self._slope(whole(places), index) for index in free]

@@ -7,7 +7,7 @@ can have a step at all is told by maximum feasible subsets.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -184,6 +184,8 @@ class _Search:
             lower=np.where(fixed, here, np.log(self.low)),
             upper=np.where(fixed, here, np.log(high)),
         )
+        if self._raised_beside_yielding(active, rank):
+            return
         value = self._value(self.sizes, rank)
         for attempt in range(_MOST_ATTEMPTS):
             # Where all solvers end alike from the first start, the others are not asked.
@@ -204,7 +206,7 @@ class _Search:
             if best is not None and gained > 0:
                 value, self.sizes = best[0], best[1]
                 self.methods.append(best[2])
-            settled = multipliers(self.program, rank, np.log(self.sizes)) is not None
+            settled = self._settled(rank)
             if settled and (attempt > 0 or apart <= SAME or len(self.backends) == 1):
                 if np.isfinite(apart):
                     self.disagreement = max(self.disagreement, apart)
@@ -222,6 +224,35 @@ class _Search:
         self.sizes = raised
         self.methods.append("closed form")
         return True
+
+    def _raised_beside_yielding(self, active: NDArray[np.bool_], rank: Rank) -> bool:
+        """Whether the only other unknown could be raised, and best, where what yields is least."""
+        yielding = active & (self.low > self.problem.low)
+        index = np.flatnonzero(active & ~yielding)
+        if not yielding.any() or index.size != 1:
+            return False
+        before = self.sizes, list(self.scenarios), self.program
+        self.sizes = np.where(yielding, self.low, self.sizes)
+        if self._raised_alone(int(index[0])):
+            if self._settled(rank):
+                return True
+            if self._show(least_margin_loops(self.problem, self.sizes)) and self._settled(rank):
+                return True
+            self.methods.pop()
+        self.sizes, self.scenarios, self.program = before
+        return False
+
+    def _settled(self, rank: Rank) -> bool:
+        """Whether multipliers show, with the corners that are shown, that no more is possible."""
+        return multipliers(self.program, rank, np.log(self.sizes)) is not None
+
+    def _show(self, loops: Iterable[Scenario]) -> bool:
+        """Whether any of these corners had not been shown."""
+        new = sorted(set(loops) - set(self.scenarios))
+        if new:
+            self.scenarios += new
+            self.program = program_of(self.problem, self.scenarios)
+        return bool(new)
 
     def _value(self, sizes: FloatArray, rank: Rank) -> float:
         return self.program.product(sizes, rank.weights)[0]
@@ -246,11 +277,8 @@ class _Search:
             broken = set(least_margin_loops(self.problem, proposal, broken=True))
             if not self.scenarios:
                 broken |= set(least_margin_loops(self.problem, np.exp(start)))
-            broken -= set(self.scenarios)
-            if not broken:
+            if not self._show(broken):
                 break
-            self.scenarios += sorted(broken)
-            self.program = program_of(self.problem, self.scenarios)
         if proposal is None:
             return None
         return _bisect_to_feasible(self.problem, np.exp(start), proposal)

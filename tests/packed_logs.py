@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -92,7 +91,10 @@ def assert_extra_is_named(
     monkeypatch: pytest.MonkeyPatch, path: Path, module: str, missing: str, extra: str
 ) -> None:
     """Without a module the refusal says what is not installed, and the extra that brings it."""
-    monkeypatch.setitem(sys.modules, module, None)
+    empty = path.parent / "empty"
+    (empty / module).mkdir(parents=True)
+    (empty / module / "__init__.py").write_text("raise ImportError", encoding="utf-8")
+    monkeypatch.syspath_prepend(empty)
     said = refusal(path)
     assert missing in said
     assert f'pip install "haptune[{extra}]"' in said

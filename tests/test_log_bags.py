@@ -174,7 +174,7 @@ def test_the_extra_names_itself_where_it_is_missing(
 ) -> None:
     path = bag(tmp_path, arm_joints=(JOINTS, joints, ALL))
     missing = "mcap and mcap-ros2-support, which read it, are not installed"
-    assert_extra_is_named(monkeypatch, path, "mcap.reader", missing, "ros")
+    assert_extra_is_named(monkeypatch, path, "mcap", missing, "ros")
 
 
 @pytest.mark.parametrize(("ending", "step"), [(".db3", "ros2 bag convert"), (".xls", ".xlsx")])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -18,6 +19,7 @@ import numpy as np
 
 from identification.errors import Finding, InvalidInputError, LogRefusedError
 from identification.readers.columns import LogColumns, Reading, conversion_of, quote
+from identification.readers.isolated import read_isolated
 from identification.trajectory import Motion, Trajectory, refuse_sizes
 
 __all__ = ["LogColumns", "load_trajectory"]
@@ -33,6 +35,8 @@ _READERS = {
     ".xlsx": "excel.read_excel",
     ".mcap": "bags.read_mcap",
 }
+#: Those read by foreign parsers, which a damaged file may bring down.
+_ISOLATED = frozenset({".parquet", ".mat", ".xlsx", ".mcap"})
 #: Endings of logs that are not read, and how to make one of them that is.
 _INSTEAD = {
     ".xls": "Save it as .xlsx, or export the sheet as CSV",
@@ -121,6 +125,8 @@ def _reader_for(path: Path) -> Callable[[Path, bytes, LogColumns], Reading]:
         problem = f"has the ending '{quote(path.suffix)}', which is not read"
         remedy = _INSTEAD.get(ending, f"Give a log that ends in {', '.join(some)} or {last}")
         raise InvalidInputError(path, problem, remedy)
+    if ending in _ISOLATED:
+        return partial(read_isolated, _READERS[ending])
     module, _, function = _READERS[ending].partition(".")
     reader: Any = getattr(import_module(f"{__name__}.{module}"), function)
     return reader

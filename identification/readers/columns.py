@@ -227,9 +227,11 @@ def refused_as(path: Path, kind: str, remedy: str, *panics: type[BaseException])
         yield
     except InvalidInputError:
         raise
-    except (Exception, *panics) as error:  # noqa: BLE001
-        said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise InvalidInputError(path, f"is not a readable {kind} ({said})", remedy) from None
+    except MemoryError:
+        problem = "takes more memory to read than a file of its size may"
+        raise InvalidInputError(path, problem, remedy) from None
+    except (Exception, *panics):  # noqa: BLE001
+        raise InvalidInputError(path, f"is not a readable {kind}", remedy) from None
 
 
 def refuse_long(path: Path, samples: int) -> None:

@@ -1,0 +1,119 @@
+"""Foreign parsers in a process of their own, with a deadline and a limit of memory.
+
+A library that reads a damaged or hostile file may end the process by a signal, print, run on or
+take all memory: here each of that is a sentence. The system limits memory on Linux, processor time
+where it is POSIX; the deadline by the clock holds everywhere.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import asdict
+from importlib import import_module
+from multiprocessing.spawn import get_executable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identification.errors import InvalidInputError
+from identification.readers.columns import FloatArray, LogColumns, Reading
+
+#: s of the processor, and those for each byte of a larger file: a workbook of a million rows takes
+#: half of that.
+_SECONDS, _SECONDS_A_BYTE = 8, 2e-6
+#: s by the clock for each of the processor: others may be at work beside.
+_PATIENCE = 2 if sys.platform == "win32" else 15
+#: The signal to a process whose time is up, negative; no code of an exit where there is none.
+_OVERTIME = -getattr(signal, "SIGXCPU", 1)
+#: Bytes of memory, and those for each byte of the file: a table of packed numbers unfolds.
+_MEMORY, _MEMORY_A_BYTE = 800_000_000, 8
+#: Each thread of a library takes memory before it does anything.
+_FEW_THREADS = {"POLARS_MAX_THREADS": "2", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+#: As Python calls it, so that whoever embeds an interpreter states its program in one place.
+_PROGRAM = "import sys; sys.path[:] = {path!r}; from {module} import serve; serve()"
+_REMEDY = "Save it again, or export it as CSV, which needs no such reader"
+
+
+def read_isolated(reader: str, path: Path, content: bytes, columns: LogColumns) -> Reading:
+    """Columns by role, read by a function of this package (MODULE.FUNCTION) in another process.
+
+    Raises:
+        InvalidInputError: as the function does; or it ended by a signal, took too long or too much
+            memory.
+    """
+    seconds = max(_SECONDS, round(_SECONDS_A_BYTE * len(content)))
+    memory = _MEMORY + _MEMORY_A_BYTE * len(content)
+    job: dict[str, Any] = {"reader": reader, "path": os.fspath(path), "columns": asdict(columns)}
+    job |= {"seconds": seconds, "memory": memory}
+    python = os.fsdecode(get_executable() or sys.executable)
+    late = f"takes longer to read than the {seconds} s that a file of its size may"
+    program = _PROGRAM.format(path=sys.path, module=__name__)
+    try:
+        done = subprocess.run(  # noqa: S603 - this interpreter, and nothing of the file in it
+            [python, "-c", program, json.dumps(job)],
+            input=content,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | _FEW_THREADS,
+            timeout=_PATIENCE * seconds,
+            check=False,
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+    except subprocess.TimeoutExpired:
+        raise InvalidInputError(path, late, _REMEDY) from None
+    except OSError as error:
+        problem = f"cannot be read: no process for its reader ({error.strerror or error})"
+        raise InvalidInputError(path, problem, "Export it as CSV") from None
+    end = done.stdout.find(b"\n")
+    if done.returncode or end < 0:
+        ended = f"ended the process that read it (exit {done.returncode}): it is damaged or too big"
+        raise InvalidInputError(path, late if done.returncode == _OVERTIME else ended, _REMEDY)
+    said: dict[str, Any] = json.loads(done.stdout[:end])
+    if "problem" in said:
+        raise InvalidInputError(path, said["problem"], said["remedy"])
+    rows: dict[str, int] = said.pop("rows")
+    numbers = np.frombuffer(done.stdout, np.uint8, offset=end + 1).view(np.float64)
+    columns_read = np.split(numbers, np.cumsum(list(rows.values()))[:-1])
+    values: dict[str, FloatArray] = dict(zip(rows, columns_read, strict=True))
+    return Reading(values=values, notes=tuple(said.pop("notes")), **said)
+
+
+def serve() -> None:
+    """Read what stands on standard input; put out a line of JSON, and the columns behind it."""
+    job = json.loads(sys.argv[1])
+    with os.fdopen(os.dup(1), "wb") as out:
+        os.dup2(2, 1)  # what libraries print is for nobody
+        _limit(job["seconds"], job["memory"])
+        module, _, function = job["reader"].partition(".")
+        read = getattr(import_module(f"{__package__}.{module}"), function)
+        said: dict[str, Any]
+        values: dict[str, FloatArray] = {}
+        try:
+            content = sys.stdin.buffer.read()
+            reading: Reading = read(Path(job["path"]), content, LogColumns(**job["columns"]))
+            values = reading.values
+            rows = {role: column.size for role, column in values.items()}
+            said = {"names": reading.names, "notes": reading.notes, "rows": rows}
+            said["in_seconds"] = reading.in_seconds
+        except InvalidInputError as error:
+            said = {"problem": error.problem, "remedy": error.remedy}
+        line = json.dumps(said).encode()
+        out.write(line + b" " * (-(len(line) + 1) % 8) + b"\n")  # numbers stand where they can
+        for column in values.values():
+            out.write(np.ascontiguousarray(column, np.float64).data)
+
+
+def _limit(seconds: int, memory: int) -> None:
+    """Limit this process, and leave no dump of it behind, as far as the system can."""
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))

@@ -9,11 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from datasets_synthetic.calls import Calls
-    from datasets_synthetic.device import Rig, Vibration, named_rig, rig_of
-    from datasets_synthetic.disturbances import Clock, Faults, Hand
+    from datasets_synthetic.device import Clock, Faults, Hand, Rig, Vibration, named_rig, rig_of
     from datasets_synthetic.ending import Bounces, bounce
-    from datasets_synthetic.law import Controller, Element, Servo
+    from datasets_synthetic.law import Calls, Controller, Element, Servo
     from datasets_synthetic.rehearsal import Rehearsal, Trial, rehearse
     from datasets_synthetic.scenarios import (
         SCENARIOS,
@@ -62,11 +60,9 @@ __all__ = [
 ]
 
 _HOMES = {
-    "calls": "Calls",
-    "device": "Rig Vibration named_rig rig_of",
-    "disturbances": "Clock Faults Hand",
+    "device": "Clock Faults Hand Rig Vibration named_rig rig_of",
     "ending": "Bounces bounce",
-    "law": "Controller Element Servo",
+    "law": "Calls Controller Element Servo",
     "rehearsal": "Rehearsal Trial rehearse",
     "scenarios": "SCENARIOS Excitation Scenario bundled_path fit_to_limits log_text multisine run"
     " run_batch scenario_named",

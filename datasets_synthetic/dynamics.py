@@ -15,8 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Rig, per_member
-from datasets_synthetic.disturbances import Hand
+from datasets_synthetic.device import Hand, Rig, per_member
 from datasets_synthetic.motion import Drag, Field, Part, Stride, advance
 
 FloatArray = NDArray[np.float64]
@@ -242,8 +241,6 @@ class Dynamics(Protocol):
 class RigidDynamics:
     """A rigid mass with friction, in a field or free; see motion.py."""
 
-    __slots__ = ("_drag", "_forces", "_mass", "_offset", "_resisted", "_state", "_strides")
-
     def __init__(
         self, rig: Rig, hand: Hand, loads: Loads, position: FloatArray, velocity: FloatArray
     ) -> None:
@@ -331,23 +328,6 @@ _HALVINGS = 26
 
 class FlexibleDynamics:
     """A batch of mechanisms in motion."""
-
-    __slots__ = (
-        "_base",
-        "_cut",
-        "_directed",
-        "_direction",
-        "_forces",
-        "_generators",
-        "_grip",
-        "_holding",
-        "_known",
-        "_mechanism",
-        "_push",
-        "_rate",
-        "_turning",
-        "_z",
-    )
 
     def __init__(
         self, rig: Rig, hand: Hand, loads: Loads, position: FloatArray, velocity: FloatArray

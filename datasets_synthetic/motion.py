@@ -366,8 +366,6 @@ def pieces(
 class Encoder:
     """Positions rounded to whole counts, half to even; exact where the resolution is zero."""
 
-    __slots__ = ("_count", "_exact")
-
     def __init__(self, resolution: FloatArray) -> None:
         """Resolution in m (rad), shape (batch,)."""
         exact = resolution == 0
@@ -419,8 +417,6 @@ class Timetable(Protocol):
 class EvenTimetable:
     """Every interval alike: the older command up to the arrival of the newer one, then that."""
 
-    __slots__ = ("_batch", "_first", "lead")
-
     def __init__(
         self, delay: FloatArray, sample_time: FloatArray, rate: FloatArray, largest_step: float
     ) -> None:
@@ -444,8 +440,6 @@ class EvenTimetable:
 
 class UnevenTimetable:
     """Intervals that differ: the command of stamp j acts from stamp j + delay to the next one."""
-
-    __slots__ = ("_place", "_step", "_steps", "lead")
 
     def __init__(
         self, delay: FloatArray, stamps: FloatArray, rate: FloatArray, largest_step: float

@@ -12,9 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.calls import ADVERSE, NOBODY, RANDOM, Calls
-from datasets_synthetic.device import Rig, per_member
-from datasets_synthetic.disturbances import Hand
+from datasets_synthetic.device import Hand, Rig, per_member
 from datasets_synthetic.ending import (
     GROWTH,
     Allowed,
@@ -26,7 +24,7 @@ from datasets_synthetic.ending import (
     grows,
     largest_ratio,
 )
-from datasets_synthetic.law import Controller
+from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, Calls, Controller
 from datasets_synthetic.simulation import Recording, Simulation
 
 TrialName = Literal[
@@ -256,17 +254,6 @@ class Trials:
         pushed: whether something pushes to the end, or steady travel is no fault for another
             reason, shape (plays,).
     """
-
-    __slots__ = (
-        "_called",
-        "_falls",
-        "_net",
-        "_resolution",
-        "_run",
-        "_stiffness",
-        "_until",
-        "pushed",
-    )
 
     def __init__(
         self,

@@ -12,8 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from datasets_synthetic.device import Rig, named_rig
-from datasets_synthetic.disturbances import Faults
+from datasets_synthetic.device import Faults, Rig, named_rig
 from datasets_synthetic.law import Controller
 from datasets_synthetic.simulation import Recording, simulate
 from identification import InvalidInputError, Trajectory, load_device, to_yaml

@@ -19,13 +19,16 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Motion, Rig, per_member, read_only_copy
-from datasets_synthetic.disturbances import (
+from datasets_synthetic.device import (
     Clock,
     Faults,
     Hand,
+    Motion,
+    Rig,
     Sources,
     coloured_noise,
+    per_member,
+    read_only_copy,
     scatter,
     white_noise,
 )
@@ -203,26 +206,6 @@ def simulate(rig: Rig, force: FloatArray, **conditions: Unpack[Conditions]) -> R
 
 class Simulation:
     """A batch of devices in motion, up to any sample and then on; see ``simulate``."""
-
-    __slots__ = (
-        "_clock",
-        "_commands",
-        "_dynamics",
-        "_encoder",
-        "_law",
-        "_limit",
-        "_noise",
-        "_played",
-        "_readings",
-        "_reference",
-        "_rig",
-        "_sample_time",
-        "_sources",
-        "_stamps",
-        "_states",
-        "_timetable",
-        "samples",
-    )
 
     def __init__(self, rig: Rig, force: FloatArray, **conditions: Unpack[Conditions]) -> None:
         """Ready to start; arguments as of ``simulate``, with as many samples as may be played."""

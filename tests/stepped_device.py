@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from datasets_synthetic.device import Rig
-from datasets_synthetic.disturbances import Hand
+from datasets_synthetic.device import Hand, Rig
 from datasets_synthetic.dynamics import Loads, RigidDynamics
 from datasets_synthetic.motion import LARGEST_STEP, Encoder, EvenTimetable
 

@@ -33,7 +33,7 @@ class Plan:
 PLANS = {
     "identification": Plan(rooms=13, floors=7),
     "tune": Plan(rooms=15, floors=8),
-    "datasets_synthetic": Plan(rooms=10, floors=6),
+    "datasets_synthetic": Plan(rooms=8, floors=6),
 }
 
 

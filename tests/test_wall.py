@@ -21,8 +21,7 @@ from datasets_synthetic import (
     named_rig,
     simulate,
 )
-from datasets_synthetic.calls import ADVERSE, NOBODY, RANDOM
-from datasets_synthetic.law import ControlLaw
+from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, ControlLaw
 from tests.sampled_bench import SampledBench
 
 FloatArray = NDArray[np.float64]

@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Rig, per_member
-from datasets_synthetic.disturbances import Hand
+from datasets_synthetic.device import Hand, Rig, per_member
 from datasets_synthetic.law import Controller
 from datasets_synthetic.simulation import simulate
 

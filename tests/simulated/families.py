@@ -14,8 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from datasets_synthetic.device import Rig
-from datasets_synthetic.disturbances import Clock, Faults, Hand
+from datasets_synthetic.device import Clock, Faults, Hand, Rig
 from datasets_synthetic.law import Servo
 from datasets_synthetic.scenarios import fit_to_limits, multisine
 from datasets_synthetic.simulation import simulate

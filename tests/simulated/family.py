@@ -9,8 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Rig
-from datasets_synthetic.disturbances import Clock, Faults, Hand
+from datasets_synthetic.device import Clock, Faults, Hand, Rig
 from datasets_synthetic.law import Servo
 from datasets_synthetic.simulation import Recording, simulate
 from identification import Hardware, Trajectory

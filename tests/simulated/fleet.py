@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Rig
-from datasets_synthetic.disturbances import Faults
+from datasets_synthetic.device import Faults, Rig
 from datasets_synthetic.scenarios import Excitation, fit_to_limits, multisine
 from datasets_synthetic.simulation import Recording, simulate
 

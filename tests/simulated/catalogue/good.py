@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Motion, Rig
-from datasets_synthetic.disturbances import Clock, Faults
+from datasets_synthetic.device import Clock, Faults, Motion, Rig
 from datasets_synthetic.law import Servo
 from datasets_synthetic.simulation import simulate
 from tests.simulated.catalogue.motions import Course, chirp, multisine, point_to_point

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Rig
-from datasets_synthetic.disturbances import Clock, Faults, Hand
+from datasets_synthetic.device import Clock, Faults, Hand, Rig
 from datasets_synthetic.law import Controller
 from datasets_synthetic.simulation import simulate
 from tests.simulated.catalogue.motions import Course, multisine

@@ -340,13 +340,9 @@ def scatter(sources: Sources, spread: FloatArray) -> FloatArray:
 def coloured_noise(
     sources: Sources, rms: FloatArray, correlation_time: FloatArray, stamps: FloatArray
 ) -> FloatArray | None:
-    """Stationary normal noise whose correlation over a time t is exp(-t/correlation_time).
+    """Stationary normal noise of an rms, whose correlation over t is exp(-t/correlation_time).
 
-    Args:
-        sources: of every member.
-        rms: in the unit of the answer, shape (batch,).
-        correlation_time: s, shape (batch,).
-        stamps: s, shape (n, batch), at which it is taken; need not be even.
+    Stamps, s, have shape (n, batch) and need not be even.
     """
     white = white_noise(sources, "coloured", rms, stamps.shape[0])
     if white is None:
@@ -367,14 +363,9 @@ def band_noise(
     band: tuple[float, float],
     stamps: FloatArray,
 ) -> FloatArray | None:
-    """A sum of sines of equal amplitude spread over a band, in random phases; None if all zero.
+    """Sines of equal amplitude spread over a band, Hz, in random phases; None if rms is zero.
 
-    Args:
-        sources: of every member.
-        purpose: which of its generators to use.
-        rms: over a long time, in the unit of the answer, shape (batch,).
-        band: lowest and highest frequency, Hz.
-        stamps: s, shape (n, batch), at which it is taken; need not be even.
+    Stamps, s, have shape (n, batch) and need not be even.
     """
     if not np.any(rms):
         return None

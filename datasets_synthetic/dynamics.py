@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +28,8 @@ def maps(
 ) -> list[FloatArray]:
     """Change of the state over a duration, over half of it, a quarter, ...
 
-    Args:
-        generator: G, shape (batch, size, size).
-        duration: s, shape (batch,).
-        rate: p, the fastest in G, 1/s, shape (batch,).
-        halvings: how many shorter times are wanted beside the whole.
-
-    Returns:
-        1 + halvings maps D, each shape (batch, size, size), the longest time first: the state
-        after duration/2^j is z + D[j]·z.
+    The generator G has shape (batch, size, size), the duration (s) and the fastest rate in G (1/s)
+    shape (batch,). The state after duration/2^j is z + D[j]·z; each map D has the shape of G.
     """
     turns = float(np.max(np.abs(duration * rate), initial=0.0))
     doublings = max(halvings, int(np.ceil(np.log2(max(turns / FIRST_STEP, 1.0)))))
@@ -76,23 +68,14 @@ INPUTS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mechanism:
-    """Matrices of a batch; the state is (q, q', Fa), then come the three inputs.
+    """Matrices of a batch; the state is (q, q', Fa), then come the three inputs."""
 
-    Attributes:
-        mass: M, kg (kg·m²), shape (batch, n, n).
-        damping: C, N·s/m (N·m·s/rad), shape (batch, n, n).
-        stiffness: K, N/m (N·m/rad), shape (batch, n, n).
-        at_encoder: g, without unit, shape (batch, n).
-        at_handle: p, without unit, shape (batch, n).
-        lag: tc, s, shape (batch,).
-    """
-
-    mass: FloatArray
-    damping: FloatArray
-    stiffness: FloatArray
-    at_encoder: FloatArray
-    at_handle: FloatArray
-    lag: FloatArray
+    mass: FloatArray  # M, kg (kg·m²), shape (batch, n, n)
+    damping: FloatArray  # C, N·s/m (N·m·s/rad), shape (batch, n, n)
+    stiffness: FloatArray  # K, N/m (N·m/rad), shape (batch, n, n)
+    at_encoder: FloatArray  # g, without unit, shape (batch, n)
+    at_handle: FloatArray  # p, without unit, shape (batch, n)
+    lag: FloatArray  # tc, s, shape (batch,)
 
     @classmethod
     def of(cls, rig: Rig, hand: Hand, batch: int, *, damping: FloatArray) -> Mechanism:
@@ -191,51 +174,10 @@ def _matrix(diagonal: list[FloatArray], hand: FloatArray, p: FloatArray) -> Floa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loads:
-    """Unlogged forces, held over each sample, N (N·m), shape (n, batch); None for none.
+    """Unlogged forces, held over each sample, N (N·m), shape (n, batch); None for none."""
 
-    Attributes:
-        device: on the rigid coordinate.
-        handle: of a hand, besides its mass, damper and spring.
-    """
-
-    device: FloatArray | None
-    handle: FloatArray | None
-
-
-class Dynamics(Protocol):
-    """A batch of devices in motion; every array shape (batch,)."""
-
-    def rate(self) -> FloatArray:
-        """The fastest rate that the steps of a timetable resolve, 1/s, shape (batch,)."""
-        ...
-
-    def begin(self, sample: int) -> None:
-        """The unlogged forces are now those of this sample."""
-        ...
-
-    def move(self, acting: FloatArray, part: Part) -> None:
-        """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
-        ...
-
-    def measured(self) -> FloatArray:
-        """Where the encoder is, m (rad), shape (batch,)."""
-        ...
-
-    def state(self) -> FloatArray:
-        """All that moves, shape (..., batch), to be copied before it moves on."""
-        ...
-
-    def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Place and speed of the handle and the energy of all, in many states.
-
-        Args:
-            states: shape (n, ..., batch).
-
-        Returns:
-            m (rad), m/s (rad/s) and J, each shape (n, batch): energy of motion, springs and
-            gravity, the hand's included.
-        """
-        ...
+    device: FloatArray | None  # on the rigid coordinate
+    handle: FloatArray | None  # of a hand, besides its mass, damper and spring
 
 
 class RigidDynamics:

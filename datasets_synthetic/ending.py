@@ -34,37 +34,24 @@ _DEGREE = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Allowed:
-    """What may be left at the end of a run.
+    """What may be left at the end of a run."""
 
-    Attributes:
-        counts: amplitude of the readings, and travel if nothing pushes, in counts.
-        force: amplitude of the force, N (N·m).
-        pushed: whether something pushes to the end: then steady travel is no fault.
-    """
-
-    counts: float
-    force: float
-    pushed: bool = False
+    counts: float  # amplitude of the readings, and travel if nothing pushes, in counts
+    force: float  # amplitude of the force, N (N·m)
+    pushed: bool = False  # whether something pushes to the end: then steady travel is no fault
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ending:
-    """The end of one run.
+    """The end of one run."""
 
-    Attributes:
-        verdict: "settles", "keeps-oscillating" (or keeps moving) or "diverges".
-        at_rest: whether all that is left is allowed.
-        counts: amplitude of the readings at the end, in counts: √2 times the rms of what is left
-            without slow motion.
-        force: likewise of the force, N (N·m).
-        reason: half a sentence.
-    """
-
-    verdict: Verdict
-    at_rest: bool
+    verdict: Verdict  # "settles", "keeps-oscillating" (or keeps moving) or "diverges"
+    at_rest: bool  # whether all that is left is allowed
+    #: amplitude of the readings at the end, in counts: √2 times the rms of what is left without
+    #: slow motion
     counts: float
-    force: float
-    reason: str
+    force: float  # likewise of the force, N (N·m)
+    reason: str  # half a sentence
 
 
 def endings(
@@ -87,19 +74,12 @@ def endings(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Left:
-    """What is left of one quantity in the last two parts of a run.
+    """What is left of one quantity in the last two parts of a run."""
 
-    Attributes:
-        phrase: what it is, with places for its size before and now.
-        pair: amplitude or travel in the part before and the last one.
-        reach: from the least to the most of all in each of them.
-        allowed: the most that counts as none.
-    """
-
-    phrase: str
-    pair: FloatArray
-    reach: FloatArray
-    allowed: float
+    phrase: str  # what it is, with places for its size before and now
+    pair: FloatArray  # amplitude or travel in the part before and the last one
+    reach: FloatArray  # from the least to the most of all in each of them
+    allowed: float  # the most that counts as none
 
     @property
     def over(self) -> bool:
@@ -301,10 +281,7 @@ def bounce(
 def energy_floor(net: FloatArray, resolution: FloatArray, stiffness: FloatArray) -> FloatArray:
     """Energy within the resolution of the encoder, J, shape (batch,).
 
-    Args:
-        net: force in front of the wall, N (N·m), shape (batch,).
-        resolution: of the encoder, m (rad), likewise.
-        stiffness: of all that acts, N/m (N·m/rad), likewise.
+    From the force in front of the wall, N (N·m), and the stiffness of all that acts, N/m (N·m/rad).
     """
     count = _COUNTS * resolution
     return np.abs(net) * count + 0.5 * np.abs(stiffness) * count**2

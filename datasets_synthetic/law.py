@@ -76,17 +76,10 @@ class Transitions:
         bounds: tuple[FloatArray, FloatArray],
         fade: FloatArray,
     ) -> None:
-        """``rest`` is a view: what it is changed to here is played.
+        """K (N/m), B (N·s/m), M (kg), side (0: no wall), rest (m), bounds of each clamp (N).
 
-        Args:
-            calls: of these members.
-            stiffness: K, N/m.
-            damping: B, N·s/m.
-            mass: M, kg.
-            side: of each, 0 of what is no wall.
-            rest: m.
-            bounds: of each clamp, N.
-            fade: change of a level in a sample, 1 where nothing fades.
+        ``rest`` is a view: what it is changed to here is played. ``fade`` is the change of a level
+        in a sample, 1 where nothing fades.
         """
         batch = stiffness.shape[1]
         self._stiffness = stiffness
@@ -119,13 +112,11 @@ class Transitions:
         self._met, self._busy = np.zeros(stiffness.shape), np.zeros(stiffness.shape)
         self._last, self._sample = np.zeros(batch), 0
 
-    def played(self, reading: FloatArray, moving: FloatArray, law: FloatArray) -> FloatArray:
-        """What is felt of each clamp, N.
+    def force(self, reading: FloatArray, moving: FloatArray, law: FloatArray) -> FloatArray:
+        """What acts of each clamp, N, shape (elements, batch).
 
-        Args:
-            reading: m, shape (batch,).
-            moving: B·velocity + M·acceleration, N.
-            law: each clamp of all of it, N.
+        ``moving`` is B·velocity + M·acceleration, ``law`` each clamp of all of it; the reading has
+        shape (batch,).
         """
         self._sample = k = self._sample + 1
         asked, before = self._called(reading, law), self._asked
@@ -542,13 +533,7 @@ class ElementsAtWork:
     def force(
         self, reading: FloatArray, velocity: FloatArray, acceleration: FloatArray
     ) -> FloatArray:
-        """Sum of the forces (N) of this sample, shape (batch,).
-
-        Args:
-            reading: of the position, m.
-            velocity: estimated, m/s.
-            acceleration: estimated, m/s².
-        """
+        """Sum of the forces (N) of this sample, from reading and estimates, shape (batch,) each."""
         moving = self._damping * velocity
         if self._mass is not None:
             moving += self._mass * acceleration
@@ -559,7 +544,7 @@ class ElementsAtWork:
             law = np.minimum(np.maximum(law, self._low), self._high)
         if self._transitions is not None:
             some = slice(self._moving, None)
-            law[:, some] = self._transitions.played(reading[some], moving[:, some], law[:, some])
+            law[:, some] = self._transitions.force(reading[some], moving[:, some], law[:, some])
         return -np.add.reduce(law)
 
 

@@ -6,9 +6,8 @@ of integration with their error.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +17,12 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Field:
-    """Resisting force k·q + gs·sin q + gc·cos q per unit mass; each array shape (batch,).
+    """Resisting force k·q + gs·sin q + gc·cos q per unit mass; each array shape (batch,)."""
 
-    Attributes:
-        stiffness: k/m, 1/s².
-        sine: gs/m, m/s² (rad/s²).
-        cosine: gc/m, m/s² (rad/s²).
-        curved: whether any sine or cosine is there.
-    """
-
-    stiffness: FloatArray
-    sine: FloatArray
-    cosine: FloatArray
-    curved: bool
+    stiffness: FloatArray  # k/m, 1/s²
+    sine: FloatArray  # gs/m, m/s² (rad/s²)
+    cosine: FloatArray  # gc/m, m/s² (rad/s²)
+    curved: bool  # whether any sine or cosine is there
 
     @classmethod
     def of(
@@ -94,23 +86,16 @@ _NEWTON_STEPS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drag:
-    """Resistance per unit mass; each array shape (batch,).
+    """Resistance per unit mass; each array shape (batch,)."""
 
-    Attributes:
-        rate: p = b/m of motion along +position, 1/s.
-        grip: Fc/m of motion along +position, m/s² (rad/s²).
-        rate_back: the same for motion along -position; the very same array where nothing differs.
-        grip_back: likewise.
-        turning: where the law changes with the direction, or None when nowhere.
-        field: forces of position, or None when there are none.
-    """
-
-    rate: FloatArray
-    grip: FloatArray
+    rate: FloatArray  # p = b/m of motion along +position, 1/s
+    grip: FloatArray  # Fc/m of motion along +position, m/s² (rad/s²)
+    #: the same for motion along -position; the very same array where nothing differs
     rate_back: FloatArray
-    grip_back: FloatArray
+    grip_back: FloatArray  # likewise
+    #: where the law changes with the direction, or None when nowhere
     turning: NDArray[np.bool_] | None
-    field: Field | None = None
+    field: Field | None = None  # forces of position, or None when there are none
 
     @classmethod
     def of(
@@ -177,15 +162,11 @@ class Stride:
     """Some equal steps of a linear law as the linear map they are, less one.
 
     The map is what the steps make of unit vectors; it serves at every sample.
-
-    Attributes:
-        moving: change of (position, velocity) for each unit of velocity, shape (2, batch).
-        driven: for each unit of drive, which is held, of the same shape.
-        pulled: for each unit of position, of the same shape; None where no force depends on it.
     """
 
-    moving: FloatArray
-    driven: FloatArray
+    moving: FloatArray  # change of (position, velocity) for each unit of velocity, shape (2, batch)
+    driven: FloatArray  # for each unit of drive, which is held, of the same shape
+    #: for each unit of position, of the same shape; None where no force depends on it
     pulled: FloatArray | None
 
     @classmethod
@@ -213,16 +194,10 @@ class Stride:
 def advance(
     state: FloatArray, pull: FloatArray, drag: Drag, step: FloatArray, stride: Stride | None = None
 ) -> FloatArray:
-    """Position (m) and velocity (m/s) one step later, shape (2, batch).
+    """Position (m) and velocity (m/s) one step (s) later, shape (2, batch).
 
-    Args:
-        state: (position, velocity) at the start of the step, shape (2, batch); a velocity of
-            exactly zero means at rest.
-        pull: force without friction and field, held over the step, per unit mass, u/m, m/s²,
-            shape (batch,).
-        drag: resistance of each member.
-        step: length of the step of each member, s; zero leaves that member as it is.
-        stride: the step as a linear map, where it is one.
+    A velocity of exactly zero means at rest. The pull is the force without friction and field, held
+    over the step, per unit mass, m/s²; the stride is the step as a linear map, where it is one.
     """
     if drag.turning is None:
         if stride is not None:
@@ -328,41 +303,6 @@ def _turn(
 _WHOLE = 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
-    """A part of every sample interval over which the acting force is constant.
-
-    Attributes:
-        lag: samples between the command that acts and now, shape (batch,).
-        steps: number of integration steps.
-        step: length of one, s, shape (batch,).
-    """
-
-    lag: NDArray[np.int64]
-    steps: int
-    step: FloatArray
-
-
-def pieces(
-    delay: FloatArray, sample_time: FloatArray, rate: FloatArray, largest_step: float
-) -> Iterator[Piece]:
-    """The older command up to the instant the newer one arrives, then the newer one.
-
-    Args:
-        delay: s, shape (batch,); the part beyond whole samples sets the instant of arrival.
-        sample_time: T, s, shape (batch,).
-        rate: b/m, 1/s, shape (batch,).
-        largest_step: largest |step·rate| of one integration step, without unit.
-    """
-    whole = np.floor(delay / sample_time + _WHOLE).astype(np.int64)
-    arrival = delay - whole * sample_time
-    arrival = np.where(arrival <= _WHOLE * sample_time, 0.0, arrival)
-    for lag, duration in ((whole + 1, arrival), (whole, sample_time - arrival)):
-        if np.any(duration > 0):
-            steps = steps_needed(duration, rate, largest_step)
-            yield Piece(lag=lag, steps=steps, step=duration / steps)
-
-
 class Encoder:
     """Positions rounded to whole counts, half to even; exact where the resolution is zero."""
 
@@ -385,33 +325,15 @@ _AT_ONCE = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """A part of one sample interval over which the acting force is constant.
+    """A part of one sample interval over which the acting force is constant."""
 
-    Attributes:
-        place: where in the flat list of commands (row by row, one member after the other) the
-            force of each member stands, shape (batch,).
-        steps: number of integration steps.
-        step: length of one, s, shape (batch,); zero for a member that has no such part.
-        kind: parts of the same kind have the same steps; None where every part differs.
-    """
-
+    #: where in the flat list of commands (row by row, one member after the other) the force of each
+    #: member stands, shape (batch,)
     place: NDArray[np.int64]
-    steps: int
-    step: FloatArray
+    steps: int  # number of integration steps
+    step: FloatArray  # length of one, s, shape (batch,); zero for a member that has no such part
+    #: parts of the same kind have the same steps; None where every part differs
     kind: int | None = None
-
-
-class Timetable(Protocol):
-    """The parts of every sample interval."""
-
-    @property
-    def lead(self) -> int:
-        """Rows of zero force before the first command."""
-        ...
-
-    def parts(self, sample: int) -> Sequence[Part]:
-        """The parts of the interval that starts at this sample."""
-        ...
 
 
 class EvenTimetable:
@@ -422,12 +344,17 @@ class EvenTimetable:
     ) -> None:
         """Delay and sample time in s, rate in 1/s, each shape (batch,)."""
         self._batch = delay.size
-        found = tuple(pieces(delay, sample_time, rate, largest_step))
-        self.lead = max(int(piece.lag.max()) for piece in found)
-        members = np.arange(self._batch) + self.lead * self._batch
-        self._first = [
-            (members - piece.lag * self._batch, piece.steps, piece.step) for piece in found
-        ]
+        whole = np.floor(delay / sample_time + _WHOLE).astype(np.int64)
+        arrival = delay - whole * sample_time
+        arrival = np.where(arrival <= _WHOLE * sample_time, 0.0, arrival)
+        late = bool(np.any(arrival > 0))
+        self.lead = int(whole.max()) + late
+        newest = np.arange(self._batch) + self.lead * self._batch
+        self._first: list[tuple[NDArray[np.int64], int, FloatArray]] = []
+        for lag, duration in ((whole + 1, arrival), (whole, sample_time - arrival)):
+            if np.any(duration > 0):
+                steps = steps_needed(duration, rate, largest_step)
+                self._first.append((newest - lag * self._batch, steps, duration / steps))
 
     def parts(self, sample: int) -> Sequence[Part]:
         """The parts of the interval that starts at this sample."""

@@ -25,7 +25,7 @@ from datasets_synthetic.ending import (
     largest_ratio,
 )
 from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, Calls, Controller
-from datasets_synthetic.simulation import Recording, Simulation
+from datasets_synthetic.simulation import Recording, simulate
 
 TrialName = Literal[
     "release",
@@ -48,25 +48,16 @@ _BEYOND = 1.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """What one trial begins with, the same for all devices.
+    """What one trial begins with, the same for all devices."""
 
-    Attributes:
-        reaches: start, in long displacements; into a wall above zero.
-        nears: start, in short displacements.
-        walks: whether it begins at a walk: where no spring pulls, nothing else would move.
-        pulse: of a push that is released, part of the most force that is given.
-        falls: whether it falls into a wall, or through where elements are entered.
-        caller: NOBODY, RANDOM or ADVERSE.
-        dampers: whether that is all that is called.
-    """
-
-    reaches: float = 0.0
-    nears: float = 0.0
+    reaches: float = 0.0  # start, in long displacements; into a wall above zero
+    nears: float = 0.0  # start, in short displacements
+    #: whether it begins at a walk: where no spring pulls, nothing else would move
     walks: bool = False
-    pulse: float = 0.0
-    falls: bool = False
-    caller: int = NOBODY
-    dampers: bool = False
+    pulse: float = 0.0  # of a push that is released, part of the most force that is given
+    falls: bool = False  # whether it falls into a wall, or through where elements are entered
+    caller: int = NOBODY  # NOBODY, RANDOM or ADVERSE
+    dampers: bool = False  # whether that is all that is called
 
     @property
     def called(self) -> bool:
@@ -90,19 +81,12 @@ KINDS: dict[TrialName, Kind] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """A device and the hand on it, in which trials are played.
+    """A device and the hand on it, in which trials are played."""
 
-    Attributes:
-        rig: one device.
-        hand: on it.
-        held: whether there is a hand.
-        other: whether it is another device than the one that is rehearsed on.
-    """
-
-    rig: Rig
-    hand: Hand
-    held: bool
-    other: bool = False
+    rig: Rig  # one device
+    hand: Hand  # on it
+    held: bool  # whether there is a hand
+    other: bool = False  # whether it is another device than the one that is rehearsed on
 
     @property
     def rubbing(self) -> bool:
@@ -112,19 +96,12 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Play:
-    """One trial of one controller in one condition.
+    """One trial of one controller in one condition."""
 
-    Attributes:
-        name: of the trial.
-        member: of the batch of controllers.
-        place: of the condition among all of them.
-        moving: whether elements come and go.
-    """
-
-    name: TrialName
-    member: int
-    place: int
-    moving: bool
+    name: TrialName  # of the trial
+    member: int  # of the batch of controllers
+    place: int  # of the condition among all of them
+    moving: bool  # whether elements come and go
 
 
 def conditions_of(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[Condition]:
@@ -132,7 +109,7 @@ def conditions_of(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[Co
 
     Other devices are played without friction.
     """
-    bare = [_oiled(each) for each in (rig, *others)]
+    bare = [_without_friction(each) for each in (rig, *others)]
     hands = [(Hand(), False)] + ([] if hand is None else [(hand, True)])
     own = [rig, bare[0]] if rig.coulomb_friction[0] > 0 else bare[:1]
     return [
@@ -143,7 +120,7 @@ def conditions_of(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[Co
     ]
 
 
-def _oiled(rig: Rig) -> Rig:
+def _without_friction(rig: Rig) -> Rig:
     """The device without Coulomb friction."""
     return replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0)
 
@@ -192,19 +169,12 @@ _FAR = 100.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sizes:
-    """How far, how hard and how long; arrays of one value a controller, shape (batch,).
+    """How far, how hard and how long; arrays of one value a controller, shape (batch,)."""
 
-    Attributes:
-        count: of the encoder, m (rad).
-        reach: the long displacement, m (rad).
-        limit: of force, N (N·m).
-        played: samples of a short run.
-    """
-
-    count: FloatArray
-    reach: FloatArray
-    limit: FloatArray
-    played: int
+    count: FloatArray  # of the encoder, m (rad)
+    reach: FloatArray  # the long displacement, m (rad)
+    limit: FloatArray  # of force, N (N·m)
+    samples: int  # of a short run
 
     @classmethod
     def of(
@@ -233,7 +203,7 @@ class Sizes:
             count=per_member(count, batch) if count > 0 else far / _REACH,
             reach=far,
             limit=limit,
-            played=round(duration / float(rig.sample_time[0])),
+            samples=round(duration / float(rig.sample_time[0])),
         )
 
     @property
@@ -241,112 +211,96 @@ class Sizes:
         """Number of controllers."""
         return self.count.size
 
-    @property
-    def called(self) -> int:
-        """Samples in which a program calls."""
-        return round(_CALLED * self.played)
 
+def _played(
+    controller: Controller,
+    conditions: Sequence[Condition],
+    sizes: Sizes,
+    plays: Sequence[Play],
+    *,
+    samples: int,
+    seeds: Sequence[int],
+) -> tuple[Recording, list[str], Mask]:
+    """Plays recorded over so many samples, what grew in each, or "", and which are pushed.
 
-class Trials:
-    """Trials of a batch of controllers, played up to some sample and then on.
-
-    Attributes:
-        pushed: whether something pushes to the end, or steady travel is no fault for another
-            reason, shape (plays,).
+    Pushed is what something pushes to the end, or whose steady travel is no fault for another
+    reason.
     """
+    member = np.array([each.member for each in plays], dtype=np.intp)
+    where = np.array([each.place for each in plays], dtype=np.intp)
+    kinds = [KINDS[each.name] for each in plays]
 
-    def __init__(
-        self,
-        controller: Controller,
-        conditions: Sequence[Condition],
-        sizes: Sizes,
-        plays: Sequence[Play],
-        *,
-        samples: int,
-        seeds: Sequence[int],
-    ) -> None:
-        """Ready to start, with so many samples at most."""
-        member = np.array([each.member for each in plays], dtype=np.intp)
-        where = np.array([each.place for each in plays], dtype=np.intp)
-        kinds = [KINDS[each.name] for each in plays]
+    def of(name: str) -> FloatArray:
+        return np.array([getattr(kind, name) for kind in kinds], dtype=np.float64)
 
-        def of(name: str) -> FloatArray:
-            return np.array([getattr(kind, name) for kind in kinds], dtype=np.float64)
-
-        rigs = Rig.batch_of([each.rig for each in conditions]).members(where)
-        rows, reach = controller.rows(member), sizes.reach[member]
-        # What springs give where they are cut, or all that the device can.
-        levels = np.sum(np.where(rows["stiffness"] > 0, rows["level"], 0.0), axis=0)
-        limit = np.minimum(sizes.limit[member], np.where(levels > 0, levels, np.inf))
-        near, falls, called = _NEAR * sizes.count[member], of("falls") > 0, of("called") > 0
-        walled: Mask = np.any(rows["side"], axis=0)
-        faced: Mask = np.any(rows["side"] > 0, axis=0)
-        opposite = np.max(np.where(rows["side"] > 0, rows["place"], -np.inf), axis=0)
-        start = of("reaches") * reach + of("nears") * near
-        start = np.where(called, np.where(faced, opposite / 2, -reach), start)
-        # As fast as the fall from there; a few counts are gained at a walk.
-        step = float(rigs.sample_time[0])
-        fast = np.sqrt(2 * _FALL * limit * reach / rigs.mass)
-        speed = np.where(called, fast, of("walks") * near / (_RISE * sizes.played * step))
-        leans = np.where(called, walled & ~faced, walled | falls | (of("dampers") > 0))
-        steady: FloatArray = _FALL * limit * leans
-        part = np.arange(samples) / sizes.played
-        pulse = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
-        self._until, self._called, self._falls = sizes.called, called, np.flatnonzero(falls)
-        self._net, self._stiffness = steady - rigs.force_offset, np.sum(rows["stiffness"], axis=0)
-        self.pushed: Mask = (self._net != 0) | (rigs.stiffness != 0) | called
-        self._resolution = rigs.encoder_resolution
-        laws = controller.members(member)
-        far = np.where(called, rows["place"], -_FAR * reach)
-        places = np.where(rows["side"] > 0, far, rows["place"])
-        # What is no wall rests where a program begins to call.
-        places = np.where(called & (rows["side"] == 0), start, places)
-        elements = tuple(
-            replace(each, place=place) for each, place in zip(laws.elements, places, strict=True)
-        )
-        calls = replace(
-            controller.calls or Calls(),
-            entrance=np.where(falls & ~walled, 0.0, -np.inf),
-            caller=of("caller"),
-            dampers=of("dampers"),
-            until=sizes.called,
-        )
-        self._run = Simulation(
-            rigs,
-            np.zeros(samples),
-            controller=replace(
-                laws, stiffness=0.0, damping=0.0, mass=0.0, beside=elements, calls=calls
-            ),
-            hand=_hands([conditions[each.place].hand for each in plays]),
-            position=start,
-            velocity=speed,
-            push=np.maximum(steady[:, None], (of("pulse") * limit)[:, None] * pulse),
-            watch=True,
-            seed=seeds,
-        )
-
-    def until(self, samples: int) -> tuple[Recording, list[str]]:
-        """All that was recorded up to this many samples, and what grew of each, or nothing."""
-        seen = self._run.until(samples)
-        assert seen.truth is not None
-        net, floor = self._net, energy_floor(self._net, self._resolution, self._stiffness)
-        told = [""] * seen.batch
-        with np.errstate(over="ignore", invalid="ignore"):
-            for play in self._falls.tolist():
-                energy = contacts(seen, play, 0.0, float(net[play]))[1]
-                if grows(energy, floor[play]):
-                    ratio = largest_ratio(energy, floor[play])
-                    told[play] = (
-                        f"a contact with the wall had {ratio:.3g} times the energy of any before"
-                    )
-            held = seen.truth.energy - net[:, None] * seen.truth.handle
-            moving = seen.truth.energy[:, 0]
-            gained: FloatArray = np.max(held[:, self._until :], axis=1) - held[:, 0]
-            more = self._called & ~(gained <= GROWTH * moving + floor)
-            for play in np.flatnonzero(more).tolist():
-                ratio = 1 + gained[play] / moving[play]
-                told[play] = f"it is left with {ratio:.3g} times the energy it began with"
-        return seen, told
+    rigs = Rig.batch_of([each.rig for each in conditions]).members(where)
+    rows, reach = controller.rows(member), sizes.reach[member]
+    # What springs give where they are cut, or all that the device can.
+    levels = np.sum(np.where(rows["stiffness"] > 0, rows["level"], 0.0), axis=0)
+    limit = np.minimum(sizes.limit[member], np.where(levels > 0, levels, np.inf))
+    near, falls, called = _NEAR * sizes.count[member], of("falls") > 0, of("called") > 0
+    walled: Mask = np.any(rows["side"], axis=0)
+    faced: Mask = np.any(rows["side"] > 0, axis=0)
+    opposite = np.max(np.where(rows["side"] > 0, rows["place"], -np.inf), axis=0)
+    start = of("reaches") * reach + of("nears") * near
+    start = np.where(called, np.where(faced, opposite / 2, -reach), start)
+    # As fast as the fall from there; a few counts are gained at a walk.
+    step = float(rigs.sample_time[0])
+    fast = np.sqrt(2 * _FALL * limit * reach / rigs.mass)
+    speed = np.where(called, fast, of("walks") * near / (_RISE * sizes.samples * step))
+    leans = np.where(called, walled & ~faced, walled | falls | (of("dampers") > 0))
+    steady: FloatArray = _FALL * limit * leans
+    part = np.arange(samples) / sizes.samples
+    pulse = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
+    until = round(_CALLED * sizes.samples)
+    laws = controller.members(member)
+    far = np.where(called, rows["place"], -_FAR * reach)
+    places = np.where(rows["side"] > 0, far, rows["place"])
+    # What is no wall rests where a program begins to call.
+    places = np.where(called & (rows["side"] == 0), start, places)
+    elements = tuple(
+        replace(each, place=place) for each, place in zip(laws.elements, places, strict=True)
+    )
+    calls = replace(
+        controller.calls or Calls(),
+        entrance=np.where(falls & ~walled, 0.0, -np.inf),
+        caller=of("caller"),
+        dampers=of("dampers"),
+        until=until,
+    )
+    seen = simulate(
+        rigs,
+        np.zeros(samples),
+        controller=replace(
+            laws, stiffness=0.0, damping=0.0, mass=0.0, beside=elements, calls=calls
+        ),
+        hand=_hands([conditions[each.place].hand for each in plays]),
+        position=start,
+        velocity=speed,
+        push=np.maximum(steady[:, None], (of("pulse") * limit)[:, None] * pulse),
+        watch=True,
+        seed=seeds,
+    )
+    assert seen.truth is not None
+    net = steady - rigs.force_offset
+    floor = energy_floor(net, rigs.encoder_resolution, np.sum(rows["stiffness"], axis=0))
+    grown = [""] * seen.batch
+    with np.errstate(over="ignore", invalid="ignore"):
+        for play in np.flatnonzero(falls).tolist():
+            energy = contacts(seen, play, 0.0, float(net[play]))[1]
+            if grows(energy, floor[play]):
+                ratio = largest_ratio(energy, floor[play])
+                grown[play] = (
+                    f"a contact with the wall had {ratio:.3g} times the energy of any before"
+                )
+        held = seen.truth.energy - net[:, None] * seen.truth.handle
+        moving = seen.truth.energy[:, 0]
+        gained: FloatArray = np.max(held[:, until:], axis=1) - held[:, 0]
+        more = called & ~(gained <= GROWTH * moving + floor)
+        for play in np.flatnonzero(more).tolist():
+            ratio = 1 + gained[play] / moving[play]
+            grown[play] = f"it is left with {ratio:.3g} times the energy it began with"
+    return seen, grown, (net != 0) | (rigs.stiffness != 0) | called
 
 
 def _hands(hands: Sequence[Hand]) -> Hand:
@@ -467,18 +421,19 @@ def rehearse(
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
     ends: dict[int, Ending] = {}
     left = range(len(plays))
-    for samples in (sizes.played, _LONGER * sizes.played):
+    for samples in (sizes.samples, _LONGER * sizes.samples):
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
-        trials = Trials(controller, conditions, sizes, part, samples=samples, seeds=seeds)
-        seen, told = trials.until(samples)
+        seen, grown, pushes = _played(
+            controller, conditions, sizes, part, samples=samples, seeds=seeds
+        )
         count = sizes.count[[play.member for play in part]]
         allowed = [
             _allowed(play, counts_allowed, float(force[play.member]), sizes, pushed=bool(pushed))
-            for play, pushed in zip(part, trials.pushed, strict=True)
+            for play, pushed in zip(part, pushes, strict=True)
         ]
         found = endings(seen.position, seen.force, count, allowed)
-        ends |= {k: _with(end, more) for k, end, more in zip(left, found, told, strict=True)}
+        ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
         left = [k for k in left if not ends[k].at_rest]
         if not left:
             break
@@ -503,11 +458,11 @@ def _allowed(play: Play, counts: float, force: float, sizes: Sizes, *, pushed: b
     return Allowed(counts=counts, force=force, pushed=pushed)
 
 
-def _with(ending: Ending, told: str) -> Ending:
-    """What became of a trial, judged by its energy too, of which something is told if it grew."""
-    if not told or ending.verdict == "diverges":
+def _with(ending: Ending, grown: str) -> Ending:
+    """What became of a trial, judged by its energy too, a sentence if it grew."""
+    if not grown or ending.verdict == "diverges":
         return ending
-    return replace(ending, verdict="diverges", at_rest=False, reason=told)
+    return replace(ending, verdict="diverges", at_rest=False, reason=grown)
 
 
 def _trial(name: TrialName, condition: Condition, ending: Ending) -> Trial:

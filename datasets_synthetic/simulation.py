@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +32,12 @@ from datasets_synthetic.device import (
     scatter,
     white_noise,
 )
-from datasets_synthetic.dynamics import Dynamics, FlexibleDynamics, Loads, RigidDynamics
+from datasets_synthetic.dynamics import FlexibleDynamics, Loads, RigidDynamics
 from datasets_synthetic.law import ControlLaw, Controller, Servo
 from datasets_synthetic.motion import (
     LARGEST_STEP,
     Encoder,
     EvenTimetable,
-    Timetable,
     UnevenTimetable,
 )
 from identification import Trajectory
@@ -152,39 +151,21 @@ class Recording:
         )
 
 
-class Conditions(TypedDict, total=False):
-    """Conditions under which devices are simulated; what is left out is as if it were not there.
-
-    Attributes:
-        controller: virtual effects on the measured position or a servo that follows a reference,
-            or None for open loop.
-        hand: that holds the device, or None.
-        faults: noise, or None for none.
-        clock: uneven sampling and lost rows, or None for even and complete logs.
-        seed: a list gives each member its own; one number, by default 0, is spread over the members
-            by numpy's SeedSequence, the first of them the same as that of a single run.
-        position: at t = 0, m (rad), a number or shape (batch,), by default 0.
-        velocity: at t = 0, m/s (rad/s), a number or shape (batch,), by default 0.
-        push: of a hand on the handle, besides its impedance, held over each sample and not delayed,
-            N (N·m), shape (n,) or (batch, n), or None.
-        watch: whether the true motion is recorded too, by default not.
-        largest_step: largest |h·p| of one integration step h of a rigid device, without unit, by
-            default LARGEST_STEP; see motion.py for the error.
-    """
-
-    controller: Controller | Servo | None
-    hand: Hand | None
-    faults: Faults | None
-    clock: Clock | None
-    seed: int | Sequence[int]
-    position: float | FloatArray
-    velocity: float | FloatArray
-    push: FloatArray | None
-    watch: bool
-    largest_step: float
-
-
-def simulate(rig: Rig, force: FloatArray, **conditions: Unpack[Conditions]) -> Recording:
+def simulate(
+    rig: Rig,
+    force: FloatArray,
+    *,
+    controller: Controller | Servo | None = None,
+    hand: Hand | None = None,
+    faults: Faults | None = None,
+    clock: Clock | None = None,
+    seed: int | Sequence[int] = 0,
+    position: float | FloatArray = 0.0,
+    velocity: float | FloatArray = 0.0,
+    push: FloatArray | None = None,
+    watch: bool = False,
+    largest_step: float = LARGEST_STEP,
+) -> Recording:
     """Run a batch of devices for n samples.
 
     A rig, controller, hand or start of one member is repeated to the size of the largest among
@@ -194,127 +175,127 @@ def simulate(rig: Rig, force: FloatArray, **conditions: Unpack[Conditions]) -> R
         rig: the true devices.
         force: N (N·m), shape (n,) or (batch, n): the whole command in open loop, added to the
             controller's in closed loop.
-        conditions: of ``Conditions``, by name.
+        controller: virtual effects on the measured position or a servo that follows a reference,
+            or None for open loop.
+        hand: that holds the device, or None.
+        faults: noise, or None for none.
+        clock: uneven sampling and lost rows, or None for even and complete logs.
+        seed: a list gives each member its own; one number is spread over the members by numpy's
+            SeedSequence, the first of them the same as that of a single run.
+        position: at t = 0, m (rad), a number or shape (batch,).
+        velocity: at t = 0, m/s (rad/s), a number or shape (batch,).
+        push: of a hand on the handle, besides its impedance, held over each sample and not delayed,
+            N (N·m), shape (n,) or (batch, n), or None.
+        watch: whether the true motion is recorded too.
+        largest_step: largest |h·p| of one integration step h of a rigid device, without unit; see
+            motion.py for the error.
 
     Returns:
         One log a member. A loop that grows without bound ends in values that are not finite,
         which ``Recording.trajectory`` refuses.
     """
-    run = Simulation(rig, force, **conditions)
-    return run.until(run.samples)
+    hand, clock, faults = hand or Hand(), clock or Clock(), faults or Faults()
+    seeds = tuple(int(each) for each in np.atleast_1d(seed))
+    command = np.atleast_2d(np.asarray(force, dtype=np.float64))
+    pushed = None if push is None else np.atleast_2d(np.asarray(push, dtype=np.float64))
+    sizes = [rig.batch, command.shape[0], np.size(position), np.size(velocity), len(seeds)]
+    sizes += [*faults.sizes(), *hand.sizes(), *clock.sizes()]
+    sizes += [1 if controller is None else controller.size(), 1 if pushed is None else len(pushed)]
+    batch, samples = max(sizes), command.shape[1]
+    if any(size not in {1, batch} for size in sizes):
+        raise ValueError(f"batch sizes must agree or be 1, not {sizes}")
+    column = partial(per_member, batch=batch)
+
+    sample_time = clock.nominal(column(rig.sample_time))
+    sources = Sources(seeds, batch)
+    stamps = clock.stamps(sample_time, samples, sources)
+    loads = _loads(sources, faults, hand, stamps, pushed)
+    start = column(position) + scatter(sources, column(faults.start_spread))
+    flexible = bool(rig.modes) or bool(np.any(rig.current_lag))
+    kind = FlexibleDynamics if flexible else RigidDynamics
+    dynamics = kind(rig, hand, loads, start, column(velocity))
+    timetable = (
+        EvenTimetable(column(rig.delay), sample_time, dynamics.rate(), largest_step)
+        if clock.even
+        else UnevenTimetable(column(rig.delay), stamps, dynamics.rate(), largest_step)
+    )
+    noise = white_noise(sources, "position", column(faults.position_noise), samples)
+    reference = None
+    if isinstance(controller, Servo):
+        reference = _followed(controller, batch, samples)
+        command = command + column(controller.stiffness)[:, None] * reference
+        controller = controller.regulator()
+    law = None if controller is None else ControlLaw(controller, sample_time)
+    sent, readings, states = _run(
+        dynamics,
+        timetable,
+        np.repeat(command.T, batch // command.shape[0], axis=1),
+        law=law,
+        limit=column(rig.force_limit),
+        encoder=Encoder(column(rig.encoder_resolution)),
+        noise=noise,
+        watch=watch,
+    )
+    with np.errstate(over="ignore", invalid="ignore"):  # what grows without end
+        truth = None if states is None else Truth.of(*dynamics.seen(states))
+    return Recording(
+        sample_time=read_only_copy(sample_time),
+        force=read_only_copy(sent.T),
+        position=read_only_copy(readings.T),
+        axis=rig.axis,
+        motion=rig.motion,
+        source=f"simulated {rig.name}",
+        stamps=None if clock.even else read_only_copy(stamps.T),
+        reference=None if reference is None else read_only_copy(reference),
+        kept=clock.kept(batch, samples, sources),
+        truth=truth,
+    )
 
 
-class Simulation:
-    """A batch of devices in motion, up to any sample and then on; see ``simulate``."""
-
-    def __init__(self, rig: Rig, force: FloatArray, **conditions: Unpack[Conditions]) -> None:
-        """Ready to start; arguments as of ``simulate``, with as many samples as may be played."""
-        controller, push = conditions.get("controller"), conditions.get("push")
-        hand, clock = conditions.get("hand") or Hand(), conditions.get("clock") or Clock()
-        faults = conditions.get("faults") or Faults()
-        seed, watch = conditions.get("seed", 0), conditions.get("watch", False)
-        position, velocity = conditions.get("position", 0.0), conditions.get("velocity", 0.0)
-        largest_step = conditions.get("largest_step", LARGEST_STEP)
-        seeds = tuple(int(each) for each in np.atleast_1d(seed))
-        command = np.atleast_2d(np.asarray(force, dtype=np.float64))
-        pushed = None if push is None else np.atleast_2d(np.asarray(push, dtype=np.float64))
-        sizes = [rig.batch, command.shape[0], np.size(position), np.size(velocity), len(seeds)]
-        sizes += [*faults.sizes(), *hand.sizes(), *clock.sizes()]
-        sizes += [
-            1 if controller is None else controller.size(),
-            1 if pushed is None else len(pushed),
-        ]
-        batch = max(sizes)
-        if any(size not in {1, batch} for size in sizes):
-            raise ValueError(f"batch sizes must agree or be 1, not {sizes}")
-        self.samples = samples = command.shape[1]
-        column = partial(per_member, batch=batch)
-
-        limit = column(rig.force_limit)
-        sample_time = clock.nominal(column(rig.sample_time))
-        sources = Sources(seeds, batch)
-        stamps = clock.stamps(sample_time, samples, sources)
-        loads = _loads(sources, faults, hand, stamps, pushed)
-        start = column(position) + scatter(sources, column(faults.start_spread))
-        flexible = bool(rig.modes) or bool(np.any(rig.current_lag))
-        kind = FlexibleDynamics if flexible else RigidDynamics
-        dynamics: Dynamics = kind(rig, hand, loads, start, column(velocity))
-        timetable: Timetable = (
-            EvenTimetable(column(rig.delay), sample_time, dynamics.rate(), largest_step)
-            if clock.even
-            else UnevenTimetable(column(rig.delay), stamps, dynamics.rate(), largest_step)
+def _followed(servo: Servo, batch: int, samples: int) -> FloatArray:
+    """The reference of a servo, shape (batch, samples)."""
+    followed = np.atleast_2d(np.asarray(servo.reference, dtype=np.float64))
+    if followed.shape[1] != samples:
+        raise ValueError(
+            f"the reference has {followed.shape[1]} samples, the force {samples}: give one "
+            f"value of each a sample"
         )
-        noise = white_noise(sources, "position", column(faults.position_noise), samples)
-        reference = None
-        if isinstance(controller, Servo):
-            followed = np.atleast_2d(np.asarray(controller.reference, dtype=np.float64))
-            if followed.shape[1] != samples:
-                raise ValueError(
-                    f"the reference has {followed.shape[1]} samples, the force {samples}: give one "
-                    f"value of each a sample"
-                )
-            reference = np.broadcast_to(followed, (batch, samples))
-            command = command + column(controller.stiffness)[:, None] * reference
-            controller = controller.regulator()
-        law = None if controller is None else ControlLaw(controller, sample_time)
+    return np.broadcast_to(followed, (batch, samples))
 
-        commands = np.zeros((timetable.lead + samples, batch))
-        commands[timetable.lead :] = np.clip(command.T, -limit, limit) if law is None else command.T
-        self._rig, self._clock, self._sources = rig, clock, sources
-        self._stamps, self._sample_time = stamps, sample_time
-        self._dynamics, self._timetable, self._law = dynamics, timetable, law
-        self._limit, self._encoder, self._noise = (
-            limit,
-            Encoder(column(rig.encoder_resolution)),
-            noise,
-        )
-        self._reference, self._commands = reference, commands
-        self._readings = np.empty((samples, batch))
-        self._states = np.empty((samples, *dynamics.state().shape)) if watch else None
-        self._played = 0
 
-    def until(self, samples: int) -> Recording:
-        """Plays on up to this many samples and returns all that was recorded till then."""
-        dynamics, timetable, law, limit = self._dynamics, self._timetable, self._law, self._limit
-        sent = self._commands.ravel()  # a view: row by row, one member after the other
-        with np.errstate(over="ignore", invalid="ignore"):
-            for k in range(self._played, samples):
-                q = dynamics.measured()
-                reading = self._encoder.read(q if self._noise is None else q + self._noise[k])
-                self._readings[k] = reading
-                if self._states is not None:
-                    self._states[k] = dynamics.state()
-                if law is not None:
-                    now = self._commands[timetable.lead + k]
-                    now += law.force(reading)
-                    np.maximum(now, -limit, out=now)
-                    np.minimum(now, limit, out=now)
-                dynamics.begin(k)
-                for part in timetable.parts(k):
-                    dynamics.move(sent.take(part.place), part)
-        self._played = samples
-        return self._recorded()
-
-    def _recorded(self) -> Recording:
-        """What was recorded until now."""
-        rig, played, batch = self._rig, self._played, self._sample_time.size
-        lead, states = self._timetable.lead, self._states
-        with np.errstate(over="ignore", invalid="ignore"):  # what grows without end
-            truth = None if states is None else Truth.of(*self._dynamics.seen(states[:played]))
-        return Recording(
-            sample_time=read_only_copy(self._sample_time),
-            force=read_only_copy(self._commands[lead : lead + played].T),
-            position=read_only_copy(self._readings[:played].T),
-            axis=rig.axis,
-            motion=rig.motion,
-            source=f"simulated {rig.name}",
-            stamps=None if self._clock.even else read_only_copy(self._stamps[:played].T),
-            reference=None
-            if self._reference is None
-            else read_only_copy(self._reference[:, :played]),
-            kept=self._clock.kept(batch, played, self._sources),
-            truth=truth,
-        )
+def _run(
+    dynamics: RigidDynamics | FlexibleDynamics,
+    timetable: EvenTimetable | UnevenTimetable,
+    command: FloatArray,
+    *,
+    law: ControlLaw | None,
+    limit: FloatArray,
+    encoder: Encoder,
+    noise: FloatArray | None,
+    watch: bool,
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Forces sent and readings, shape (samples, batch) each, and all states if they are watched."""
+    samples, lead = len(command), timetable.lead
+    commands = np.zeros((lead + samples, command.shape[1]))
+    commands[lead:] = np.clip(command, -limit, limit) if law is None else command
+    flat = commands.ravel()  # a view: row by row, one member after the other
+    readings = np.empty_like(command)
+    states = np.empty((samples, *dynamics.state().shape)) if watch else None
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(samples):
+            q = dynamics.measured()
+            readings[k] = reading = encoder.read(q if noise is None else q + noise[k])
+            if states is not None:
+                states[k] = dynamics.state()
+            if law is not None:
+                now = commands[lead + k]
+                now += law.force(reading)
+                np.maximum(now, -limit, out=now)
+                np.minimum(now, limit, out=now)
+            dynamics.begin(k)
+            for part in timetable.parts(k):
+                dynamics.move(flat.take(part.place), part)
+    return commands[lead:], readings, states
 
 
 def _loads(

@@ -222,19 +222,15 @@ class Model:
     """Which terms stand beside mass and damping in the equation of motion.
 
     m·q̈ + b·q̇ + a·(|q̇| - s) + Fc·sign(q̇) + f0 + k·q + gs·sin(q) + gc·cos(q) = F(t - delay).
-
-    Attributes:
-        coulomb: Coulomb friction Fc is estimated; otherwise it is zero.
-        offset: a constant force f0 is estimated; otherwise it is zero.
-        directional: friction differs by direction: damping is b + a forward and b - a backward, and
-            Coulomb friction Fc ± (f0 - a·s). With s, the mean speed of the log, f0 stays the
-            offset at that speed. Needs ``coulomb`` and ``offset``.
-        gravity: "proportional" adds k·q, "pendulum" adds gs·sin(q) + gc·cos(q), q in rad.
     """
 
-    coulomb: bool = True
-    offset: bool = True
+    coulomb: bool = True  # Coulomb friction Fc is estimated; otherwise it is zero
+    offset: bool = True  # a constant force f0 is estimated; otherwise it is zero
+    #: friction differs by direction: damping is b + a forward and b - a backward, and Coulomb
+    #: friction Fc ± (f0 - a·s). With s, the mean speed of the log, f0 stays the offset at that
+    #: speed. Needs ``coulomb`` and ``offset``.
     directional: bool = False
+    #: "proportional" adds k·q, "pendulum" adds gs·sin(q) + gc·cos(q), q in rad
     gravity: Gravity = "none"
 
     def __post_init__(self) -> None:
@@ -258,43 +254,27 @@ class Model:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """One method's answer for one log; SI units, or the rotary ones of Device.
+    """One method's answer for one log; SI units, or the rotary ones of Device."""
 
-    Attributes:
-        method: its name on the command line.
-        model: the terms estimated.
-        delay: s, command to force: as given, or as fitted.
-        delay_deviation: standard deviation of a fitted delay, s; None if it was given.
-        values: shape (p,), in the order of ``model.parameters``.
-        covariance: shape (p, p), robust against coloured residuals.
-        degrees_of_freedom: of the covariance, for Student's t and Hotelling's T².
-        residual: shape (rows,), in ``residual_unit``.
-        residual_unit: "force" (filtered, N) or "position" (m).
-        explained: share of the fitted signal's mean square that the model explains, at most 1.
-        condition: condition number of the unit-norm columns.
-        inflation: shape (p,): variance inflation of each parameter by the other columns.
-        mean_speed: s of the model, m/s; 0 where friction does not differ by direction.
-        leaning: shape (p,): what choices of the method move the estimate by, such as half of the
-            difference between half and twice the cut-off; one more standard deviation, in the
-            covariance. None where there is no such choice.
-        notes: sentences on choices made on the way, such as the cut-off.
-    """
-
-    method: str
-    model: Model
-    delay: float
-    values: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: float
-    residual: FloatArray
-    residual_unit: str
-    explained: float
-    condition: float
-    inflation: FloatArray
+    method: str  # its name on the command line
+    model: Model  # the terms estimated
+    delay: float  # s, command to force: as given, or as fitted
+    values: FloatArray  # shape (p,), in the order of ``model.parameters``
+    covariance: FloatArray  # shape (p, p), robust against coloured residuals
+    degrees_of_freedom: float  # of the covariance, for Student's t and Hotelling's T²
+    residual: FloatArray  # shape (rows,), in ``residual_unit``
+    residual_unit: str  # "force" (filtered, N) or "position" (m)
+    explained: float  # share of the fitted signal's mean square that the model explains, at most 1
+    condition: float  # condition number of the unit-norm columns
+    inflation: FloatArray  # shape (p,): variance inflation of each parameter by the other columns
+    #: standard deviation of a fitted delay, s; None if it was given
     delay_deviation: float | None = None
-    mean_speed: float = 0.0
+    mean_speed: float = 0.0  # s of the model, m/s; 0 where friction does not differ by direction
+    #: shape (p,): what choices of the method move the estimate by, such as half of the difference
+    #: between half and twice the cut-off; one more standard deviation, in the covariance. None
+    #: where there is no such choice.
     leaning: FloatArray | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # sentences on choices made on the way, such as the cut-off
 
     @property
     def parameters(self) -> tuple[str, ...]:

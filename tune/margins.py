@@ -391,10 +391,13 @@ def passivity(
     extra_delay_samples: float = 0.0,
 ) -> Passivity:
     """Whether a device is passive at its best estimate, whatever passive hand holds it."""
-    reason = _not_applicable(device)
-    time = device.sample_time.value
+    time, reason = device.sample_time.value, ""
     delay = device.delay.value / time + extra_delay_samples
-    if not reason and abs(delay - round(delay)) > WHOLE * max(1.0, delay):
+    if device.modes:
+        reason = "the mechanism vibrates; the condition is proved for a rigid device"
+    elif device.current_lag is not None:
+        reason = "the actuator lags behind its command; the condition is proved for a held force"
+    elif abs(delay - round(delay)) > WHOLE * max(1.0, delay):
         reason = (
             f"the delay is {delay:.6g} samples; the condition is proved for whole samples only, "
             "which can be counted to the computer"
@@ -462,14 +465,6 @@ def _real_minus_slope(
     top[: len(odd)] -= odd
     bottom[: len(squared)] = squared
     return top, bottom
-
-
-def _not_applicable(device: Device) -> str:
-    if getattr(device, "modes", ()):
-        return "the mechanism vibrates; the condition is proved for a rigid device"
-    if getattr(device, "current_lag", None) is not None:
-        return "the actuator lags behind its command; the condition is proved for a held force"
-    return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -72,21 +72,13 @@ class Band(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shares:
-    """What one unit of each commanded effect is felt as; rotary units alike.
+    """What one unit of each commanded effect is felt as; rotary units alike."""
 
-    Attributes:
-        mass: apparent mass of a mass, kg per kg.
-        damping: damping of a damper, N·s/m per N·s/m.
-        damping_of_mass: parasitic damping of a mass, N·s/m per kg; positive, as it lags.
-        mass_of_damping: apparent mass of a damper, kg per N·s/m; negative, as it lags.
-        damping_of_stiffness: damping of a spring, N·s/m per N/m; negative, as it lags.
-    """
-
-    mass: Band
-    damping: Band
-    damping_of_mass: Band
-    mass_of_damping: Band
-    damping_of_stiffness: Band
+    mass: Band  # apparent mass of a mass, kg per kg
+    damping: Band  # of a damper, N·s/m per N·s/m
+    damping_of_mass: Band  # parasitic, N·s/m per kg; positive, as a mass lags
+    mass_of_damping: Band  # apparent, kg per N·s/m; negative, as a damper lags
+    damping_of_stiffness: Band  # N·s/m per N/m; negative, as a spring lags
 
     @classmethod
     def of(cls, device: Device, filters: Filters) -> Shares:
@@ -114,23 +106,25 @@ def impedances(
     hold = -np.expm1(-step) / step
     late = np.exp(-turn * delay) * hold / (1 + turn * current_lag)
     difference = -np.expm1(-step) / sample_time
-    if filters.velocity_window_samples is not None:
-        span = filters.velocity_window_samples * sample_time
-        velocity = -np.expm1(-turn * span) / span
+
+    def low_pass(cutoff: float | None, order: int) -> ComplexArray | float:
+        """Π (1-p)/(1-p/z) over the poles p = exp(-2π·f·T·(ζ ± j√(1-ζ²))), ζ = 1 if of order 1."""
+        if cutoff is None:
+            return 1.0
+        passed, ratio = np.ones_like(step), filters.filter_damping_ratio
+        angle = 2 * np.pi * cutoff * sample_time
+        turned = 1j * np.sqrt((1 - ratio) * (1 + ratio))
+        for pole in (1.0 + 0j,) if order == 1 else (ratio + turned, ratio - turned):
+            passed = passed * np.expm1(-angle * pole) / np.expm1(-angle * pole - step)
+        return passed
+
+    window = filters.velocity_window_samples
+    if window is None:
+        velocity = difference * low_pass(filters.velocity_filter_hz, filters.velocity_filter_order)
     else:
-        velocity = difference * _low_pass(
-            filters.velocity_filter_hz,
-            filters.velocity_filter_order,
-            filters.filter_damping_ratio,
-            step,
-            sample_time,
-        )
-    acceleration = difference**2 * _low_pass(
-        filters.acceleration_filter_hz,
-        filters.acceleration_filter_order,
-        filters.filter_damping_ratio,
-        step,
-        sample_time,
+        velocity = -np.expm1(-turn * (window * sample_time)) / (window * sample_time)
+    acceleration = difference**2 * low_pass(
+        filters.acceleration_filter_hz, filters.acceleration_filter_order
     )
     force = late / turn
     return Impedances(stiffness=force, damping=velocity * force, mass=acceleration * force)
@@ -163,21 +157,6 @@ def rendered_mass_and_damping(
         damping=felt_damping,
         damping_at_ends=damping_at_ends,
     )
-
-
-def _low_pass(
-    cutoff: float | None, order: int, ratio: float, step: ComplexArray, sample_time: float
-) -> ComplexArray:
-    """Π (1-p)/(1-p/z) over the poles p = exp(-2π·f·T·(ζ ± j√(1-ζ²))), with ζ = 1 if of order 1."""
-    passed = np.ones_like(step)
-    if cutoff is None:
-        return passed
-    angle = 2 * np.pi * cutoff * sample_time
-    turn = 1j * np.sqrt((1 - ratio) * (1 + ratio))
-    poles = (1.0 + 0j,) if order == 1 else (ratio + turn, ratio - turn)
-    for pole in poles:
-        passed = passed * np.expm1(-angle * pole) / np.expm1(-angle * pole - step)
-    return passed
 
 
 @lru_cache(maxsize=1024)

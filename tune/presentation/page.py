@@ -18,6 +18,7 @@ from tune.presentation.tables import (
     certificate_lines,
     device_table,
     elements_table,
+    filters_in_words,
 )
 
 if TYPE_CHECKING:
@@ -113,10 +114,8 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
     margin, loop = safe.margin, safe.loop
     late = f"{margin.extra_delay_samples} extra sample(s) of delay"
     yield "margin", f"{margin.name}: gain {margin.gain:g}, {late}"
-    cutoffs = {"velocity": loop.velocity_filter_hz, "acceleration": loop.acceleration_filter_hz}
-    filters = ", ".join(f"{what} {hz:g} Hz" for what, hz in cutoffs.items() if hz is not None)
     delay = f"delay {loop.extra_delay_samples:g} sample(s)"
-    yield "loop", f"{1 / loop.sample_time:.6g} Hz, {delay}, filters: {filters or 'none'}"
+    yield "loop", f"{1 / loop.sample_time:.6g} Hz, {delay}, filters: {filters_in_words(loop)}"
     yield "digest of the profile", safe.digest
     yield "report of", f"{written}, by haptune {version('haptune')}"
     versions = ", ".join(f"{name} {number}" for name, number in safe.certificate.versions.items())

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -44,19 +43,12 @@ _TICKS = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Boundaries:
-    """The largest stiffness for given damping and mass, on the device of a design.
+    """The largest stiffness for given damping and mass, on the device of a design."""
 
-    Attributes:
-        nominal: loop at the best estimate.
-        corners: loops of the corners of the box, at every delay up to the margin's.
-        gain: of the margin.
-        damping: of the device itself at its best estimate, N·s/m: a scale.
-    """
-
-    nominal: Loop
-    corners: tuple[DelayedLoops, ...]
-    gain: float
-    damping: float
+    nominal: Loop  # at the best estimate
+    corners: tuple[DelayedLoops, ...]  # of the box, at every delay up to the margin's
+    gain: float  # of the margin
+    damping: float  # of the device itself at its best estimate, N·s/m: a scale
 
     @classmethod
     def of(cls, design: Design, filters: Filters | None = None) -> Boundaries:
@@ -234,14 +226,16 @@ def region_surface(design: Design, boundaries: Boundaries) -> dict[str, object]:
         "margin": [_rounded(scales[2].place(row)) for row in margin],
         "worst": [_rounded(scales[2].place(np.minimum(row, top))) for row in worst],
         "elements": [
-            {"name": name, "at": _coordinates(scales, (each.damping, each.mass, each.stiffness))}
-            for name, each in design.elements.items()
+            {
+                "name": name,
+                "at": [
+                    float(scale.place(np.array(value)))
+                    for scale, value in zip(scales, (e.damping, e.mass, e.stiffness), strict=True)
+                ],
+            }
+            for name, e in design.elements.items()
         ],
     }
-
-
-def _coordinates(scales: Sequence[_Scale], values: Sequence[float]) -> list[float]:
-    return [float(at.place(np.array(value))) for at, value in zip(scales, values, strict=True)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,7 +56,7 @@ def elements_table(profile: SafeProfile) -> Table:
         least = _jitter_words(min(each or 0.0 for each in jitters))
         lines.append(f"each step of the loop may vary by {least} (assessed, not proved)")
     table = headed_table(
-        f"{place}; filters: {_filters(profile.loop)}",
+        f"{place}; filters: {filters_in_words(profile.loop)}",
         ("effect", *numbers, "limited by"),
         right=numbers,
         caption="\n".join(lines),
@@ -105,7 +105,8 @@ def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
     return (heading, *lines) if lines else ()
 
 
-def _filters(loop: LoopProfile) -> str:
+def filters_in_words(loop: LoopProfile) -> str:
+    """Cut-offs, and the window, of a profile's filters."""
     cutoffs = {"velocity": loop.velocity_filter_hz, "acceleration": loop.acceleration_filter_hz}
     parts = [f"{name} {cutoff:g} Hz" for name, cutoff in cutoffs.items() if cutoff is not None]
     if loop.velocity_window_samples is not None:
@@ -163,7 +164,9 @@ def candidates_lines(
         margin, profile = MARGINS[each.margin], each.profile
         late = margin.extra_delay_samples
         samples = f"{late} extra sample{'' if late == 1 else 's'} of delay"
-        result = str(each.error) if profile is None else f"filters: {_filters(profile.loop)}"
+        result = (
+            str(each.error) if profile is None else f"filters: {filters_in_words(profile.loop)}"
+        )
         lines.append(f"{each.name}: every gain up to {margin.gain:g}, {samples}; {result}")
     sizes = [{(r.element, r.effect): r.value for r in rows if r.candidate == c.name} for c in found]
     if rows and all(other == sizes[0] for other in sizes):

@@ -63,25 +63,15 @@ _AROUND = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Responses:
-    """Responses at z = e^jθ, all loops free or all held.
+    """Responses at z = e^jθ, all loops free or all held; each (loops, points) but the angle."""
 
-    Attributes:
-        loop: of shape (loops,).
-        angle: θ in (0, π], rad, shape (points,), or (loops, points) where each has its own.
-        position: measured position over force in T²/m, (loops, points).
-        velocity: estimate over position, in 1/T, (loops, points).
-        acceleration: estimate over position, in 1/T², (loops, points).
-        steady: effects that fade and act on every loop at some constant level.
-        levels: of all of them, at which each loop is looked at.
-    """
-
-    loop: Loop
-    angle: FloatArray
-    position: ComplexArray
-    velocity: ComplexArray
-    acceleration: ComplexArray
-    steady: tuple[Effects, ...]
-    levels: tuple[tuple[float, ...], ...]
+    loop: Loop  # of shape (loops,)
+    angle: FloatArray  # θ in (0, π], rad, (points,), or (loops, points) where each has its own
+    position: ComplexArray  # measured position over force in T²/m
+    velocity: ComplexArray  # estimate over position, in 1/T
+    acceleration: ComplexArray  # estimate over position, in 1/T²
+    steady: tuple[Effects, ...]  # effects that fade, on every loop at some constant level
+    levels: tuple[tuple[float, ...], ...]  # of all of them, at which each loop is looked at
 
     @classmethod
     def of(cls, loop: Loop, steady: Sequence[Effects] = ()) -> Responses:

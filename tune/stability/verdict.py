@@ -204,36 +204,12 @@ def stable_intervals(
     shape = fixed.shape[1:]
     parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
     sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
-    points = _candidates(parts[0], parts[1], _flattened(ratio, shape))
+    flat: _Ratio | None = None
+    if ratio is not None:
+        flat = lambda v: ratio(v.reshape(-1, *shape)).reshape(v.shape)  # noqa: E731
+    points = _candidates(parts[0], parts[1], flat)
     low, high = _judged(parts, sizes, points)
     return Intervals(low.reshape(-1, *shape), high.reshape(-1, *shape))
-
-
-def _stable_up_to(
-    fixed: FloatArray,
-    varied: FloatArray,
-    fixed_size: FloatArray,
-    varied_size: FloatArray,
-    top: float,
-) -> NDArray[np.bool_]:
-    """True where fixed + s·varied is certainly stable for every s in (0, top].
-
-    What `stable_intervals` says for less work: one verdict at the top, and crossings only roughly
-    unless one is near.
-    """
-    shape = fixed.shape[1:]
-    parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
-    sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
-    stable = _verdicts(parts, sizes, np.full((1, parts[0].shape[1]), top))[0] > 0
-    open_ = np.flatnonzero(stable)
-    if open_.size:
-        points = _candidates(parts[0][:, open_], parts[1][:, open_], None, _ROUGH_POLISHES)
-        near = open_[np.any(points < _BEYOND * top, axis=0)]
-        if near.size:
-            close = [part[:, near] for part in (*parts, *sizes)]
-            low, high = stable_intervals(close[0], close[1], close[2], close[3])
-            stable[near] = (low[0] == 0) & (high[0] > top)
-    return stable.reshape(shape)
 
 
 class _StabilityLimits(NamedTuple):
@@ -328,12 +304,6 @@ def _merged(
     return low[:used], high[:used]
 
 
-def _flattened(ratio: _Ratio | None, shape: tuple[int, ...]) -> _Ratio | None:
-    if ratio is None:
-        return None
-    return lambda v: ratio(v.reshape(-1, *shape)).reshape(v.shape)
-
-
 #: Points from which it is worth while to set up a judge of many.
 _MANY = 64
 
@@ -402,8 +372,22 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
-    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time."""
-    return _stable_up_to(*_by_gain(loop, effects), gain)
+    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time.
+
+    One verdict at the top, and crossings only roughly unless one is near.
+    """
+    given = _by_gain(loop, effects)
+    fixed, varied, *sizes = (np.ascontiguousarray(p.reshape(len(p), -1)) for p in given)
+    stable = _verdicts([fixed, varied], sizes, np.full((1, fixed.shape[1]), gain))[0] > 0
+    open_ = np.flatnonzero(stable)
+    if open_.size:
+        points = _candidates(fixed[:, open_], varied[:, open_], None, _ROUGH_POLISHES)
+        near = open_[np.any(points < _BEYOND * gain, axis=0)]
+        if near.size:
+            sized = sizes[0][:, near], sizes[1][:, near]
+            low, high = stable_intervals(fixed[:, near], varied[:, near], *sized)
+            stable[near] = (low[0] == 0) & (high[0] > gain)
+    return stable.reshape(given[0].shape[1:])
 
 
 def stable_gains(loop: Loop, effects: Effects) -> Intervals:

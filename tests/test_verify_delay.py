@@ -114,7 +114,7 @@ def test_the_interval_of_the_delay_holds_the_true_one_and_names_what_is_lost() -
 
 def test_a_log_says_which_other_elements_it_does_not_vouch_for() -> None:
     seen = verify(PROFILE, _log("cup", 0.3, 1))
-    kept = {each.moment: each.lost_at for each in margins_of_others(PROFILE, seen.delay)}
+    kept = {each.elements: each.lost_at for each in margins_of_others(PROFILE, seen.delay)}
     assert kept[("wall",)] is None
     lost = kept[("rubber",)]
     assert lost is not None
@@ -135,7 +135,7 @@ def test_the_cutoffs_that_a_rounded_force_allows_are_stated() -> None:
 def test_what_is_advised_tells() -> None:
     rubber, wall = advise(PROFILE, (("rubber",), ("wall",)))
     assert rubber.play is not None
-    assert rubber.play.moment == ("rubber",)
+    assert rubber.play.elements == ("rubber",)
     assert rubber.play.gain > 0.3
     log = BENCH.log(
         "rubber",
@@ -146,7 +146,7 @@ def test_what_is_advised_tells() -> None:
     assert _code(verify(PROFILE, log)) == 0
     assert "rest within" in wall.why
     assert wall.play is not None
-    assert wall.play.moment == ("cup",)
+    assert wall.play.elements == ("cup",)
 
 
 def test_the_command_says_what_to_play_and_lays_out_what_is_wrong(
@@ -195,7 +195,7 @@ def test_agreement_over_delays_gains_elements_and_devices() -> None:
 @pytest.mark.long
 def test_logs_of_what_is_advised_end_in_agreement() -> None:
     random = np.random.default_rng(8)
-    plays = {each.play.moment: each.play for each in advise(PROFILE) if each.play is not None}
+    plays = {each.play.elements: each.play for each in advise(PROFILE) if each.play is not None}
     assert set(plays) == {("rubber",), ("cup",)}
     for (element,), play in plays.items():
         codes: list[int] = []

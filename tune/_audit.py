@@ -64,7 +64,7 @@ class Audit:
         peak: with |B|·speed and |M|·acceleration, N.
         ripple: of the force, N rms; None without an encoder resolution or where it is unstable.
         vibration: of the handle, m rms; None likewise.
-        felt: the same in thresholds of a hand, above 1 it is felt; linear axes only.
+        vibration_over_threshold: of a hand, above 1 it is noticed; linear axes only.
         wall: what a free device meets that runs into these gains as a wall that only pushes; at
             the speed of the default motion.
         jumps: force that one count of the encoder causes through each effect, N.
@@ -81,7 +81,7 @@ class Audit:
     peak: float
     ripple: float | None
     vibration: float | None
-    felt: float | None
+    vibration_over_threshold: float | None
     wall: Contact
     jumps: dict[str, float]
     faults: tuple[Fault, ...]
@@ -114,7 +114,7 @@ def audit(
     margin: MarginName = "balanced",
     extra_delay_samples: float = 0.0,
 ) -> Audit:
-    """Judge K, B and M as one element of a scene, felt alone, no hand.
+    """Judge K, B and M as one element of a scene, met alone, no hand.
 
     Stability rests on motion, sample time and delay, which have to be stated. Force and ripple are
     judged where force limit and encoder are stated too, never against what a log suggests.
@@ -139,12 +139,12 @@ def audit(
     task = DesignTask.of(device, scene, default_table())
     problem = pose(task, elements=[ELEMENT], filters=filters, felt=False)
     sizes = np.array([abs(unknown.wish.high or 0.0) for unknown in problem.unknowns])
-    (moment,) = problem.moments
-    gain = worst_gain(problem, moment, sizes, late=False)
+    (combination,) = problem.moments
+    gain = worst_gain(problem, combination, sizes, late=False)
     stable = gain > 1
     solved = Solution(problem=problem, sizes=sizes, dropped={})
     design = as_stored(design_of(task, filters, [solved], {}))
-    noise = ripple(problem, moment, sizes) if stable else None
+    noise = ripple(problem, combination, sizes) if stable else None
     refusal = refusal_of(device)
     faults = tuple(_faults_of(problem, sizes, gain, noise))
     if refusal is not None:
@@ -158,21 +158,21 @@ def audit(
             faults = tuple(Fault("certificate", why, "proved", least) for why in error.failures)
     wall = design.elements[ELEMENT].model_copy(update={"one_sided": True})
     extra = problem.margin.extra_delay_samples
-    sustained, peak = (float(force) for force in forces(moment, sizes))
-    felt = problem.effects(moment, sizes)
-    vibration, thresholds = _vibration(device, felt, filters) if stable else (None, None)
+    sustained, peak = (float(force) for force in forces(combination, sizes))
+    total, one = problem.effects(combination, sizes), SizedMoment(problem, combination, sizes)
+    vibration, thresholds = _vibration(device, total, filters) if stable else (None, None)
     return Audit(
         design=design,
         gain=gain,
-        delay_samples=extra_delays([SizedMoment(problem, moment, sizes)])[0] if stable else np.nan,
-        margins=margins_of(device, felt, filters) if stable else None,
+        delay_samples=extra_delays([one])[0] if stable else np.nan,
+        margins=margins_of(device, total, filters) if stable else None,
         sustained=sustained,
         peak=peak,
         ripple=noise,
         vibration=vibration,
-        felt=thresholds,
+        vibration_over_threshold=thresholds,
         wall=contact(design.device, problem.region.box, problem.filters, wall, extra),
-        jumps=_jumps(device, felt, filters),
+        jumps=_jumps(device, total, filters),
         faults=faults,
         nearest=_nearest(task, filters) if faults and refusal is None else None,
         certificate=certificate,
@@ -183,9 +183,9 @@ def _faults_of(
     problem: Problem, sizes: FloatArray, gain: float, noise: float | None
 ) -> Iterator[Fault]:
     """Every limit that the sizes break, in words; their gain margin and ripple are known."""
-    (moment,) = problem.moments
+    (combination,) = problem.moments
     margin, limits = problem.margin, problem.limits
-    late = worst_gain(problem, moment, sizes)
+    late = worst_gain(problem, combination, sizes)
     extra = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
     needed, smaller = f"{margin.gain:g}", "Lower the gains, or filter velocity and acceleration."
     if gain <= 1:
@@ -198,7 +198,7 @@ def _faults_of(
         yield Fault("delay-margin", seen, needed, "Lower the gains, or shorten the delay.")
     words = ("K·penetration", "K·penetration + |B|·speed + |M|·acceleration")
     most = (limits.continuous_force, limits.peak_force)
-    for name, force, limit in zip(words, forces(moment, sizes), most, strict=True):
+    for name, force, limit in zip(words, forces(combination, sizes), most, strict=True):
         if limit is not None and force > limit:
             remedy = "Lower the gains, or keep to less penetration."
             yield Fault("force", f"{name} is {force:.4g}", f"{limit:.4g} at most", remedy)
@@ -243,23 +243,24 @@ def _as_judged(device: Device, samples: float) -> Device:
 
 
 def _vibration(
-    device: Device, felt: Effects, filters: Filters
+    device: Device, effects: Effects, filters: Filters
 ) -> tuple[float | None, float | None]:
     """(m rms, thresholds) of the handle from encoder noise, None where it is not known."""
     if device.encoder_resolution is None:
         return None, None
     count = device.encoder_resolution.value
-    loop = Loop.from_parts(device, used_filters(filters, felt))
-    shaken = float(handle_vibration(loop, felt, count))
-    return shaken, vibration_in_thresholds(loop, felt, count) if device.motion == "linear" else None
+    loop = Loop.from_parts(device, used_filters(filters, effects))
+    shaken = float(handle_vibration(loop, effects, count))
+    linear = device.motion == "linear"
+    return shaken, vibration_in_thresholds(loop, effects, count) if linear else None
 
 
-def _jumps(device: Device, felt: Effects, filters: Filters) -> dict[str, float]:
+def _jumps(device: Device, effects: Effects, filters: Filters) -> dict[str, float]:
     """Force of one count through each effect that is there, N."""
     if device.encoder_resolution is None:
         return {}
-    jump = count_jump(felt, device.sample_time.value, device.encoder_resolution.value, filters)
-    present = zip(EFFECT_NAMES, felt.arrays(), strict=True)
+    jump = count_jump(effects, device.sample_time.value, device.encoder_resolution.value, filters)
+    present = zip(EFFECT_NAMES, effects.arrays(), strict=True)
     return {name: getattr(jump, name) for name, value in present if value is not None}
 
 

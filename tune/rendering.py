@@ -145,16 +145,16 @@ def rendered_mass_and_damping(
         )
         return mean, (slow, fast)
 
-    felt_mass, mass_at_ends = band((mass, shares.mass), (damping, shares.mass_of_damping))
-    felt_damping, damping_at_ends = band(
+    apparent_mass, mass_at_ends = band((mass, shares.mass), (damping, shares.mass_of_damping))
+    apparent_damping, damping_at_ends = band(
         (damping, shares.damping),
         (mass, shares.damping_of_mass),
         (stiffness, shares.damping_of_stiffness),
     )
     return Rendered(
-        mass=felt_mass,
+        mass=apparent_mass,
         mass_at_ends=mass_at_ends,
-        damping=felt_damping,
+        damping=apparent_damping,
         damping_at_ends=damping_at_ends,
     )
 
@@ -162,7 +162,7 @@ def rendered_mass_and_damping(
 @lru_cache(maxsize=1024)
 def _shares(filters: Filters, sample_time: float, delay: float, current_lag: float) -> Shares:
     frequency, weights = _nodes()
-    felt = impedances(
+    unit = impedances(
         filters, frequency, sample_time=sample_time, delay=delay, current_lag=current_lag
     )
     turn = 2 * np.pi * frequency
@@ -171,11 +171,11 @@ def _shares(filters: Filters, sample_time: float, delay: float, current_lag: flo
         return Band(float(weights @ values), float(values[0]), float(values[-1]))
 
     return Shares(
-        mass=band(felt.mass.imag / turn),
-        damping=band(felt.damping.real),
-        damping_of_mass=band(felt.mass.real),
-        mass_of_damping=band(felt.damping.imag / turn),
-        damping_of_stiffness=band(felt.stiffness.real),
+        mass=band(unit.mass.imag / turn),
+        damping=band(unit.damping.real),
+        damping_of_mass=band(unit.mass.real),
+        mass_of_damping=band(unit.damping.imag / turn),
+        damping_of_stiffness=band(unit.stiffness.real),
     )
 
 

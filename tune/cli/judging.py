@@ -159,7 +159,7 @@ def _audit_details(found: Audit) -> dict[str, object]:
         "peak_force": found.peak,
         "ripple": number(found.ripple),
         "vibration": number(found.vibration),
-        "vibration_over_threshold": number(found.felt),
+        "vibration_over_threshold": number(found.vibration_over_threshold),
         "one_count": found.jumps,
         "wall": found.wall.model_dump(mode="json"),
         "speed": design.elements[ELEMENT].motion.speed,
@@ -370,7 +370,7 @@ def verify(
     if seen.disagreements:
         lines = [f"{seen.source} is not as the profile predicts"]
         for each in seen.disagreements:
-            lines += [f"  {each.told}", *([f"    {each.remedy}"] if each.remedy else [])]
+            lines += [f"  {each.summary}", *([f"    {each.remedy}"] if each.remedy else [])]
         raise CheckFailedError(("\n".join(lines),))
     if not seen.assessed:
         seen.refuse_unassessed(_advice(session, safe, seen))
@@ -379,7 +379,7 @@ def verify(
         f"{'+'.join(seen.elements)} keeps its margin at every delay that the log allows"
     )
     session.say_each(
-        f"it does not tell this of {'+'.join(each.moment)}: were the delay "
+        f"it does not tell this of {'+'.join(each.elements)}: were the delay "
         f"{each.lost_at:.3g} samples, the margin would be lost"
         for each in others
         if each.lost_at is not None
@@ -390,15 +390,15 @@ def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
     """What to play for every element, or for the one named."""
     from tune.presentation.tables import headed_table
     from tune.verification import advise
-    from tune.verification.law import moments_of
+    from tune.verification.law import combinations_of
 
-    targets = None if element is None else moments_of(safe, element)
+    targets = None if element is None else combinations_of(safe, element)
     with session.progress() as say:
         advice = advise(safe, targets, say)
     table = headed_table("what to play", ("to verify", "play"))
     table.columns[0].no_wrap, table.columns[0].overflow = True, "ellipsis"
     for each in advice:
-        table.add_row("+".join(each.moment), each.words(safe.device.motion))
+        table.add_row("+".join(each.elements), each.words(safe.device.motion))
     session.say(table)
     session.details["play"] = [_advice_details(each) for each in advice]
 
@@ -411,7 +411,7 @@ def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
         (advice,) = advise(safe, (seen.elements,), say)
     session.details["play"] = [_advice_details(advice)]
     allowed, play = seen.delay.allowed, advice.play
-    more = play is not None and (play.moment != seen.elements or play.gain > _MORE * seen.gain)
+    more = play is not None and (play.elements != seen.elements or play.gain > _MORE * seen.gain)
     if more or allowed is None or allowed.delays is None:
         return f"Instead: {advice.words(safe.device.motion)}."
     low, high = allowed.delays
@@ -422,11 +422,10 @@ def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
 
 
 def _advice_details(advice: Advice) -> dict[str, object]:
-    return {
-        "to_verify": list(advice.moment),
-        "play": None if advice.play is None else asdict(advice.play),
-        "why": advice.why,
-    }
+    play = None if advice.play is None else asdict(advice.play)
+    if play is not None:
+        play = {"moment": play.pop("elements"), **play}
+    return {"to_verify": list(advice.elements), "play": play, "why": advice.why}
 
 
 def _verification_table(seen: Verification) -> Table:
@@ -453,5 +452,9 @@ def _verification_details(seen: Verification, others: tuple[Kept, ...]) -> dict[
         "filters": [asdict(each) for each in seen.cutoffs],
         "delay": None if allowed is None or allowed.delays is None else list(allowed.delays),
         "longer_delays_not_looked_at": allowed is not None and allowed.open_ended,
-        "margins": [asdict(each) for each in (seen.delay.played, *others) if each is not None],
+        "margins": [
+            {"moment": each.elements, "lost_at": each.lost_at}
+            for each in (seen.delay.kept, *others)
+            if each is not None
+        ],
     }

@@ -234,8 +234,8 @@ def _examination_table(seen: Examination) -> Table:
     table = headed_table(seen.source, ("seen in the log", "value"))
     rate = f"{1 / seen.sample_time:.4g} Hz, usual step {seen.sample_time * 1e3:.4g} ms"
     count = "none seen" if seen.count is None else f"{seen.count:.4g} {units['length']}"
-    whole = seen.fitted is None or seen.fitted == seen.samples
-    part = "" if whole else f", fitted the {seen.fitted} that move most"
+    complete = seen.fitted is None or seen.fitted == seen.samples
+    part = "" if complete else f", fitted the {seen.fitted} that move most"
     for name, value in (
         ("length", f"{seen.duration:.4g} s, {seen.samples} samples{part}"),
         ("rate", rate),
@@ -267,7 +267,7 @@ def _verdict(seen: Examination) -> str:
     return "usable" + (f", with warnings: {', '.join(warnings)}" if warnings else "")
 
 
-def _told(quantity: Quantity | None) -> ToldQuantity | None:
+def _with_interval(quantity: Quantity | None) -> ToldQuantity | None:
     from tune.presentation.tables import half_width, relative_half_width
 
     if quantity is None:
@@ -297,6 +297,6 @@ def _examined(seen: Examination) -> LogExamined:
         "encoder_count": seen.count,
         "noise": seen.noise,
         "band_hz": seen.band,
-        "mass": _told(seen.mass),
-        "damping": _told(seen.damping),
+        "mass": _with_interval(seen.mass),
+        "damping": _with_interval(seen.damping),
     }

@@ -119,14 +119,14 @@ class _Motion:
 def block(a: FloatArray, b: FloatArray, fraction: FloatArray | None) -> _Block:
     """Factors for arrays of a and b of one shape; fraction f, None for whole samples."""
     motion = _Motion.of(a, b)
-    whole, whole_size = _integral(motion, "sum", np.zeros_like(a), np.ones_like(a))
+    total, total_size = _integral(motion, "sum", np.zeros_like(a), np.ones_like(a))
     skew, skew_size = _integral(motion, "difference", np.zeros_like(a), np.ones_like(a))
-    denominator = _denominator(motion, b * whole, b * whole_size)
+    denominator = _denominator(motion, b * total, b * total_size)
     if fraction is None:
         g, size = motion.impulse(np.ones_like(a))
         return _Block(
             denominator=denominator,
-            position=_polynomial((whole, skew), (whole_size, skew_size)),
+            position=_polynomial((total, skew), (total_size, skew_size)),
             rate=_polynomial((np.zeros_like(a), 2 * g), (np.zeros_like(a), 2 * size)),
         )
     f = np.broadcast_to(fraction, a.shape)
@@ -144,7 +144,7 @@ def block(a: FloatArray, b: FloatArray, fraction: FloatArray | None) -> _Block:
     return _Block(
         denominator=denominator,
         position=_polynomial(
-            (whole, 2 * (first - last), bend), (whole_size, 2 * (first_size + last_size), bend_size)
+            (total, 2 * (first - last), bend), (total_size, 2 * (first_size + last_size), bend_size)
         ),
         rate=_polynomial(
             (np.zeros_like(a), 2 * (g + e), 2 * (g - e)),

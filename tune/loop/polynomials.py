@@ -178,7 +178,7 @@ def split_into_quadratics(polynomial: Polynomial) -> tuple[Quadratic, ...]:
         for count in set(zeros.tolist()):
             chosen = np.flatnonzero(zeros == count)
             b[:, chosen], a[:, chosen] = _factors(value[:, chosen], count)
-        blur = _missed(value - _multiplied(b, a), size + _multiplied(np.abs(b), np.abs(a)))
+        blur = _residual(value - _multiplied(b, a), size + _multiplied(np.abs(b), np.abs(a)))
     return tuple(
         Quadratic(b=b[k].reshape(shape), a=a[k].reshape(shape), blur=blur.reshape(shape))
         for k in range(pairs)
@@ -208,7 +208,7 @@ def split_fractions(
         # A share that is small beside the others has their rounding, as far as it can have it.
         moved = np.einsum("nij,jn->in", np.abs(inverse), sizes)
         every = np.tile(np.abs(r).reshape(count, 2, -1).sum(axis=0), (count, 1))
-        size = (np.abs(r) + np.minimum(moved, every)) * _missed(rest, sizes)
+        size = (np.abs(r) + np.minimum(moved, every)) * _residual(rest, sizes)
     return tuple(
         Polynomial(
             value=r[2 * k : 2 * k + 2].reshape(2, *shape),
@@ -218,7 +218,7 @@ def split_fractions(
     )
 
 
-def _missed(rest: FloatArray, sizes: FloatArray) -> FloatArray:
+def _residual(rest: FloatArray, sizes: FloatArray) -> FloatArray:
     """1 and the largest residual of each column in units of roundoff; nan where unsolved."""
     return 1 + np.max(np.where(sizes == 0, 0.0, np.abs(rest) / (UNIT * sizes)), axis=0)
 

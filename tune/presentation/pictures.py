@@ -60,7 +60,7 @@ def uses_of(design: Design, name: str, units: dict[str, str]) -> tuple[Use, ...]
     found = (
         *_margins(design, element),
         *_forces(design, name, units["force"]),
-        *_felt(design, element),
+        *_rendered(design, element),
     )
     most = {why: max(part for _, other, part, _ in found if other == why) for _, why, _, _ in found}
     return tuple(
@@ -109,9 +109,9 @@ def _forces(design: Design, name: str, unit: str) -> _Found:
         if most <= 0 or (what == "sustained force" and not own):
             continue
         forces = {
-            moment: sum(force_of(design.elements[each]) for each in moment)
-            for moment in design.moments()
-            if name in moment
+            combination: sum(force_of(design.elements[each]) for each in combination)
+            for combination in design.moments()
+            if name in combination
         }
         worst, total = max(forces.items(), key=lambda item: (item[1], -len(item[0])))
         beside = [each for each in worst if each != name]
@@ -123,14 +123,14 @@ def _forces(design: Design, name: str, unit: str) -> _Found:
         yield "encoder ripple", "ripple", element.ripple / design.ripple_limit, words
 
 
-def _felt(design: Design, element: ElementProfile) -> _Found:
+def _rendered(design: Design, element: ElementProfile) -> _Found:
     """Perceived steps from what is asked for to what is felt at 0.5 and 5 Hz; one is allowed."""
-    felt, table, motion = element.rendered, design.perception, element.motion
-    if felt is None or table is None or element.one_sided:
+    rendered, table, motion = element.rendered, design.perception, element.motion
+    if rendered is None or table is None or element.one_sided:
         return
     for effect, ends, weber, reach in (
-        ("mass", felt.mass_at_ends, table.mass, motion.acceleration),
-        ("damping", felt.damping_at_ends, table.damping, motion.speed),
+        ("mass", rendered.mass_at_ends, table.mass, motion.acceleration),
+        ("damping", rendered.damping_at_ends, table.damping, motion.speed),
     ):
         asked: float = getattr(element, effect)
         total: float = getattr(design.device, effect).value + asked

@@ -194,10 +194,10 @@ def region_surface(design: Design, boundaries: Boundaries) -> dict[str, object]:
     Axes grow as the square root, so that what is played stays apart from zero. Heights, with the
     whole margin and at the worst corner of the box (cut at the top), have one row a mass.
     """
-    units, played = UNITS[design.device.motion], list(design.elements.values())
+    units, elements = UNITS[design.device.motion], list(design.elements.values())
     own = design.device.mass.value
-    masses = [element.mass for element in played]
-    dampings = [element.damping for element in played]
+    masses = [element.mass for element in elements]
+    dampings = [element.damping for element in elements]
     mass_ends = (
         _FURTHER * min(_LIGHTER * own / _FURTHER, *masses),
         _FURTHER * max(_HEAVIER * own / _FURTHER, *masses),
@@ -213,7 +213,7 @@ def region_surface(design: Design, boundaries: Boundaries) -> dict[str, object]:
     across, along = np.meshgrid(B, M)
     margin = boundaries.with_margin(across, along)
     worst = boundaries.at_worst(across, along)
-    top = _ROOM * max(float(np.max(margin)), *(element.stiffness for element in played)) or 1.0
+    top = _ROOM * max(float(np.max(margin)), *(element.stiffness for element in elements)) or 1.0
     scales = (_Scale(*damping_ends), _Scale(*mass_ends), _Scale(0.0, top))
     names = ("damping", "B"), ("mass", "M"), ("stiffness", "K")
     return {

@@ -88,14 +88,14 @@ def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
     units = UNITS[profile.device.motion]
     lines: list[str] = []
     for name, element in profile.elements.items():
-        felt = element.rendered
-        if felt is None:
+        rendered = element.rendered
+        if rendered is None:
             continue
         parts = [
             f"{effect} {mean:+.3g} {units[effect]} ({slow:+.3g} to {fast:+.3g})"
             for effect, mean, (slow, fast) in (
-                ("mass", felt.mass, felt.mass_at_ends),
-                ("damping", felt.damping, felt.damping_at_ends),
+                ("mass", rendered.mass, rendered.mass_at_ends),
+                ("damping", rendered.damping, rendered.damping_at_ends),
             )
             if slow or fast
         ]
@@ -357,8 +357,9 @@ def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
         allowed = f"at most {design.ripple_limit:g}"
         yield "force ripple from the encoder", f"{found.ripple:.3g} {force} rms", allowed
     if found.vibration is not None:
-        felt = "felt" if found.felt is not None and found.felt > 1 else "not felt"
-        share = "" if found.felt is None else f", {found.felt:.2g} of what is felt: {felt}"
+        share, ratio = "", found.vibration_over_threshold
+        if ratio is not None:
+            share = f", {ratio:.2g} of what is felt: {'felt' if ratio > 1 else 'not felt'}"
         seen = f"{found.vibration:.2g} {units['length']} rms{share}"
         yield "vibration of the handle", seen, "-"
     for name, jump in found.jumps.items():

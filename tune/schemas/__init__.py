@@ -61,8 +61,8 @@ def _result_schema() -> dict[str, Any]:
     """The schema of haptune/result/1: details by command, nothing that it does not name."""
     kinds: dict[str, Any] = {"Result": Result} | {each.__name__: each for each in DETAILS.values()}
     adapters = [(name, "serialization", TypeAdapter(kind)) for name, kind in kinds.items()]
-    places, whole = TypeAdapter.json_schemas(adapters)  # pyright: ignore[reportArgumentType]
-    definitions: dict[str, Any] = whole["$defs"]
+    places, schema = TypeAdapter.json_schemas(adapters)  # pyright: ignore[reportArgumentType]
+    definitions: dict[str, Any] = schema["$defs"]
     for each in definitions.values():
         if "properties" in each:
             each["additionalProperties"] = False

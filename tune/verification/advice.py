@@ -22,10 +22,10 @@ from tune.documents.scene import DEFAULT_MOTION
 from tune.loop.loop import filters_of
 from tune.verification.delay import ConsistentLoops, MarginJudge, Modes
 from tune.verification.law import (
-    Moment,
+    Combination,
+    combination_in_words,
+    combinations_of,
     effects_of,
-    moment_in_words,
-    moments_of,
     scale_effects,
 )
 from tune.verification.motion import (
@@ -60,14 +60,14 @@ class Play:
     """One log to take.
 
     Attributes:
-        moment: elements to play.
+        elements: to play.
         gain: to play them at.
         displacement: from which to let go, m (rad); None where a push is needed.
         speed: of the push, m/s (rad/s); None where a displacement is needed.
         duration: to log, s.
     """
 
-    moment: Moment
+    elements: Combination
     gain: float
     displacement: float | None
     speed: float | None
@@ -82,28 +82,28 @@ class Play:
             else f"pushed to {self.speed:.3g} {'m' if motion == 'linear' else 'rad'}/s"
         )
         return (
-            f"play {moment_in_words(self.moment)} at gain {self.gain:g}, {begin}, "
+            f"play {combination_in_words(self.elements)} at gain {self.gain:g}, {begin}, "
             f"for {self.duration:.3g} s"
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advice:
-    """What to play for one moment.
+    """What to play for one combination.
 
     Attributes:
-        moment: that is to be verified.
+        elements: that are to be verified.
         play: that tells; None where nothing does.
-        why: what is wrong with playing the moment itself; "" where that tells.
+        why: what is wrong with playing the combination itself; "" where that tells.
     """
 
-    moment: Moment
+    elements: Combination
     play: Play | None
     why: str
 
     def words(self, motion: str) -> str:
         """One or two sentences, for a "linear" or "rotary" axis."""
-        name = moment_in_words(self.moment)
+        name = combination_in_words(self.elements)
         if self.play is None:
             return f"{name} cannot be verified: {self.why}; no other element tells its delay either"
         if not self.why:
@@ -116,31 +116,35 @@ class Advice:
 
 def advise(
     profile: Design,
-    targets: tuple[Moment, ...] | None = None,
+    targets: tuple[Combination, ...] | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[Advice, ...]:
-    """What to play for each moment, its own motion before that of other elements.
+    """What to play for each combination, its own motion before that of other elements.
 
     Args:
         profile: that is to be verified.
-        targets: moments; None is every one that plays anything.
-        say: is told the moment that is looked at.
+        targets: combinations; None is every one that plays anything.
+        say: is told the combination that is looked at.
 
     Raises:
         CheckFailedError: a device that no effect can be certified on.
     """
     refuse_unbalanced(profile.device)
     plays = _Plays(profile)
-    targets = moments_of(profile, None) if targets is None else targets
-    singles = tuple(moment for moment in moments_of(profile, None) if len(moment) == 1)
+    targets = combinations_of(profile, None) if targets is None else targets
+    singles = tuple(
+        combination for combination in combinations_of(profile, None) if len(combination) == 1
+    )
     found: list[Advice] = []
     for number, target in enumerate(targets, 1):
-        say(f"looking for what tells of {moment_in_words(target)} ({number} of {len(targets)})")
+        say(
+            f"looking for what tells of {combination_in_words(target)} ({number} of {len(targets)})"
+        )
         play, why = plays.least(target, target)
         if play is None:
             others = [each for each in singles if each != target][:_MOST_OTHERS]
             play = plays.least_of(others, target)
-        found.append(Advice(moment=target, play=play, why=why))
+        found.append(Advice(elements=target, play=play, why=why))
     return tuple(found)
 
 
@@ -154,7 +158,7 @@ class _Plays:
         self._judge = cache(partial(MarginJudge, profile))
 
     def least(
-        self, player: Moment, target: Moment, most: float = np.inf
+        self, player: Combination, target: Combination, most: float = np.inf
     ) -> tuple[Play | None, str]:
         """(the play of least gain that tells of the target, why there is none).
 
@@ -182,9 +186,9 @@ class _Plays:
             why = "delays that do not keep the margin look the same in its motion"
         return likely, "" if likely is not None else why
 
-    def least_of(self, players: Sequence[Moment], target: Moment) -> Play | None:
+    def least_of(self, players: Sequence[Combination], target: Combination) -> Play | None:
         """The play of least gain among these players, the first of them of any that are equal."""
-        best: dict[Moment, Play] = {}
+        best: dict[Combination, Play] = {}
         most = np.inf
         # A spring tells a delay best: what it leaves of the gains need not be looked at.
         for player in sorted(players, key=self._position_free):
@@ -195,11 +199,13 @@ class _Plays:
         told = (best[player] for player in players if player in best)
         return min(told, key=lambda each: each.gain, default=None)
 
-    def _position_free(self, player: Moment) -> bool:
+    def _position_free(self, player: Combination) -> bool:
         return effects_of(self._profile, player).position_free
 
 
-def _allowed_loops(profile: Design, player: Moment, gain: float) -> tuple[ConsistentLoops, ...]:
+def _allowed_loops(
+    profile: Design, player: Combination, gain: float
+) -> tuple[ConsistentLoops, ...]:
     """What a log would allow of the device at its best estimate, and with its least damping."""
     device, effects = profile.device, scale_effects(effects_of(profile, player), gain)
     devices = [device]
@@ -222,13 +228,13 @@ def _expected(prediction: Prediction) -> MeasuredMode:
     )
 
 
-def _plan_play(profile: Design, moment: Moment, gain: float) -> tuple[Play | None, str]:
-    """(a play of a moment at a gain that shows frequency or decay, why there is none)."""
-    effects = scale_effects(effects_of(profile, moment), gain)
+def _plan_play(profile: Design, combination: Combination, gain: float) -> tuple[Play | None, str]:
+    """(a play of a combination at a gain that shows frequency or decay, why there is none)."""
+    effects = scale_effects(effects_of(profile, combination), gain)
     prediction = predict(profile.device, profile.loop, effects)
     if prediction.obstacle is not None:
         return None, prediction.obstacle
-    motions = [profile.elements[name].motion for name in moment]
+    motions = [profile.elements[name].motion for name in combination]
     settled = _SETTLED / prediction.decay[0]
     displacement = speed = None
     stiffness = binding_stiffness(profile.device, effects)
@@ -246,7 +252,7 @@ def _plan_play(profile: Design, moment: Moment, gain: float) -> tuple[Play | Non
             swings = len(_swings(displacement, left, held, _MOST_SWINGS))
             settled = min(settled, 0.5 * (swings + 1) / prediction.frequency[0])
     return Play(
-        moment=moment,
+        elements=combination,
         gain=gain,
         displacement=displacement,
         speed=speed,

@@ -26,9 +26,9 @@ from tune.verification.law import (
     MeasuredCutoff,
     Outcome,
     Verdict,
+    combination_in_words,
+    combinations_of,
     measured_cutoffs,
-    moment_in_words,
-    moments_of,
     rms,
     unassessed_outcome,
 )
@@ -128,10 +128,10 @@ class Verification:
 
         The law, frequency or decay, and the margin on every loop that the log allows.
         """
-        return {"law", "delay"} <= self._told and bool(self._told & _OF_THE_MODE)
+        return {"law", "delay"} <= self._compared and bool(self._compared & _OF_THE_MODE)
 
     @property
-    def _told(self) -> set[str]:
+    def _compared(self) -> set[str]:
         return {each.check for each in self.outcomes if each.verdict in {"agrees", "disagrees"}}
 
     def refuse_unassessed(self, remedy: str) -> None:
@@ -142,14 +142,14 @@ class Verification:
         """
         if self.assessed:
             return
-        known = self._told | _OF_THE_MODE if self._told & _OF_THE_MODE else self._told
+        known = self._compared | _OF_THE_MODE if self._compared & _OF_THE_MODE else self._compared
         needed = {check: words for check, words in _NEEDED.items() if check not in known}
         raise LogRefusedError(
             tuple(
                 Finding(
                     code="delay-unknown" if each.check == "delay" else "not-exciting-damping",
                     severity="refusal",
-                    seen=each.told,
+                    seen=each.summary,
                     needed=needed[each.check],
                     remedy=remedy if each.check == "delay" else each.remedy,
                     source=self.source,
@@ -186,7 +186,7 @@ def verify(
     refuse_unbalanced(profile.device)
     _check_request(profile, trajectory, gain, release)
     _check_clock(profile, trajectory)
-    law = judge_law(profile, moments_of(profile, element), trajectory, gain)
+    law = judge_law(profile, combinations_of(profile, element), trajectory, gain)
     motion: MeasuredMotion | None = None
     cutoffs: tuple[MeasuredCutoff, ...] = ()
     if law.effects is None or law.gain <= 0:
@@ -209,7 +209,7 @@ def verify(
                 log = Log(force=trajectory.force, position=trajectory.position, used=law.used)
                 cutoffs = measured_cutoffs(log, law.loop, law.effects)
                 delay = judge_delay(
-                    profile, law.loop, law.moment, law.effects, motion.mode, cutoffs
+                    profile, law.loop, law.elements, law.effects, motion.mode, cutoffs
                 )
             else:
                 delay = unknown_delay("the law is not the profile's")
@@ -219,7 +219,7 @@ def verify(
     filters = tuple(each.outcome for each in cutoffs)
     return Verification(
         source=trajectory.source,
-        elements=law.moment,
+        elements=law.elements,
         gain=law.gain,
         outcomes=(_encoder(profile, trajectory), *law.outcomes, *filters, *rest, delay.outcome),
         law=law,
@@ -464,7 +464,7 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
     _draw_measured(figure.add_subplot(grid[:, 1]), seen)
     gain = f" at gain {seen.gain:.3g}" if np.isfinite(seen.gain) else ""
     figure.suptitle(
-        f"{seen.source}: {moment_in_words(seen.elements)}{gain} on {profile.device.name}",
+        f"{seen.source}: {combination_in_words(seen.elements)}{gain} on {profile.device.name}",
         fontsize=10,
     )
     return figure
@@ -490,14 +490,14 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
     axes.plot(
         trajectory.time[measured.rows], measured.fitted, color="tab:orange", lw=0.8, label="fitted"
     )
-    prediction, played = motion.prediction, seen.law.effects
-    if motion.release is None or played is None or not measured.frequency:
+    prediction, effects = motion.prediction, seen.law.effects
+    if motion.release is None or effects is None or not measured.frequency:
         return
     free = slice(motion.release.first, motion.release.end)
     since = trajectory.time[free] - trajectory.time[motion.release.first]
     rest = trajectory.position[motion.release.first] - motion.release.deviation
     friction = profile.device.coulomb_friction
-    stiffness = binding_stiffness(profile.device, played)
+    stiffness = binding_stiffness(profile.device, effects)
     start = abs(motion.release.deviation)
     wide, narrow = (
         _envelope(start, decay, each / stiffness, frequency, since)

@@ -25,14 +25,14 @@ from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import companion_roots
 from tune.stability.verdict import safe_up_to
 from tune.verification.law import (
+    Combination,
     MeasuredCutoff,
-    Moment,
     Outcome,
     Verdict,
     allowed_filters,
+    combination_in_words,
+    combinations_of,
     effects_of,
-    moment_in_words,
-    moments_of,
     unassessed_outcome,
 )
 from tune.verification.motion import MeasuredMode
@@ -211,20 +211,20 @@ def _reach(values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kept:
-    """Whether one moment keeps its margin.
+    """Whether one combination keeps its margin.
 
     Attributes:
-        moment: the elements felt together.
+        elements: that act together.
         lost_at: the least delay, samples, at which an allowed loop does not keep the margin; None
             where every one keeps it.
     """
 
-    moment: Moment
+    elements: Combination
     lost_at: float | None
 
 
 class MarginJudge:
-    """Whether one moment keeps the margin of a profile, on any loops; what is known is kept.
+    """Whether one combination keeps the margin of a profile, on any loops; what is known is kept.
 
     Every gain in (0, g] must be stable, and every gain in (0, 1] with the extra delay of the
     margin, half of it and all of it; without a hand and with every corner of the hand's box. Of
@@ -232,11 +232,11 @@ class MarginJudge:
     whole samples of delay and at the shortest and the longest delay.
     """
 
-    def __init__(self, profile: Design, moment: Moment) -> None:
+    def __init__(self, profile: Design, combination: Combination) -> None:
         """Takes a profile and elements felt together."""
         margin = profile.margin
-        self._profile, self._moment = profile, moment
-        self._effects = effects_of(profile, moment)
+        self._profile, self._combination = profile, combination
+        self._effects = effects_of(profile, combination)
         self._hands = _hands_of(profile.hand)
         self._tasks = [(0.0, margin.gain)]
         self._tasks += [(part * margin.extra_delay_samples, 1.0) for part in _PARTS]
@@ -247,7 +247,7 @@ class MarginJudge:
         """Judge all allowed loops, at the gain of the profile, under all filters."""
         delays = _judged_delays(allowed)
         lost = (delay for delay in delays if not self._keeps(filters, allowed, delay))
-        return Kept(moment=self._moment, lost_at=next(lost, None))
+        return Kept(elements=self._combination, lost_at=next(lost, None))
 
     def keeps_all(self, filters: tuple[Filters, ...], allowed: ConsistentLoops) -> bool:
         """Whether the margin is kept on every loop; the longest delays, likely lost, go first."""
@@ -311,13 +311,13 @@ class MeasuredDelay:
 
     Attributes:
         allowed: loops that move as the log shows; None where neither frequency nor decay is known.
-        played: whether what was played keeps its margin on all of them; None likewise.
+        kept: whether what was played keeps its margin on all of them; None likewise.
         filters: all that the log allows.
         outcome: "delay".
     """
 
     allowed: ConsistentLoops | None
-    played: Kept | None
+    kept: Kept | None
     filters: tuple[Filters, ...]
     outcome: Outcome
 
@@ -325,7 +325,7 @@ class MeasuredDelay:
 def judge_delay(
     profile: Design,
     loop: LoopProfile,
-    moment: Moment,
+    combination: Combination,
     effects: Effects,
     mode: MeasuredMode,
     cutoffs: tuple[MeasuredCutoff, ...],
@@ -339,33 +339,35 @@ def judge_delay(
     filters = allowed_filters(loop, cutoffs)
     extra = profile.margin.extra_delay_samples
     allowed = Modes(profile.device, filters[0], effects, extra=extra).allow(mode)
-    played = MarginJudge(profile, moment).judge(filters, allowed)
+    kept = MarginJudge(profile, combination).judge(filters, allowed)
     return MeasuredDelay(
-        allowed=allowed, played=played, filters=filters, outcome=_outcome(profile, allowed, played)
+        allowed=allowed, kept=kept, filters=filters, outcome=_outcome(profile, allowed, kept)
     )
 
 
 def margins_of_others(
     profile: Design, seen: MeasuredDelay, say: Callable[[str], None] = lambda _: None
 ) -> tuple[Kept, ...]:
-    """Which moments that were not played keep their margin on all loops that the log allows."""
-    if seen.allowed is None or seen.played is None:
+    """Which combinations that were not played keep their margin on all loops a log allows."""
+    if seen.allowed is None or seen.kept is None:
         return ()
     found: list[Kept] = []
-    others = [moment for moment in moments_of(profile, None) if moment != seen.played.moment]
-    for number, moment in enumerate(others, 1):
-        say(f"what the log tells of {moment_in_words(moment)} ({number} of {len(others)})")
-        found.append(MarginJudge(profile, moment).judge(seen.filters, seen.allowed))
+    others = [each for each in combinations_of(profile, None) if each != seen.kept.elements]
+    for number, combination in enumerate(others, 1):
+        say(
+            f"what the log tells of {combination_in_words(combination)} ({number} of {len(others)})"
+        )
+        found.append(MarginJudge(profile, combination).judge(seen.filters, seen.allowed))
     return tuple(found)
 
 
 def unknown_delay(why: str) -> MeasuredDelay:
     """Nothing is known of the delay, and why."""
     outcome = unassessed_outcome("delay", why)
-    return MeasuredDelay(allowed=None, played=None, filters=(), outcome=outcome)
+    return MeasuredDelay(allowed=None, kept=None, filters=(), outcome=outcome)
 
 
-def _outcome(profile: Design, allowed: ConsistentLoops, played: Kept) -> Outcome:
+def _outcome(profile: Design, allowed: ConsistentLoops, kept: Kept) -> Outcome:
     def in_words(delays: Range) -> str:
         low, high = delays
         return f"{low:.3g} sample(s)" if low == high else f"{low:.3g} to {high:.3g} samples"
@@ -387,16 +389,16 @@ def _outcome(profile: Design, allowed: ConsistentLoops, played: Kept) -> Outcome
     else:
         seen = in_words(allowed.delays) + (" or more" if allowed.open_ended else "")
         numbers |= {"seen_low": allowed.delays[0], "seen_high": allowed.delays[1]}
-        kept = f"gain {margin.gain:g} and {margin.extra_delay_samples:g} sample(s) kept at each"
+        claim = f"gain {margin.gain:g} and {margin.extra_delay_samples:g} sample(s) kept at each"
         if not allowed.allow_stated:
             remedy = "Correct the delay of the device, and tune again."
-        elif played.lost_at is not None:
+        elif kept.lost_at is not None:
             verdict = "cannot tell"
-            lost = f"lost from {played.lost_at:.3g} on for {moment_in_words(played.moment)}"
-            tolerance = f"{kept}: {lost}"
-            numbers["lost_at"] = played.lost_at
+            lost = f"lost from {kept.lost_at:.3g} on for {combination_in_words(kept.elements)}"
+            tolerance = f"{claim}: {lost}"
+            numbers["lost_at"] = kept.lost_at
         else:
-            verdict, tolerance = "agrees", kept
+            verdict, tolerance = "agrees", claim
     return Outcome(
         check="delay",
         verdict=verdict,

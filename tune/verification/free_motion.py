@@ -184,8 +184,8 @@ def measure_sprung(
         starts = [(np.pi / half, 0.03), (np.pi / half, 0.3), (np.pi / half, 0.7)]
     else:
         starts = [(start[0], start[1] / start[0])]
-    told = len(release.turns) > 1
-    choices = (None,) if told else known_friction if release.turns else (0.0,)
+    measurable = len(release.turns) > 1
+    choices = (None,) if measurable else known_friction if release.turns else (0.0,)
     built = [_sprung_columns(position, sample_time, release, rows, each) for each in choices]
     best = [_best(columns, measured, starts) for columns in built]
     columns, theta = built[0], best[0]
@@ -199,7 +199,7 @@ def measure_sprung(
         frequency_half=float(halves[0]),
         decay=decay,
         decay_half=float(halves[1]),
-        friction=float(solution[3]) if told else None,
+        friction=float(solution[3]) if measurable else None,
         misfit=misfit,
         fitted=fitted,
         rows=release.first + rows,
@@ -373,11 +373,11 @@ def _half_widths(
     measured: FloatArray,
     theta: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
-    told: Callable[[FloatArray], ArrayLike],
+    quantities: Callable[[FloatArray], ArrayLike],
 ) -> FloatArray:
     """95 % half-widths of what is told, leaving out one block after the other (jackknife)."""
     kept = (_solve(columns, measured, theta, bounds, left_out=k)[0] for k in range(_BLOCKS))
-    values = np.array([told(each) for each in kept], dtype=np.float64)
+    values = np.array([quantities(each) for each in kept], dtype=np.float64)
     spread = values - values.mean(axis=0)
     variance = (_BLOCKS - 1) / _BLOCKS * np.sum(spread * spread, axis=0)
     return np.asarray(_STUDENT * np.sqrt(variance), dtype=np.float64)

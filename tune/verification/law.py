@@ -22,38 +22,38 @@ from tune.documents.profile import Design, LoopProfile
 from tune.loop.loop import Filters, filters_of
 
 Verdict = Literal["agrees", "disagrees", "cannot tell", "not assessed"]
-Moment = tuple[str, ...]
+Combination = tuple[str, ...]
 
-#: Joins the elements of one moment, on the command line and in sentences.
+#: Joins the elements of one combination, on the command line and in sentences.
 _AND = "+"
 
 
-def moments_of(profile: Design, element: str | None) -> tuple[Moment, ...]:
-    """Every moment the log may be of: all of them, or the one named "wall" or "wall+water".
+def combinations_of(profile: Design, element: str | None) -> tuple[Combination, ...]:
+    """Every combination the log may be of: all of them, or the one named "wall" or "wall+water".
 
     Raises:
         UsageError: no such element, or elements that are not felt together.
     """
     every = profile.moments()
-    told = tuple(
-        moment
-        for moment in every
-        if any(size is not None for size in effects_of(profile, moment).arrays())
+    summary = tuple(
+        combination
+        for combination in every
+        if any(size is not None for size in effects_of(profile, combination).arrays())
     )
     if element is None:
-        return told
+        return summary
     wanted = frozenset(element.split(_AND))
-    found = tuple(moment for moment in every if frozenset(moment) == wanted)
-    if not found or found[0] not in told:
-        known = ", ".join(moment_in_words(moment) for moment in told)
+    found = tuple(combination for combination in every if frozenset(combination) == wanted)
+    if not found or found[0] not in summary:
+        known = ", ".join(combination_in_words(combination) for combination in summary)
         problem = "plays nothing" if found else "is not in the profile"
         raise UsageError("--element", f"'{element[:80]}' {problem}", f"Choose from {known}")
     return found
 
 
-def effects_of(profile: Design, moment: Moment) -> Effects:
-    """The sum of the effects of a moment; what sums to zero is not there."""
-    elements = [profile.elements[name] for name in moment]
+def effects_of(profile: Design, combination: Combination) -> Effects:
+    """The sum of the effects of a combination; what sums to zero is not there."""
+    elements = [profile.elements[name] for name in combination]
     sums = (sum(float(getattr(each, effect)) for each in elements) for effect in EFFECT_NAMES)
     return Effects(**dict(zip(EFFECT_NAMES, (value or None for value in sums), strict=True)))
 
@@ -64,9 +64,9 @@ def scale_effects(effects: Effects, gain: float) -> Effects:
     return Effects(stiffness=K, damping=B, mass=M)
 
 
-def moment_in_words(moment: Moment) -> str:
-    """The name of a moment."""
-    return _AND.join(moment)
+def combination_in_words(combination: Combination) -> str:
+    """The name of a combination."""
+    return _AND.join(combination)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +94,7 @@ class Outcome:
     numbers: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """What was found, in one short line without the remedy."""
         if self.verdict == "not assessed":
             return f"{self.check}: not assessed: {self.seen}"
@@ -102,7 +102,7 @@ class Outcome:
 
     def __str__(self) -> str:
         allowed = "" if self.verdict == "not assessed" else f" ({self.tolerance})"
-        return f"{self.told}{allowed}. {self.remedy}".rstrip()
+        return f"{self.summary}{allowed}. {self.remedy}".rstrip()
 
 
 def unassessed_outcome(check: str, why: str, remedy: str = "", **numbers: float) -> Outcome:
@@ -209,10 +209,10 @@ class Log:
 
 def fit_scaled(columns: Columns, effects: Effects) -> LawFit:
     """The one gain at which these effects explain the force best."""
-    played = _force_of(effects, columns.parts)
-    energy = float(played @ played)
-    gain = -float(played @ columns.force) / energy if energy > 0 else 0.0
-    left = columns.force + gain * played
+    commanded = _force_of(effects, columns.parts)
+    energy = float(commanded @ commanded)
+    gain = -float(commanded @ columns.force) / energy if energy > 0 else 0.0
+    left = columns.force + gain * commanded
     return LawFit(gain=gain, residual=rms(left), left=left)
 
 
@@ -251,11 +251,11 @@ def stretches(rows: Rows) -> list[tuple[int, int]]:
 
 def _force_of(effects: Effects, parts: tuple[FloatArray, ...]) -> FloatArray:
     """K·y + B·v + M·a, N."""
-    played = np.zeros_like(parts[0])
+    commanded = np.zeros_like(parts[0])
     for size, part in zip(effects.arrays(), parts, strict=True):
         if size is not None:
-            played = played + size * part
-    return played
+            commanded = commanded + size * part
+    return commanded
 
 
 def _estimates(position: FloatArray, loop: LoopProfile) -> tuple[FloatArray, FloatArray]:

@@ -16,14 +16,14 @@ from identification import Trajectory
 from tune.documents.effects import EFFECT_NAMES, UNITS, Effects
 from tune.documents.profile import Design, LoopProfile
 from tune.verification.law import (
+    Combination,
     LawFit,
     Log,
-    Moment,
     Outcome,
+    combination_in_words,
     effects_of,
     fit_free,
     fit_scaled,
-    moment_in_words,
     noise_gain,
     rms,
     scale_effects,
@@ -32,7 +32,7 @@ from tune.verification.law import (
 )
 
 FloatArray = NDArray[np.float64]
-Moments = dict[Moment, Effects]
+Combinations = dict[Combination, Effects]
 
 #: Part of the force that may stay unexplained where no other law explains it better.
 _MISFIT = 0.01
@@ -79,7 +79,7 @@ _MATERIAL_CUTOFF = 0.03
 class MeasuredLaw:
     """What the controller runs, as far as the log tells."""
 
-    moment: Moment
+    elements: Combination
     loop: LoopProfile  # filters of the law that was played
     effects: Effects | None  # as played; None where no law explains the force
     gain: float  # part of the profile's effects, by its own law; nan where the law is another
@@ -89,17 +89,20 @@ class MeasuredLaw:
 
 
 def judge_law(
-    profile: Design, moments: tuple[Moment, ...], trajectory: Trajectory, gain: float | None
+    profile: Design,
+    combinations: tuple[Combination, ...],
+    trajectory: Trajectory,
+    gain: float | None,
 ) -> MeasuredLaw:
-    """Compare the logged force with the law of each moment that may have been played.
+    """Compare the logged force with the law of each combination that may have been played.
 
     The gain is that at which it was played, or None where the user did not say.
     """
     force, position = trajectory.force, trajectory.position
     log = Log(force=force, position=position, used=_rows_of_the_law(profile, force, position))
-    effects = {moment: effects_of(profile, moment) for moment in moments}
+    effects = {combination: effects_of(profile, combination) for combination in combinations}
     unseen = MeasuredLaw(
-        moment=moments[0],
+        elements=combinations[0],
         loop=profile.loop,
         effects=None,
         gain=float("nan"),
@@ -112,11 +115,11 @@ def judge_law(
         why = f"{np.count_nonzero(log.used)} rows are neither saturated nor outside of the wall"
         outcome = unassessed_outcome("law", why, "Log a longer stretch, or play a lower gain.")
         return replace(unseen, outcomes=(outcome, unassessed_outcome("gain", "no law is seen")))
-    fits = {moment: fit_scaled(columns, each) for moment, each in effects.items()}
+    fits = {combination: fit_scaled(columns, each) for combination, each in effects.items()}
     nothing = _SINGLE * columns.scale
     alike = _alike(fits, gain, nothing)
-    moment = alike[0]
-    fit = fits[moment]
+    combination = alike[0]
+    fit = fits[combination]
     found = None
     if fit.residual > nothing:
         # Also where rounding would explain what is left: a law that leaves far less proves that
@@ -126,17 +129,17 @@ def judge_law(
             found.residual > max(nothing, _EXPLAINS * fit.residual) or not found.law.material
         ):
             found = None
-    played = scale_effects(effects[moment], fit.gain)
-    rounded = _ROUNDING * _rounding(profile, force, position, played)
+    scaled = scale_effects(effects[combination], fit.gain)
+    rounded = _ROUNDING * _rounding(profile, force, position, scaled)
     agrees = found is None and fit.residual <= max(rounded, _MISFIT * columns.scale)
     unit = UNITS[profile.device.motion]["force"]
-    outcome = _law_outcome(fit, columns.scale, found, moment, unit, agrees=agrees)
+    outcome = _law_outcome(fit, columns.scale, found, combination, unit, agrees=agrees)
     predicted = np.full(force.size, np.nan)
     predicted[columns.rows] = force[columns.rows] - fit.left
     if found is not None:
         return replace(
             unseen,
-            moment=found.moment,
+            elements=found.elements,
             loop=found.law.loop,
             effects=found.effects,
             predicted=predicted,
@@ -144,15 +147,15 @@ def judge_law(
         )
     if not agrees:
         unsaid = unassessed_outcome("gain", "no law explains the force")
-        return replace(unseen, moment=moment, outcomes=(outcome, unsaid))
+        return replace(unseen, elements=combination, outcomes=(outcome, unsaid))
     others = {other: fits[other].gain for other in alike[1:]}
     return replace(
         unseen,
-        moment=moment,
-        effects=played,
+        elements=combination,
+        effects=scaled,
         gain=fit.gain,
         predicted=predicted,
-        outcomes=(outcome, _gain_outcome(fit.gain, gain, moment, others)),
+        outcomes=(outcome, _gain_outcome(fit.gain, gain, combination, others)),
     )
 
 
@@ -188,13 +191,13 @@ def _moving(rows: NDArray[np.bool_], position: FloatArray, least: float) -> NDAr
     return kept
 
 
-def _alike(fits: dict[Moment, LawFit], gain: float | None, floor: float) -> list[Moment]:
-    """The moments whose laws fit best, the one of the likeliest gain first."""
+def _alike(fits: dict[Combination, LawFit], gain: float | None, floor: float) -> list[Combination]:
+    """The combinations whose laws fit best, the one of the likeliest gain first."""
     least = max(min(fit.residual for fit in fits.values()), floor)
-    alike = [moment for moment, fit in fits.items() if fit.residual <= _ALIKE * least]
+    alike = [combination for combination, fit in fits.items() if fit.residual <= _ALIKE * least]
 
-    def unlikely(moment: Moment) -> float:
-        seen = fits[moment].gain
+    def unlikely(combination: Combination) -> float:
+        seen = fits[combination].gain
         if gain is not None:
             return abs(seen - gain)
         return 0.0 if 0 < seen <= 1 + _MATERIAL_SIZE else abs(seen - 1)
@@ -219,7 +222,7 @@ def _law_outcome(
     fit: LawFit,
     scale: float,
     found: _Explanation | None,
-    moment: Moment,
+    combination: Combination,
     unit: str,
     *,
     agrees: bool,
@@ -241,8 +244,8 @@ def _law_outcome(
         check="law",
         verdict="agrees" if agrees else "disagrees",
         seen=seen,
-        predicted=f"-gain·(K·y + B·v + M·a) of {moment_in_words(moment)} with the filters of the "
-        "profile",
+        predicted=f"-gain·(K·y + B·v + M·a) of {combination_in_words(combination)} with the "
+        "filters of the profile",
         tolerance=f"{_MISFIT:.0%} unexplained, and no other law that explains it better",
         remedy=remedy,
         numbers=numbers,
@@ -250,7 +253,7 @@ def _law_outcome(
 
 
 def _gain_outcome(
-    seen: float, stated: float | None, moment: Moment, others: dict[Moment, float]
+    seen: float, stated: float | None, combination: Combination, others: dict[Combination, float]
 ) -> Outcome:
     if stated is None:
         predicted, agrees = "above 0, at most 1", 0 < seen <= 1 + _MATERIAL_SIZE
@@ -271,11 +274,13 @@ def _gain_outcome(
         ]
         remedy = "Check the gain, and the units of force and position."
         remedy += f" Is one of them in {units[0]}?" if units else ""
-    same = "".join(f", or {part:.5g} of {moment_in_words(other)}" for other, part in others.items())
+    same = "".join(
+        f", or {part:.5g} of {combination_in_words(other)}" for other, part in others.items()
+    )
     return Outcome(
         check="gain",
         verdict="agrees" if agrees else "disagrees",
-        seen=f"{seen:.5g} of {moment_in_words(moment)}{same}",
+        seen=f"{seen:.5g} of {combination_in_words(combination)}{same}",
         predicted=predicted,
         tolerance=f"{_MATERIAL_SIZE:.0%}",
         remedy=remedy,
@@ -283,7 +288,7 @@ def _gain_outcome(
             "seen": seen,
             "tolerance": _MATERIAL_SIZE,
             **({} if stated is None else {"predicted": stated}),
-            **{f"seen as {moment_in_words(other)}": part for other, part in others.items()},
+            **{f"seen as {combination_in_words(other)}": part for other, part in others.items()},
         },
     )
 
@@ -304,23 +309,26 @@ class _Explanation:
     """A law that explains the log: which, the effects played, and the rms it leaves, N."""
 
     law: _Variant
-    moment: Moment
+    elements: Combination
     effects: Effects
     residual: float
 
 
-def _explain(log: Log, loop: LoopProfile, moments: Moments, nothing: float) -> _Explanation | None:
+def _explain(
+    log: Log, loop: LoopProfile, combinations: Combinations, nothing: float
+) -> _Explanation | None:
     """The simplest of the laws that explain the log best; a residual of ``nothing`` is none."""
     found: list[_Explanation] = []
-    for law in _variants(log, loop, moments):
+    for law in _variants(log, loop, combinations):
         columns = log.columns(law.loop, law.late)
         if columns is None:
             continue
-        fits = {moment: fit_scaled(columns, effects) for moment, effects in moments.items()}
-        moment = min(fits, key=lambda each: fits[each].residual)
-        effects = scale_effects(moments[moment], fits[moment].gain)
-        found.append(_Explanation(law, moment, effects, fits[moment].residual))
-    found += [each for _, each in sorted(_unscaled(log, loop, moments), key=lambda each: each[0])]
+        fits = {each: fit_scaled(columns, effects) for each, effects in combinations.items()}
+        best = min(fits, key=lambda each: fits[each].residual)
+        effects = scale_effects(combinations[best], fits[best].gain)
+        found.append(_Explanation(law, best, effects, fits[best].residual))
+    unscaled = sorted(_unscaled(log, loop, combinations), key=lambda each: each[0])
+    found += [each for _, each in unscaled]
     if not found:
         return None
     least = max(_EQUALLY_GOOD * min(each.residual for each in found), nothing)
@@ -328,23 +336,23 @@ def _explain(log: Log, loop: LoopProfile, moments: Moments, nothing: float) -> _
 
 
 def _unscaled(
-    log: Log, loop: LoopProfile, moments: Moments
+    log: Log, loop: LoopProfile, combinations: Combinations
 ) -> Iterator[tuple[tuple[int, float], _Explanation]]:
     """Effects of their own sizes, with how far they are from any one gain."""
     columns = log.columns(loop)
     if columns is None:
         return
     free, residual = fit_free(columns)
-    played = dict(_sizes(free))
+    sizes = dict(_sizes(free))
     sums = {
         name: abs(size) * rms(part)
-        for (name, size), part in zip(played.items(), columns.parts, strict=True)
+        for (name, size), part in zip(sizes.items(), columns.parts, strict=True)
     }
-    for moment, effects in moments.items():
-        parts = {name: played[name] / size for name, size in _sizes(effects)}
+    for combination, effects in combinations.items():
+        parts = {name: sizes[name] / size for name, size in _sizes(effects)}
         extra = {
             name: size
-            for name, size in played.items()
+            for name, size in sizes.items()
             if name not in parts and not sums[name] < _MATERIAL_SIZE * columns.scale
         }
         spread = max(parts.values()) / min(parts.values()) if min(parts.values()) > 0 else np.inf
@@ -357,8 +365,8 @@ def _unscaled(
             loop=loop,
             material=bool(extra) or abs(spread - 1) > _MATERIAL_SIZE,
         )
-        kept = {name: size for name, size in played.items() if name in {*parts, *extra}}
-        yield (len(extra), spread), _Explanation(law, moment, Effects(**kept), residual)
+        kept = {name: size for name, size in sizes.items() if name in {*parts, *extra}}
+        yield (len(extra), spread), _Explanation(law, combination, Effects(**kept), residual)
 
 
 def _sizes(effects: Effects) -> Iterator[tuple[str, float]]:
@@ -367,7 +375,7 @@ def _sizes(effects: Effects) -> Iterator[tuple[str, float]]:
             yield name, float(size)
 
 
-def _variants(log: Log, loop: LoopProfile, moments: Moments) -> Iterator[_Variant]:
+def _variants(log: Log, loop: LoopProfile, combinations: Combinations) -> Iterator[_Variant]:
     """Every law that is tried with effects scaled alike, the simplest first."""
     for late in _SHIFTS:
         side = "late" if late > 0 else "early"
@@ -380,8 +388,8 @@ def _variants(log: Log, loop: LoopProfile, moments: Moments) -> Iterator[_Varian
             late=late,
         )
     run = "Run the filters of the profile, or state those you run in the scene and tune again."
-    damped = any(each.damping is not None for each in moments.values())
-    heavy = any(each.mass is not None for each in moments.values())
+    damped = any(each.damping is not None for each in combinations.values())
+    heavy = any(each.mass is not None for each in combinations.values())
     both: dict[str, object] = {}
     for name, concerned in (("velocity", damped), ("acceleration", heavy)):
         if not concerned:
@@ -392,7 +400,7 @@ def _variants(log: Log, loop: LoopProfile, moments: Moments) -> Iterator[_Varian
             yield _Variant(
                 words=f"{name} is not filtered", remedy=run, loop=loop.model_copy(update=bare)
             )
-        yield from _other_filters(log, loop, moments, name, run)
+        yield from _other_filters(log, loop, combinations, name, run)
     if damped and heavy:
         yield _Variant(
             words="velocity and acceleration are not filtered",
@@ -418,7 +426,7 @@ def _bare(name: str) -> dict[str, object]:
 
 
 def _other_filters(
-    log: Log, loop: LoopProfile, moments: Moments, name: str, remedy: str
+    log: Log, loop: LoopProfile, combinations: Combinations, name: str, remedy: str
 ) -> Iterator[_Variant]:
     """Other cut-offs, orders, dampings and windows of one estimate."""
     stated: float | None = getattr(loop, f"{name}_filter_hz")
@@ -428,7 +436,7 @@ def _other_filters(
         columns = log.columns(loop)
         if columns is None:
             return np.inf
-        return min(fit_scaled(columns, effects).residual for effects in moments.values())
+        return min(fit_scaled(columns, effects).residual for effects in combinations.values())
 
     for order in (own, 3 - own):
 

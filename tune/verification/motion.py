@@ -125,13 +125,13 @@ class MeasuredMotion:
         measured, prediction = self.measured, self.prediction
         if measured is None:
             return MeasuredMode(frequency=None, decay=None)
-        told = {each.check for each in self.outcomes if each.verdict != "not assessed"}
-        swings = "frequency" in told and self.release is not None and bool(self.release.turns)
+        assessed = {each.check for each in self.outcomes if each.verdict != "not assessed"}
+        swings = "frequency" in assessed and self.release is not None and bool(self.release.turns)
         hertz = prediction.frequency_tolerance * measured.frequency + measured.frequency_half
         slack = DECAY_TOLERANCE * prediction.nominal.decay + measured.decay_half
         return MeasuredMode(
             frequency=(measured.frequency - hertz, measured.frequency + hertz) if swings else None,
-            decay=(measured.decay - slack, measured.decay + slack) if "decay" in told else None,
+            decay=(measured.decay - slack, measured.decay + slack) if "decay" in assessed else None,
         )
 
 

@@ -201,8 +201,6 @@ def _value(device: Device, parameter: str) -> float:
 
 
 _LAGS = 40  # lags of the correlation that are drawn, samples
-#: Methods whose residual is a row a sample, in the order of the log.
-_ROW_A_SAMPLE = {"output-error", "innovations", "least-squares"}
 _DECADES = 1e-7  # of the largest density, what is drawn at least
 _SEGMENTS = 8  # segments of Welch's spectrum, at least
 
@@ -229,7 +227,7 @@ def _draw_spectrum(axes: Axes, known: Explained, force: str) -> None:
 def _draw_correlation(axes: Axes, known: Explained, estimate: Estimate | None) -> None:
     """Autocorrelation of the residual with the 95 % band of white noise."""
     residual, words = known.left, "unexplained force, filtered"
-    if estimate is not None and estimate.method in _ROW_A_SAMPLE:
+    if estimate is not None:
         residual, words = estimate.residual, f"residual of {estimate.method}"
     if residual.size <= _LAGS or not np.any(residual):
         axes.set_axis_off()

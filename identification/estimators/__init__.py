@@ -12,3 +12,5 @@ from typing import Literal, get_args
 Method = Literal["auto", "least-squares", "instruments", "output-error", "innovations"]
 METHODS: tuple[Method, ...] = get_args(Method)
 ESTIMATORS: tuple[Method, ...] = METHODS[1:]
+#: Those that are given a delay; the others fit one if nobody states it.
+GIVEN_A_DELAY = frozenset[str]({"least-squares"})

@@ -16,6 +16,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from identification.device.quantities import Quantity
+from identification.estimators import GIVEN_A_DELAY
 from identification.estimators.estimate import NORMAL_95, Estimate, Model, PointEstimate
 from identification.estimators.filters import is_coloured
 from identification.estimators.least_squares import (
@@ -31,8 +32,6 @@ from identification.findings.forces import inertia_of
 from identification.trajectory import Trajectory, encoder_count
 
 _DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
-#: The method that is given a delay; the others fit one if nobody states it.
-_GIVEN = frozenset({"least-squares"})
 
 
 class _Estimator(Protocol):
@@ -133,7 +132,7 @@ class PreparedLog:
         return _estimator(method).point(table, self.delay)
 
     def _fits_delay(self, method: str) -> bool:
-        return self.stated is None and method not in _GIVEN
+        return self.stated is None and method not in GIVEN_A_DELAY
 
     def _of_table(self, table: Regression, method: str) -> Estimate:
         """The estimate of one method from this log with other terms."""

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from datasets_synthetic.device import Clock, Faults, Hand, Rig, Vibration, named_rig, rig_of
-    from datasets_synthetic.ending import Bounces, bounce
     from datasets_synthetic.law import Calls, Controller, Element, Servo
     from datasets_synthetic.rehearsal import Rehearsal, Trial, rehearse
     from datasets_synthetic.scenarios import (
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SCENARIOS",
-    "Bounces",
     "Calls",
     "Clock",
     "Controller",
@@ -45,7 +43,6 @@ __all__ = [
     "Trial",
     "Truth",
     "Vibration",
-    "bounce",
     "bundled_path",
     "fit_to_limits",
     "log_text",
@@ -61,7 +58,6 @@ __all__ = [
 
 _HOMES = {
     "device": "Clock Faults Hand Rig Vibration named_rig rig_of",
-    "ending": "Bounces bounce",
     "law": "Calls Controller Element Servo",
     "rehearsal": "Rehearsal Trial rehearse",
     "scenarios": "SCENARIOS Excitation Scenario bundled_path fit_to_limits log_text multisine run"

@@ -302,10 +302,6 @@ class Controller(Batched):
         )
         return own, *self.beside
 
-    def total_stiffness(self) -> FloatArray:
-        """K of all that acts at once, N/m (N·m/rad); one number, or shape (batch,)."""
-        return sum((np.asarray(each.stiffness) for each in self.elements), np.zeros(()))
-
     @property
     def has_mass(self) -> bool:
         """Whether anything acts on the acceleration."""

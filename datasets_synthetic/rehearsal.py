@@ -13,19 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.device import Hand, Rig, per_member
-from datasets_synthetic.ending import (
-    GROWTH,
-    Allowed,
-    Ending,
-    Verdict,
-    contacts,
-    endings,
-    energy_floor,
-    grows,
-    largest_ratio,
-)
+from datasets_synthetic.ending import Allowed, Ending, Verdict, endings
 from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, Calls, Controller
-from datasets_synthetic.simulation import Recording, simulate
+from datasets_synthetic.simulation import Recording, Truth, simulate
+
+FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 TrialName = Literal[
     "release",
@@ -47,7 +40,7 @@ _BEYOND = 1.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kind:
+class _Kind:
     """What one trial begins with, the same for all devices."""
 
     reaches: float = 0.0  # start, in long displacements; into a wall above zero
@@ -65,22 +58,22 @@ class Kind:
         return self.caller != NOBODY and not self.dampers
 
 
-KINDS: dict[TrialName, Kind] = {
-    "release": Kind(reaches=1.0),
-    "push": Kind(pulse=_PUSH),
-    "sustained push": Kind(pulse=_BEYOND),
-    "small start": Kind(nears=1.0, walks=True),
-    "wall": Kind(reaches=-1.0, falls=True),
-    "near wall": Kind(nears=-1.0, falls=True),
-    "damper at random": Kind(nears=-1.0, caller=RANDOM, dampers=True),
-    "damper against it": Kind(nears=-1.0, caller=ADVERSE, dampers=True),
-    "calls at random": Kind(caller=RANDOM),
-    "calls against it": Kind(caller=ADVERSE),
+_KINDS: dict[TrialName, _Kind] = {
+    "release": _Kind(reaches=1.0),
+    "push": _Kind(pulse=_PUSH),
+    "sustained push": _Kind(pulse=_BEYOND),
+    "small start": _Kind(nears=1.0, walks=True),
+    "wall": _Kind(reaches=-1.0, falls=True),
+    "near wall": _Kind(nears=-1.0, falls=True),
+    "damper at random": _Kind(nears=-1.0, caller=RANDOM, dampers=True),
+    "damper against it": _Kind(nears=-1.0, caller=ADVERSE, dampers=True),
+    "calls at random": _Kind(caller=RANDOM),
+    "calls against it": _Kind(caller=ADVERSE),
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
+class _Condition:
     """A device and the hand on it, in which trials are played."""
 
     rig: Rig  # one device
@@ -95,7 +88,7 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Play:
+class _Play:
     """One trial of one controller in one condition."""
 
     name: TrialName  # of the trial
@@ -104,7 +97,7 @@ class Play:
     moving: bool  # whether elements come and go
 
 
-def conditions_of(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[Condition]:
+def _conditions(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[_Condition]:
     """With friction, if there is any, and without; each hands off and, if a hand is given, held.
 
     Other devices are played without friction.
@@ -113,7 +106,7 @@ def conditions_of(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[Co
     hands = [(Hand(), False)] + ([] if hand is None else [(hand, True)])
     own = [rig, bare[0]] if rig.coulomb_friction[0] > 0 else bare[:1]
     return [
-        Condition(rig=some, hand=on, held=held, other=other)
+        _Condition(rig=some, hand=on, held=held, other=other)
         for rigs, other in ((own, False), (bare[1:], True))
         for some in rigs
         for on, held in hands
@@ -125,7 +118,7 @@ def _without_friction(rig: Rig) -> Rig:
     return replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0)
 
 
-def plays_of(controller: Controller, conditions: Sequence[Condition], batch: int) -> list[Play]:
+def _plays(controller: Controller, conditions: Sequence[_Condition], batch: int) -> list[_Play]:
     """Every trial of each controller, those in which elements come and go last.
 
     A program calls where there is nobody else and no friction. Dampers alone are switched beside
@@ -135,23 +128,20 @@ def plays_of(controller: Controller, conditions: Sequence[Condition], batch: int
     dampers = (rows["damping"] > 0) & (rows["stiffness"] == 0) & (rows["mass"] == 0)
     dampers = np.any(dampers & (rows["fade_time"] == 0), axis=0)
     chopped, walled = dampers & np.any(rows["stiffness"] > 0, axis=0), np.any(rows["side"], axis=0)
-    plays: list[Play] = []
-    for name, kind in KINDS.items():
+    plays: list[_Play] = []
+    for name, kind in _KINDS.items():
         for place, condition in enumerate(conditions):
             alone = not (condition.rubbing or condition.held)
             suits = np.full(batch, alone and bool(controller.beside) if kind.caller else True)
             if kind.dampers:
                 suits = suits & chopped & (not condition.other)
             plays += [
-                Play(name=name, member=k, place=place, moving=bool(kind.caller or passes))
+                _Play(name=name, member=k, place=place, moving=bool(kind.caller or passes))
                 for k, passes in enumerate(kind.falls & ~walled)
                 if suits[k]
             ]
     return sorted(plays, key=lambda each: each.moving)
 
-
-FloatArray = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Where nothing else is stated a trial goes so many counts from the start, ...
 _REACH = 1000.0
@@ -163,12 +153,17 @@ _FALL = 0.25
 _RELEASE, _RISE = 0.25, 0.05
 #: Part of the run in which a program calls.
 _CALLED = 0.35
+#: Growth of the energy over that of every contact before that is taken for none: what the friction
+#: of a fraction of a sample, between the wall and the reading that finds it, may make of it.
+_GROWTH = 0.01
+#: Counts of travel that an encoder may hide.
+_HIDDEN = 2.0
 #: Opposite walls stand so many times as far off as a trial goes where it does without them.
 _FAR = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sizes:
+class _Sizes:
     """How far, how hard and how long; arrays of one value a controller, shape (batch,)."""
 
     count: FloatArray  # of the encoder, m (rad)
@@ -185,8 +180,8 @@ class Sizes:
         reach: float | FloatArray | None,
         push: float | FloatArray | None,
         duration: float,
-    ) -> Sizes:
-        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``.
+    ) -> _Sizes:
+        """_Sizes from what is given, or else from encoder and force limit; see ``rehearse``.
 
         Reach, m (rad), and push, N (N·m), are numbers or arrays of shape (batch,).
         """
@@ -214,9 +209,9 @@ class Sizes:
 
 def _played(
     controller: Controller,
-    conditions: Sequence[Condition],
-    sizes: Sizes,
-    plays: Sequence[Play],
+    conditions: Sequence[_Condition],
+    sizes: _Sizes,
+    plays: Sequence[_Play],
     *,
     samples: int,
     seeds: Sequence[int],
@@ -228,7 +223,7 @@ def _played(
     """
     member = np.array([each.member for each in plays], dtype=np.intp)
     where = np.array([each.place for each in plays], dtype=np.intp)
-    kinds = [KINDS[each.name] for each in plays]
+    kinds = [_KINDS[each.name] for each in plays]
 
     def of(name: str) -> FloatArray:
         return np.array([getattr(kind, name) for kind in kinds], dtype=np.float64)
@@ -283,24 +278,38 @@ def _played(
     )
     assert seen.truth is not None
     net = steady - rigs.force_offset
-    floor = energy_floor(net, rigs.encoder_resolution, np.sum(rows["stiffness"], axis=0))
+    # Energy within the resolution of the encoder is not counted.
+    hidden, pull = _HIDDEN * rigs.encoder_resolution, np.sum(rows["stiffness"], axis=0)
+    floor = np.abs(net) * hidden + 0.5 * np.abs(pull) * hidden**2
     grown = [""] * seen.batch
     with np.errstate(over="ignore", invalid="ignore"):
         for play in np.flatnonzero(falls).tolist():
-            energy = contacts(seen, play, 0.0, float(net[play]))[1]
-            if grows(energy, floor[play]):
-                ratio = largest_ratio(energy, floor[play])
+            energy = _contact_energies(seen, seen.truth, play, float(net[play]))
+            before = np.maximum.accumulate(energy)[:-1]
+            if np.any(energy[1:] > (1 + _GROWTH) * before + floor[play]):
+                ratio = float(np.max((energy[1:] - floor[play]) / before))
                 grown[play] = (
                     f"a contact with the wall had {ratio:.3g} times the energy of any before"
                 )
         held = seen.truth.energy - net[:, None] * seen.truth.handle
         moving = seen.truth.energy[:, 0]
         gained: FloatArray = np.max(held[:, until:], axis=1) - held[:, 0]
-        more = called & ~(gained <= GROWTH * moving + floor)
+        more = called & ~(gained <= _GROWTH * moving + floor)
         for play in np.flatnonzero(more).tolist():
             ratio = 1 + gained[play] / moving[play]
             grown[play] = f"it is left with {ratio:.3g} times the energy it began with"
     return seen, grown, (net != 0) | (rigs.stiffness != 0) | called
+
+
+def _contact_energies(recording: Recording, truth: Truth, play: int, net: float) -> FloatArray:
+    """Energy brought to each contact with the wall at zero, J, shape (contacts,).
+
+    This is what the handle had on reaching the wall but for the work of the net force (N) beyond
+    it, which is taken off; what a damper took before the face is gone.
+    """
+    inside = recording.position[play] > 0
+    entered = np.flatnonzero(inside[1:] & ~inside[:-1]) + 1
+    return truth.energy[play][entered] - net * truth.handle[play][entered]
 
 
 def _hands(hands: Sequence[Hand]) -> Hand:
@@ -386,7 +395,7 @@ def rehearse(
 
     Conditions are hands off and, if a hand is given, held; with the Coulomb friction of the device
     and, because it may be less than thought, without any; other devices without any. What is played
-    is in `KINDS`: elements beside the controller's own effects are also entered, left and scaled
+    is in `_KINDS`: elements beside the controller's own effects are also entered, left and scaled
     while they act. All of it is one run; what is not at rest in the end, and only that, is judged
     by a longer one.
 
@@ -415,9 +424,9 @@ def rehearse(
         ValueError: more than one device, or neither an encoder nor a reach, or neither a force
             limit nor a push.
     """
-    sizes = Sizes.of(rig, controller.size(), reach=reach, push=push, duration=duration)
-    conditions = conditions_of(rig, hand, others)
-    plays = plays_of(controller, conditions, sizes.batch)
+    sizes = _Sizes.of(rig, controller.size(), reach=reach, push=push, duration=duration)
+    conditions = _conditions(rig, hand, others)
+    plays = _plays(controller, conditions, sizes.batch)
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
     ends: dict[int, Ending] = {}
     left = range(len(plays))
@@ -437,7 +446,7 @@ def rehearse(
         left = [k for k in left if not ends[k].at_rest]
         if not left:
             break
-    order = list(KINDS)
+    order = list(_KINDS)
     played = sorted(range(len(plays)), key=lambda k: (order.index(plays[k].name), k))
     return tuple(
         Rehearsal(
@@ -451,9 +460,9 @@ def rehearse(
     )
 
 
-def _allowed(play: Play, counts: float, force: float, sizes: Sizes, *, pushed: bool) -> Allowed:
+def _allowed(play: _Play, counts: float, force: float, sizes: _Sizes, *, pushed: bool) -> Allowed:
     """What may be left: where a damper is chopped, whatever force it makes of a few counts."""
-    if KINDS[play.name].dampers:
+    if _KINDS[play.name].dampers:
         counts, force = _CHOPPED * counts, 2 * float(sizes.limit[play.member])
     return Allowed(counts=counts, force=force, pushed=pushed)
 
@@ -465,7 +474,7 @@ def _with(ending: Ending, grown: str) -> Ending:
     return replace(ending, verdict="diverges", at_rest=False, reason=grown)
 
 
-def _trial(name: TrialName, condition: Condition, ending: Ending) -> Trial:
+def _trial(name: TrialName, condition: _Condition, ending: Ending) -> Trial:
     where = "held" if condition.held else "hands off"
     where += "" if condition.rubbing else ", without friction"
     if condition.other:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         to_mapping,
         to_yaml,
         write_bytes,
+        write_files,
         write_text,
     )
     from identification.errors import (
@@ -74,7 +75,7 @@ _HOMES = {
     "device.quantities": "AnyQuantity Box Quantity quantity",
     "documents": (
         "Document Replaced as_stored difference_of load_document load_mapping parse_document "
-        "round_to_digits to_mapping to_yaml write_bytes write_text"
+        "round_to_digits to_mapping to_yaml write_bytes write_files write_text"
     ),
     "errors": (
         "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError Unstated "
@@ -152,6 +153,7 @@ __all__ = [
     "to_mapping",
     "to_yaml",
     "write_bytes",
+    "write_files",
     "write_text",
 ]
 

@@ -10,8 +10,8 @@ import shutil
 import stat
 import sys
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, replace
 from inspect import Parameter, Signature
 from io import StringIO
 from os import PathLike
@@ -40,6 +40,8 @@ _LONGEST_DIFFERENCE = 2000
 #: Significant digits of every number in a file. Fifteen decimal digits tell any two apart, so a
 #: changed digit always changes the number; nothing measured here is known to more than twelve.
 _DIGITS = 12
+#: Gives files their names, two arguments each; nothing is imported that takes time.
+_RENAME = "import os, sys\nfor k in range(1, len(sys.argv), 2): os.replace(*sys.argv[k : k + 2])"
 
 _Model = TypeVar("_Model", bound="Document")
 
@@ -395,21 +397,77 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Replaced | None:
     Raises:
         NotWrittenError: with the system's reason; the old file is untouched.
     """
-    backup = Path(path)
-    try:
-        target = Path(os.path.realpath(path))
-        content, status = _standing(target)
-        if content == data:
-            return None
-        with _name_beside(target) as fresh:
-            _create(fresh, data, like=status)
-            if status is not None:
-                backup = _keep(target)
-            fresh.replace(target)
-        _sync_folder(target.parent)
-    except OSError as error:
-        raise NotWrittenError(Path(path), error.strerror or str(error)) from None
-    return None if content is None else Replaced(content=content, backup=backup)
+    return write_files({Path(path): data}).get(Path(path))
+
+
+def write_files(contents: Mapping[Path, bytes]) -> dict[Path, Replaced]:
+    """Write files that belong together, each as `write_text` does: all of them, or none.
+
+    All are on the disk under passing names, with their backups, before the first gets its own. A
+    process of its own gives them their names, so that a kill of this one leaves the old files or
+    the new ones. A loss of power in that moment may leave some of each, every one of them whole.
+
+    Returns:
+        What stood in the place of each file that did not stand there as it is.
+
+    Raises:
+        NotWrittenError: the file that cannot be written, with the system's reason; the old files
+            are untouched.
+    """
+    path, replaced, moves = Path(), dict[Path, Replaced](), list[tuple[Path, Path, Path]]()
+    with ExitStack() as passing:
+        try:
+            for path, data in contents.items():
+                target = Path(os.path.realpath(path))
+                content, status = _standing(target)
+                if content == data:
+                    continue
+                fresh = passing.enter_context(_name_beside(target))
+                _create(fresh, data, like=status)
+                moves.append((path, fresh, target))
+                if content is not None:
+                    replaced[path] = Replaced(content=content, backup=path)
+            for path, _, target in moves:
+                if path in replaced:
+                    replaced[path] = replace(replaced[path], backup=_keep(target))
+            _rename_apart([(fresh, target) for _, fresh, target in moves])
+            for path, fresh, target in moves:  # noqa: B007 - told where it cannot be written
+                if fresh.exists():
+                    fresh.replace(target)
+        except OSError as error:
+            for moved, fresh, target in moves:
+                if not fresh.exists():
+                    _take_back(target, replaced.get(moved))
+            raise NotWrittenError(path, error.strerror or str(error)) from None
+    for folder in {target.parent for _, _, target in moves}:
+        _sync_folder(folder)
+    return replaced
+
+
+def _rename_apart(moves: list[tuple[Path, Path]]) -> None:
+    """Rename several files in a process of its own, as far as there can be one."""
+    if len(moves) > 1 and sys.executable:
+        import subprocess
+
+        names = [os.fspath(name) for move in moves for name in move]
+        with suppress(OSError):
+            subprocess.run(  # noqa: S603
+                [sys.executable, "-I", "-S", "-c", _RENAME, *names],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+                check=False,
+            )
+
+
+def _take_back(target: Path, old: Replaced | None) -> None:
+    """Undo a renaming, as far as the system lets it."""
+    with suppress(OSError):
+        if old is None:
+            target.unlink()
+        else:
+            old.backup.replace(target)
 
 
 def _standing(target: Path) -> tuple[bytes | None, os.stat_result | None]:

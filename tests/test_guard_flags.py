@@ -55,7 +55,9 @@ def outcome(
         return "refused", [told]
     if REFUSAL in told:
         told = build(folder, pair, standard, (*flags, *HIDDEN))
-        return "refused", [told] if told else faults_of(folder / "program")
+        if not told:
+            return "refused", faults_of(folder / "program")
+        return "refused", [] if REFUSALS[1] in told else [told]
     return "refused", []
 
 

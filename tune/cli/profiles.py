@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,7 +23,6 @@ from tune.cli.logs import (
     read_log,
 )
 from tune.cli.preparation import refuse_restless, template
-from tune.cli.process import FilesWhole
 from tune.cli.session import Session, command
 
 if TYPE_CHECKING:
@@ -46,6 +46,10 @@ _IN_HARDWARE = (
 )
 #: What the demonstration leaves in the current folder.
 _FILES = ("device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png")
+#: What exported files end in, and how each tells its profile, within so many bytes.
+_EXPORTED = frozenset((".c", ".h", ".hpp", ".json", ".py", ".yaml"))
+_DIGEST = re.compile(rb"digest\W{1,4}(sha256:[0-9a-f]{64})")
+_HEADING = 4096
 
 
 @command()
@@ -315,6 +319,7 @@ def export(
 ) -> None:
     """Files for a controller, from a profile whose digest and certificate are checked first."""
     from tune.certificate.check import check as recheck
+    from tune.exporters import digest
     from tune.exporters import export as export_to
 
     targets = _targets(to)
@@ -334,9 +339,27 @@ def export(
             raise NotWrittenError(output, error.strerror or str(error)) from None
         for path in files:
             session.target(path, profile)
-    with FilesWhole():  # a guard and its header belong together
-        for path, text in files.items():
-            session.write(path, text, dry_run=dry_run)
+    session.write_together(files, dry_run=dry_run)
+    others = _of_other_profiles(output, set(files), digest(checked))
+    session.details["of_other_profiles"] = [str(path) for path in others]
+    for path in others:
+        session.warn(
+            f"{path} is of another profile and works with none of these files: export it again "
+            "from this one, or remove it"
+        )
+
+
+def _of_other_profiles(folder: Path, written: set[Path], sealed: str) -> list[Path]:
+    """Exported files that stay in a folder and say that they are of another profile."""
+    found: list[Path] = []
+    for path in sorted(folder.glob("haptune_*.*")):
+        if path in written or path.suffix not in _EXPORTED or not path.is_file():
+            continue
+        with suppress(OSError), path.open("rb") as stream:
+            told = _DIGEST.search(stream.read(_HEADING))
+            if told and told[1].decode() != sealed:
+                found.append(path)
+    return found
 
 
 def _refuse_missing_folder(folder: Path) -> None:

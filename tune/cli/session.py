@@ -15,7 +15,7 @@ from enum import IntEnum
 from functools import cache, wraps
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_type_hints
 
 from typer import Argument, Option
 
@@ -40,7 +40,7 @@ from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectE
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from identification import Finding, LogColumns
+    from identification import Finding, LogColumns, Replaced
 
 
 class Exit(IntEnum):
@@ -65,8 +65,6 @@ _VECTORS = {".svg": "svg", ".pdf": "pdf"}
 _COUNT = re.compile(r"\((\d+) of (\d+)\)$")
 #: Less than this needs no clock, s.
 _SHORT = 1.0
-
-_Result = TypeVar("_Result")
 
 
 @dataclass(slots=True, kw_only=True)
@@ -145,22 +143,27 @@ class Session:
 
     def write(self, path: Path, text: str, *, dry_run: bool = False) -> None:
         """Write a file atomically, keep a backup, show what changed. Raises NotWrittenError."""
-        if dry_run:
-            self.say(f"dry run: {path} would be written")
-            self.say(text)
-            return
+        self.write_together({path: text}, dry_run=dry_run)
 
-        before = path.exists()
-        replaced = self._store(path, lambda: ident.write_text(path, text))
-        if replaced is not None:
-            self.say(ident.difference_of(path, replaced, text))
-            self.say(f"{path} written; the file before is {replaced.backup.name}")
-        else:
-            self.say(f"{path} {'unchanged' if before else 'written'}")
+    def write_together(self, texts: Mapping[Path, str], *, dry_run: bool = False) -> None:
+        """Write files that belong together, as `write` does: all, or none if NotWrittenError."""
+        if dry_run:
+            for path, text in texts.items():
+                self.say(f"dry run: {path} would be written")
+                self.say(text)
+            return
+        before = {path: path.exists() for path in texts}
+        replaced = self._store({path: text.encode() for path, text in texts.items()})
+        for path, text in texts.items():
+            if path in replaced:
+                self.say(ident.difference_of(path, replaced[path], text))
+                self.say(f"{path} written; the file before is {replaced[path].backup.name}")
+            else:
+                self.say(f"{path} {'unchanged' if before[path] else 'written'}")
 
     def store(self, path: Path, content: bytes) -> None:
         """Write a file that nobody reads as text. Raises NotWrittenError."""
-        self._store(path, lambda: ident.write_bytes(path, content))
+        self._store({path: content})
         self.say(f"{path} written")
 
     def draw(self, path: Path, figure: Figure) -> None:
@@ -171,17 +174,18 @@ class Session:
         picture.savefig(stream, format=_VECTORS.get(path.suffix.lower(), "png"), dpi=120)
         self.store(path, stream.getvalue())
 
-    def _store(self, path: Path, store: Callable[[], _Result]) -> _Result:
-        """Write a file and note it as written, both or neither; tell if it changed hands."""
-        before = _owner_of(path)
+    def _store(self, contents: Mapping[Path, bytes]) -> dict[Path, Replaced]:
+        """Write files and note them as written, all or none; tell if they changed hands."""
+        owners = {path: _owner_of(path) for path in contents}
         with FilesWhole():
-            stored = store()
-            self.outputs.append(str(path))
-        now = _owner_of(path)
-        if before not in {None, now} and not self.quiet:
-            owners = f"belongs to {now} now and belonged to {before} before"
-            _print_error(f"warning: {path} {owners}, which this user may not keep")
-        return stored
+            replaced = ident.write_files(contents)
+            self.outputs += map(str, contents)
+        for path, before in owners.items():
+            now = _owner_of(path)
+            if before not in {None, now} and not self.quiet:
+                belongs = f"belongs to {now} now and belonged to {before} before"
+                _print_error(f"warning: {path} {belongs}, which this user may not keep")
+        return replaced
 
     @contextmanager
     def progress(self) -> Generator[Callable[[str], None]]:

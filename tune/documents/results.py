@@ -223,6 +223,12 @@ class ExciteDetails(Details, total=False):
     rows: int
 
 
+class ExportDetails(Details, total=False):
+    """Details of ``export``: exported files of another profile that stand beside what it wrote."""
+
+    of_other_profiles: list[str]
+
+
 class SimulateDetails(Details, total=False):
     """Details of ``simulate``."""
 
@@ -281,7 +287,7 @@ DETAILS: dict[str, type] = {
     "check": CheckDetails,
     "verify": VerifyDetails,
     "compare": CompareDetails,
-    "export": Details,
+    "export": ExportDetails,
     "report": CalibrateDetails,
     "excite": ExciteDetails,
     "simulate": SimulateDetails,

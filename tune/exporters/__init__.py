@@ -12,9 +12,9 @@ from tune.documents.profile import SafeProfile
 from tune.exporters.data import plain_files, ros2_files
 from tune.exporters.guard import c_files, chai3d_files
 from tune.exporters.law import fade_step
-from tune.exporters.text import NOT_A_SAFETY_FUNCTION
+from tune.exporters.text import NOT_A_SAFETY_FUNCTION, digest
 
-__all__ = ["NOT_A_SAFETY_FUNCTION", "TARGETS", "Target", "export"]
+__all__ = ["NOT_A_SAFETY_FUNCTION", "TARGETS", "Target", "digest", "export"]
 
 Target = Literal["ros2", "c", "chai3d", "json"]
 TARGETS: tuple[Target, ...] = get_args(Target)

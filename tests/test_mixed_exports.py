@@ -1,0 +1,301 @@
+"""Files of two profiles in one folder or program: none works with another's, and it is said."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from identification import NotWrittenError, write_files
+from tests.commands import haptune
+from tests.exported import tuned
+from tests.guard import compiler, write
+from tests.processes import needs_posix
+from tests.test_export import STUB
+from tune import SafeProfile
+from tune.exporters import export
+
+_USER = """\
+#include "haptune_guard.h"
+int main(void)
+{
+    haptune_guard guard;
+    haptune_init(&guard);
+    haptune_reset(&guard, HAPTUNE_ELEMENT_RUBBER, 0.0, 0);
+    return haptune_force(&guard, HAPTUNE_ELEMENT_RUBBER, 0, 0.0, 1.0) != 0.0;
+}
+"""
+#: One axis of a C++ program, which is given its name.
+_AXIS = """\
+#include "haptune_chai3d.hpp"
+double NAME()
+{
+    haptune::Axis axis(chai3d::cVector3d{1.0, 0.0, 0.0});
+    axis.enter(HAPTUNE_ELEMENT_RUBBER, 0.0, 0);
+    axis.force(HAPTUNE_ELEMENT_RUBBER, 0, 0.0);
+    return axis.force(HAPTUNE_ELEMENT_RUBBER, 1, 1e-4).x;
+}
+"""
+_TWO_AXES = """\
+#include <cstdio>
+double stiff();
+double soft();
+int main() { std::printf("%g %g\\n", stiff(), soft()); }
+"""
+_DIGEST = re.compile(r"sha256:[0-9a-f]{64}")
+
+
+def _softer() -> SafeProfile:
+    """Another profile of the same names."""
+    rubber = tuned().elements["rubber"].model_copy(update={"stiffness": 100.0})
+    profile = tuned().model_copy(update={"elements": {**tuned().elements, "rubber": rubber}})
+    return profile.signed()
+
+
+def _built(folder: Path, *arguments: str) -> str:
+    """What the compiler says, "" where it is content."""
+    cc, cxx = compiler("cc", "gcc", "clang"), compiler("c++", "g++", "clang++")
+    plus = any(each.endswith(".cpp") for each in arguments)
+    command = [cxx, "-std=c++11"] if plus else [cc, "-std=c99"]
+    done = subprocess.run(
+        [*command, *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+    return done.stderr if done.returncode else ""
+
+
+NAMES = ("haptune_guard.c", "haptune_guard.h", "haptune_chai3d.hpp")
+
+
+@pytest.mark.parametrize(
+    "foreign", [each for count in range(4) for each in itertools.combinations(NAMES, count)]
+)
+def test_a_file_of_another_profile_does_not_compile_with_the_rest(
+    tmp_path: Path, foreign: tuple[str, ...]
+) -> None:
+    own, other = (export(each, "chai3d") for each in (tuned(), _softer()))
+    write({name: (other if name in foreign else own)[name] for name in NAMES}, tmp_path)
+    write({"chai3d.h": STUB, "a.cpp": '#include "haptune_chai3d.hpp"\n'}, tmp_path)
+    for source, beside in (("haptune_guard.c", NAMES[:1]), ("a.cpp", NAMES[2:])):
+        alike = len({name in foreign for name in (*beside, "haptune_guard.h")}) == 1
+        said = _built(tmp_path, "-c", source, "-o", "a.o")
+        assert (said == "") == alike
+        assert alike or "comes from another profile" in said
+
+
+def test_two_headers_in_one_source_do_not_compile(tmp_path: Path) -> None:
+    for name, profile in (("own", tuned()), ("other", _softer())):
+        (tmp_path / name).mkdir()
+        write({**export(profile, "chai3d"), "chai3d.h": STUB}, tmp_path / name)
+    for header in NAMES[1:]:
+        lines = [f'#include "{folder}/{header}"\n' for folder in ("own", "other")]
+        write({"both.cpp": "".join(lines), "one.cpp": lines[0] * 2}, tmp_path)
+        assert "headers of two profiles" in _built(tmp_path, "-c", "both.cpp")
+        assert _built(tmp_path, "-c", "one.cpp") == ""
+
+
+def test_what_was_compiled_with_another_header_does_not_link(tmp_path: Path) -> None:
+    for name, profile in (("own", tuned()), ("other", _softer())):
+        (tmp_path / name).mkdir()
+        write({**export(profile, "c"), "user.c": _USER}, tmp_path / name)
+        for source in ("user", "haptune_guard"):
+            assert _built(tmp_path / name, "-c", f"{source}.c", "-o", f"{source}.o") == ""
+    for one, other in itertools.product(("own", "other"), repeat=2):
+        said = _built(tmp_path, f"{one}/user.o", f"{other}/haptune_guard.o", "-o", "program")
+        assert (said == "") == (one == other)
+        assert one == other or "undefined" in said.lower()
+
+
+@pytest.mark.parametrize("first", ["stiff", "soft"])
+def test_two_profiles_in_one_program_play_each_their_own(tmp_path: Path, first: str) -> None:
+    objects: list[str] = []
+    for name, profile in (("stiff", tuned()), ("soft", _softer())):
+        folder = tmp_path / name
+        folder.mkdir()
+        axis = {"chai3d.h": STUB, "axis.cpp": _AXIS.replace("NAME", name)}
+        write({**export(profile, "chai3d"), **axis}, folder)
+        assert _built(folder, "-c", "axis.cpp", "-o", "axis.o") == ""
+        assert _built(folder, "-c", "haptune_guard.c", "-o", "guard.o") == ""
+        objects += [f"{name}/axis.o", f"{name}/guard.o"]
+    write({"main.cpp": _TWO_AXES}, tmp_path)
+    ordered = sorted(objects, key=lambda each: not each.startswith(first))
+    assert _built(tmp_path, "main.cpp", *ordered, "-o", "program") == ""
+    told = subprocess.run([tmp_path / "program"], capture_output=True, text=True, check=True)
+    assert told.stdout == "-0.07 -0.01\n"
+
+
+def test_older_files_of_another_profile_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("new.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
+    other = _softer()
+    everything = export(other, "chai3d") | export(other, "ros2") | export(other, "json")
+    mine = {"haptune_mine.py": "print()\n", "notes.h": everything["haptune_guard.h"]}
+    write({**everything, **mine}, tmp_path)
+    ended = haptune("export", "new.yaml", "--to", "c", "--json")
+    left = sorted({*everything} - {"haptune_guard.c", "haptune_guard.h"})
+    assert ended.code == 0
+    assert ended.result["details"]["of_other_profiles"] == left
+    ended = haptune("export", "new.yaml", "--to", "c,ros2")
+    assert re.findall(r"(\S+) is of another profile", ended.err) == [left[0], left[-1]]
+    ended = haptune("export", "new.yaml", "--to", "chai3d,json")
+    assert (ended.code, ended.err) == (0, "")
+
+
+#: Writes two sets of files in turn, for ever.
+_WRITER = """\
+import itertools, json, sys
+from pathlib import Path
+from identification import write_files
+sets = json.loads(Path(sys.argv[1]).read_text())
+folder = Path(sys.argv[2])
+for count, texts in enumerate(itertools.cycle(sets)):
+    write_files({folder / name: text.encode() for name, text in texts.items()})
+    for old in folder.glob("*.bak*"):
+        old.unlink()
+    if count == 1:
+        print("ready", flush=True)
+"""
+
+
+def _profiles_in(folder: Path) -> set[str]:
+    """Digests of the files there, backups left out."""
+    texts = [path.read_text(encoding="utf-8") for path in _exported(folder)]
+    return {found[0] for text in texts if (found := _DIGEST.search(text))}
+
+
+def _exported(folder: Path) -> list[Path]:
+    return [path for path in folder.glob("haptune_*") if ".bak" not in path.name]
+
+
+def _settled(folder: Path) -> set[str]:
+    """The profiles of the files there, once nothing that was begun goes on."""
+    for _ in range(100):
+        if len(_profiles_in(folder)) == 1:
+            break
+        time.sleep(0.05)
+    time.sleep(0.1)
+    return _profiles_in(folder)
+
+
+@needs_posix
+@pytest.mark.parametrize("kills", [5, pytest.param(300, marks=pytest.mark.long)])
+def test_a_writer_killed_at_any_moment_leaves_one_set_or_the_other(
+    tmp_path: Path, kills: int
+) -> None:
+    """Its whole group of processes, as a shell's job is killed."""
+    source = random.Random(kills)  # noqa: S311
+    sets = [
+        export(each, "chai3d") | export(each, "ros2") | export(each, "json")
+        for each in (tuned(), _softer())
+    ]
+    (tmp_path / "sets.json").write_text(json.dumps(sets), encoding="utf-8")
+    folder = tmp_path / "controller"
+    folder.mkdir()
+    seen: list[str] = []
+    for _ in range(kills):
+        writer = subprocess.Popen(
+            [sys.executable, "-c", _WRITER, str(tmp_path / "sets.json"), str(folder)],
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        assert writer.stdout is not None
+        assert writer.stdout.readline() == "ready\n"
+        time.sleep(source.uniform(0.0, 0.2))
+        os.killpg(writer.pid, signal.SIGKILL)
+        writer.communicate()
+        (found,) = _settled(folder)
+        assert len(_exported(folder)) == 7
+        seen.append(found)
+        for path in folder.glob(".haptune-*"):
+            path.unlink()
+    assert kills < 100 or len(set(seen)) == 2
+
+
+#: Kills itself and its group as soon as it gives the second file of a set its name.
+_DYING = """\
+import os, signal, sys
+from pathlib import Path
+from identification import write_files
+given, really = [], Path.replace
+def replace(self, target):
+    given.append(target)
+    if len(given) == 2:
+        os.killpg(0, signal.SIGKILL)
+    return really(self, target)
+Path.replace = replace
+write_files({Path(name): b"new" for name in sys.argv[1:]})
+"""
+
+
+@needs_posix
+def test_names_are_given_where_a_kill_does_not_reach(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in "abc"]
+    for path in files:
+        path.write_text("old", encoding="utf-8")
+    command = [sys.executable, "-c", _DYING, *map(str, files)]
+    subprocess.run(command, start_new_session=True, check=False)
+    assert len({path.read_text(encoding="utf-8") for path in files}) == 1
+
+
+@needs_posix
+@pytest.mark.parametrize("kills", [2, pytest.param(60, marks=pytest.mark.long)])
+def test_an_export_killed_while_it_writes_leaves_the_old_set_or_the_new(
+    tmp_path: Path, kills: int
+) -> None:
+    source = random.Random(kills)  # noqa: S311
+    for name, profile in (("old", _softer()), ("new", tuned())):
+        (tmp_path / f"{name}.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    folder = tmp_path / "controller"
+    folder.mkdir()
+    for _ in range(kills):
+        for name, text in export(_softer(), "chai3d").items():
+            (folder / name).write_text(text, encoding="utf-8")
+        code = "from tune.cli import main; main()"
+        command = [sys.executable, "-c", code, "export", "new.yaml", "--to", "chai3d"]
+        process = subprocess.Popen(
+            [*command, "-o", "controller"],
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        while process.poll() is None and not any(folder.glob(".haptune-*")):
+            time.sleep(0.001)
+        time.sleep(source.uniform(0.0, 0.08))
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        assert len(_settled(folder)) == 1
+        for path in [*folder.glob(".haptune-*"), *folder.glob("*.bak*")]:
+            path.unlink()
+
+
+def test_what_cannot_be_written_leaves_the_old_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A name of the set that turns into a folder when its turn comes."""
+    files = {tmp_path / f"{k}": b"old" for k in range(3)}
+    write_files(dict.fromkeys(list(files)[:2], b"old"))
+    really = Path.replace
+    monkeypatch.setattr("sys.executable", "")  # by this process itself
+
+    def refused(self: Path, target: Path) -> Path:
+        if target.name == "2":
+            raise PermissionError(13, "held by another program")
+        return really(self, target)
+
+    monkeypatch.setattr(Path, "replace", refused)
+    with pytest.raises(NotWrittenError, match="held by another program") as caught:
+        write_files(dict.fromkeys(files, b"new"))
+    assert "2" in str(caught.value)
+    left = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert left == {"0": b"old", "1": b"old"}

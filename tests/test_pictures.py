@@ -283,5 +283,5 @@ def test_a_log_that_is_refused_is_drawn_all_the_same(
 )
 def test_a_picture_is_what_its_name_says(name: str, begins: bytes, tmp_path: Path) -> None:
     session = Session(command="tune", as_json=False, quiet=True)
-    session.draw(tmp_path / name, Figure(figsize=(1, 1)))
+    session.draw(tmp_path / name, lambda: Figure(figsize=(1, 1)))
     assert (tmp_path / name).read_bytes().startswith(begins)

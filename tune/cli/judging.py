@@ -88,9 +88,8 @@ def audit(
     session.say_each(f"taken on trust: {line}" for line in trusted)
     proved = f"safe with margin {found.design.margin.name}, proved over the whole box"
     wrong = " and ".join(dict.fromkeys(fault.limit for fault in found.faults))
-    if picture is not None:
-        verdict = proved if found.safe else f"NOT SAFE: {wrong}"
-        draw_profile(session, picture, found.design, verdict)
+    verdict = proved if found.safe else f"NOT SAFE: {wrong}"
+    draw_profile(session, picture, found.design, verdict)
     if found.safe:
         session.say(proved)
         return
@@ -215,8 +214,7 @@ def check(
     if known is not None:
         session.details["rehearsed"] = "settles"
         session.say(f"the device is {device}; rehearsed in simulation: settles")
-    if picture is not None:
-        draw_profile(session, picture, report.profile)
+    draw_profile(session, picture, report.profile)
     session.say(f"{profile} passed: all else that it says is what was found anew")
 
 
@@ -362,11 +360,9 @@ def verify(
         say(f"comparing {log.name} with {profile.name}")
         seen = verify(safe, trajectory, element=element, gain=gain, release=release)
         others = margins_of_others(safe, seen.delay, say)
-        drawing = None if picture is None else verification_picture(safe, seen)
     session.say(_verification_table(seen))
     session.details |= _verification_details(seen, others)
-    if picture is not None and drawing is not None:
-        session.draw(picture, drawing)
+    session.draw(picture, lambda: verification_picture(safe, seen))
     if seen.disagreements:
         lines = [f"{seen.source} is not as the profile predicts"]
         for each in seen.disagreements:

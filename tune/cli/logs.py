@@ -58,8 +58,7 @@ def identify(
     session.write(
         output, ident.to_yaml(ident.to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run
     )
-    if picture is not None:
-        draw_identified(session, picture, result, before)
+    draw_identified(session, picture, result, before)
 
 
 def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Trajectory:
@@ -158,13 +157,10 @@ def device_in(output: Path) -> Device | None:
 
 
 def draw_identified(
-    session: Session, picture: Path, found: Identification, before: Device | None
+    session: Session, picture: Path | None, found: Identification, before: Device | None
 ) -> None:
     """Draw fit, residual, friction and intervals of an identification."""
-    with session.progress() as say:
-        say("drawing")
-        drawn = ident.identified_picture(found.device, found.logs, before=before)
-    session.draw(picture, drawn)
+    session.draw(picture, lambda: ident.identified_picture(found.device, found.logs, before=before))
 
 
 @command()
@@ -202,8 +198,7 @@ def doctor(
         examined.append(_examined(seen))
         session.say(_examination_table(seen))
         session.say(_verdict(seen))
-        if picture is not None:
-            _draw(session, _numbered(picture, place), trajectory, seen)
+        _draw(session, picture and _numbered(picture, place), trajectory, seen)
         findings += seen.findings
         refused = refused or seen.refused
     if refused:
@@ -216,15 +211,14 @@ def _numbered(picture: Path, place: int) -> Path:
     return picture if place == 0 else picture.with_stem(f"{picture.stem}-{place + 1}")
 
 
-def _draw(session: Session, picture: Path, trajectory: Trajectory, seen: Examination) -> None:
+def _draw(
+    session: Session, picture: Path | None, trajectory: Trajectory, seen: Examination
+) -> None:
     """Draw what identify makes of one log, or the log alone if it makes nothing of it."""
-    with session.progress() as say:
-        say("drawing")
-        if seen.found is None:
-            drawn = ident.log_picture(trajectory)
-        else:
-            drawn = ident.identified_picture(seen.found.device, seen.found.logs)
-    session.draw(picture, drawn)
+    if seen.found is None:
+        session.draw(picture, lambda: ident.log_picture(trajectory))
+    else:
+        draw_identified(session, picture, seen.found, None)
 
 
 def _examination_table(seen: Examination) -> Table:

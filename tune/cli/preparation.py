@@ -193,7 +193,6 @@ def excite(
     with session.progress() as say:
         plan = ident.plan_excitation(wanted, progress=say)
         text = ident.force_text(plan)
-        drawing = None if picture is None else ident.excitation_picture(plan)
     rows = text.count("\n") - 1
     session.details |= _plan_details(plan) | {"rows": rows}
     session.say(_excitation_table(plan))
@@ -212,8 +211,7 @@ def excite(
         session.say(f"dry run: {output} would be written, {rows} rows")
         return
     session.write(output, text)
-    if picture is not None and drawing is not None:
-        session.draw(picture, drawing)
+    session.draw(picture, lambda: ident.excitation_picture(plan))
 
 
 def _units(plan: Excitation) -> dict[str, str]:

@@ -26,6 +26,8 @@ from tune.cli.preparation import refuse_restless, template
 from tune.cli.session import Session, command
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from identification import Device, Hardware, LogColumns, Trajectory
     from tune.documents.perception import PerceptionTable
     from tune.documents.profile import Design, SafeProfile
@@ -76,8 +78,7 @@ def tune(
     if what_if:
         say_what_would_help(session, profile, wish.scene, wish.table)
     session.write(output, profile.to_yaml(), dry_run=dry_run)
-    if picture is not None:
-        draw_profile(session, picture, profile)
+    draw_profile(session, picture, profile)
 
 
 @command()
@@ -121,6 +122,7 @@ def calibrate(
 def demo(session: Session) -> None:
     """Bundled log → device.yaml → scene.yaml → profile.yaml, with tables and two pictures."""
     from datasets_synthetic import bundled_path
+    from tune.presentation.pictures import profile_picture
 
     for name in _FILES:
         session.target(Path(name))
@@ -135,14 +137,12 @@ def demo(session: Session) -> None:
     session.write(scene, template("scene"))
     profile = tune_device(session, found.device, read_request(scene, None))
     session.write(Path("profile.yaml"), profile.to_yaml())
-    with session.progress() as say:
-        say("drawing")
-        from tune.presentation.pictures import profile_picture
-
-        fit = found.logs[0]
-        picture = ident.fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)
-        session.draw(Path("identification.png"), picture)
-        session.draw(Path("profile.png"), profile_picture(profile))
+    fit = found.logs[0]
+    session.draw(
+        Path("identification.png"),
+        lambda: ident.fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay),
+    )
+    session.draw(Path("profile.png"), lambda: profile_picture(profile))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,7 +202,11 @@ def _choose_candidate(
     session: Session, device: Device, wish: TuningRequest, sheet: Path | None
 ) -> SafeProfile:
     """The candidate with the scene's margin, or why there is none, after all three were shown."""
-    from tune.optimisation.alternatives import candidates, compare_candidates
+    from tune.optimisation.alternatives import (
+        candidates,
+        candidates_picture,
+        compare_candidates,
+    )
     from tune.presentation.tables import candidates_lines, candidates_table
 
     with session.progress() as say:
@@ -218,10 +222,7 @@ def _choose_candidate(
     if chosen.profile is None:
         assert chosen.error is not None
         raise chosen.error
-    if sheet is not None:
-        from tune.optimisation.alternatives import candidates_picture
-
-        session.draw(sheet, candidates_picture(rows, device.motion))
+    session.draw(sheet, lambda: candidates_picture(rows, device.motion))
     return chosen.profile
 
 
@@ -279,15 +280,16 @@ def _alternative_result(each: Alternative, now: Alternative) -> AlternativeResul
 
 
 def draw_profile(
-    session: Session, picture: Path, profile: Design, verdict: str | None = None
+    session: Session, picture: Path | None, profile: Design, verdict: str | None = None
 ) -> None:
     """Draw region, limits and responses of every element, with a verdict in the title."""
-    from tune.presentation.pictures import profile_sheet
 
-    with session.progress() as say:
-        say("drawing")
-        drawn = profile_sheet(profile, verdict)
-    session.draw(picture, drawn)
+    def sheet() -> Figure:
+        from tune.presentation.pictures import profile_sheet
+
+        return profile_sheet(profile, verdict)
+
+    session.draw(picture, sheet)
 
 
 def _further_picture(picture: Path, what: str) -> Path:

@@ -166,11 +166,19 @@ class Session:
         self._store({path: content})
         self.say(f"{path} written")
 
-    def draw(self, path: Path, figure: Figure) -> None:
-        """Write a picture, PNG but for .svg and .pdf. Raises NotWrittenError."""
+    def draw(self, path: Path | None, figure: Callable[[], Figure]) -> None:
+        """Draw a picture and write it, PNG but for .svg and .pdf; None is none wanted.
+
+        Raises NotWrittenError.
+        """
         from io import BytesIO
 
-        stream, picture = BytesIO(), cast("Any", figure)
+        if path is None:
+            return
+        stream = BytesIO()
+        with self.progress() as say:
+            say("drawing")
+            picture = cast("Any", figure())
         picture.savefig(stream, format=_VECTORS.get(path.suffix.lower(), "png"), dpi=120)
         self.store(path, stream.getvalue())
 

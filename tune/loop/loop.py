@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from tune.documents.profile import LoopProfile
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 #: Samples. Each adds one to the degree; beyond some 80 doubles no longer hold the polynomial.
 LONGEST_WINDOW = 60
@@ -205,9 +206,6 @@ def _oscillation(decay: FloatArray, angle: FloatArray) -> Polynomial:
     slack = 2 * left * np.abs(angle * np.sin(angle))
     slack = np.stack([slack, np.zeros_like(slack), slack])
     return Polynomial(value=value, size=np.abs(value) + slack)
-
-
-ComplexArray = NDArray[np.complex128]
 
 
 class Terms(NamedTuple):

@@ -1,5 +1,8 @@
 """Pictures of a profile: its elements in the stable region, what limits them, their answers."""
 
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
+
 from __future__ import annotations
 
 import math
@@ -237,10 +240,6 @@ def _outside(loop: SampledLoop, place: Corner) -> FloatArray:
     added = np.zeros(len(loop.read))
     added[:size] = exponential(augmented * place.sample_time)[:size, size]
     return added
-
-
-# matplotlib types its keyword arguments only in part.
-# pyright: reportUnknownMemberType=false
 
 
 #: Inches of the picture of an element.

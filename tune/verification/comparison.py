@@ -5,6 +5,9 @@ ripple of the encoder against the closed form, above the band of motion. The pic
 its predicted envelope, force beside its law, and each comparison.
 """
 
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
 
 
 FloatArray = NDArray[np.float64]
+Range = tuple[float, float]
 
 #: Count of the log against the encoder of the device.
 _COUNT_TOLERANCE = 0.02
@@ -415,12 +419,6 @@ def _force_per_position(loop: Loop, effects: Effects, turn: FloatArray) -> Float
     below = np.polynomial.polynomial.polyval(w, closed)
     return np.abs(law * plant / below) / float(loop.scales[0])
 
-
-# matplotlib types its keyword arguments only in part.
-# pyright: reportUnknownMemberType=false
-
-
-Range = tuple[float, float]
 
 #: Inches.
 _WIDTH, _HEIGHT = 12.0, 7.5

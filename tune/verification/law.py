@@ -1,5 +1,6 @@
-"""The control law on a log: the logged force is a function of the logged positions, or it is not.
+"""What a log may be of, what is found of it, and the control law on its rows.
 
+The logged force is a function of the logged positions, or it is not:
 F[k] = -s·(K·y + B·v + M·a) + offset, v and a by the very filters of a profile on the positions of
 the log. The offset is where the spring is relaxed. What the filters remember from before the log,
 or from a contact that reset them, dies away in their own modes; each contact has columns for these,
@@ -21,6 +22,8 @@ from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.profile import Design, LoopProfile
 from tune.loop.loop import Filters, filters_of
 
+FloatArray = NDArray[np.float64]
+Rows = NDArray[np.bool_]
 Verdict = Literal["agrees", "disagrees", "cannot tell", "not assessed"]
 Combination = tuple[str, ...]
 
@@ -109,9 +112,6 @@ def unassessed_outcome(check: str, why: str, remedy: str = "", **numbers: float)
     """Nothing is claimed, and why; with the numbers that the words name."""
     return Outcome(check=check, verdict="not assessed", seen=why, remedy=remedy, numbers=numbers)
 
-
-FloatArray = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 #: Contacts with a one-sided wall that are used, the longest ones; more would only cost time.
 _MOST_CONTACTS = 12

@@ -8,8 +8,8 @@ from flint import arb
 from identification import load_device
 from tests.commands import haptune
 from tests.reference import reference_loop, stable_by_roots
-from tune._audit import audit
 from tune.documents.effects import Effects
+from tune.judging import audit
 from tune.loop.loop import Filters
 
 PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")

@@ -11,8 +11,8 @@ import pytest
 from identification import InvalidInputError, load_device, named_devices
 from tests.commands import haptune
 from tests.thinned import thinned
-from tune._audit import audit
 from tune.documents.effects import Effects
+from tune.judging import audit
 from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import largest
 

@@ -13,10 +13,10 @@ from identification import Device, load_device, parse_document, to_mapping, to_y
 from tests.commands import haptune
 from tests.simulated.families import family_named
 from tune import CheckFailedError, NoFeasibleEffectError, SafeProfile, Scene, optimise
-from tune._audit import audit
 from tune.certificate.certify import certify
 from tune.certificate.check import check_content
 from tune.documents.effects import Effects
+from tune.judging import audit
 from tune.verification import advise
 
 PUSHED: dict[str, Any] = {"position_stiffness": -500.0}

@@ -16,12 +16,12 @@ from tests.own_force_cases import OwnForceCase, Triple, draw_case, scaled, stabl
 from tests.sampled_bench import SampledBench
 from tests.simulated.experiment import EFFECTS
 from tune import NoFeasibleEffectError, Scene, optimise
-from tune._audit import Audit, audit
 from tune.certificate.poles import judge
 from tune.certificate.region import ModePoint, Point, Setting
 from tune.documents.certified import HandPlace
 from tune.documents.effects import Effects
 from tune.documents.scene import FREE_TO_RIGID
+from tune.judging import Audit, audit
 from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import is_stable
 

@@ -10,9 +10,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
-    from tune._audit import Audit, audit
     from tune.certificate.check import CheckReport, check
-    from tune.comparison import Change, Comparison, compare
     from tune.documents.effects import Effects
     from tune.documents.errors import (
         CheckFailedError,
@@ -30,6 +28,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.documents.profile import SafeProfile, load_profile
     from tune.documents.scene import Element, Scene, load_scene
     from tune.exporters import export
+    from tune.judging import Audit, Change, Comparison, audit, compare
     from tune.loop.loop import Filters, Loop
     from tune.margins import (
         DelayMargin,
@@ -137,8 +136,7 @@ __all__ = [
 #: Public names by module. No module or folder here has the name of a verb (audit, export,
 #: optimise): once loaded, it would take the function's place.
 _HOMES = {
-    "_audit": "Audit audit",
-    "comparison": "Change Comparison compare",
+    "judging": "Audit Change Comparison audit compare",
     "certificate.check": "CheckReport check",
     "documents.effects": "Effects",
     "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",

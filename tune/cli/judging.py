@@ -21,9 +21,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from identification import Device, Motion
-    from tune._audit import Audit
-    from tune.comparison import Change, Comparison, Interval
     from tune.documents.profile import SafeProfile
+    from tune.judging import Audit, Change, Comparison, Interval
     from tune.verification import Advice, Kept, Verification
 
 #: Unit of each quantity of a device, by the name it has in a table of units.
@@ -55,10 +54,10 @@ def audit(
     picture: Picture = None,
 ) -> None:
     """Are these gains safe, why not, and the nearest safe ones; exit code 6 if they are not."""
-    from tune._audit import NEEDED
-    from tune._audit import audit as judged
     from tune.certificate.assumptions import trusted_facts
     from tune.documents.effects import Effects
+    from tune.judging import NEEDED
+    from tune.judging import audit as judged
     from tune.loop.loop import Filters
     from tune.presentation.tables import audit_table
 
@@ -133,7 +132,7 @@ def _nearest(found: Audit) -> dict[str, float]:
 
 def _audit_details(found: Audit) -> dict[str, object]:
     """What the table shows for programs; what was not computed is null."""
-    from tune._audit import ELEMENT
+    from tune.judging import ELEMENT
 
     margins, design = found.margins, found.design
     limit = design.device.force_limit
@@ -231,7 +230,7 @@ def compare(
     ],
 ) -> None:
     """What changed beyond both intervals; ends with 6 if the old profile no longer holds."""
-    from tune.comparison import compare as compared
+    from tune.judging import compare as compared
 
     first, second = _load(old), _load(new)
     with session.progress() as say:

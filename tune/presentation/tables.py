@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from identification import Device, Motion, Quantity
-    from tune._audit import Audit
     from tune.documents.certified import Certificate
     from tune.documents.perception import Estimate
     from tune.documents.profile import Contact, LoopProfile, SafeProfile
     from tune.documents.scene import MarginName
+    from tune.judging import Audit
     from tune.optimisation.alternatives import Alternative, Candidate, CandidateEffect
 
 #: Perceived steps that nobody would buy anything for.
@@ -339,7 +339,7 @@ def audit_table(found: Audit) -> Table:
 
 def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
     """(what, seen, needed) of everything that was computed."""
-    from tune._audit import ELEMENT
+    from tune.judging import ELEMENT
 
     design, margins = found.design, found.margins
     units, limit = UNITS[design.device.motion], design.device.force_limit

@@ -227,7 +227,7 @@ def test_a_picture_calls_safe_only_what_is(
 ) -> None:
     monkeypatch.setattr("tune.presentation.pictures._draw_element", lambda *_: None)
     titles: list[str] = []
-    monkeypatch.setattr(Session, "draw", lambda *given: titles.append(_title(given[2])))
+    monkeypatch.setattr(Session, "draw", lambda *given: titles.append(_title(given[2]())))
     picture = str(tmp_path / "audit.png")
     assert haptune("audit", "homerehab", "--stiffness", "30000", "--picture", picture).code == 6
     assert titles[0].endswith("NOT SAFE: stability and force")

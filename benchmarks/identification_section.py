@@ -24,7 +24,7 @@ from benchmarks.situations import DELAY, SITUATIONS, TRUTH, Situation, bound_of,
 from identification import Hardware, Trajectory, identify, quantity
 from identification.estimators import ESTIMATORS
 from identification.estimators.estimate import Model
-from identification.fitting.choice import PreparedLog
+from identification.fitting import PreparedLog
 
 FloatArray = NDArray[np.float64]
 Method = Callable[[Trajectory], FloatArray]

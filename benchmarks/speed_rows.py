@@ -11,7 +11,7 @@ from benchmarks.long_log import DAMPING, DELAY, MASS, long_log
 from benchmarks.row import Row, best_seconds
 from identification import Trajectory, quantity
 from identification.estimators.estimate import Estimate, Model
-from identification.fitting.choice import PreparedLog
+from identification.fitting import PreparedLog
 
 _MODEL = Model(coulomb=True, offset=True)
 

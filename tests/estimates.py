@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from identification import Trajectory, quantity
 from identification.estimators.estimate import Estimate, Model
-from identification.fitting.choice import PreparedLog
+from identification.fitting import PreparedLog
 
 
 def estimate_by(method: str, log: Trajectory, model: Model, delay: float | None) -> Estimate:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from datasets_synthetic import Rig, Servo, simulate
 from identification import Trajectory, quantity
 from identification.estimators.estimate import Model
-from identification.fitting.choice import PreparedLog
+from identification.fitting import PreparedLog
 from identification.fitting.stability_selection import structure_of, suggest
 from tests.axes_with_terms import KnownAxis, known_axes
 

@@ -1,7 +1,7 @@
 """Estimators, one file each, named as on the command line and entered at its ``fit``.
 
-``fit(table, delay, start=...) -> Estimate`` takes a log as least_squares.prepare gives it; where
-the delay is None it is fitted too, from ``start`` on. Least squares alone needs to be given one.
+``fit(table, delay, fits_delay=...) -> Estimate`` takes a log as least_squares.prepare gives it; the
+delay, s, is what the log has or where its fit begins. ``point`` finds the same without intervals.
 """
 
 from __future__ import annotations

@@ -158,24 +158,24 @@ def _slope_of_position(device: HeldResponse, position: FloatArray) -> FloatArray
     return changed - _earlier(whole.decay_slope) * speed[:-1]
 
 
-def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
+def point(table: Regression, delay: float, *, fits_delay: bool = False) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
-    first = start if delay is None else delay
-    table = _settled(table, first)
-    return _point(table, _found(table, delay, first)[1], delay)
+    table = _settled(table, delay)
+    return _point(
+        table, _found(table, delay, fits_delay=fits_delay)[1], delay, fits_delay=fits_delay
+    )
 
 
-def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
+def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimate:
     """Mass, damping and friction by a Kalman innovations fit; the innovations are in m."""
-    first = start if delay is None else delay
-    table = _settled(table, first)
-    problem, best = _found(table, delay, first)
+    table = _settled(table, delay)
+    problem, best = _found(table, delay, fits_delay=fits_delay)
     values, jacobian = physical(best, len(table.model.parameters))
-    size, fitted = len(values), delay is None
-    if fitted:  # the delay right after the parameters, before the noise model
+    size = len(values)
+    if fits_delay:  # the delay right after the parameters, before the noise model
         order = [*range(size), size + 2, size, size + 1, *range(size + 3, len(jacobian))]
         jacobian = jacobian[order]
-    around = spread(jacobian, best.residual, size + fitted, signal=values[0] * jacobian[0])
+    around = spread(jacobian, best.residual, size + fits_delay, signal=values[0] * jacobian[0])
     notes = [
         f"moving average 1 {best.theta[1]:+.4f} {best.theta[2]:+.4f} "
         + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
@@ -184,34 +184,34 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     return complete_estimate(
         "innovations",
         table,
-        _point(table, best, delay),
+        _point(table, best, delay, fits_delay=fits_delay),
         around,
-        fitted=fitted,
+        fitted=fits_delay,
         unit="position",
         notes=notes,
-        leaning=_leaning(table, problem, best, first),
+        leaning=_leaning(table, problem, best, delay),
     )
 
 
-def _point(table: Regression, best: Solution, delay: float | None) -> PointEstimate:
+def _point(table: Regression, best: Solution, delay: float, *, fits_delay: bool) -> PointEstimate:
     return PointEstimate(
         values=physical(best, len(table.model.parameters))[0],
-        delay=float(best.theta[3]) if delay is None else delay,
+        delay=float(best.theta[3]) if fits_delay else delay,
         signal=best.target,
         residual=best.residual,
     )
 
 
-def _found(table: Regression, delay: float | None, first: float) -> tuple[_Problem, Solution]:
+def _found(table: Regression, delay: float, *, fits_delay: bool) -> tuple[_Problem, Solution]:
     """The best prediction, and the problem with the filter that it has for coloured forces."""
     signals = table.signals
     problem = _Problem(
-        drive=Drive.of(table, delay),
+        drive=Drive.of(table, None if fits_delay else delay),
         position=signals.position - np.mean(signals.position),
         known=table.known,
         shape=np.ones(1),
     )
-    best = solve_separable(problem, _start(problem, table, first))
+    best = solve_separable(problem, _start(problem, table, delay))
     for _ in range(_ROUNDS):
         if not is_coloured(best.residual, either_side=True):
             break

@@ -50,31 +50,30 @@ class _Source:
     columns: Callable[[FloatArray, float], FloatArray]  # from an estimate and its delay, (p, rows)
 
 
-def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
+def point(table: Regression, delay: float, *, fits_delay: bool = False) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
-    return _found(table, _source(table), delay, start)
+    return _found(table, _source(table), delay, fits_delay=fits_delay)
 
 
-def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
+def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimate:
     """Mass, damping and friction by instrumental variables; the residual is a filtered force.
 
     The reference makes the instruments if it moves; the first note says which they are.
     """
-    source, fitted = _source(table), delay is None
-    best = _found(table, source, delay, start)
-    size = len(table.model.parameters) + fitted
+    source = _source(table)
+    best = _found(table, source, delay, fits_delay=fits_delay)
+    size = len(table.model.parameters) + fits_delay
     around = spread(best.columns, best.residual, size, signal=best.signal, instruments=best.tests)
     notes = [source.note, table.cut_off.reason]
     notes += [] if best.settled else ["the instruments did not settle"]
     return complete_estimate(
-        "instruments", table, best, around, fitted=fitted, unit="force", notes=notes
+        "instruments", table, best, around, fitted=fits_delay, unit="force", notes=notes
     )
 
 
-def _found(table: Regression, source: _Source, delay: float | None, start: float) -> _Solution:
+def _found(table: Regression, source: _Source, delay: float, *, fits_delay: bool) -> _Solution:
     """The solution that its own instruments no longer move."""
-    fits_delay, first = delay is None, start if delay is None else delay
-    best = _improved(table, source, table.solve(first), first, fits_delay=fits_delay)
+    best = _improved(table, source, table.solve(delay), delay, fits_delay=fits_delay)
     for _ in range(_MOST_ROUNDS):
         if best.settled:
             break

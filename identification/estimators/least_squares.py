@@ -444,19 +444,20 @@ def complete_estimate(
     )
 
 
-def point(table: Regression, delay: float) -> PointEstimate:
+def point(table: Regression, delay: float, *, fits_delay: bool = False) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
+    del fits_delay  # GIVEN_A_DELAY
     force, values = table.force(delay), table.solve(delay)
     residual = force - values @ table.columns
     return PointEstimate(values=values, delay=delay, signal=force, residual=residual)
 
 
-def fit(table: Regression, delay: float) -> Estimate:
-    """Mass, damping and friction by filtered least squares.
+def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimate:
+    """Mass, damping and friction by filtered least squares; the delay is not fitted.
 
     Notes state the cut-off, and what mass and damping become at half and at twice of it.
     """
-    found = point(table, delay)
+    found = point(table, delay, fits_delay=fits_delay)
     force, residual = found.signal, found.residual
     around = spread(table.columns, residual, len(table.columns), signal=force)
     low, high = (

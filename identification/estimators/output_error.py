@@ -135,21 +135,22 @@ class _Problem:
         return np.stack(slopes)
 
 
-def point(table: Regression, delay: float | None, *, start: float = 0.0) -> PointEstimate:
+def point(table: Regression, delay: float, *, fits_delay: bool = False) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
-    return _point(table, _found(table, delay, start if delay is None else delay), delay)
+    return _point(table, _found(table, delay, fits_delay=fits_delay), delay, fits_delay=fits_delay)
 
 
-def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estimate:
+def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimate:
     """Mass, damping and friction by output error; the residual is in position."""
-    found = _found(table, delay, start if delay is None else delay)
-    best, size, fitted = _point(table, found, delay), len(table.model.parameters), delay is None
+    found = _found(table, delay, fits_delay=fits_delay)
+    best = _point(table, found, delay, fits_delay=fits_delay)
+    keep = len(table.model.parameters) + fits_delay
     values, jacobian, residual = best.values, found.jacobian, found.residual
-    around = spread(jacobian, residual, size + fitted, signal=values[0] * jacobian[0])
+    around = spread(jacobian, residual, keep, signal=values[0] * jacobian[0])
     drift = process_noise_covariance(
         jacobian,
         residual,
-        size + fitted,
+        keep,
         mass=float(values[0]),
         rate=float(values[1] / values[0]),
         step=table.signals.step,
@@ -157,19 +158,19 @@ def fit(table: Regression, delay: float | None, *, start: float = 0.0) -> Estima
     around = replace(around, covariance=around.covariance + drift)
     notes = () if found.converged else ("the search ended before it settled",)
     return complete_estimate(
-        "output-error", table, best, around, fitted=fitted, unit="position", notes=notes
+        "output-error", table, best, around, fitted=fits_delay, unit="position", notes=notes
     )
 
 
-def _found(table: Regression, delay: float | None, first: float) -> PositionFit:
+def _found(table: Regression, first: float, *, fits_delay: bool) -> PositionFit:
     """The better of the fits with the direction of motion as measured, and as simulated."""
-    projected = _projected(table, delay, first)
+    projected = _projected(table, first, fits_delay=fits_delay)
     if not table.model.coulomb:
         return projected
     if not _rubs(table, projected) and not is_coloured(projected.residual):
         # Nothing is left over, and there is no friction whose turns could be told better.
         return projected
-    found = _turning(table, delay, first)
+    found = _turning(table, first, fits_delay=fits_delay)
     if found is None:
         return projected
     doubted = not _rubs(table, found) or whiteness(found.residual) > _DOUBTED
@@ -178,11 +179,13 @@ def _found(table: Regression, delay: float | None, first: float) -> PositionFit:
     return found
 
 
-def _point(table: Regression, found: PositionFit, delay: float | None) -> PointEstimate:
+def _point(
+    table: Regression, found: PositionFit, delay: float, *, fits_delay: bool
+) -> PointEstimate:
     size, position = len(table.model.parameters), table.signals.position[table.known :]
     return PointEstimate(
         values=found.values[:size],
-        delay=float(found.values[size]) if delay is None else delay,
+        delay=float(found.values[size]) if fits_delay else delay,
         signal=position - np.mean(position),
         residual=found.residual,
     )
@@ -199,20 +202,19 @@ def _rubs(table: Regression, found: PositionFit) -> bool:
     return bool(found.values[at] > _RUBBING * np.sqrt(variance * inverse[at, at]) / norms[at])
 
 
-def _turning(table: Regression, delay: float | None, first: float) -> PositionFit | None:
+def _turning(table: Regression, first: float, *, fits_delay: bool) -> PositionFit | None:
     """The fit whose turns are those of its own simulation."""
     signals = table.signals
     turns = FrictionProblem(
         signals=signals,
         model=table.model,
-        drive=Drive.bare(signals, delay),
+        drive=Drive.bare(signals, None if fits_delay else first),
         known=table.known,
         mean_speed=table.mean_speed,
     )
     standing = table.motion.moving[0] == 0
     speed = 0.0 if standing else float(np.mean(signals.speed[:_FIRST_LOOK]))
-    fitted = [first] if delay is None else []
-    start = np.array([*table.solve(first), *fitted, speed, signals.position[0]])
+    start = np.array([*table.solve(first), *([first] * fits_delay), speed, signals.position[0]])
     if signals.position.size > _LONG:
         begun = turns.part(_LONG).fit(start)
         if begun is not None and begun.converged and _rubs(table, begun):
@@ -220,16 +222,16 @@ def _turning(table: Regression, delay: float | None, first: float) -> PositionFi
     return turns.fit(start)
 
 
-def _projected(table: Regression, delay: float | None, first: float) -> PositionFit:
+def _projected(table: Regression, first: float, *, fits_delay: bool) -> PositionFit:
     """The fit with the direction of motion as measured, which matters only with friction."""
     signals = table.signals
     problem = _Problem(
-        drive=Drive.of(table, delay),
+        drive=Drive.of(table, None if fits_delay else first),
         position=signals.position - np.mean(signals.position),
         known=table.known,
     )
     rate = problem.drive.rate_of(table.solve(first))
-    best = solve_separable(problem, np.array([rate] if delay is not None else [rate, first]))
+    best = solve_separable(problem, np.array([rate, *([first] * fits_delay)]))
     values, jacobian = physical(best, len(table.model.parameters))
     return PositionFit(
         values=np.concatenate((values, best.theta[1:])),

@@ -29,7 +29,6 @@ from identification.estimators.signals import HeldColumn
 from identification.fitting.stability_selection import (
     BLOCKS,
     HALF_HURDLE,
-    HALVES,
     STABLE,
     BlockSums,
     least_norm,
@@ -234,11 +233,10 @@ class _Table:
         return float(unit @ inverse @ unit) / chance
 
 
-def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> FrictionCurve | None:
+def friction_curve(table: Regression, delay: float) -> FrictionCurve | None:
     """Kinds of friction that one log shows beyond its model; None if there is none.
 
-    The direction of motion is settled, with Coulomb friction in the model; the seed is of the
-    halves.
+    The direction of motion is settled, with Coulomb friction in the model.
     """
     forces = _Forces(table)
     columns = forces.columns()
@@ -249,7 +247,7 @@ def friction_curve(table: Regression, delay: float, *, seed: int = 0) -> Frictio
         return None
     own = _in_blocks(every, answer, count, columns)
     noticed = _kinds(own)
-    kinds = _stable(own, noticed, seed) if noticed else []
+    kinds = _stable(own, noticed) if noticed else []
     return _curve(own, kinds, forces) if kinds else None
 
 
@@ -294,7 +292,7 @@ def _noticed(own: _Table, kind: Kind, beside: Sequence[Kind], gone: float, left:
     return gone >= max(_LEAST[kind] ** 2, part * left) and own.worth(kind, beside) >= 1
 
 
-def _stable(own: _Table, kinds: Sequence[Kind], seed: int) -> list[Kind]:
+def _stable(own: _Table, kinds: Sequence[Kind]) -> list[Kind]:
     """The kinds for which sparse regression asks in most random halves of the log.
 
     The shape of a kind is that of the other half, so that no half is asked for what it suggested.
@@ -303,7 +301,7 @@ def _stable(own: _Table, kinds: Sequence[Kind], seed: int) -> list[Kind]:
     # A half knows each term with twice the variance of the whole.
     root = fits.root / np.sqrt(2)
     places = np.repeat(np.arange(len(kinds)), [len(own.members[kind]) for kind in kinds])
-    halves = fits.halves(HALVES, seed)
+    halves = fits.halves()
     picked: list[NDArray[np.bool_]] = []
     for index, half in enumerate(halves):
         other = halves[index ^ 1]

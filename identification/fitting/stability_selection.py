@@ -53,6 +53,7 @@ _MOST_CORRELATED = 0.9
 #: Random halves of the log that are looked at, in complementary pairs: frequencies in steps of
 #: 1/20, and pysindy takes some six milliseconds for each.
 HALVES = 20
+_SEED = 0
 #: A half asks for a term worth this many of its own standard deviations.
 HALF_HURDLE = 2.5
 #: A term is stable if this part of the halves asks for it; without a force behind it a half does
@@ -189,20 +190,20 @@ class Resampled:
     normals: FloatArray  # shape (blocks, q, q), nuisance first
     rights: FloatArray  # shape (blocks, q)
 
-    def halves(self, count: int, seed: int) -> FloatArray:
-        """Coefficients of random halves of the blocks, complementary in pairs, shape (count, p)."""
-        generator = np.random.default_rng(seed)
+    def halves(self) -> FloatArray:
+        """Coefficients of random halves of the blocks, complementary in pairs, (HALVES, p)."""
+        generator = np.random.default_rng(_SEED)
         blocks = len(self.normals)
         middle = blocks // 2
         parts: list[NDArray[np.intp]] = []
-        for _ in range((count + 1) // 2):
+        for _ in range(HALVES // 2):
             order = generator.permutation(blocks)
             parts += [order[:middle], order[middle:]]
         nuisance = self.rights.shape[1] - self.coefficients.size
         return np.stack(
             [
                 least_norm(self.normals[part].sum(axis=0), self.rights[part].sum(axis=0))[nuisance:]
-                for part in parts[:count]
+                for part in parts
             ]
         )
 
@@ -344,20 +345,13 @@ class _Term:
     members: tuple[int, ...]  # their places among the candidates
 
 
-def suggest(
-    columns: Mapping[str, FloatArray], force: FloatArray, *, seed: int = 0, halves: int = HALVES
-) -> Structure:
+def suggest(columns: Mapping[str, FloatArray], force: FloatArray) -> Structure:
     """Terms the log asks for.
 
     Mass and damping are in the model anyhow; the other columns are candidates, the simplest first:
     of two that the motion cannot tell apart, the first is judged. Sine and cosine of gravity are
     one candidate, and take the place of "position_stiffness" where they explain the log better.
-
-    Raises:
-        ValueError: columns that are not finite or not of the force's shape, mass or damping
-            missing, too few rows, or no force.
     """
-    _check(columns, force)
     table = _normalise_columns(columns)
     groups, unjudged = _distinguishable_columns(table)
     if not groups:
@@ -371,7 +365,7 @@ def suggest(
     sums, every = sums_of(matrix, scale_to_unit_rms(force)), list(range(matrix.shape[1]))
     fits = sums.resampled(every, nuisance=len(_ALWAYS))
     terms, passed, doubt = _one_law_of_position(terms, fits)
-    frequency = _frequencies(terms, fits, halves, seed)
+    frequency = _frequencies(terms, fits)
     kept = _kept([term for term in terms if frequency[term.names] >= STABLE], fits)
     verdicts = {
         term.names: Verdict(
@@ -393,23 +387,6 @@ def suggest(
     )
 
 
-def _check(columns: Mapping[str, FloatArray], force: FloatArray) -> None:
-    missing = [name for name in _ALWAYS if name not in columns]
-    if missing:
-        raise ValueError(f"columns must hold {' and '.join(_ALWAYS)}; {missing[0]} is missing")
-    # With fewer a block could not tell the terms apart.
-    needed = BLOCKS * (len(columns) + 1)
-    if force.ndim != 1 or force.size < needed:
-        raise ValueError(f"force has shape {force.shape}; {needed} rows are needed: log for longer")
-    for name, column in {"force": force, **columns}.items():
-        if column.shape != force.shape:
-            raise ValueError(f"{name} has shape {column.shape}, the force {force.shape}")
-        if not np.all(np.isfinite(column)):
-            raise ValueError(f"{name} has values that are not finite; leave those rows out")
-    if not np.any(force):
-        raise ValueError("the force is zero throughout; log while a force acts")
-
-
 def _one_law_of_position(
     terms: list[_Term], fits: Resampled
 ) -> tuple[list[_Term], tuple[str, ...], bool]:
@@ -428,13 +405,11 @@ def _one_law_of_position(
     return rest, passed.names, bool(abs(gain) <= _HURDLE**2)
 
 
-def _frequencies(
-    terms: Sequence[_Term], fits: Resampled, halves: int, seed: int
-) -> dict[tuple[str, ...], float]:
+def _frequencies(terms: Sequence[_Term], fits: Resampled) -> dict[tuple[str, ...], float]:
     """Part of the halves in which pysindy asks for each term."""
     # A half knows each term with twice the variance of the whole.
     root = fits.root / np.sqrt(2)
-    answers = root @ fits.halves(halves, seed).T
+    answers = root @ fits.halves().T
     members = _members(terms)
     picked = paying_terms(root[:, members], answers, HALF_HURDLE**2)
     frequency: dict[tuple[str, ...], float] = {}
@@ -505,13 +480,16 @@ def _plain(names: tuple[str, ...]) -> str:
     return "gravity" if names == _GRAVITY else " and ".join(_WORDS.get(n, n) for n in names)
 
 
-def structure_of(table: Regression, delay: float, *, rotary: bool, seed: int = 0) -> Structure:
-    """Which terms one log asks for beyond mass and damping.
+def structure_of(table: Regression, delay: float, *, rotary: bool) -> Structure | None:
+    """Which terms one log asks for beyond mass and damping; None if the log is too short to tell.
 
     The regression was prepared with Coulomb friction, which settles the direction of motion and
     where the device stands; gravity may go with sine and cosine of a rotary position.
     """
-    return suggest(candidate_columns(table, rotary=rotary), table.force(delay), seed=seed)
+    columns, force = candidate_columns(table, rotary=rotary), table.force(delay)
+    # With fewer rows a block could not tell the terms apart.
+    long_enough = force.size >= BLOCKS * (len(columns) + 1)
+    return suggest(columns, force) if long_enough and np.any(force) else None
 
 
 def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArray]:

@@ -40,7 +40,7 @@ from identification.estimators.least_squares import (
 from identification.findings import judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
-from identification.trajectory import Trajectory, encoder_count, position_noise
+from identification.trajectory import Trajectory, encoder_count, most_excited, position_noise
 
 if TYPE_CHECKING:
     from identification.fitting.friction_curve import FrictionCurve
@@ -455,31 +455,6 @@ def _with_mass_of(curve: FrictionCurve, estimate: Estimate) -> Estimate:
     covariance[0, 0] = deviation**2
     note = f"mass {estimate.value('mass'):.5g} without the friction found beyond the model"
     return replace(estimate, values=values, covariance=covariance, notes=(*estimate.notes, note))
-
-
-#: Samples an estimate is made of at most: eight minutes at 1 kHz, where noise has long ceased to
-#: limit the intervals. Estimators hold up to a hundred numbers a sample.
-MOST_FITTED = 500_000
-
-
-def most_excited(trajectory: Trajectory) -> Trajectory:
-    """The consecutive MOST_FITTED samples with the largest mean square velocity.
-
-    A shorter log is returned whole. Findings still look at the whole log, so a device that changed
-    in the part left out is seen.
-    """
-    spare = len(trajectory) - MOST_FITTED
-    if spare <= 0:
-        return trajectory
-    # Neighbours overlap by half.
-    starts = np.linspace(0, spare, 1 + int(np.ceil(2 * spare / MOST_FITTED))).astype(np.intp)
-    parts = [slice(int(start), int(start) + MOST_FITTED) for start in starts]
-
-    def mean_square_velocity(rows: slice) -> float:
-        velocity = np.diff(trajectory.position[rows]) / np.diff(trajectory.time[rows])
-        return float(np.mean(velocity**2))
-
-    return trajectory.part(max(parts, key=mean_square_velocity))
 
 
 #: Coulomb friction can be told from an offset if at least this part of the motion goes either way.

@@ -57,7 +57,7 @@ def _log(rows: int, *, still: slice = slice(0)) -> dict[str, Any]:
 
 
 def test_a_long_log_is_told_from_its_most_excited_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trajectory, "MOST_FITTED", 10_000)
+    monkeypatch.setattr("identification.trajectory.MOST_FITTED", 10_000)
     log = Trajectory(**_log(40_000, still=slice(0, 27_000)))
     part = most_excited(log)
     assert len(part) == 10_000
@@ -79,7 +79,7 @@ def test_a_log_of_the_usual_length_is_taken_whole() -> None:
 
 def test_a_change_in_the_part_left_out_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last quarter is of a device of another mass: its force is doubled there."""
-    monkeypatch.setattr(trajectory, "MOST_FITTED", 10_000)
+    monkeypatch.setattr("identification.trajectory.MOST_FITTED", 10_000)
     columns = _log(40_000)
     columns["force"][30_000:] *= 2
     found = identify(Trajectory(**columns), allow=["heldout-misfit", "hand-on-device"])

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from identification import Trajectory, examine, identify
-from identification.fitting import most_excited
+from identification.trajectory import most_excited
 from tests.mutations import peak_bytes
 
 MASS, DAMPING, STEP = 3.0, 10.0, 1e-3

@@ -116,7 +116,8 @@ class _Condition:
         total = half + _adjoint(half) + _adjoint(rows) @ (sizes[..., None] * rows)
         total += np.eye(size) * (sizes * np.sum(np.abs(rows) ** 2, axis=-1))[..., None]
         values, vectors = np.linalg.eigh(total / 4)
-        left: ComplexArray = vectors * np.maximum(values, np.finfo(float).tiny)[:, None, :] ** -0.25
+        scale = np.maximum(values, np.finfo(float).tiny)[:, None, :] ** -0.25
+        left = np.asarray(vectors * scale, dtype=np.complex128)
         return cls(
             owners=[(index, tap) for index, own in enumerate(each) for tap in own],
             factors=np.stack([factor for own in each for factor in own.values()]),

@@ -13,10 +13,8 @@ FloatArray = NDArray[np.float64]
 Verdict = Literal["settles", "keeps-oscillating", "diverges"]
 
 #: The last two parts of a run that are compared, each so long; what came before is the beginning.
-_PART = 0.3
-#: An amplitude below this part of that before it is dying out, ...
-_DIES = 0.9
-#: ... and one above this multiple of it growing.
+PART = 0.3
+#: An amplitude above this multiple of that before it is growing.
 _GROWS = 1.1
 #: Travel below this multiple of the amplitude is what an oscillation leaves of a straight line.
 _MORE = 3.0
@@ -33,6 +31,7 @@ class Allowed:
 
     counts: float  # amplitude of the readings, and travel if nothing pushes, in counts
     force: float  # amplitude of the force, N (N·m)
+    dies: float = 0.9  # an amplitude below this part of that before it is dying out
     pushed: bool = False  # whether something pushes to the end: then steady travel is no fault
 
 
@@ -67,7 +66,7 @@ def endings(
     return [_ending(*each, may) for each, may in zip(sizes, allowed, strict=True)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Left:
     """What is left of one quantity in the last two parts of a run."""
 
@@ -75,6 +74,7 @@ class _Left:
     pair: FloatArray  # amplitude or travel in the part before and the last one
     reach: FloatArray  # from the least to the most of all in each of them
     allowed: float  # the most that counts as none
+    dies: float  # below this part of what was before it is dying out
 
     @property
     def over(self) -> bool:
@@ -88,7 +88,7 @@ class _Left:
         Amplitude and travel of a slow oscillation depend on its phase, a quantiser makes its own of
         slow motion: what reaches less far than before dies out all the same.
         """
-        return bool(np.all([each[1] >= _DIES * each[0] for each in (self.pair, self.reach)]))
+        return bool(np.all([each[1] >= self.dies * each[0] for each in (self.pair, self.reach)]))
 
     @property
     def grows(self) -> bool:
@@ -113,13 +113,10 @@ def _ending(
     allowed: Allowed,
 ) -> Ending:
     """From what is left in the two last parts, before and after, each shape (2,)."""
-    readings = _Left(
-        phrase="readings from {} to {} counts", pair=counts, reach=reach, allowed=allowed.counts
-    )
-    pull = _Left(phrase="force from {} to {}", pair=force, reach=pulled, allowed=allowed.force)
-    moved = _Left(
-        phrase="travel from {} to {} counts", pair=travel, reach=reach, allowed=allowed.counts
-    )
+    most, dies = allowed.counts, allowed.dies
+    readings = _Left("readings from {} to {} counts", counts, reach, most, dies)
+    pull = _Left("force from {} to {}", force, pulled, allowed.force, dies)
+    moved = _Left("travel from {} to {} counts", travel, reach, most, dies)
     left = [readings, pull]
     # Steady travel under a push is at rest in this sense; travel that gains is not.
     left += [moved] if moved.grows or not allowed.pushed else []
@@ -157,7 +154,7 @@ def _ending(
 
 def _parts(values: FloatArray) -> FloatArray:
     """The last two parts of each run, shape (batch, 2, length)."""
-    length = int(_PART * values.shape[1])
+    length = int(PART * values.shape[1])
     return values[:, values.shape[1] - 2 * length :].reshape(values.shape[0], 2, length)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.device import Hand, Rig, per_member
-from datasets_synthetic.ending import Allowed, Ending, Verdict, endings
+from datasets_synthetic.ending import PART, Allowed, Ending, Verdict, endings
 from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, Calls, Controller
 from datasets_synthetic.simulation import Recording, Truth, simulate
 
@@ -149,6 +149,8 @@ _REACH = 1000.0
 _NEAR = 30.0
 #: Part of the most force that leans on a wall, and with which the handle falls into it.
 _FALL = 0.25
+#: Part of the run in which the handle comes back from where it is released.
+_BACK = 0.15
 #: Part of the run after which a push is released, and over which it rises and falls.
 _RELEASE, _RISE = 0.25, 0.05
 #: Part of the run in which a program calls.
@@ -233,6 +235,10 @@ def _played(
     # What springs give where they are cut, or all that the device can.
     levels = np.sum(np.where(rows["stiffness"] > 0, rows["level"], 0.0), axis=0)
     limit = np.minimum(sizes.limit[member], np.where(levels > 0, levels, np.inf))
+    # A quarter of that brings the handle back in a part of the run.
+    time = _BACK * sizes.samples * float(rigs.sample_time[0])
+    back = _FALL * limit * time / (rigs.damping + 2 * rigs.mass / time)
+    reach = np.minimum(reach, back)
     near, falls, called = _NEAR * sizes.count[member], of("falls") > 0, of("called") > 0
     walled: Mask = np.any(rows["side"], axis=0)
     faced: Mask = np.any(rows["side"] > 0, axis=0)
@@ -325,6 +331,11 @@ def _hands(hands: Sequence[Hand]) -> Hand:
 #: What is not at rest in the end is played again, so many times as long: what dies out slowly is
 #: told from what lasts.
 _LONGER = 3
+#: What is left of one part of a run in the next is dying out if it is less than this, ...
+_DIES = 0.9
+#: ... or than what the slowest motion of the linear loop leaves at this part of its rate: springs
+#: may be at a thirty-second of their gain.
+_AT_LEAST = 1 / 64
 #: Force that keeps oscillating may be this part of the force limit unless another is stated.
 _FORCE = 0.01
 #: Counts that keep oscillating unless others are stated, and so many times more where the force of
@@ -429,7 +440,7 @@ def rehearse(
     plays = _plays(controller, conditions, sizes.batch)
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
     ends: dict[int, Ending] = {}
-    left = range(len(plays))
+    left, rates = range(len(plays)), _slowest_rates(controller, conditions, sizes.batch)
     for samples in (sizes.samples, _LONGER * sizes.samples):
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
@@ -437,8 +448,14 @@ def rehearse(
             controller, conditions, sizes, part, samples=samples, seeds=seeds
         )
         count = sizes.count[[play.member for play in part]]
+        long = PART * samples * float(rig.sample_time[0])
+        dies = np.maximum(_DIES, np.exp(-_AT_LEAST * rates * long))
         allowed = [
-            _allowed(play, counts_allowed, float(force[play.member]), sizes, pushed=bool(pushed))
+            replace(
+                _allowed(play, counts_allowed, float(force[play.member]), sizes),
+                dies=float(dies[play.place, play.member]),
+                pushed=bool(pushed),
+            )
             for play, pushed in zip(part, pushes, strict=True)
         ]
         found = endings(seen.position, seen.force, count, allowed)
@@ -460,11 +477,39 @@ def rehearse(
     )
 
 
-def _allowed(play: _Play, counts: float, force: float, sizes: _Sizes, *, pushed: bool) -> Allowed:
+def _slowest_rates(
+    controller: Controller, conditions: Sequence[_Condition], batch: int
+) -> FloatArray:
+    """Slowest rate at which each linear loop comes to rest, 1/s, shape (conditions, batch).
+
+    With all elements of a controller or with none, in continuous time: what is slow is slow beside
+    sampling, delay and filters. A position that nothing binds does not count.
+    """
+    rows = controller.rows(np.arange(batch))
+    found = np.empty((len(conditions), batch))
+    for place, condition in enumerate(conditions):
+        rig, hand = condition.rig, condition.hand
+        mass, damping, stiffness = (
+            np.stack([own * np.ones(batch), own + np.sum(rows[name], axis=0)])
+            for name, own in (
+                ("mass", rig.mass + hand.mass),
+                ("damping", rig.damping + hand.damping),
+                ("stiffness", rig.stiffness + hand.stiffness),
+            )
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(np.maximum(damping**2 - 4 * mass * stiffness, 0.0))
+            bound = np.where(root > 0, 2 * stiffness / (damping + root), damping / (2 * mass))
+        rate = np.where(stiffness > 0, bound, damping / mass)
+        found[place] = np.nan_to_num(np.maximum(rate, 0.0)).min(axis=0)
+    return found
+
+
+def _allowed(play: _Play, counts: float, force: float, sizes: _Sizes) -> Allowed:
     """What may be left: where a damper is chopped, whatever force it makes of a few counts."""
     if _KINDS[play.name].dampers:
         counts, force = _CHOPPED * counts, 2 * float(sizes.limit[play.member])
-    return Allowed(counts=counts, force=force, pushed=pushed)
+    return Allowed(counts=counts, force=force)
 
 
 def _with(ending: Ending, grown: str) -> Ending:

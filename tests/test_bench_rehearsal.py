@@ -331,3 +331,28 @@ def test_growing_is_said_of_what_grows_and_dying_out_of_what_is_too_much() -> No
 def test_what_cannot_be_rehearsed_is_refused(make: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_what_only_creeps_back_settles() -> None:
+    """A faint spring in a device full of grease: 33 s to a third, as the linear loop says."""
+    grease = Rig(
+        mass=0.5, damping=199.0, sample_time=0.0005, encoder_resolution=6.6e-9, force_limit=0.12
+    )
+    assert play(grease, Controller(stiffness=6.0)).settles
+    away = play(grease, Controller(stiffness=-6.0))
+    assert of(away, "release") == {"keeps-oscillating"}
+
+
+def test_a_release_is_no_farther_than_the_spring_brings_back_in_time() -> None:
+    """A thousand coarse counts would take 7 s under a spring cut at 22 of them."""
+    rig = Rig(
+        mass=0.6947,
+        damping=10.93,
+        delay=0.000875,
+        sample_time=0.00021871,
+        encoder_resolution=0.0005983,
+        force_limit=0.891,
+    )
+    spring = Element(stiffness=66.86, level=0.891)
+    found = play(rig, Controller(beside=(spring,)), duration=2.6, force_allowed=0.049)
+    assert of(found, "release") == {"settles"}

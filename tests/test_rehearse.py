@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -9,10 +10,11 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import Controller, Rehearsal, Rig
-from identification import SlopeRange, quantity
+from identification import ForceLimit, SlopeRange, as_stored, load_device, quantity
+from tests.commands import haptune
 from tests.entered_scenes import made
 from tests.exported import FADE, tuned
-from tune import SafeProfile
+from tune import CheckFailedError, SafeProfile, Scene, optimise
 from tune.cli.preparation import refuse_restless
 
 
@@ -112,3 +114,49 @@ def test_what_is_in_no_moment_costs_nothing() -> None:
     one = {"elements": {"rubber": rubber}, "together": ()}
     _, law, _ = rehearsed(tuned().model_copy(update=one))
     assert law.size() == len(law.beside) == 1
+
+
+def test_an_element_without_effect_is_played_in_no_combination() -> None:
+    """A wall that could not be had would let a push carry the device away for ever."""
+    elements = dict(profile_with().elements)
+    elements["wall"] = elements["wall"].model_copy(update={"stiffness": 0.0, "damping": 0.0})
+    _, law, _ = rehearsed(profile_with().model_copy(update={"elements": elements}))
+    assert law.size() == 2
+    assert [part["mass"] > 0 for k in range(2) for part in rows(law, k)] == [True, False]
+
+
+def test_what_does_not_settle_is_no_feasible_effect(tmp_path: Path) -> None:
+    """Exit 5 names the element; 6 is for a profile that exists."""
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("schema: haptune/scene/1\nname: pool\nelements: {water: {damping: 10.0}}\n")
+    shakes = CheckFailedError(("water: rehearsal: shakes.",))
+    with mock.patch("tune.cli.profiles.refuse_restless", side_effect=shakes):
+        ended = haptune("tune", "homerehab", str(scene), "-o", str(tmp_path / "profile.yaml"))
+    assert ended.code == 5
+    assert "water: rehearsal: shakes. Ask for less of it" in " ".join(ended.err.split())
+    assert not (tmp_path / "profile.yaml").exists()
+
+
+def test_a_device_without_an_effect_beside_another_is_tuned() -> None:
+    """A wall too faint to be felt on a device that hardly damps, beside water and a cup."""
+    device = as_stored(
+        load_device("homerehab").model_copy(
+            update={
+                "sample_time": quantity(0.005),
+                "delay": quantity(0.005),
+                "mass": quantity(0.0929, 0.0928, 0.0930),
+                "damping": quantity(0.00179, 0.001788, 0.001792),
+                "coulomb_friction": quantity(0.007),
+                "encoder_resolution": quantity(2.27e-7),
+                "force_limit": ForceLimit(continuous=1.81, peak=3.62),
+            }
+        )
+    )
+    loop = {"velocity_filter_hz": "none", "acceleration_filter_hz": "none"}
+    wall = {"stiffness": "max", "damping": "max", "one_sided": True}
+    elements = {"water": {"damping": "max"}, "wall": wall}
+    scene = {"margin": "conservative", "loop": loop, "ripple_limit": 0.0212, "elements": elements}
+    profile = optimise(device, Scene.model_validate(scene))
+    assert profile.elements["wall"].stiffness == 0
+    assert profile.elements["water"].damping > 0.5
+    refuse_restless(profile, lambda _: None)

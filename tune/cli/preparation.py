@@ -368,6 +368,8 @@ _LASTING = 3 * 2**0.5
 #: Combinations played in one run: a step of a batch costs little more than one of a single device
 #: until there are some hundred members, and each combination is some three dozen.
 _AT_ONCE = 12
+#: Length of a trial, s, and its samples at most.
+_LONGEST, _MOST_SAMPLES = 3.0, 12_000
 #: Walls whose lead times differ by less, in parts, are alike: one clamp of one signal.
 _ALIKE = 1e-9
 
@@ -388,11 +390,12 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     )
     rig = rig_of(design.device)
     others = _other_rigs(design, rig)
-    combinations = [
-        names
-        for names in design.moments()
-        if any(getattr(design.elements[name], effect) for name in names for effect in EFFECT_NAMES)
-    ]
+    there = {
+        name
+        for name, element in design.elements.items()
+        if any(getattr(element, effect) for effect in EFFECT_NAMES)
+    }
+    combinations = [names for names in design.moments() if there.issuperset(names)]
     runs = -(-len(combinations) // _AT_ONCE)
     vetoes: list[str] = []
     for run in range(runs):
@@ -405,6 +408,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
             hand=hand,
             others=others,
             force_allowed=_LASTING * design.ripple_limit,
+            duration=min(_LONGEST, _MOST_SAMPLES * design.device.sample_time.value),
         )
         for names, each in zip(part, found, strict=True):
             vetoes += [f"{' + '.join(names)}: rehearsal: {t.reason}" for t in each.vetoes[:1]]

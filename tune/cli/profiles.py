@@ -24,6 +24,7 @@ from tune.cli.logs import (
 )
 from tune.cli.preparation import refuse_restless, template
 from tune.cli.session import Session, command
+from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -172,7 +173,25 @@ def tune_device(
     compare: bool = False,
     sheet: Path | None = None,
 ) -> SafeProfile:
-    """Tune, show the result and return it; all candidates are compared, and drawn, if asked."""
+    """Tune, show the result and return it; all candidates are compared, and drawn, if asked.
+
+    What cannot be proved, or does not settle in simulation, is refused as no feasible effect.
+    """
+    try:
+        return _tuned(session, device, wish, compare=compare, sheet=sheet)
+    except CheckFailedError as error:
+        reasons = (f"{each.removesuffix('.')}. Ask for less of it" for each in error.failures)
+        raise NoFeasibleEffectError(tuple(reasons)) from error
+
+
+def _tuned(
+    session: Session,
+    device: Device,
+    wish: TuningRequest,
+    *,
+    compare: bool,
+    sheet: Path | None,
+) -> SafeProfile:
     from tune.certificate.assumptions import trusted_facts
     from tune.optimisation._optimise import optimise
     from tune.presentation.tables import certificate_lines, elements_table

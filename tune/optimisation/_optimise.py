@@ -178,7 +178,7 @@ def design_of(
         SizedMoment(solved.problem, moment, solved.sizes)
         for solved in solutions
         for moment in solved.problem.moments
-        if any(moment.members)
+        if solved.sizes.size and any(moment.members)
     ]
     kept = MARGINS[scene.margin]
     found = {

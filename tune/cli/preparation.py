@@ -442,13 +442,13 @@ def _law(design: Design, combinations: Sequence[tuple[str, ...]]) -> Controller:
     from tune.documents.profile import SafeProfile
 
     certified = {frozenset(names) for names in design.moments()}
-    played = [_parts(design, names, certified) for names in combinations]
+    members = [_parts(design, names, certified) for names in combinations]
     loop = design.loop
     infinite = float("inf")
     # Samples that a gain waits for before it rises; of an uncertified design one.
     taps = design.certificate.longest_tap if isinstance(design, SafeProfile) else 1
     return Controller(
-        beside=tuple(_column(column) for column in zip_longest(*played)),
+        beside=tuple(_column(column) for column in zip_longest(*members)),
         calls=Calls(taps=taps),
         velocity_filter_hz=loop.velocity_filter_hz or infinite,
         acceleration_filter_hz=loop.acceleration_filter_hz or infinite,

@@ -104,7 +104,7 @@ def was_interrupted() -> bool:
     return _requests.came
 
 
-class FilesWhole:
+class UninterruptedWrites:
     """A block in which signals wait, so that all its files are written or none is begun.
 
     Raises Interruption before the block if a signal came already, else after it.
@@ -132,9 +132,9 @@ class _Outlet(io.RawIOBase):
 
     def write(self, data: ReadableBuffer, /) -> int:
         """Pass bytes on, or drop them and all that follow where that fails."""
-        whole = memoryview(data).nbytes
+        count = memoryview(data).nbytes
         if not self._open:
-            return whole
+            return count
         try:
             while (written := self._inner.write(data)) is None:
                 sleep(_PAUSE)
@@ -142,7 +142,7 @@ class _Outlet(io.RawIOBase):
             self._open = False
             if not _reader_gone(error):
                 self.failure = error.strerror or str(error)
-            return whole
+            return count
         return written
 
     def writable(self) -> bool:

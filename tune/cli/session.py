@@ -29,7 +29,7 @@ from identification import (
     UsageError,
 )
 from tune.cli.process import (
-    FilesWhole,
+    UninterruptedWrites,
     delivery_failure,
     ignore_signals,
     was_interrupted,
@@ -185,7 +185,7 @@ class Session:
     def _store(self, contents: Mapping[Path, bytes]) -> dict[Path, Replaced]:
         """Write files and note them as written, all or none; tell if they changed hands."""
         owners = {path: _owner_of(path) for path in contents}
-        with FilesWhole():
+        with UninterruptedWrites():
             replaced = ident.write_files(contents)
             self.outputs += map(str, contents)
         for path, before in owners.items():

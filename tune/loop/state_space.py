@@ -88,7 +88,7 @@ def _smoothed(
 #: Taylor terms of the exponential of a matrix below one half in norm: 2^-18/18! < 1e-20.
 _TAYLOR = 18
 #: Parts of a sample that count as none; clocks are not better.
-_WHOLE = 1e-9
+_NO_FRACTION = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,8 +191,8 @@ class Mechanism:
         augmented = np.zeros((size + 1, size + 1))
         augmented[:size, :size] = self.motion
         augmented[:size, size] = self.drive
-        whole = exponential(augmented * np.asarray(time)[..., None, None])
-        return whole[..., :size, :size], whole[..., :size, size]
+        both = exponential(augmented * np.asarray(time)[..., None, None])
+        return both[..., :size, :size], both[..., :size, size]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,10 +229,10 @@ class SampledLoop:
         plant = Mechanism.of(place)
         law = law_states(filters, place.sample_time, *values)
         delay_samples = place.delay / place.sample_time
-        whole = int(np.floor(delay_samples + _WHOLE))
-        part = delay_samples - whole
-        part = part if part > _WHOLE else 0.0
-        under_way = whole + (part > 0)
+        samples = int(np.floor(delay_samples + _NO_FRACTION))
+        fraction = delay_samples - samples
+        fraction = fraction if fraction > _NO_FRACTION else 0.0
+        under_way = samples + (fraction > 0)
         time = np.asarray(place.sample_time * lengths)
         size, start = len(plant.drive), len(plant.drive) + under_way
         states = start + len(law.update)
@@ -243,21 +243,21 @@ class SampledLoop:
         command[start:] = law.command
         command += law.direct * read
 
-        last = plant.held((1 - part) * time)
+        last = plant.held((1 - fraction) * time)
         transition = np.zeros((*time.shape, states, states))
         transition[..., :size, :size] = last[0]
-        if part:
-            first = plant.held(part * time)
+        if fraction:
+            first = plant.held(fraction * time)
             transition[..., :size, :size] = last[0] @ first[0]
-            transition[..., :size, size + whole] = (last[0] @ first[1][..., None])[..., 0]
+            transition[..., :size, size + samples] = (last[0] @ first[1][..., None])[..., 0]
         for older in range(1, under_way):
             transition[..., size + older, size + older - 1] = 1.0
         transition[..., start:, start:] = law.update
         transition[..., start:, :] += law.drive[:, None] * read
         pushed = transition.copy()
-        if whole:
-            transition[..., :size, size + whole - 1] = last[1]
-            pushed[..., :size, size + whole - 1] = last[1]
+        if samples:
+            transition[..., :size, size + samples - 1] = last[1]
+            pushed[..., :size, size + samples - 1] = last[1]
         else:
             pushed[..., :size, :] += last[1][..., None] * command
         if under_way:

@@ -298,18 +298,9 @@ def _nearest(task: DesignTask, filters: Filters) -> Effects | None:
 
 
 #: Quantities of a device in the order of its file.
-_QUANTITIES = (
-    "sample_time",
-    "mass",
-    "damping",
-    "coulomb_friction",
-    "force_offset",
-    "delay",
-    "encoder_resolution",
-    "current_lag",
-    "position_stiffness",
-)
-_RANGES = ("damping_slope", "presliding_stiffness")
+_QUANTITIES = ("sample_time", "mass", "damping", "coulomb_friction", "force_offset", "delay",
+               "encoder_resolution", "current_lag", "position_stiffness", "damping_slope",
+               "presliding_stiffness")  # fmt: skip
 #: How closely the gain that is kept is found, as part of the margin.
 _STEP = 0.01
 
@@ -390,17 +381,13 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
     """
     before, after = (each if isinstance(each, Device) else each.device for each in (old, new))
     if before.motion != after.motion:
-        raise UsageError(
-            "OLD NEW",
-            f"the old axis is {before.motion}, the new one {after.motion}",
-            "Compare files of one motion",
-        )
-    changes = tuple(_changes(before, after))
+        seen = f"the old axis is {before.motion}, the new one {after.motion}"
+        raise UsageError("OLD NEW", seen, "Compare files of one motion")
+    changes = _changes(before, after)
     if isinstance(old, Device):
         if isinstance(new, SafeProfile):
-            raise UsageError(
-                "OLD NEW", "the old file is a device, the new one a profile", "Swap them"
-            )
+            seen = "the old file is a device, the new one a profile"
+            raise UsageError("OLD NEW", seen, "Swap them")
         return Comparison(kind="devices", changes=changes)
     failures: tuple[str, ...] = ()
     gain = old.margin.gain
@@ -415,7 +402,7 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
     return Comparison(
         kind="profiles" if both else "profile and device",
         changes=changes,
-        effects=tuple(_effects(old, new)) if both else (),
+        effects=_effects(old, new) if both else (),
         failures=failures,
         gain=gain,
         judged=True,
@@ -461,44 +448,42 @@ def _moved(design: SafeProfile, device: Device) -> Design:
     What the design states of the device it was made for, such as margins beyond the one asked for
     and what is felt, is not asked of the other one.
     """
-    kept = Margins(
-        gain=0.0,
-        extra_delay_samples=float(design.margin.extra_delay_samples),
-        passive=False,
-    )
-    unclaimed = {
-        name: element.model_copy(
-            update={"margins": kept, "ripple": LARGEST, "rendered": None, "perceived_steps": {}}
-        )
-        for name, element in design.elements.items()
+    extra = float(design.margin.extra_delay_samples)
+    kept = Margins(gain=0.0, extra_delay_samples=extra, passive=False)
+    bare: dict[str, object] = {
+        "margins": kept,
+        "ripple": LARGEST,
+        "rendered": None,
+        "perceived_steps": {},
     }
+    unclaimed = {name: each.model_copy(update=bare) for name, each in design.elements.items()}
     return design.model_copy(update={"device": as_stored(device), "elements": unclaimed})
 
 
-def _changes(old: Device, new: Device) -> Iterator[Change]:
+def _changes(old: Device, new: Device) -> tuple[Change, ...]:
     """Every quantity that at least one of the devices states."""
-    for name in (*_QUANTITIES, *_RANGES):
-        pair = [_interval(getattr(device, name)) for device in (old, new)]
-        if any(pair):
-            yield Change(name=name, old=pair[0], new=pair[1])
+    sides = {name: [_interval(getattr(each, name)) for each in (old, new)] for name in _QUANTITIES}
+    limits = [each.force_limit for each in (old, new)]
     for name in ("continuous", "peak"):
-        limits = [device.force_limit for device in (old, new)]
-        pair = [None if each is None else _exact(getattr(each, name)) for each in limits]
-        if any(pair):
-            yield Change(name=f"force_limit.{name}", old=pair[0], new=pair[1])
+        sides[f"force_limit.{name}"] = [each and _exact(getattr(each, name)) for each in limits]
+    return _stated(sides)
 
 
-def _effects(old: Design, new: Design) -> Iterator[Change]:
+def _effects(old: Design, new: Design) -> tuple[Change, ...]:
     """Every effect that acts in at least one of the designs."""
-    for element in dict.fromkeys((*old.elements, *new.elements)):
+    sides: dict[str, list[Interval | None]] = {}
+    for name in dict.fromkeys((*old.elements, *new.elements)):
+        both = [design.elements.get(name) for design in (old, new)]
         for effect in EFFECT_NAMES:
-            sizes = [
-                getattr(design.elements[element], effect) if element in design.elements else 0.0
-                for design in (old, new)
-            ]
-            if any(sizes):
-                first, second = (_exact(size) if size else None for size in sizes)
-                yield Change(name=f"{element}.{effect}", old=first, new=second)
+            sizes = [0.0 if each is None else getattr(each, effect) for each in both]
+            sides[f"{name}.{effect}"] = [_exact(size) if size else None for size in sizes]
+    return _stated(sides)
+
+
+def _stated(sides: dict[str, list[Interval | None]]) -> tuple[Change, ...]:
+    """Old and new by name, of all that one of them states."""
+    changes = (Change(name=name, old=old, new=new) for name, (old, new) in sides.items())
+    return tuple(each for each in changes if each.old or each.new)
 
 
 def _interval(item: Quantity | SlopeRange | None) -> Interval | None:

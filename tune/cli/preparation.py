@@ -94,11 +94,8 @@ def excitation_of(name: str) -> str:
     from numpy import format_float_positional
 
     if name not in ident.named_devices():
-        raise UsageError(
-            "--device",
-            f"{name} is no known device",
-            f"Give one of {', '.join(ident.named_devices())}",
-        )
+        known = f"Give one of {', '.join(ident.named_devices())}"
+        raise UsageError("--device", f"{name} is no known device", known)
     device = ident.load_device(name)
     limit, count = device.force_limit, device.encoder_resolution
     assert limit is not None

@@ -399,12 +399,8 @@ def _node(given: str | None, targets: list[Target]) -> str:
     if "ros2" not in targets:
         raise UsageError("--node", "names a node of ROS 2", "Give --to ros2, or leave it out")
     if not _NODE.fullmatch(given):
-        raise UsageError(
-            "--node",
-            f"{given!r} is no name of a node",
-            "Give letters, digits and _, none beginning with a digit, namespaces before it as in "
-            "/robot/haptune",
-        )
+        remedy = "Give letters, digits and _, none beginning with a digit, namespaces before it as "
+        raise UsageError("--node", f"{given!r} is no name of a node", remedy + "in /robot/haptune")
     return given
 
 
@@ -479,12 +475,8 @@ def _own_log(path: Path, columns: LogColumns, safe: SafeProfile, profile: Path) 
     known = {log.digest: log.source for log in safe.device.logs}
     if trajectory.digest not in known:
         names = ", ".join(known.values()) or "none that is known"
-        raise InvalidInputError(
-            path,
-            f"is not what the device of {profile} was identified from ({names}): its content is "
-            "another",
-            "Give those logs, or none",
-        )
+        seen = f"is not what the device of {profile} was identified from ({names}): its content is "
+        raise InvalidInputError(path, seen + "another", "Give those logs, or none")
     return trajectory
 
 
@@ -500,9 +492,6 @@ def _alternatives(session: Session, safe: SafeProfile, scene_file: Path) -> tupl
     wish = read_request(scene_file, safe.margin.name)
     strange = sorted(set(safe.elements) - set(wish.scene.elements))
     if strange:
-        raise UsageError(
-            "--what-if",
-            f"{scene_file} has no element {', '.join(strange)}, which the profile has",
-            "Give the scene that the profile was tuned for",
-        )
+        seen = f"{scene_file} has no element {', '.join(strange)}, which the profile has"
+        raise UsageError("--what-if", seen, "Give the scene that the profile was tuned for")
     return say_what_would_help(session, safe, wish.scene, wish.table)

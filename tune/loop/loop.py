@@ -90,22 +90,17 @@ class Filters:
         for name in ("velocity_filter_order", "acceleration_filter_order"):
             if getattr(self, name) not in {1, 2}:
                 raise LoopError(f"{name} must be 1 or 2, not {getattr(self, name)!r}")
-        if not 0 < self.filter_damping_ratio <= 1:
+        ratio, count = self.filter_damping_ratio, self.velocity_window_samples
+        if not 0 < ratio <= 1:
+            raise LoopError(f"filter_damping_ratio must be in (0, 1], not {ratio:g}")
+        if count is not None and not 1 <= count <= LONGEST_WINDOW:
+            seen = f"velocity_window_samples must be 1 to {LONGEST_WINDOW} samples, not {count}"
+            raise LoopError(seen)
+        if count is not None and self.velocity_filter_hz is not None:
             raise LoopError(
-                f"filter_damping_ratio must be in (0, 1], not {self.filter_damping_ratio:g}"
+                f"velocity_window_samples {count} and velocity_filter_hz "
+                f"{self.velocity_filter_hz:g} exclude each other; give one of them"
             )
-        if self.velocity_window_samples is not None:
-            if not 1 <= self.velocity_window_samples <= LONGEST_WINDOW:
-                raise LoopError(
-                    f"velocity_window_samples must be 1 to {LONGEST_WINDOW} samples, not "
-                    f"{self.velocity_window_samples}"
-                )
-            if self.velocity_filter_hz is not None:
-                raise LoopError(
-                    f"velocity_window_samples {self.velocity_window_samples} and "
-                    f"velocity_filter_hz {self.velocity_filter_hz:g} exclude each other; give one "
-                    "of them"
-                )
 
 
 def used_filters(filters: Filters, effects: Effects) -> Filters:

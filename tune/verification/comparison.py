@@ -243,20 +243,14 @@ def _check_request(
         ("motion", trajectory.motion, device.motion),
     ):
         if seen is not None and seen != known:
-            raise UsageError(
-                name,
-                f"the log is of {seen}, the profile of {known}",
-                "Give the log and the profile of one axis",
-            )
+            what = f"the log is of {seen}, the profile of {known}"
+            raise UsageError(name, what, "Give the log and the profile of one axis")
     if gain is not None and not (np.isfinite(gain) and gain > 0):
         raise UsageError("--gain", f"{gain:g} is no gain", "Give a number above 0, usually below 1")
     begin, end = float(trajectory.time[0]), float(trajectory.time[-1])
     if release is not None and not begin <= release < end:
-        raise UsageError(
-            "--release",
-            f"{release:g} s is outside of the log, {begin:g} to {end:g} s",
-            "Give the instant in the time of the log",
-        )
+        seen = f"{release:g} s is outside of the log, {begin:g} to {end:g} s"
+        raise UsageError("--release", seen, "Give the instant in the time of the log")
 
 
 def _check_clock(profile: Design, trajectory: Trajectory) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 from unittest import mock
 
 import tune
-from tune.cli.app import run
+from tune.cli.app import run_app
 
 #: The quickest scene there is: a fluid settles at once in rehearsal, a lone spring rings for long.
 FLUID = "elements: {water: {damping: 10.0}}\n"
@@ -57,7 +57,7 @@ def haptune(*arguments: str, **environment: str) -> Ended:
         contextlib.redirect_stderr(err),
     ):
         try:
-            run()
+            run_app()
         except SystemExit as ended:
             code = ended.code
         else:

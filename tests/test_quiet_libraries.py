@@ -17,7 +17,7 @@ def run():
     warnings.warn("invalid value encountered", RuntimeWarning)
     logging.getLogger("library").warning("a cache was built")
 
-tune.cli.app.run = run
+tune.cli.app.run_app = run
 from tune.cli import main
 main()
 """

@@ -28,11 +28,11 @@ together: [[wall, fluid]]
 
 
 def _haptune(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    from tune.cli.app import run
+    from tune.cli.app import run_app
 
     monkeypatch.setattr(sys, "argv", ["haptune", *arguments])
     with pytest.raises(SystemExit) as ended:
-        run()
+        run_app()
     assert isinstance(ended.value.code, int)
     return ended.value.code
 

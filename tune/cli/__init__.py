@@ -30,9 +30,9 @@ def _run() -> None:
     prepare_streams()
     _refuse_another_tune()
     _silence_libraries()
-    from tune.cli.app import run
+    from tune.cli.app import run_app
 
-    run()
+    run_app()
 
 
 def _refuse_another_tune() -> None:

@@ -27,20 +27,20 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for _name, _command, _summary in (
-    ("demo", profiles.demo, "Try it: bundled log to profile, with pictures."),
-    ("new", preparation.new, "Write a template of a file."),
-    ("doctor", logs.doctor, "What logs can and cannot support."),
-    ("identify", logs.identify, "Logs to device.yaml."),
-    ("tune", profiles.tune, "Device and scene to profile.yaml."),
-    ("calibrate", profiles.calibrate, "Logs and scene to profile.yaml: the main job."),
-    ("audit", judging.audit, "Are these gains safe on a device, and if not, why."),
-    ("check", judging.check, "Re-compute a profile by another path."),
-    ("verify", judging.verify, "A low-gain log of the device against its profile."),
-    ("compare", judging.compare, "What changed between two devices or two profiles."),
-    ("export", profiles.export, "A profile as files for a controller."),
-    ("report", profiles.report, "A profile as one page to read, print and sign."),
-    ("excite", preparation.excite, "Plan a force that tells mass and damping best."),
-    ("simulate", preparation.simulate, "Rehearse: a simulated log of a known device."),
+    ("demo", profiles.demo_command, "Try it: bundled log to profile, with pictures."),
+    ("new", preparation.new_command, "Write a template of a file."),
+    ("doctor", logs.doctor_command, "What logs can and cannot support."),
+    ("identify", logs.identify_command, "Logs to device.yaml."),
+    ("tune", profiles.tune_command, "Device and scene to profile.yaml."),
+    ("calibrate", profiles.calibrate_command, "Logs and scene to profile.yaml: the main job."),
+    ("audit", judging.audit_command, "Are these gains safe on a device, and if not, why."),
+    ("check", judging.check_command, "Re-compute a profile by another path."),
+    ("verify", judging.verify_command, "A low-gain log of the device against its profile."),
+    ("compare", judging.compare_command, "What changed between two devices or two profiles."),
+    ("export", profiles.export_command, "A profile as files for a controller."),
+    ("report", profiles.report_command, "A profile as one page to read, print and sign."),
+    ("excite", preparation.excite_command, "Plan a force that tells mass and damping best."),
+    ("simulate", preparation.simulate_command, "Rehearse: a simulated log of a known device."),
 ):
     app.command(_name, short_help=_summary)(_command)
 
@@ -62,7 +62,7 @@ def haptune(
     """From a logged trajectory to a safe haptic controller profile."""
 
 
-def run() -> None:
+def run_app() -> None:
     """Run the command line and exit with the code of the contract."""
     try:
         code: object = app(standalone_mode=False, prog_name="haptune")

@@ -35,7 +35,7 @@ _MORE = 1.02
 
 
 @command()
-def audit(
+def audit_command(
     session: Session,
     device: Annotated[str, Argument(help="device.yaml, or the name of a known device.")],
     stiffness: Annotated[float, Option(metavar="K", help="N/m (N·m/rad).")] = 0.0,
@@ -56,8 +56,7 @@ def audit(
     """Are these gains safe, why not, and the nearest safe ones; exit code 6 if they are not."""
     from tune.certificate.assumptions import trusted_facts
     from tune.documents.effects import Effects
-    from tune.judging import NEEDED
-    from tune.judging import audit as judged
+    from tune.judging import NEEDED, audit
     from tune.loop.loop import Filters
     from tune.presentation.tables import audit_table
 
@@ -72,7 +71,7 @@ def audit(
         raise UsageError("--extra-delay-samples", seen, least)
     with session.progress() as say:
         say("judging the gains")
-        found = judged(
+        found = audit(
             known,
             Effects(**wanted),
             filters=Filters(
@@ -174,7 +173,7 @@ def _audit_details(found: Audit) -> dict[str, object]:
 
 
 @command()
-def check(
+def check_command(
     session: Session,
     profile: Annotated[Path, Argument(help="profile.yaml")],
     device: Annotated[
@@ -188,15 +187,14 @@ def check(
     picture: Picture = None,
 ) -> None:
     """Re-compute all that a profile says; exit code 6 if anything differs."""
-    from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
-    from tune.certificate.check import check as recheck
+    from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST, check
     from tune.presentation.tables import certificate_lines, elements_table
 
     session.target(picture, profile, None if device is None else Path(device))
     known = None if device is None else ident.as_stored(ident.load_device(device))
     with session.progress() as say:
         say("re-computing the certificate")
-        report = recheck(profile, known)
+        report = check(profile, known)
         if known is not None:
             refuse_restless(report.profile, say)
     session.details["profile"] = ident.to_mapping(report.profile)
@@ -218,7 +216,7 @@ def check(
 
 
 @command()
-def compare(
+def compare_command(
     session: Session,
     old: Annotated[str, Argument(metavar="OLD", help="device.yaml or profile.yaml")],
     new: Annotated[
@@ -230,12 +228,12 @@ def compare(
     ],
 ) -> None:
     """What changed beyond both intervals; ends with 6 if the old profile no longer holds."""
-    from tune.judging import compare as compared
+    from tune.judging import compare
 
     first, second = _load(old), _load(new)
     with session.progress() as say:
         say(f"comparing {old} with {new}")
-        found = compared(first, second)
+        found = compare(first, second)
     motion = first.motion if isinstance(first, ident.Device) else first.device.motion
     session.say(_comparison_table(found, old, new, motion))
     session.details |= _comparison_details(found)
@@ -312,7 +310,7 @@ def _comparison_details(found: Comparison) -> dict[str, object]:
 
 
 @command(without=("reference",))
-def verify(
+def verify_command(
     session: Session,
     profile: Annotated[Path, Argument(help="profile.yaml")],
     log: Annotated[

@@ -31,7 +31,7 @@ DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the cov
 
 
 @command()
-def identify(
+def identify_command(
     session: Session,
     logs: opt.Logs,
     output: opt.DeviceOut = Path("device.yaml"),
@@ -164,7 +164,7 @@ def draw_identified(
 
 
 @command()
-def doctor(
+def doctor_command(
     session: Session,
     logs: opt.Logs,
     *,

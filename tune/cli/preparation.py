@@ -44,7 +44,7 @@ _ENDINGS: dict[_Language, str] = {"c": "c", "python": "py"}
 
 
 @command()
-def new(
+def new_command(
     session: Session,
     kind: Annotated[_Kind, Argument(help="What to write.")],
     device: Annotated[
@@ -172,7 +172,7 @@ def hardware_of(name: str) -> str:
 
 
 @command()
-def excite(
+def excite_command(
     session: Session,
     spec: Annotated[Path, Argument(help="Limits and guesses; see 'haptune new excitation'.")],
     output: Annotated[
@@ -331,7 +331,7 @@ def _prediction_line(plan: Excitation) -> str:
 
 
 @command()
-def simulate(
+def simulate_command(
     session: Session,
     spec: Annotated[str, Argument(help="Name of a scenario; an unknown name lists all of them.")],
     output: Annotated[Path, Option("-o", "--output", help="Where to write the log (CSV).")] = Path(

@@ -56,7 +56,7 @@ _HEADING = 4096
 
 
 @command()
-def tune(
+def tune_command(
     session: Session,
     device: Annotated[str, Argument(help="device.yaml, or the name of a known device.")],
     scene: Annotated[Path, Argument(help="scene.yaml")],
@@ -83,7 +83,7 @@ def tune(
 
 
 @command()
-def calibrate(
+def calibrate_command(
     session: Session,
     logs: opt.Logs,
     scene: Annotated[Path, Option(metavar="SCENE", help="scene.yaml")],
@@ -120,7 +120,7 @@ def calibrate(
 
 
 @command()
-def demo(session: Session) -> None:
+def demo_command(session: Session) -> None:
     """Bundled log → device.yaml → scene.yaml → profile.yaml, with tables and two pictures."""
     from datasets_synthetic import bundled_path
     from tune.presentation.pictures import profile_picture
@@ -320,7 +320,7 @@ _NODE = re.compile(r"[A-Za-z_]\w*|(/[A-Za-z_]\w*)+", re.ASCII)
 
 
 @command()
-def export(
+def export_command(
     session: Session,
     profile: Annotated[Path, Argument(help="profile.yaml")],
     to: Annotated[
@@ -339,19 +339,18 @@ def export(
     dry_run: opt.DryRun = False,
 ) -> None:
     """Files for a controller, from a profile whose digest and certificate are checked first."""
-    from tune.certificate.check import check as recheck
-    from tune.exporters import digest
-    from tune.exporters import export as export_to
+    from tune.certificate.check import check
+    from tune.exporters import digest, export
 
     targets = _targets(to)
     called = _node(node, targets)
     _refuse_missing_folder(output)
     with session.progress() as say:
         say("re-computing the certificate")
-        checked = recheck(profile).profile
+        checked = check(profile).profile
     files: dict[Path, str] = {}
     for target in targets:
-        texts = export_to(checked, target, node=called)
+        texts = export(checked, target, node=called)
         files |= {output / name: text for name, text in texts.items()}
     if not dry_run:
         try:
@@ -417,7 +416,7 @@ def _targets(given: list[str]) -> list[Target]:
 
 
 @command()
-def report(
+def report_command(
     session: Session,
     profile: Annotated[Path, Argument(help="profile.yaml")],
     logs: Annotated[

@@ -446,7 +446,7 @@ class LogOptions:
 def command(
     *, without: Collection[str] = ()
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A command as typer reads it, made of a function that is given its session.
+    """A command as typer reads it, made of a function ``name_command`` with its session.
 
     It offers ``--json`` and ``--quiet``, and in the place of ``options``, a LogOptions, an option
     for each field but those it goes without.
@@ -472,9 +472,8 @@ def command(
                 given["options"] = LogOptions(
                     **{each.name: given.pop(each.name) for each in common}
                 )
-            run_command(
-                body.__name__, lambda session: body(session, **given), as_json=json, quiet=quiet
-            )
+            name = body.__name__.removesuffix("_command")
+            run_command(name, lambda session: body(session, **given), as_json=json, quiet=quiet)
 
         run.__dict__["__signature__"] = own.replace(parameters=offered)  # read by typer
         return run

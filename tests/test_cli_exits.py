@@ -162,7 +162,7 @@ def _raising(error: BaseException) -> Callable[..., NoReturn]:
 #: What to break, so that each command is stopped from inside.
 INSIDE = {
     "demo": "datasets_synthetic.bundled_path",
-    "new scene": "identification.write_text",
+    "new scene": "identification.write_files",
     "identify log.csv": "identification.load_trajectory",
     "tune homerehab scene.yaml": "tune.optimisation._optimise.optimise",
     "calibrate log.csv --scene scene.yaml": "identification.load_trajectory",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from math import exp, log
+from math import exp
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,11 @@ from matplotlib.patches import Rectangle
 
 from datasets_synthetic import bundled_path
 from identification import Device, load_device, quantity
-from tests.commands import files, haptune
+from tests.commands import haptune
 from tests.unlimited import UNLIMITED
-from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
-from tune.documents.perception import PerceptionTable, default_table
-from tune.documents.profile import SafeProfile, load_profile
+from tune.documents.errors import NoFeasibleEffectError
+from tune.documents.profile import load_profile
 from tune.documents.scene import MarginName, Scene
-from tune.optimisation._optimise import optimise
 from tune.optimisation.alternatives import (
     Candidate,
     candidates,
@@ -139,47 +137,6 @@ def test_a_margin_that_allows_nothing_says_why_and_the_others_stand(
     }
 
 
-def test_a_candidate_that_is_not_certified_is_told_like_any_other(
-    device: Device, walls: tuple[Candidate, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    profiles = {candidate.margin: candidate.profile for candidate in walls}
-
-    def fails_when_firm(device: Device, scene: Scene, **more: Any) -> SafeProfile:
-        profile = profiles[scene.margin]
-        if scene.margin == "firm" or profile is None:
-            raise CheckFailedError(("an unstable corner",))
-        return profile
-
-    monkeypatch.setattr("tune.optimisation.alternatives.optimise", fails_when_firm)
-    *rest, firm = candidates(device, _scene())
-    assert all(candidate.profile is not None for candidate in rest)
-    assert str(firm.error) == "check failed: an unstable corner"
-
-
-@pytest.mark.usefixtures("walls")
-def test_every_sentence_of_progress_names_its_margin(said: list[str]) -> None:
-    for margin in PROMISED:
-        assert f"{margin} margin: certifying" in said
-    assert all(sentence.split(" margin: ")[0] in PROMISED for sentence in said)
-
-
-def test_rows_go_by_effect_with_steps_and_their_interval(device: Device) -> None:
-    content = default_table().model_dump(by_alias=True)
-    content["stiffness"] = {"value": 0.5, "low": 0.25, "high": 1.0, "source": "made up"}
-    table = PerceptionTable.model_validate(content)
-    profile = optimise(device, _scene({**WALL, "rail": {"stiffness": 500.0}}), table=table)
-    found = tuple(Candidate(margin=name, profile=profile, error=None) for name in PROMISED)
-    rows = compare_candidates(found, table)
-    assert [(row.element, row.margin) for row in rows] == list(product(("wall", "rail"), PROMISED))
-    rail = rows[-1].steps
-    # 500 N/m above 80 N/m, which 0.8 N of friction mask at 10 mm. Files keep four digits of steps.
-    height = log(580 / 80)
-    assert rail.value == pytest.approx(height / log(1.5), rel=1e-4)
-    assert rail.low == pytest.approx(height / log(2.0), rel=1e-4)
-    assert rail.high == pytest.approx(height / log(1.25), rel=1e-4)
-    assert rows[-1].limited_by == "wanted"
-
-
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -203,38 +160,6 @@ def test_tune_shows_all_and_writes_the_margin_chosen() -> None:
     alone = haptune("tune", "homerehab", "scene.yaml", "--margin", "firm", "-o", "b.yaml", "--json")
     assert "candidates" not in alone.result.get("details", {})
     assert load_profile(Path("b.yaml")).digest == written.digest
-
-
-@pytest.mark.usefixtures("here")
-def test_json_gives_every_candidate() -> None:
-    result = haptune("tune", "homerehab", "scene.yaml", "--candidates", "--json").result
-    found = result["details"]["candidates"]
-    assert [entry["margin"] for entry in found] == list(PROMISED)
-    assert [entry["recommended"] for entry in found] == [False, True, False]
-    for entry in found:
-        (wall,) = entry["effects"]
-        assert (wall["element"], wall["effect"], wall["value"]) == ("wall", "stiffness", 280.0)
-        assert wall["limited_by"] == "force"
-    (wall,) = found[0]["effects"]
-    assert wall["steps"]["low"] < wall["steps"]["value"] < wall["steps"]["high"]
-    assert wall["gain"] >= 3
-    assert wall["extra_delay_samples"] >= 2
-    assert found[0]["reason"] is None
-    assert result["outputs"] == ["profile.yaml"]
-
-
-@pytest.mark.usefixtures("here")
-def test_a_chosen_margin_without_a_profile_ends_as_it_does_alone() -> None:
-    Path("scene.yaml").write_text(
-        "elements: {wall: {stiffness: {min: 5000.0, max: 9000.0}}}\n", encoding="utf-8"
-    )
-    ended = haptune("tune", "homerehab", "scene.yaml", "--candidates", "--json")
-    assert ended.code == 5
-    assert [entry["effects"] for entry in ended.result["details"]["candidates"]] == [[], [], []]
-    assert "range starts at 5000" in ended.result["message"]
-    shown = haptune("tune", "homerehab", "scene.yaml", "--candidates")
-    assert shown.out.count("range starts at 5000") == 3
-    assert files() == {"scene.yaml"}
 
 
 @pytest.mark.long

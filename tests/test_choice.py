@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from identification import Hardware, Trajectory, identify, quantity
-from identification.findings import CODES
+from identification.findings import CODES, judge
 from tests.bare_servo import INERTIA, path, servo_log
 from tests.simulated.families import FAMILIES
 
@@ -77,3 +80,25 @@ def test_instruments_are_asked_wherever_a_reference_is_logged() -> None:
     fit = identify(family.logs([0])[0]).logs[0]
     assert fit.method == "output-error"
     assert "instruments" in {each.method for each in fit.others}
+
+
+def test_what_other_evidence_says_against_an_estimate_is_found() -> None:
+    """A mass that rows at equal velocity exclude, a second delay, a move with the cut-off."""
+    fit = identify(quick_motor(bent=1e-3), hardware=HARDWARE).logs[0]
+    plain = replace(fit.estimate, delay=1e-3, delay_deviation=5e-5)
+    count = plain.values.size
+    heavy = replace(plain, values=plain.values * np.append(1.5, np.ones(count - 1)))
+    moved = np.append(0.05 * plain.value("mass"), np.zeros(count - 1))
+    swayed = replace(plain, leaning=moved, covariance=plain.covariance + np.outer(moved, moved))
+    late = replace(plain, delay=1.6e-3)
+    unsure = replace(late, delay_deviation=2e-4)
+    for chosen, other, code, words in (
+        (plain, plain, "", ""),
+        (plain, unsure, "", ""),
+        (heavy, plain, "heldout-misfit", "at equal velocity"),
+        (swayed, plain, "heldout-misfit", "cut-off"),
+        (plain, late, "delay-unknown", "1.60"),
+    ):
+        found = judge(fit.trajectory, fit.others[0], chosen, consulted=[other])
+        assert [each.code for each in found] == [code] * bool(code), words
+        assert all(words in each.seen for each in found)

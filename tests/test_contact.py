@@ -103,45 +103,6 @@ def _stated(
     return found
 
 
-@pytest.mark.parametrize(
-    ("wall", "one_sided", "about"),
-    [
-        ((1154.0, 0.0, None), True, 0.80),
-        ((6000.0, 0.0, None), True, 0.988),
-        ((20_000.0, 118.0, 51.0), True, 0.51),
-    ],
-)
-def test_homerehab_with_one_sample_of_delay(
-    wall: tuple[float, float, float | None], one_sided: bool, about: float
-) -> None:
-    """A lagging spring gives all back, one whose damping is more than its lag takes a half."""
-    low, high = _stated(_exactly(load_device("homerehab")), wall, one_sided=one_sided)
-    assert low <= about * 1.03
-    assert high >= about * 0.97
-    assert high - low < 0.01
-
-
-def test_every_device_of_the_box_lies_within() -> None:
-    """Corners of the box are extreme: devices drawn from inside bounce no more and no less."""
-    chance = np.random.default_rng(3)
-    for name, wall in WALLS.items():
-        device = load_device(name)
-        box = device.simultaneous_box()
-        for one_sided in (False, True):
-            low, high = _stated(device, wall, one_sided=one_sided)
-            for _ in range(12):
-                drawn = device.model_copy(
-                    update={
-                        "mass": quantity(float(chance.uniform(*box.mass))),
-                        "damping": quantity(float(chance.uniform(*box.damping))),
-                    }
-                )
-                bounce = _bounce(
-                    drawn, wall, float(chance.uniform(0.01, 1)), one_sided=one_sided, samples=1
-                )
-                assert low <= bounce <= high, name
-
-
 def test_with_a_mode_a_lag_and_part_of_a_sample_of_delay() -> None:
     """In tenths of a step, by scipy's exponential of the mechanism's matrix."""
     m, b, T, K, B, lag, tenths = 3.0, 10.0, 1e-3, 1500.0, 30.0, 0.002, 13

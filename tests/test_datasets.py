@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from dataclasses import FrozenInstanceError
-
 import numpy as np
 import pytest
 
-import datasets_synthetic
 from datasets_synthetic import (
     SCENARIOS,
-    Faults,
-    Rig,
     bundled_path,
-    fit_to_limits,
-    log_text,
-    multisine,
-    named_rig,
     run,
-    run_batch,
-    simulate,
 )
 from datasets_synthetic.scenarios import bundle_texts
 from identification import (
@@ -30,7 +17,6 @@ from identification import (
     load_device,
     load_document,
     load_mapping,
-    named_devices,
 )
 from tests.simulated.fleet import random_devices
 from tests.thinned import thinned
@@ -62,17 +48,6 @@ def test_illustrative_devices_say_that_nothing_was_measured(name: str) -> None:
     assert device.force_limit is not None
     sources = {device.mass.source, device.damping.source, device.force_limit.source}
     assert sources == {"assumed"}
-
-
-@pytest.mark.parametrize("name", named_devices())
-def test_a_named_rig_is_the_device_without_its_intervals(name: str) -> None:
-    device, rig = load_device(name), named_rig(name)
-    assert (rig.name, rig.axis, rig.motion) == (device.name, device.axis, device.motion)
-    assert rig.batch == 1
-    for quantity in ("mass", "damping", "coulomb_friction", "force_offset", "delay"):
-        assert getattr(rig, quantity)[0] == getattr(device, quantity).value
-    assert device.force_limit is not None
-    assert rig.force_limit[0] == device.force_limit.peak
 
 
 @pytest.mark.parametrize("name", thinned(SCENARIOS, 2))
@@ -109,55 +84,6 @@ def test_excitation_reaches_a_limit_and_tells_mass_from_damping(name: str) -> No
     assert 0.02 < slow < 0.98
 
 
-def test_wall_hit_comes_to_rest() -> None:
-    log = run("homerehab-wall")
-    friction_holds = 0.8 / 500.0
-    assert np.max(np.abs(log.position)) > 5 * friction_holds
-    assert np.max(np.abs(log.position[-300:])) < 1.1 * friction_holds
-
-
-def test_one_simulation_of_many_seeds_equals_many_simulations() -> None:
-    together = run_batch("homerehab-wall", (3, 4))
-    for member, seed in enumerate((3, 4)):
-        alone = run("homerehab-wall", seed=seed)
-        np.testing.assert_array_equal(together.position[member], alone.position)
-        np.testing.assert_array_equal(together.force[member], alone.force)
-    assert np.any(together.position[0] != together.position[1])
-    np.testing.assert_array_equal(run("homerehab-wall").position, together.position[0])
-
-
-def test_an_unknown_scenario_is_refused_with_the_names_there_are() -> None:
-    with pytest.raises(InvalidInputError, match="homerehab-clean"):
-        run("homerehap")
-    with pytest.raises(FrozenInstanceError):
-        SCENARIOS["homerehab"].seed = 5  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def test_multisine_fades_in_has_peak_one_and_a_low_crest() -> None:
-    rig = Rig(mass=[3.0, 0.1], damping=[10.0, 1.0], sample_time=[0.001, 0.002])
-    force = multisine(rig, 10_000)
-    assert force.shape == (2, 10_000)
-    np.testing.assert_allclose(np.max(np.abs(force), axis=1), 1.0)
-    assert np.all(np.abs(force[:, 0]) < 1e-12)
-    assert np.all(np.abs(force[:, :20]) < 0.01)
-    assert np.all(1.0 / np.std(force, axis=1) < 3.2)  # a random choice of phases gives about 4
-
-
-def test_force_that_cannot_move_the_device_is_refused() -> None:
-    rig = Rig(mass=1.0, damping=1.0, sample_time=0.001, coulomb_friction=2.0, force_offset=1.0)
-    with pytest.raises(ValueError, match="more than its friction 2 is needed"):
-        fit_to_limits(rig, multisine(rig, 1000), travel=0.1, force=3.0)
-
-
-def test_offset_is_cancelled_within_the_force_limit() -> None:
-    rig = Rig(mass=1.0, damping=2.0, sample_time=0.001, force_offset=-3.0)
-    found = fit_to_limits(rig, multisine(rig, 4000), travel=0.05, force=10.0)
-    assert np.max(np.abs(found.force)) <= 10.0
-    position = simulate(rig, found.force, position=found.start).position
-    assert position.max() == pytest.approx(-position.min())
-    assert 0.045 <= position.max() <= 0.05
-
-
 def test_random_devices_differ_and_stay_within_their_limits() -> None:
     fleet = random_devices(60, 1, samples=3000)
     rig, logs = fleet.rig, fleet.logs()
@@ -177,25 +103,6 @@ def test_random_devices_differ_and_stay_within_their_limits() -> None:
     for member in range(60):
         step = logs.trajectory(member).sample_time
         assert step == pytest.approx(float(rig.sample_time[member]))
-
-
-def test_random_devices_depend_on_the_seed_only() -> None:
-    first, again, other = (random_devices(5, seed, samples=500) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first.excitation.force, again.excitation.force)
-    np.testing.assert_array_equal(first.rig.mass, again.rig.mass)
-    assert not np.any(first.rig.mass == other.rig.mass)
-    noisy = first.logs(faults=Faults(force_noise=0.01), seed=3)
-    assert np.any(noisy.position != first.logs().position)
-
-
-@pytest.mark.long
-def test_a_thousand_random_devices_give_a_thousand_logs() -> None:
-    fleet = random_devices(1000, 0)
-    logs = fleet.logs()
-    assert logs.force.shape == (1000, 20_000)
-    half_range = np.ptp(logs.position, axis=1) / 2
-    assert np.all(half_range >= 900 * fleet.rig.encoder_resolution)
-    assert all(len(logs.trajectory(member)) == 20_000 for member in range(1000))
 
 
 def test_bundled_files_are_what_their_scenario_makes() -> None:
@@ -229,35 +136,6 @@ def test_bundled_log_is_small_exact_and_beside_its_truth() -> None:
     assert (hardware.force_limit.continuous, hardware.force_limit.peak) == (14.0, 28.0)
 
 
-def test_log_text_prints_every_sample() -> None:
-    log = run("homerehab-wall")
-    lines = log_text(log).splitlines()
-    assert len(lines) == len(log) + 1
-    printed = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
-    for column, (_, values) in zip(printed.T, log.columns(), strict=True):
-        np.testing.assert_allclose(column, values, rtol=0, atol=1e-12)
-    assert "-0," not in log_text(log)
-
-
 def test_an_unknown_bundled_file_is_refused() -> None:
     with pytest.raises(InvalidInputError, match=r"homerehab\.csv"):
         bundled_path("../device.py")
-
-
-def test_public_names_exist_and_load_lazily() -> None:
-    for name in datasets_synthetic.__all__:
-        assert getattr(datasets_synthetic, name) is not None
-    assert dir(datasets_synthetic) == sorted(datasets_synthetic.__all__)
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = datasets_synthetic.nothing  # pyright: ignore[reportAttributeAccessIssue, reportUnknownVariableType, reportUnknownMemberType]
-    listing = (
-        "import sys, datasets_synthetic as d; d.SCENARIOS; d.simulate; d.rehearse;"
-        "print(sorted({'scipy', 'scipy.signal', 'casadi', 'matplotlib'} & set(sys.modules)))"
-    )
-    shown = subprocess.run(
-        [sys.executable, "-c", listing], capture_output=True, text=True, check=True
-    )
-    assert shown.stdout.strip() == "[]"
-    bare = "import sys, datasets_synthetic; print('numpy' in sys.modules)"
-    shown = subprocess.run([sys.executable, "-c", bare], capture_output=True, text=True, check=True)
-    assert shown.stdout.strip() == "False"

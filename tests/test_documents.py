@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import stat
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,6 @@ from identification import (
     InvalidInputError,
     NotWrittenError,
     as_stored,
-    difference_of,
     load_document,
     load_mapping,
     parse_document,
@@ -160,49 +157,6 @@ def test_documents_are_frozen_and_closed() -> None:
 
 
 # Writing
-
-
-def test_writing_keeps_a_backup_and_shows_the_difference(tmp_path: Path) -> None:
-    path = tmp_path / "a.yaml"
-    assert write_text(path, "one\ntwo\n") is None
-    assert write_text(path, "one\ntwo\n") is None
-    assert not (tmp_path / "a.yaml.bak").exists()
-    replaced = write_text(path, "one\nthree\n")
-    assert replaced is not None
-    difference = difference_of(path, replaced, "one\nthree\n")
-    assert "-two" in difference
-    assert "+three" in difference
-    assert path.read_text() == "one\nthree\n"
-    assert (tmp_path / "a.yaml.bak").read_text() == "one\ntwo\n"
-    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.yaml", "a.yaml.bak"]
-
-
-def test_writing_keeps_permissions_and_follows_links(tmp_path: Path) -> None:
-    target = tmp_path / "real.yaml"
-    target.write_text("old")
-    target.chmod(0o640)
-    link = tmp_path / "link.yaml"
-    link.symlink_to(target)
-    write_text(link, "new")
-    assert link.is_symlink()
-    assert target.read_text() == "new"
-    assert stat.S_IMODE(target.stat().st_mode) == 0o640
-
-
-def test_a_failed_write_leaves_everything_as_it_was(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "a.yaml"
-    path.write_text("old")
-
-    def broken(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", broken)
-    with pytest.raises(NotWrittenError, match="No space left"):
-        write_text(path, "new")
-    assert path.read_text() == "old"
-    assert [each.name for each in tmp_path.iterdir()] == ["a.yaml"]
 
 
 def test_places_that_cannot_be_written(tmp_path: Path) -> None:

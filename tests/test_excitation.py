@@ -110,14 +110,6 @@ def _load(plan: ExcitationSpec, force: Array) -> Array:
     return np.maximum(np.maximum(travel / plan.travel, speed / plan.speed), 0.0)
 
 
-def test_hand_picked_sweeps_use_the_limits() -> None:
-    limits = spec()
-    force = sweeps(limits)
-    assert force.shape == (20, limits.samples)
-    used = np.maximum(_load(limits, force), np.max(np.abs(force), axis=1) / limits.force)
-    np.testing.assert_allclose(used, 1.0, rtol=0.02)
-
-
 @pytest.mark.parametrize("name", thinned(LIMITS, 1))
 def test_intervals_are_30_percent_narrower_than_the_best_of_ten_sweeps(name: str) -> None:
     """Each against the sweep that is best for it, so no single sweep is as good as the ten."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,14 +11,12 @@ from numpy.typing import NDArray
 from identification import (
     ForceLimit,
     Hardware,
-    LogRefusedError,
     Trajectory,
     quantity,
 )
 from identification.findings import inspect
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.findings import findings_of, refusals, warnings
-from tests.simulated.catalogue.raw import RawLog
 from tests.thinned import thinned
 
 Array = NDArray[np.float64]
@@ -93,24 +89,6 @@ def test_hardware_tells_units(force: float, position: float) -> None:
     assert "force-unit" in refusals(other, hardware)
 
 
-def test_numbers_of_a_converter_show_without_hardware() -> None:
-    trajectory = plain()
-    counts = np.rint(trajectory.position / COUNT)
-    assert "force-unit" in refusals(log(trajectory.force, counts))
-    volts = np.rint(trajectory.force / np.abs(trajectory.force).max() * 2047)
-    assert "force-unit" in refusals(log(volts, trajectory.position))
-
-
-def test_a_mass_of_tonnes_is_refused() -> None:
-    trajectory = plain()
-    heavy = log(trajectory.force * 1000, trajectory.position)
-    assert refusals(heavy) == {"force-unit"}
-    told = [each for each in findings_of(heavy)[0] if "gives a mass" in each.seen]
-    assert [set(re.findall("--[a-z]+-gain", each.remedy)) for each in told] == [
-        {"--force-gain", "--position-gain", "--time-gain"}
-    ]
-
-
 def test_alternating_steps_are_used_as_they_are() -> None:
     """True stamps of 10 and 12 ms in turn: taken as equal they would shift the mass by a tenth."""
     stamps = np.cumsum(np.where(np.arange(1200) % 2, 12, 10))
@@ -142,18 +120,6 @@ def test_stamps_that_say_when_a_row_was_written(jitter: float, refuses: bool) ->
     assert [each.severity for each in found] == ["refusal" if refuses else "warning"]
 
 
-@pytest.mark.parametrize(("share", "severity"), [(0.03, "warning"), (0.33, "refusal")])
-def test_lost_rows_are_counted(share: float, severity: str) -> None:
-    trajectory = plain()
-    keep = np.random.default_rng(8).random(len(trajectory)) >= share
-    keep[[0, -1]] = True
-    lost = int(np.count_nonzero(~keep))
-    thinned = log(trajectory.force[keep], trajectory.position[keep], trajectory.time[keep])
-    found = [each for each in inspect(thinned, None) if each.code == "dropped-samples"]
-    assert [each.severity for each in found] == [severity]
-    assert f"about {lost} samples lost" in found[0].seen
-
-
 @pytest.mark.parametrize(("milliseconds", "severity"), [(5, "warning"), (150, "refusal")])
 def test_a_gap_is_judged_by_the_motion_in_it(milliseconds: int, severity: str) -> None:
     trajectory = plain()
@@ -174,16 +140,6 @@ def test_a_smooth_top_is_no_limit(flat: bool) -> None:
     place = positions(Axis(), force[:, None])[:, 0]
     found = {each.code for each in inspect(log(force, place), None)}
     assert ("force-saturated" in found) == flat
-
-
-def test_standing_under_a_changing_force() -> None:
-    time = STEP * np.arange(8000)
-    force = 5 * np.sin(2 * np.pi * 0.5 * time) + 0.5 * np.sin(2 * np.pi * 5 * time)
-    for friction, codes in ((0.5, set[str]()), (4.8, {"stiction"})):
-        axis = Axis(coulomb=friction)
-        push = 2e-3 * np.random.default_rng(1).standard_normal((force.size, 1))
-        place = counted(positions(axis, force[:, None], disturbance=push), COUNT)[:, 0]
-        assert {each.code for each in inspect(log(force, place), None)} == codes
 
 
 def hand_on(spring: float, damper: float, *, hertz: tuple[float, ...]) -> Trajectory:
@@ -269,11 +225,3 @@ def test_a_delay_beyond_the_scan_is_refused_and_a_stated_one_is_not_doubted() ->
     late = log(force[:, 0], place[:, 0])
     assert "delay-unknown" in refusals(late)
     assert "delay-unknown" not in warnings(late, Hardware(delay=quantity(9 * STEP)))
-
-
-def test_raw_columns_keep_what_a_trajectory_refuses() -> None:
-    broken = RawLog(time=np.arange(300.0), force=np.full(300, np.nan), position=np.zeros(300))
-    with pytest.raises(LogRefusedError, match="non-finite"):
-        broken.trajectory()
-    mended = replace(broken, force=np.sin(np.arange(300.0)), position=np.cos(np.arange(300.0)))
-    assert len(mended.trajectory()) == 300

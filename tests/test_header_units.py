@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from identification import (
     load_device,
     load_trajectory,
 )
-from identification.readers.columns import split_name, unit_named
 from tests.commands import haptune
 from tests.plain_table import (
     FORCE,
@@ -34,31 +32,6 @@ def test_a_linear_axis_needs_a_gain_for_an_angle(tmp_path: Path) -> None:
     # Through a transmission, 0.05 m a degree.
     log = load_trajectory(path, LogColumns(position_gain=0.05), motion="linear")
     assert_is_the_plain_log(log)
-
-
-@pytest.mark.parametrize(
-    ("role", "name", "stem", "size"),
-    [
-        ("time", "time [ms]", "time", 1e-3),
-        ("time", "Zeit in s", "Zeit in s", None),
-        ("force", "force_N", "force", 1.0),
-        ("force", "force_n", "force_n", None),
-        ("force", "force_m", "force_m", None),
-        ("force", "MOTOR (N m)", "MOTOR", 1.0),
-        ("force", "F / kN", "F", 1e3),
-        ("position", "handle_x_mm", "handle_x", 1e-3),
-        ("position", "handle_m", "handle_m", None),
-        ("position", "position_m", "position", 1.0),
-        ("position", "q [rev]", "q", 2 * math.pi),
-        ("position", "pos [Degrees]", "pos", math.pi / 180),
-        ("position", "pos[3]", "pos[3]", None),
-        ("position", "pos [in]", "pos", None),
-    ],
-)
-def test_units_in_names(role: str, name: str, stem: str, size: float | None) -> None:
-    found, text = split_name(role, name)
-    unit = None if text is None else unit_named(role, text)
-    assert (found, None if unit is None else unit.size) == (stem, size)
 
 
 def test_the_device_and_the_commands_tell_how_a_log_was_read(

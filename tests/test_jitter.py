@@ -52,13 +52,25 @@ def _margin(name: str) -> float:
 
 @functools.cache
 def _step(name: str, length: float) -> FloatArray:
+    return one_step(*LOOPS[name], length)
+
+
+def one_step(
+    mass: float,
+    damping: float,
+    late: int,
+    values: tuple[float, float, float],
+    velocity: float | None,
+    acceleration: float | None,
+    length: float = 1.0,
+) -> FloatArray:
     """The loop's states after one step of so many sample times, by playing it from unit states.
 
     States are the position and speed, the commands on their way, the last reading, the filtered
     velocity, the last difference, and the two stages of the filtered acceleration. Positions are
     taken from that at the beginning of the step.
     """
-    mass, damping, late, (K, B, M), velocity, acceleration = LOOPS[name]
+    K, B, M = values
     rate, time = damping / mass, length * T
     poles = [math.exp(-2 * math.pi * f * T) if f else 0.0 for f in (velocity, acceleration)]
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from identification import Trajectory, examine, identify
-from identification.trajectory import most_excited
 from tests.mutations import peak_bytes
 
 MASS, DAMPING, STEP = 3.0, 10.0, 1e-3
@@ -59,9 +58,6 @@ def _log(rows: int, *, still: slice = slice(0)) -> dict[str, Any]:
 def test_a_long_log_is_told_from_its_most_excited_part(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("identification.trajectory.MOST_FITTED", 10_000)
     log = Trajectory(**_log(40_000, still=slice(0, 27_000)))
-    part = most_excited(log)
-    assert len(part) == 10_000
-    assert part.time[0] >= 25.0
     found = identify(log)
     assert found.logs[0].fitted == 10_000
     assert "from the 10000 samples that move most of 40000" in found.reason
@@ -70,11 +66,6 @@ def test_a_long_log_is_told_from_its_most_excited_part(monkeypatch: pytest.Monke
         assert quantity.low < true < quantity.high
     seen = examine(log)
     assert (seen.samples, seen.fitted) == (40_000, 10_000)
-
-
-def test_a_log_of_the_usual_length_is_taken_whole() -> None:
-    log = Trajectory(**_log(2_000))
-    assert most_excited(log) is log
 
 
 def test_a_change_in_the_part_left_out_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.general_loops import HAND, HOMEREHAB, MODE, loop_of
+from tests.general_loops import HAND, HOMEREHAB, loop_of
 from tests.reference import crossings
 from tests.sampled_loops import Case, loop_along
 from tests.simulated.experiment import EFFECTS
@@ -40,14 +40,6 @@ def test_a_window_of_15_ms_costs_most_of_the_damping() -> None:
     assert round(float(largest(loop, "damping"))) == 891
 
 
-def test_a_window_of_one_sample_is_the_plain_difference() -> None:
-    plain = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3)
-    one = Filters(velocity_window_samples=1)
-    window = Loop.from_numbers(**HOMEREHAB, delay_samples=0.3, filters=one)
-    for name in EFFECTS:
-        assert float(largest(window, name)) == pytest.approx(float(largest(plain, name)), rel=1e-12)
-
-
 @pytest.mark.parametrize(("window", "delay"), [(60, 1.0), (15, 5.5), (1, 22)])
 def test_the_longest_windows_and_delays_are_still_judged(window: int, delay: float) -> None:
     """Degrees up to 65, against 360 digits."""
@@ -66,88 +58,6 @@ def test_the_longest_windows_and_delays_are_still_judged(window: int, delay: flo
     factors = np.array([1e-3, 1 - 1e-6, 1 + 1e-6])
     answers = verdict(loop, Effects(damping=limit * factors))
     assert answers.tolist() == [1, 1, -1]
-
-
-def test_two_equal_poles_are_the_limit_of_two_unequal_ones() -> None:
-    """ζ = 1 is built from lines, ζ < 1 from an oscillation."""
-    limits = [
-        float(
-            largest(
-                Loop.from_numbers(
-                    **HOMEREHAB,
-                    delay_samples=1,
-                    filters=Filters(
-                        velocity_filter_hz=40.0,
-                        velocity_filter_order=2,
-                        acceleration_filter_hz=40.0,
-                        filter_damping_ratio=ratio,
-                    ),
-                ),
-                "mass",
-                Effects(damping=20.0),
-            )
-        )
-        for ratio in (1.0, 1 - 1e-10)
-    ]
-    assert limits[0] == pytest.approx(limits[1], rel=1e-8)
-
-
-@pytest.mark.parametrize("hand", [None, HAND])
-@pytest.mark.parametrize("modes", [(), (MODE,)])
-@pytest.mark.parametrize("whole", [0, 1, 3])
-def test_limits_move_smoothly_through_whole_delays(
-    hand: HandNumbers | None, modes: tuple[ModeNumbers, ...], whole: int
-) -> None:
-    """A whole number of samples has factors of its own; a hair more or less gives the same."""
-
-    def limit(delay: float) -> float:
-        loop = Loop.from_numbers(
-            **HOMEREHAB, delay_samples=delay, hand=hand, modes=modes, current_lag=2e-4
-        )
-        return float(largest(loop, "stiffness", Effects(damping=5.0)))
-
-    at = limit(whole)
-    assert limit(whole + 1e-7) == pytest.approx(at, rel=1e-5)
-    if whole:
-        assert limit(whole - 1e-7) == pytest.approx(at, rel=1e-5)
-
-
-def test_an_array_may_reach_from_one_whole_delay_to_the_next() -> None:
-    delays = np.array([1.0, 1.25, 2.0])
-    together = largest(Loop.from_numbers(**HOMEREHAB, delay_samples=delays), "damping")
-    apart = [
-        float(largest(Loop.from_numbers(**HOMEREHAB, delay_samples=d), "damping")) for d in delays
-    ]
-    assert together == pytest.approx(apart, rel=1e-10)
-
-
-def test_nothing_added_changes_nothing() -> None:
-    """A mode the encoder does not see, a hand of nothing and a lag of nothing."""
-    bare = Loop.from_numbers(**HOMEREHAB, delay_samples=1)
-    unseen = MODE._replace(at_encoder=0.0)
-    nothing = HandNumbers(mass=0.0, damping=0.0, stiffness=0.0)
-    for other in (
-        Loop.from_numbers(**HOMEREHAB, delay_samples=1, modes=(unseen,)),
-        Loop.from_numbers(**HOMEREHAB, delay_samples=1, hand=nothing),
-        Loop.from_numbers(**HOMEREHAB, delay_samples=1, hand=nothing, modes=(unseen,)),
-        Loop.from_numbers(**HOMEREHAB, delay_samples=1, current_lag=1e-9),
-    ):
-        assert not other.grounded
-        for name in EFFECTS:
-            assert float(largest(other, name)) == pytest.approx(
-                float(largest(bare, name)), rel=1e-5
-            )
-
-
-def test_a_hand_on_a_rigid_device_adds_up_with_it() -> None:
-    """Without a spring and modes, a hand is more mass and damping."""
-    held = HandNumbers(mass=0.5, damping=7.0, stiffness=0.0)
-    together = Loop.from_numbers(mass=3.5, damping=17.0, sample_time=1e-3, delay_samples=0.7)
-    loop = Loop.from_numbers(**HOMEREHAB, delay_samples=0.7, hand=held)
-    for name in EFFECTS:
-        assert float(largest(loop, name)) == pytest.approx(
-            float(largest(together, name)), rel=1e-12
-        )
 
 
 def test_a_spring_of_the_hand_holds_the_position() -> None:

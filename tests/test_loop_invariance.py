@@ -16,25 +16,6 @@ from tune.loop.plant import HandNumbers
 from tune.stability.verdict import largest, safe_gain
 
 
-def test_transfer_and_terms_belong_together() -> None:
-    rng = np.random.default_rng(8)
-    for _ in range(20):
-        loop = loop_of(draw_case(rng))
-        parts = loop.transfer
-        for term, factors in (
-            (loop.terms.free, (parts.plant_denominator, parts.law_denominator)),
-            (loop.terms.alpha, (parts.plant_numerator, parts.alpha)),
-            (loop.terms.beta, (parts.plant_numerator, parts.beta)),
-            (loop.terms.gamma, (parts.plant_numerator, parts.gamma)),
-        ):
-            product = np.convolve(*factors)
-            largest_part = float(np.max(np.abs(product)))
-            np.testing.assert_allclose(
-                term[: len(product)], product, rtol=1e-13, atol=1e-13 * largest_part
-            )
-            assert not np.any(term[len(product) :])
-
-
 def test_arrays_of_devices_are_judged_like_each_of_them() -> None:
     rng = np.random.default_rng(9)
     masses, hands = rng.uniform(0.5, 5, 6), 10 ** rng.uniform(1, 3, (4, 1))

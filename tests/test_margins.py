@@ -138,17 +138,6 @@ def test_free_motion_is_not_a_slow_pole() -> None:
     assert decay == pytest.approx(30.0 / 3.0, rel=1e-3)
 
 
-def test_margins_broadcast_over_devices_and_effects() -> None:
-    loop = Loop.from_numbers(mass=np.array([[1.0], [3.0]]), damping=10.0, sample_time=1e-3)
-    stiffness = np.array([100.0, 1000.0, 10_000.0])
-    for margin in (slowest_decay, least_damping_ratio, phase_margin):
-        together = margin(loop, Effects(stiffness=stiffness))
-        assert together.shape == (2, 3)
-        single = Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-3)
-        alone = margin(single, Effects(stiffness=1000.0))
-        assert together[1, 1] == pytest.approx(float(alone), rel=1e-12)
-
-
 def test_an_unstable_loop_has_no_margins_but_a_growth() -> None:
     found = margins_of(_device(), Effects(stiffness=30_000.0))
     assert (found.gain < 1, found.phase, found.disk.balanced) == (True, 0.0, 0.0)

@@ -16,7 +16,7 @@ from identification import (
     to_mapping,
     to_yaml,
 )
-from tune.documents.scene import FREE_TO_RIGID, Scene, hand_of
+from tune.documents.scene import Scene
 
 MODE = {"frequency_hz": {"value": 80.0, "low": 75.0, "high": 85.0}, "damping_ratio": 0.02}
 DEVICE = {"sample_time": 0.001, "mass": 3.0, "damping": 10.0}
@@ -66,14 +66,3 @@ def test_more_modes_than_can_be_judged_are_refused() -> None:
 def test_impossible_hands_are_refused(hand: object, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         parse_document(Scene, {"hand": hand, "elements": {"a": {"damping": 1.0}}}, "scene.yaml")
-
-
-def test_a_word_for_the_hand_stands_for_its_documented_numbers() -> None:
-    assert hand_of("none", "linear") is None
-    assert hand_of("free-to-rigid", "rotary") is FREE_TO_RIGID["rotary"]
-    linear, rotary = FREE_TO_RIGID["linear"], FREE_TO_RIGID["rotary"]
-    lever = 0.02
-    for name in ("mass", "damping", "stiffness"):
-        for end in ("low", "high"):
-            straight, turned = (getattr(getattr(hand, name), end) for hand in (linear, rotary))
-            assert turned == pytest.approx(straight * lever**2)

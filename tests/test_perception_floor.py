@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from identification import load_device, to_mapping, to_yaml
 from tests.commands import digest_of
@@ -66,25 +64,6 @@ def test_a_hand_that_is_slow_feels_less_of_a_damper() -> None:
     ]
     assert found[:2] == pytest.approx([0.01, 0.1])
     assert 0.9 < found[2] < np.log(0.25 / 0.2) / np.log1p(0.267)
-
-
-@given(
-    reference=st.floats(1e-3, 1e3),
-    floor=st.floats(1e-3, 1e3),
-    totals=st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3, unique=True).map(sorted),
-)
-def test_steps_are_concave_with_one_slope_at_the_corner(
-    reference: float, floor: float, totals: list[float]
-) -> None:
-    scale = Scale(reference=reference, weber=0.25, floor=floor)
-    low, middle, high = scale.height(np.array(totals) - reference)
-    part = (totals[1] - totals[0]) / (totals[2] - totals[0])
-    assert middle >= (1 - part) * low + part * high - 1e-9 * (1 + abs(low) + abs(high))
-    step = 1e-4 * scale.corner
-    ends = scale.corner - reference + np.array([-step, 0.0, step])
-    before, after = np.diff(scale.height(ends)) / step
-    assert before * scale.corner == pytest.approx(1.0, rel=1e-6 + 1e-9 * reference / step)
-    assert after * scale.corner == pytest.approx(1.0, rel=1e-4 + 1e-9 * reference / step)
 
 
 def _tuned(**element: Any) -> SafeProfile:

@@ -70,32 +70,6 @@ def test_without_such_a_force_little_is_added() -> None:
     assert np.all(np.median(relative, axis=0) < 0.3)
 
 
-def test_units_of_position_force_and_parameters_do_not_matter() -> None:
-    columns, rng = _columns(), np.random.default_rng(1)
-    rest = rng.normal(0, NOISE, ROWS) + _drifts(1, rng)[0]
-    plain = process_noise_covariance(columns, rest, 2, mass=MASS, rate=RATE, step=STEP)
-    scales = np.array([3.0, 0.1, 1.0, 7.0])
-    other = process_noise_covariance(
-        1e3 * columns * scales[:, None], 1e3 * rest, 2, mass=5 * MASS, rate=RATE, step=STEP
-    )
-    np.testing.assert_allclose(other * np.outer(scales[:2], scales[:2]), plain, rtol=1e-9)
-
-
-def test_nothing_is_added_to_a_perfect_fit() -> None:
-    added = process_noise_covariance(_columns(), np.zeros(ROWS), 2, mass=MASS, rate=RATE, step=STEP)
-    np.testing.assert_array_equal(added, 0)
-
-
-@pytest.mark.parametrize("rows", [1, 2, 3, 5])
-def test_nothing_is_added_where_the_fit_takes_all(rows: int) -> None:
-    rest = np.random.default_rng(rows).normal(0, NOISE, rows)
-    columns = _columns()[:, 100 : 100 + rows]
-    added = process_noise_covariance(columns, rest, 2, mass=MASS, rate=RATE, step=STEP)
-    assert np.all(np.isfinite(added))
-    if rows < len(columns):
-        np.testing.assert_array_equal(added, 0)
-
-
 def _coverage(seeds: range, force_noise: float, method: Method) -> np.ndarray:
     """Part of random devices whose mass and damping are within their intervals."""
     inside: list[tuple[bool, bool]] = []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic import Clock, Controller, Faults, Hand, Rig, Servo, simulate
+from datasets_synthetic import Clock, Faults, Hand, Rig, Servo, simulate
 from tests.plain_rigs import B, M, T, rig
 
 FloatArray = NDArray[np.float64]
@@ -38,12 +38,6 @@ def test_force_acts_from_its_true_stamp_and_delay_on(clock: Clock, delay: float)
     )
 
 
-def test_alternating_steps_are_exact_and_logged() -> None:
-    log = simulate(rig(), np.linspace(1, 2, 400), clock=Clock(steps=(0.010, 0.012))).trajectory()
-    np.testing.assert_allclose(np.diff(log.time), np.resize([0.010, 0.012], 399), rtol=1e-12)
-    assert log.time[0] == 0
-
-
 def test_jitter_has_the_stated_size_and_never_runs_backward() -> None:
     recording = simulate(
         rig(), np.ones((2, 5000)), clock=Clock(jitter=np.array([1e-4, 1e-3])), seed=1
@@ -54,12 +48,6 @@ def test_jitter_has_the_stated_size_and_never_runs_backward() -> None:
     assert np.std(moved[0]) == pytest.approx(1e-4, rel=0.04)
     assert np.max(np.abs(moved[1])) == pytest.approx(0.45 * T)
     assert abs(np.mean(moved[0, 1:] * moved[0, :-1])) < 0.06 * 1e-8  # each by itself
-
-
-def test_even_recordings_state_their_time_as_well() -> None:
-    recording = simulate(rig(), np.linspace(1, 2, 300))
-    assert recording.stamps is None
-    np.testing.assert_array_equal(recording.time[0], recording.trajectory().time)
 
 
 def test_dropped_rows_are_lost_from_the_log_only() -> None:
@@ -78,13 +66,6 @@ def test_dropped_rows_are_lost_from_the_log_only() -> None:
     assert len(log) != len(holed.trajectory(0)) or np.any(holed.trajectory(0).time != log.time)
 
 
-def test_first_and_last_rows_are_always_kept() -> None:
-    recording = simulate(rig(), np.ones((200, 30)), clock=Clock(dropped=0.9))
-    assert recording.kept is not None
-    assert np.all(recording.kept[:, [0, -1]])
-    assert np.mean(recording.kept[:, 1:-1]) == pytest.approx(0.1, abs=0.02)
-
-
 def test_servo_force_is_the_stated_difference_equation() -> None:
     reference = 0.02 * np.sin(5 * T * np.arange(1000))
     feed = 0.3 * np.cos(7 * T * np.arange(1000))
@@ -100,14 +81,6 @@ def test_servo_force_is_the_stated_difference_equation() -> None:
         velocity = pole * velocity + (1 - pole) * (log.position[k] - log.position[k - 1]) / T
         expected.append(900.0 * (reference[k] - log.position[k]) - 30.0 * velocity + feed[k])
     np.testing.assert_allclose(log.force, expected, rtol=1e-9, atol=1e-9)
-
-
-def test_servo_follows_a_ramp_with_the_known_lag() -> None:
-    """At constant speed v the error is (b + kd)·v/kp: the spring carries both dampers."""
-    reference = 0.1 * T * np.arange(4000.0)
-    servo = Servo(reference=reference, stiffness=900.0, damping=30.0, velocity_filter_hz=40.0)
-    position = simulate(rig(), np.zeros(4000), controller=servo).position[0]
-    assert reference[-1] - position[-1] == pytest.approx((B + 30.0) * 0.1 / 900.0, rel=1e-6)
 
 
 def test_servo_is_limited_by_the_actuator() -> None:
@@ -154,19 +127,6 @@ def test_batch_equals_singles_whatever_is_switched_on() -> None:
         log = together.trajectory(member)
         for (name, column), (_, single) in zip(log.columns(), alone.columns(), strict=True):
             np.testing.assert_allclose(column, single, rtol=1e-9, atol=1e-9, err_msg=name)
-
-
-def test_controllers_on_an_uneven_clock_are_made_for_its_mean_step() -> None:
-    clock = Clock(steps=(0.004, 0.006))
-    damper = Controller(damping=2.0, velocity_filter_hz=10.0)
-    recording = simulate(rig(), np.full(300, 1.0), controller=damper, clock=clock)
-    pole, velocity = np.exp(-2 * np.pi * 10.0 * 0.005), 0.0
-    expected = [1.0]
-    for change in np.diff(recording.position[0]):
-        velocity = pole * velocity + (1 - pole) * change / 0.005
-        expected.append(1.0 - 2.0 * velocity)
-    np.testing.assert_allclose(recording.force[0], expected, rtol=1e-9)
-    assert recording.sample_time[0] == pytest.approx(0.005)
 
 
 @pytest.mark.parametrize(

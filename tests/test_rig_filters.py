@@ -60,41 +60,11 @@ def test_second_order_filters_have_the_stated_poles_and_gain_one(ratio: float) -
     np.testing.assert_allclose(-turn.real / np.abs(turn), ratio, rtol=1e-6)
 
 
-def test_acceleration_through_one_pole() -> None:
-    q, force = heard(Controller(mass=0.3, acceleration_filter_hz=25.0, acceleration_filter_order=1))
-    pole = float(np.exp(-2 * np.pi * 25.0 * T))
-    gain = 1 - pole
-    expected = -0.3 * through(q, [gain / T**2, -2 * gain / T**2, gain / T**2], [pole])
-    np.testing.assert_allclose(force, expected, rtol=0, atol=1e-9 * np.ptp(expected))
-
-
 def test_moving_window_is_the_mean_slope() -> None:
     q, force = heard(Controller(stiffness=10.0, damping=7.0, velocity_window_samples=15))
     before = np.concatenate([np.full(15, q[0]), q[:-15]])
     expected = -10.0 * q - 7.0 * (q - before) / (15 * T)
     np.testing.assert_allclose(force, expected, rtol=1e-12, atol=1e-12)
-
-
-def test_two_equal_poles_are_the_cascade_of_first_order() -> None:
-    """The general section and the usual filter are two computations of one thing."""
-    usual = Controller(damping=7.0, mass=0.3, velocity_filter_hz=40.0, acceleration_filter_hz=25.0)
-    several = Controller(
-        damping=7.0,
-        mass=0.3,
-        velocity_filter_hz=40.0,
-        acceleration_filter_hz=25.0,
-        velocity_filter_order=np.array([1, 2]),
-        acceleration_filter_order=np.array([2, 1]),
-    )
-    noise = Faults(position_noise=1e-3)
-    one, two = (
-        simulate(FIXED, np.zeros(300), controller=each, faults=noise, seed=(3,)).force[0]
-        for each in (usual, several.members(np.array([0, 0])))
-    )
-    np.testing.assert_allclose(two, one, rtol=0, atol=1e-10 * np.ptp(one))
-    mixed = simulate(FIXED, np.zeros(300), controller=several, faults=noise, seed=(3, 3)).force
-    np.testing.assert_allclose(mixed[0], one, rtol=0, atol=1e-10 * np.ptp(one))
-    assert np.ptp(mixed[1] - one) > 0.1 * np.ptp(one)
 
 
 @pytest.mark.parametrize(

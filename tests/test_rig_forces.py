@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 from scipy.signal import welch
 from scipy.special import ellipk
 
 from datasets_synthetic import Faults, Hand, Recording, Rig, simulate
-from tests.plain_rigs import B, M, T, rig
+from tests.plain_rigs import T, rig
 
 FloatArray = NDArray[np.float64]
 
@@ -92,31 +91,6 @@ def test_everything_at_once_matches_an_adaptive_integrator() -> None:
     np.testing.assert_allclose(position, expected, rtol=0, atol=STEP_ERROR * np.ptp(expected))
 
 
-def test_steady_speed_is_that_of_its_own_direction() -> None:
-    uneven = rig(mass=0.5, damping_asymmetry=2.0, coulomb_friction=0.8, coulomb_asymmetry=0.3)
-    position = simulate(uneven, np.array([[5.0], [-5.0]]) * np.ones(2000)).position
-    speed = (position[:, -1] - position[:, -101]) / (100 * T)
-    np.testing.assert_allclose(speed, [(5 - 1.1) / 12.0, -(5 - 0.5) / 8.0], rtol=1e-9)
-
-
-def test_at_rest_the_friction_of_its_own_sense_must_be_exceeded() -> None:
-    pulls = np.array([1.0999, 1.1001, -0.4999, -0.5001])
-    uneven = rig(coulomb_friction=0.8, coulomb_asymmetry=0.3)
-    position = simulate(uneven, pulls[:, None] * np.ones(300)).position
-    np.testing.assert_array_equal(np.sign(position[:, -1]), [0, 1, 0, -1])
-
-
-def test_spring_and_damper_oscillate_as_the_closed_form_says() -> None:
-    stiffness, time = 400.0, T * np.arange(2000)
-    position = simulate(rig(stiffness=stiffness), np.zeros(2000), position=0.02).position[0]
-    decay = B / (2 * M)
-    ringing = np.sqrt(stiffness / M - decay**2)
-    exact = np.cos(ringing * time) + decay / ringing * np.sin(ringing * time)
-    np.testing.assert_allclose(
-        position, 0.02 * np.exp(-decay * time) * exact, rtol=0, atol=0.02 * STEP_ERROR
-    )
-
-
 def test_a_pendulum_swings_with_the_period_of_the_elliptic_integral() -> None:
     """Without damping it is back where it started after a period, which depends on the swing."""
     starts = np.array([0.1, 1.0, 2.5])
@@ -128,49 +102,6 @@ def test_a_pendulum_swings_with_the_period_of_the_elliptic_integral() -> None:
         assert position[1000] == pytest.approx(start, rel=1e-9)
         assert position[500] == pytest.approx(-start, rel=1e-7)
         assert abs(position[250]) < 1e-6 * start
-
-
-def test_it_comes_to_rest_where_gravity_spring_and_force_balance() -> None:
-    arm = Rig(
-        mass=0.05,
-        damping=0.5,
-        gravity_sine=1.5,
-        gravity_cosine=0.4,
-        stiffness=0.3,
-        force_offset=0.2,
-        sample_time=T,
-    )
-    pushes = np.array([-0.5, 0.0, 0.9])
-    position = simulate(arm, pushes[:, None] * np.ones(4000)).position[:, -1]
-    for push, place in zip(pushes, position, strict=True):
-        balance = brentq(
-            lambda q, push=push: 1.5 * np.sin(q) + 0.4 * np.cos(q) + 0.3 * q + 0.2 - push, -1.2, 1.2
-        )
-        assert place == pytest.approx(balance, abs=1e-8)
-
-
-def test_friction_takes_the_same_from_every_half_swing_and_then_holds() -> None:
-    """Without damping each half swing loses 2·Fc/k, until the spring is weaker than friction."""
-    stiffness, friction, start = 100.0, 0.8, 0.05
-    lost = 2 * friction / stiffness
-    swings = int(np.ceil((start - friction / stiffness) / lost))
-    block = rig(damping=0.0, stiffness=stiffness, coulomb_friction=friction)
-    position = simulate(block, np.zeros(4000), position=start).position[0]
-    assert swings == 3
-    assert position[-1] == pytest.approx((start - swings * lost) * (-1) ** swings, rel=1e-6)
-    assert position[-1] == position[-1000]
-    assert np.min(position) == pytest.approx(-(start - lost), rel=1e-6)
-
-
-def test_a_hand_adds_its_mass_damper_and_spring() -> None:
-    hand = Hand(mass=1.0, damping=5.0, stiffness=200.0, rest=0.01)
-    position = simulate(rig(), np.full(6000, 3.0), hand=hand).position[0]
-    settled = 0.01 + 3.0 / 200.0
-    decay, time = 15.0 / 8.0, T * np.arange(6000)
-    ringing = np.sqrt(200.0 / 4.0 - decay**2)
-    shape = np.cos(ringing * time) + decay / ringing * np.sin(ringing * time)
-    exact = settled * (1 - np.exp(-decay * time) * shape)
-    np.testing.assert_allclose(position, exact, rtol=0, atol=settled * STEP_ERROR)
 
 
 def felt(recording: Recording, mass: float) -> FloatArray:
@@ -215,16 +146,6 @@ def test_voluntary_motion_carries_the_device_slowly() -> None:
     assert np.std(position) == pytest.approx(0.01, rel=0.14)
     frequency, power = welch(position[:, 200:], fs=200.0, nperseg=3800)
     assert np.sum(power[:, frequency < 1.1]) > 0.99 * np.sum(power)
-
-
-def test_offset_and_coulomb_asymmetry_are_one_and_the_same() -> None:
-    """Moving either way, turning and sticking: only their sum shows."""
-    force = np.repeat(np.random.default_rng(1).uniform(-4, 4, 40), 20)
-    one = rig(mass=0.5, coulomb_friction=0.8, coulomb_asymmetry=0.3, force_offset=0.2)
-    other = rig(mass=0.5, coulomb_friction=0.8, force_offset=0.5)
-    positions = [simulate(each, force).position[0] for each in (one, other)]
-    assert np.count_nonzero(np.diff(positions[0]) == 0) > 20
-    np.testing.assert_allclose(*positions, rtol=0, atol=1e-12)
 
 
 def test_start_spread_scatters_the_start_only() -> None:

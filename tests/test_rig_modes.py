@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
-from datasets_synthetic import Clock, Controller, Faults, Hand, Rig, Vibration, named_rig, simulate
-from datasets_synthetic.device import rig_of
-from datasets_synthetic.dynamics import maps
-from identification import Device
+from datasets_synthetic import Controller, Hand, Rig, Vibration, simulate
 from tests.integrated_mechanism import integrated
 from tests.plain_rigs import M, T, rig
 
@@ -92,40 +88,6 @@ def test_two_bodies_on_a_spring_are_one_mode() -> None:
     )
 
 
-def test_a_mode_that_nobody_feels_changes_nothing() -> None:
-    """The mechanism's own path then is the rigid device, stick-slip, hand and jitter included."""
-    silent = Vibration(frequency_hz=40.0, damping_ratio=0.1, at_encoder=0.0, at_handle=0.0)
-    plain = rig(
-        mass=[3.0, 0.4],
-        coulomb_friction=[0.8, 0.0],
-        coulomb_asymmetry=[0.2, 0.0],
-        damping_asymmetry=[2.0, 0.5],
-        stiffness=50.0,
-        delay=[0.0004, 0.0017],
-    )
-    force = np.repeat(np.random.default_rng(3).uniform(-6, 6, (2, 20)), 20, axis=1)
-    controller = Controller(stiffness=200.0, damping=3.0, velocity_filter_hz=50.0)
-    for clock in (Clock(), Clock(jitter=2e-4)):
-        one, other = (
-            simulate(
-                device,
-                force,
-                hand=replace(GRIP, tremor=0.1),
-                controller=controller,
-                faults=Faults(force_noise=0.05, position_noise=1e-6),
-                clock=clock,
-                seed=4,
-                watch=True,
-            )
-            for device in (plain, replace(plain, modes=(silent,)))
-        )
-        size = np.ptp(one.position)
-        np.testing.assert_allclose(other.position, one.position, rtol=0, atol=2e-8 * size)
-        assert one.truth is not None
-        assert other.truth is not None
-        np.testing.assert_allclose(other.truth.energy, one.truth.energy, rtol=1e-6, atol=1e-12)
-
-
 @pytest.mark.parametrize("turn", [0.05, 1.0, 10.0])
 def test_a_mode_of_any_speed_rings_as_the_closed_form_says(turn: float) -> None:
     """ωT up to 10 rad a sample, released by a step of force; e·F/(m·w²)·(1 - e^(-zwt)·(..))."""
@@ -148,28 +110,6 @@ def test_current_lag_is_an_exponential() -> None:
     exact = time**2 / 2 - lag * time - lag**2 * np.expm1(-time / lag)
     read = simulate(free, np.ones(samples)).position[0]
     np.testing.assert_allclose(read, exact, rtol=1e-11, atol=1e-18)
-
-
-def test_maps_are_the_exponential_to_the_stated_error() -> None:
-    rng = np.random.default_rng(5)
-    law = rng.standard_normal((6, 5, 5)) * 10.0 ** rng.uniform(-6, 3.5, (6, 1, 1))
-    rate = np.max(np.abs(np.linalg.eigvals(law)), axis=1)
-    found = maps(law, np.full(6, T), rate, halvings=3)
-    for each, change in enumerate(found):
-        for member in range(6):
-            one = law[member] * T / 2**each
-            exact = expm(np.block([[one, one], [0 * one, 0 * one]]))[:5, 5:]  # e^one - 1
-            atol = 1e-11 * np.max(np.abs(exact))
-            np.testing.assert_allclose(change[member], exact, rtol=0, atol=atol)
-
-
-def test_friction_only_takes_energy_from_a_ringing_mechanism() -> None:
-    device = rig(mass=0.3, damping=0.0, coulomb_friction=0.05, modes=(SOFT,))
-    ringing = simulate(device, np.zeros(3000), hand=Hand(stiffness=200.0), velocity=0.3, watch=True)
-    assert ringing.truth is not None
-    energy = ringing.truth.energy[0]
-    assert np.all(np.diff(energy) <= 1e-9 * energy[0])
-    assert energy[-1] < 0.5 * energy[0]
 
 
 def test_batch_of_mechanisms_equals_singles() -> None:
@@ -195,24 +135,6 @@ def test_batch_of_mechanisms_equals_singles() -> None:
         np.testing.assert_allclose(
             together.position[member], alone.position[0], rtol=0, atol=MAP_ERROR * 0.1
         )
-
-
-def test_a_device_with_modes_becomes_a_rig_with_modes() -> None:
-    device = Device.model_validate(
-        {
-            "sample_time": T,
-            "mass": 1.0,
-            "damping": 2.0,
-            "current_lag": 2e-4,
-            "modes": [{"frequency_hz": 60.0, "damping_ratio": 0.03, "at_encoder": 0.4}],
-        }
-    )
-    made = rig_of(device)
-    assert made.current_lag[0] == 2e-4
-    assert made.modes[0] == Vibration(
-        frequency_hz=60.0, damping_ratio=0.03, at_encoder=0.4, at_handle=0.4
-    )
-    assert named_rig("homerehab").modes == ()
 
 
 @pytest.mark.parametrize(

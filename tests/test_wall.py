@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from datasets_synthetic import (
     Calls,
@@ -21,7 +20,7 @@ from datasets_synthetic import (
     named_rig,
     simulate,
 )
-from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, ControlLaw
+from datasets_synthetic.law import ADVERSE
 from tests.sampled_bench import SampledBench
 
 FloatArray = NDArray[np.float64]
@@ -70,158 +69,6 @@ def contacts(
 def ratios(energy: FloatArray, floor: float = 0.0) -> FloatArray:
     """Energy of every contact but the first, less a floor, over the most of any before."""
     return (energy[1:] - floor) / np.maximum.accumulate(energy)[:-1]
-
-
-def law_on(place: NDArray[np.floating[Any]], controller: Controller) -> FloatArray:
-    """Force for given places: of a device that a stiff hand's push puts there at each sample."""
-    law = ControlLaw(controller, np.array([T]))
-    return np.array([float(law.force(np.array([each]))[0]) for each in place])
-
-
-def wave(samples: int = 900, size: float = 0.004) -> FloatArray:
-    """To and fro about zero, over counts of 6 µm."""
-    time = np.arange(samples) * T
-    smooth = size * np.sin(2 * np.pi * 1.7 * time) + 0.2 * size * np.sin(2 * np.pi * 11 * time)
-    return np.round(smooth / 6e-6) * 6e-6
-
-
-def clamped(place: FloatArray, low: float, high: float) -> FloatArray:
-    """-clamp(u) of 900 N/m, 15 N·s/m at 30 Hz and 0.4 kg at 20 Hz, from transfer functions."""
-    slope = np.diff(place, prepend=place[0]) / T
-    swift, slow = (np.exp(-2 * np.pi * cutoff * T) for cutoff in (30.0, 20.0))
-    pair = [1.0, -2 * slow, slow**2]
-    velocity = lfilter([1 - swift], [1.0, -swift], slope)
-    acceleration = lfilter([(1 - slow) ** 2], pair, np.diff(slope, prepend=0.0) / T)
-    return -np.clip(900.0 * place + 15.0 * velocity + 0.4 * acceleration, low, high)
-
-
-@pytest.mark.parametrize(
-    ("side", "level", "bounds"),
-    [
-        (0, np.inf, (-np.inf, np.inf)),
-        (0, 2.0, (-2.0, 2.0)),
-        (-1, np.inf, (0.0, np.inf)),
-        (-1, 2.0, (0.0, 2.0)),
-        (1, 2.0, (-2.0, 0.0)),
-    ],
-)
-def test_a_spring_is_one_clamp_round_all_of_it(
-    side: int, level: float, bounds: tuple[float, float]
-) -> None:
-    """Of a wall too: its damper acts before the face, and nothing pulls."""
-    element = Element(stiffness=900.0, damping=15.0, mass=0.4, side=side, level=level)
-    controller = Controller(velocity_filter_hz=30.0, acceleration_filter_hz=20.0, beside=(element,))
-    place = wave()
-    force = law_on(place, controller)
-    np.testing.assert_allclose(force, clamped(place, *bounds), atol=1e-10)
-    if side:
-        assert np.any(force[side * place > 0])
-        assert np.all(side * force >= 0)
-
-
-def test_estimates_run_on_while_a_wall_gives_nothing() -> None:
-    """A wall is what pushes of the same effects everywhere, with a moving window too."""
-    effects: dict[str, Any] = {"stiffness": 400.0, "damping": 20.0}
-    place = 100 * wave()
-    wall = Controller(**effects, velocity_window_samples=6, side=-1)
-    everywhere = law_on(place, Controller(**effects, velocity_window_samples=6))
-    np.testing.assert_allclose(law_on(place, wall), np.minimum(everywhere, 0.0), atol=1e-9)
-
-
-def test_effects_add_whatever_clamps_they_are_in() -> None:
-    place = wave()
-    wall = Element(stiffness=900.0, damping=15.0, side=-1, level=2.0)
-    other = Element(stiffness=300.0, level=0.5, place=0.001)
-    alone = [law_on(place, Controller(velocity_filter_hz=30.0, beside=(e,))) for e in (wall, other)]
-    both = Controller(velocity_filter_hz=30.0, beside=(wall, other))
-    np.testing.assert_allclose(law_on(place, both), np.sum(alone, axis=0), atol=1e-12)
-
-
-def test_a_spring_rests_where_it_is_entered() -> None:
-    """At 0.1 m/s only its damper acts at first; left and entered again it rests there."""
-    spring = Element(stiffness=700.0, damping=10.0)
-    entered = Controller(beside=(spring,), calls=Calls(entrance=0.0))
-    there = np.arange(-20, 60) * 1e-4
-    place = np.concatenate([there, there[::-1], 2 * there])
-    force = law_on(place, entered)
-    assert not np.any(force[place <= 0])
-    first = int(np.argmax(place > 0))
-    rest = place[first]
-    assert force[first] == pytest.approx(-1.0)
-    np.testing.assert_allclose(
-        force[first:80], -(700.0 * (place[first:80] - rest) + 1.0), atol=1e-12
-    )
-    again = int(np.flatnonzero((place > 0) & (np.arange(place.size) > 160))[0])
-    assert np.max(np.abs(force[81:139])) > 1
-    assert force[again] == pytest.approx(-2.0)
-    np.testing.assert_allclose(np.diff(force[again:]), -700.0 * 2e-4, rtol=1e-9)
-
-
-@pytest.mark.parametrize(("caller", "taps"), [(RANDOM, 9), (ADVERSE, 9), (RANDOM, 0), (ADVERSE, 0)])
-def test_no_motion_takes_energy_from_springs_that_are_called(caller: int, taps: int) -> None:
-    """But what a held force gives, K·(change)²/2 a sample; a level that rises at once gives more.
-
-    Springs without dampers, one-sided and cut ones too, and a slow motion, so that all that is
-    called in a second is called of what is strained.
-    """
-    given: list[float] = []
-    for element in (
-        Element(stiffness=900.0),
-        Element(stiffness=900.0, level=1.0),
-        Element(stiffness=900.0, side=-1),
-        Element(stiffness=900.0, side=1, level=1.0, place=-0.001),
-    ):
-        place = wave(2000)
-        calls = Calls(caller=caller, until=2000, taps=taps)
-        force = law_on(place, Controller(beside=(element,), calls=calls))
-        change = np.diff(place)
-        work = np.cumsum(force[:-1] * change - 450.0 * change**2)
-        assert np.any(force)
-        given.append(float(work.max()) / float(np.max(np.abs(force)) * 0.004))
-    if taps:
-        assert max(given) <= 1e-9
-    else:
-        assert max(given) > 0.3
-
-
-def test_a_gain_that_fell_rises_only_after_so_many_samples_without_force() -> None:
-    """Held at 0.3 going in, a wall stays so coming out; called no more, it is whole again."""
-    wall = Element(stiffness=900.0, side=-1)
-    place = np.tile(np.concatenate([np.arange(-30, 40), np.arange(40, -30, -1)]) * 1e-4, 3)
-    calls = Calls(caller=ADVERSE, until=100, taps=20)
-    force = law_on(place, Controller(beside=(wall,), calls=calls))
-    inside = place > 0
-    dips = np.cumsum(np.diff(inside, prepend=False) & inside)
-    np.testing.assert_allclose(force[dips == 1], -270.0 * np.maximum(place[dips == 1], 0))
-    np.testing.assert_allclose(force[dips > 1], -900.0 * np.maximum(place[dips > 1], 0))
-
-
-def test_what_fades_stands_still_while_a_wall_pushes() -> None:
-    """Entered at zero, at 0.02 m/s: a wall with its face before it holds the fade back."""
-    ice = Element(damping=-6.0, fade_time=0.05)
-    place = np.arange(-200, 200) * 2e-5
-    for face, held in ((-1e-3, True), (1e-3, False)):
-        wall = Element(stiffness=900.0, side=-1, place=face)
-        calls = Calls(entrance=0.0)
-        force = law_on(place, Controller(beside=(wall, ice), calls=calls))
-        pushes = 900.0 * np.maximum(place - face, 0.0)
-        level = np.clip(np.arange(1, place.size + 1) - 201, 0, 50) / 50 * (not held)
-        np.testing.assert_allclose(force, 6.0 * 0.02 * level - pushes, atol=1e-12)
-
-
-def test_a_damper_is_called_at_random_or_where_its_lag_gives_energy() -> None:
-    place = np.cumsum(np.random.default_rng(1).normal(0.0, 1e-5, 3000)) + 1.0
-    moved = np.diff(place, prepend=place[0])
-    element, forces = Element(damping=10.0), dict[int, FloatArray]()
-    for caller in (NOBODY, RANDOM, ADVERSE):
-        calls = Calls(caller=caller, dampers=True)
-        law = Controller(velocity_filter_hz=40.0, beside=(element,), calls=calls)
-        forces[caller] = law_on(place, law)
-    assert np.sum(forces[NOBODY] * moved) < 0
-    assert np.sum(forces[ADVERSE] * moved) > 0
-    gains = forces[RANDOM][1:] / forces[NOBODY][1:]
-    assert set(np.round(gains, 9)) == {0.0, 0.3, 1.0}
-    assert 0.2 < np.mean(gains == 0) < 0.8
 
 
 def test_a_gain_that_rises_inside_a_wall_pumps_and_one_that_waits_does_not() -> None:

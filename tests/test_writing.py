@@ -14,7 +14,7 @@ from typing import NoReturn
 
 import pytest
 
-from identification import NotWrittenError, write_bytes, write_text
+from identification import NotWrittenError, write_text
 from tests.commands import files, haptune
 from tests.processes import needs_posix
 
@@ -77,18 +77,6 @@ def test_a_backup_outlives_two_hundred_kills() -> None:
     _kill(200, seed=2)
 
 
-def test_no_backup_is_ever_written_over() -> None:
-    for number in range(1, 5):
-        write_text(Path("a.yaml"), f"{number}\n")
-    kept = {"a.yaml.bak": "1\n", "a.yaml.bak2": "2\n", "a.yaml.bak3": "3\n", "a.yaml": "4\n"}
-    assert {name: Path(name).read_text(encoding="utf-8") for name in files()} == kept
-    Path("a.yaml.bak2").unlink()
-    replaced = write_text(Path("a.yaml"), "5\n")
-    assert replaced is not None
-    assert replaced.backup.name == "a.yaml.bak4", "a gap is not the newest"
-    assert replaced.backup.read_bytes() == replaced.content == b"4\n"
-
-
 @pytest.mark.parametrize("step", ["os.link", "pathlib.Path.replace"])
 def test_an_interruption_at_any_step_leaves_everything_readable(
     step: str, monkeypatch: pytest.MonkeyPatch
@@ -109,15 +97,6 @@ def test_an_interruption_at_any_step_leaves_everything_readable(
     assert files() == {"a.yaml", "a.yaml.bak", "a.yaml.bak2"}
     assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
     assert Path("a.yaml.bak2").read_text(encoding="utf-8") == "two\n"
-
-
-def test_a_backup_of_the_very_same_file_is_no_obstacle() -> None:
-    """As a kill between the two steps leaves it: a link to the file itself."""
-    write_text(Path("a.yaml"), "one\n")
-    Path("a.yaml.bak").hardlink_to("a.yaml")
-    write_text(Path("a.yaml"), "two\n")
-    assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
-    assert files() == {"a.yaml", "a.yaml.bak"}
 
 
 def test_file_systems_without_links_get_a_copy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,13 +141,6 @@ def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed(
         write_text(Path("a.yaml"), "two\n")
     assert Path("a.yaml").read_text(encoding="utf-8") == "one\n"
     assert files() == {"a.yaml", "a.yaml.bak"}
-
-
-def test_a_name_may_be_as_long_as_the_system_allows() -> None:
-    longest = "a" * 251
-    for text in (b"one", b"two"):
-        write_bytes(Path(longest), text)
-    assert Path(longest + ".bak").read_bytes() == b"one"
 
 
 @needs_posix

@@ -91,9 +91,7 @@ class Mechanism:
             mass=_matrix([mass] * g.shape[1], column(hand.mass), p),
             damping=_matrix([damping, *lossy], column(hand.damping), p),
             stiffness=_matrix(
-                [column(rig.stiffness), *(w * w * mass for w in omegas)],
-                column(hand.stiffness),
-                p,
+                [column(rig.stiffness), *(w * w * mass for w in omegas)], column(hand.stiffness), p
             ),
             at_encoder=g,
             at_handle=p,

@@ -34,12 +34,7 @@ from datasets_synthetic.device import (
 )
 from datasets_synthetic.dynamics import FlexibleDynamics, Loads, RigidDynamics
 from datasets_synthetic.law import ControlLaw, Controller, Servo
-from datasets_synthetic.motion import (
-    LARGEST_STEP,
-    Encoder,
-    EvenTimetable,
-    UnevenTimetable,
-)
+from datasets_synthetic.motion import LARGEST_STEP, Encoder, EvenTimetable, UnevenTimetable
 from identification import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -299,11 +294,7 @@ def _run(
 
 
 def _loads(
-    sources: Sources,
-    faults: Faults,
-    hand: Hand,
-    stamps: FloatArray,
-    pushed: FloatArray | None,
+    sources: Sources, faults: Faults, hand: Hand, stamps: FloatArray, pushed: FloatArray | None
 ) -> Loads:
     """Forces that act but are not logged."""
     samples, batch = stamps.shape

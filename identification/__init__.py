@@ -52,12 +52,7 @@ if TYPE_CHECKING:
     from identification.figure import NotebookFigure, legend_above
     from identification.fitting import LogFit
     from identification.pictures import fit_picture, identified_picture, log_picture
-    from identification.planning import (
-        Excitation,
-        excitation_picture,
-        force_text,
-        plan_excitation,
-    )
+    from identification.planning import Excitation, excitation_picture, force_text, plan_excitation
     from identification.planning.limits import ExcitationSpec, load_excitation
     from identification.plant import Plant
     from identification.readers import LogColumns, load_trajectory

@@ -49,10 +49,16 @@ if TYPE_CHECKING:
         UsageError,
     )
     from identification.estimators import METHODS, Method
-    from identification.figure import NotebookFigure, legend_above
     from identification.fitting import LogFit
-    from identification.pictures import fit_picture, identified_picture, log_picture
-    from identification.planning import Excitation, excitation_picture, force_text, plan_excitation
+    from identification.pictures import (
+        NotebookFigure,
+        excitation_picture,
+        fit_picture,
+        identified_picture,
+        legend_above,
+        log_picture,
+    )
+    from identification.planning import Excitation, force_text, plan_excitation
     from identification.planning.limits import ExcitationSpec, load_excitation
     from identification.plant import Plant
     from identification.readers import LogColumns, load_trajectory
@@ -77,10 +83,11 @@ _HOMES = {
         "UnstatedError UsageError"
     ),
     "estimators": "METHODS Method",
-    "figure": "NotebookFigure legend_above",
     "fitting": "LogFit",
-    "pictures": "fit_picture identified_picture log_picture",
-    "planning": "Excitation excitation_picture force_text plan_excitation",
+    "pictures": (
+        "NotebookFigure excitation_picture fit_picture identified_picture legend_above log_picture"
+    ),
+    "planning": "Excitation force_text plan_excitation",
     "planning.limits": "ExcitationSpec load_excitation",
     "plant": "Plant",
     "readers": "LogColumns load_trajectory",

@@ -1,4 +1,4 @@
-"""Pictures of logs, of how well a device explains them, and of what is known of the device."""
+"""Pictures of logs, of how well a device explains them, of what is known of it, and of plans."""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,40 @@ from identification.device.device import ByDirection, Device
 from identification.device.quantities import Quantity
 from identification.estimators.estimate import NORMAL_95, Estimate, Gravity, Model
 from identification.estimators.least_squares import prepare
-from identification.figure import NotebookFigure, legend_above
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting import LogFit
+from identification.planning import Excitation
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
+
+
+class NotebookFigure(Figure):
+    """A matplotlib figure made without pyplot that knows its own picture.
+
+    Notebooks draw a plain Figure only after pyplot was loaded; without, they print its name.
+    """
+
+    def _repr_png_(self) -> bytes:
+        """The picture as a PNG file: the name is IPython's protocol."""
+        stream = BytesIO()
+        picture: Any = self  # matplotlib types its keyword arguments only in part
+        picture.savefig(stream, format="png")
+        return stream.getvalue()
+
+
+def legend_above(axes: Axes) -> None:
+    """A legend of one line above the axes, where it hides nothing."""
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
+        ncols=4,
+        fontsize=7,
+        frameon=False,
+        columnspacing=1.2,
+        handlelength=1.5,
+    )
 
 
 def fit_picture(trajectory: Trajectory, device: Device, *, delay: float | None = None) -> Figure:
@@ -405,3 +434,35 @@ def _of_estimate(estimate: Estimate, words: str, color: str) -> _Known:
 
 def _times(factor: float, low: float, value: float, high: float) -> tuple[float, float, float]:
     return factor * low, factor * value, factor * high
+
+
+def excitation_picture(excitation: Excitation) -> Figure:
+    """Force, predicted position and predicted speed over time, each between its limits."""
+    spec, best = excitation.spec, excitation.best
+    length, force = ("m", "N") if spec.motion == "linear" else ("rad", "N·m")
+    motion = best.prediction.motion
+    figure = NotebookFigure(figsize=(11, 7), layout="constrained")
+    rows = (
+        (f"force, {force}", best.force, spec.force),
+        (f"position, {length}", motion.position, spec.travel),
+        (f"velocity, {length}/s", motion.velocity, spec.speed),
+    )
+    every = figure.subplots(len(rows), 1, sharex=True)
+    for axes, (label, column, limit) in zip(every, rows, strict=True):
+        axes.plot(excitation.time, column, lw=1)
+        for side in (-1, 1) if limit is not None else ():
+            axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")
+        axes.set_ylabel(label)
+    figure.axes[1].set_title(
+        "\n".join(
+            f"{each.words}: up to {each.travel:.2g} {length}" for each in excitation.worst[1:]
+        ),
+        fontsize=8,
+        loc="left",
+    )
+    figure.axes[-1].set_xlabel("time, s")
+    figure.suptitle(
+        f"{spec.name}, axis {spec.axis}: {best.family}, {best.description}; predicted 95 % "
+        f"interval of mass ± {excitation.mass:.2g}, of damping ± {excitation.damping:.2g}"
+    )
+    return figure

@@ -243,12 +243,12 @@ def _count_of(position: FloatArray) -> float | None:
     # Below rounding of the values themselves a difference says nothing.
     floor = 16 * float(np.spacing(max(abs(position.max()), abs(position.min()))))
     blocks = [slice(i, i + _BLOCK + 1) for i in range(0, position.size - 1, _BLOCK)]
-    smallest, told = np.inf, 0
+    smallest, seen = np.inf, 0
     for rows in blocks:
         steps = _steps(position[rows], floor)
-        told += steps.size
+        seen += steps.size
         smallest = min(smallest, float(steps.min(initial=np.inf)))
-    if told == 0:
+    if seen == 0:
         return None
     small, crossed, square = 0, 0.0, 0.0
     for rows in blocks:
@@ -257,7 +257,7 @@ def _count_of(position: FloatArray) -> float | None:
         small += steps.size
         crossed += float(np.sum(steps * whole))
         square += float(np.sum(whole * whole))
-    if small < min(_FEWEST_STEPS, told):
+    if small < min(_FEWEST_STEPS, seen):
         return None
     count = crossed / square
     for rows in blocks:

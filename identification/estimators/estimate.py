@@ -65,8 +65,8 @@ def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArra
     """
     values, vectors = np.linalg.eigh(matrices)
     sizes = np.abs(values)
-    told = sizes > nothing * np.max(sizes, axis=-1, keepdims=True, initial=0.0)
-    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=told)
+    kept = sizes > nothing * np.max(sizes, axis=-1, keepdims=True, initial=0.0)
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
     return (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2)
 
 
@@ -273,7 +273,7 @@ class Estimate:
     #: shape (p,): what choices of the method move the estimate by, such as half of the difference
     #: between half and twice the cut-off; one more standard deviation, in the covariance. None
     #: where there is no such choice.
-    leaning: FloatArray | None = None
+    choice_shift: FloatArray | None = None
     notes: tuple[str, ...] = ()  # sentences on choices made on the way, such as the cut-off
 
     @property
@@ -365,13 +365,13 @@ def spread(
         right[index] = block @ residual[i:j]
     normal /= shape
     right /= sizes
-    whole = normal.sum(axis=0)
-    singular = np.linalg.svd(whole, compute_uv=False)
+    total = normal.sum(axis=0)
+    singular = np.linalg.svd(total, compute_uv=False)
     weakest = max(singular[-1], _NOTHING * singular[0], np.finfo(float).tiny)
     condition = float(np.sqrt(singular[0] / weakest))
     symmetric = instruments is None
-    shifts = _left_out(whole, normal, right) if symmetric else _halfway(whole, normal, right)
-    inverse = _inverse(whole, symmetric=symmetric)
+    shifts = _left_out(total, normal, right) if symmetric else _halfway(total, normal, right)
+    inverse = _inverse(total, symmetric=symmetric)
     if not symmetric:
         inverse = inverse @ (tests @ tests.T / np.outer(sizes, sizes)) @ inverse.T
     # Nuisance columns take up their part of the signal, so only the rest can mislead.
@@ -392,28 +392,28 @@ def spread(
     )
 
 
-def _left_out(whole: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
+def _left_out(total: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
     """What the fit loses by leaving out each block, -(A - A_i)⁺ c_i, shape (blocks, p).
 
     A is the sum of the symmetric blocks A_i; c_i, on the right, what each makes of the residual.
     """
     count = len(blocks)
-    lost = np.einsum("ijk,ik->ij", _inverse(whole - blocks), right)
+    lost = np.einsum("ijk,ik->ij", _inverse(total - blocks), right)
     return np.sqrt((count - 1) / count) * lost
 
 
-def _halfway(whole: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
+def _halfway(total: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
     """(I - A⁻¹A_i)^(-1/2)·A⁻¹c_i: between what a block adds and what leaving it out would change.
 
     A block has taken part of its own noise; the first is too small for it and the second too large
     (Bell and McCaffrey, Survey Methodology 28, 2002, p. 169). Arguments as for ``_left_out``.
     """
-    inverse = _inverse(whole, symmetric=False)
-    rest, back = np.linalg.eig(np.eye(len(whole)) - inverse @ blocks)
+    inverse = _inverse(total, symmetric=False)
+    rest, back = np.linalg.eig(np.eye(len(total)) - inverse @ blocks)
     forth = np.einsum("ijk,ik->ij", np.linalg.pinv(back), right @ inverse.T)
     # A direction that one block alone tells has no residual there.
-    told = np.abs(rest) > _SINGULAR
-    magnified = np.where(told, 1 / np.sqrt(np.where(told, rest, 1.0).astype(complex)), 0.0)
+    kept = np.abs(rest) > _SINGULAR
+    magnified = np.where(kept, 1 / np.sqrt(np.where(kept, rest, 1.0).astype(complex)), 0.0)
     return np.asarray(np.einsum("ijk,ik->ij", back, magnified * forth).real, dtype=np.float64)
 
 

@@ -57,18 +57,18 @@ def overlap_save(
     """
     rows, lost = columns.shape[-1], kernel.size - 1
     block = min(_quick(rows), _quick(max(_SHORTEST_BLOCK, _KERNELS * kernel.size)))
-    whole = block - lost
-    count = -(-(rows - lost) // whole)
+    length = block - lost
+    count = -(-(rows - lost) // length)
     spectra = {} if spectra is None else spectra
     if block not in spectra:
         spectra[block] = np.fft.rfft(kernel, block)
     if count == 1:
         return np.fft.irfft(np.fft.rfft(columns, block) * spectra[block], block)[..., lost:rows]
-    padded = np.zeros((*columns.shape[:-1], lost + count * whole))
+    padded = np.zeros((*columns.shape[:-1], lost + count * length))
     padded[..., :rows] = columns
-    blocks = sliding_window_view(padded, block, axis=-1)[..., ::whole, :]
+    blocks = sliding_window_view(padded, block, axis=-1)[..., ::length, :]
     convolved = np.fft.irfft(np.fft.rfft(blocks) * spectra[block], block)[..., lost:]
-    return convolved.reshape(*columns.shape[:-1], count * whole)[..., : rows - lost]
+    return convolved.reshape(*columns.shape[:-1], count * length)[..., : rows - lost]
 
 
 def causal(columns: FloatArray, kernel: FloatArray) -> FloatArray:

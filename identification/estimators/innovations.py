@@ -93,7 +93,7 @@ class _Problem:
             gain = device.gain(held)
             misfit += weight * _row(device, gain)
             slope += weight * _row_slope(device, gain, device.slope_by_rate(held))
-        scale_slope = np.mean(device.whole.speed_slope)
+        scale_slope = np.mean(device.full.speed_slope)
         by_rate = self._scaled(device, slope) + scale_slope * misfit[self.known :]
         # The innovations change with c1 and c2 by minus their own past through 1/C.
         past = self._averaged(residual, theta)
@@ -109,7 +109,7 @@ class _Problem:
 
         Otherwise a p that makes the rows smaller would seem to explain them better.
         """
-        return float(np.mean(device.whole.speed)) * rows[self.known :]
+        return float(np.mean(device.full.speed)) * rows[self.known :]
 
     def _averaged(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
         """Rows through 1/C."""
@@ -133,29 +133,29 @@ def _difference(column: FloatArray, decay: FloatArray) -> FloatArray:
 
 def _row(device: HeldResponse, gain: Gain) -> FloatArray:
     """What a column adds to the difference of speeds at inner samples, shape (n - 2,)."""
-    return gain.velocity[:-1] + _difference(gain.distance / device.whole.speed, device.whole.decay)
+    return gain.velocity[:-1] + _difference(gain.distance / device.full.speed, device.full.decay)
 
 
 def _row_slope(device: HeldResponse, gain: Gain, slope: Gain) -> FloatArray:
     """Derivative of a row by p."""
-    whole = device.whole
-    share = gain.distance / whole.speed
-    changed = slope.distance / whole.speed - share * whole.speed_slope / whole.speed
-    bent = _difference(changed, whole.decay) - _earlier(whole.decay_slope) * share[:-1]
+    full = device.full
+    share = gain.distance / full.speed
+    changed = slope.distance / full.speed - share * full.speed_slope / full.speed
+    bent = _difference(changed, full.decay) - _earlier(full.decay_slope) * share[:-1]
     return slope.velocity[:-1] + bent
 
 
 def _row_of_position(device: HeldResponse, position: FloatArray) -> FloatArray:
     """Difference of speeds as the positions tell it."""
-    return _difference(np.diff(position) / device.whole.speed, device.whole.decay)
+    return _difference(np.diff(position) / device.full.speed, device.full.decay)
 
 
 def _slope_of_position(device: HeldResponse, position: FloatArray) -> FloatArray:
     """Derivative of that by p."""
-    whole = device.whole
-    speed = np.diff(position) / whole.speed
-    changed = _difference(-speed * whole.speed_slope / whole.speed, whole.decay)
-    return changed - _earlier(whole.decay_slope) * speed[:-1]
+    full = device.full
+    speed = np.diff(position) / full.speed
+    changed = _difference(-speed * full.speed_slope / full.speed, full.decay)
+    return changed - _earlier(full.decay_slope) * speed[:-1]
 
 
 def point(table: Regression, delay: float, *, fits_delay: bool = False) -> PointEstimate:
@@ -189,7 +189,7 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
         fitted=fits_delay,
         unit="position",
         notes=notes,
-        leaning=_leaning(table, problem, best, delay),
+        choice_shift=_choice_shift(table, problem, best, delay),
     )
 
 
@@ -238,7 +238,7 @@ def _settled(table: Regression, delay: float) -> Regression:
     return table
 
 
-def _leaning(table: Regression, problem: _Problem, best: Solution, delay: float) -> FloatArray:
+def _choice_shift(table: Regression, problem: _Problem, best: Solution, delay: float) -> FloatArray:
     """Half of what another filter for the direction of motion changes, one more deviation.
 
     Where a noisy position turns is in doubt by part of a sample, which blocks of one log share.

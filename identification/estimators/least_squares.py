@@ -215,7 +215,7 @@ class Regression:
             self.signals, self.model, self.motion, cut_off=cut_off, known=self.known
         )
 
-    def knowing(self, delay: float) -> Regression:
+    def with_delays_to(self, delay: float) -> Regression:
         """With the rows that feel only logged forces at a delay, s, or a shorter one."""
         known = unknown_intervals(self.signals.steps, delay)
         return Regression.of(
@@ -418,13 +418,13 @@ def complete_estimate(
     fitted: bool,
     unit: Literal["force", "position"],
     notes: Sequence[str],
-    leaning: FloatArray | None = None,
+    choice_shift: FloatArray | None = None,
 ) -> Estimate:
     """The Estimate of one fit, whose covariance ends with the delay if that was fitted."""
     size = found.values.size
     covariance = around.covariance[:size, :size]
-    if leaning is not None:
-        covariance = covariance + np.outer(leaning, leaning)
+    if choice_shift is not None:
+        covariance = covariance + np.outer(choice_shift, choice_shift)
     return Estimate(
         method=method,
         model=table.model,
@@ -439,7 +439,7 @@ def complete_estimate(
         condition=around.condition,
         inflation=around.inflation[:size],
         mean_speed=table.mean_speed,
-        leaning=leaning,
+        choice_shift=choice_shift,
         notes=tuple(notes),
     )
 
@@ -478,7 +478,7 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
         unit="force",
         notes=notes,
         # What depends on the filter is an error of the model, which blocks of one log do not show.
-        leaning=(high - low) / 2,
+        choice_shift=(high - low) / 2,
     )
 
 

@@ -63,7 +63,7 @@ BoolArray = NDArray[np.bool_]
 _FIRST_LOOK = 10
 #: Friction this many standard deviations large decides where the device turns; less is taken for
 #: noise, and the direction of motion as measured.
-_RUBBING = 3.0
+_CLEAR = 3.0
 #: A residual further from white than this may come from a search that went astray.
 _DOUBTED = 0.05
 #: A log longer than this is begun with its first so many samples: the whole then takes one or two
@@ -167,14 +167,14 @@ def _found(table: Regression, first: float, *, fits_delay: bool) -> PositionFit:
     projected = _projected(table, first, fits_delay=fits_delay)
     if not table.model.coulomb:
         return projected
-    if not _rubs(table, projected) and not is_coloured(projected.residual):
+    if not _has_friction(table, projected) and not is_coloured(projected.residual):
         # Nothing is left over, and there is no friction whose turns could be told better.
         return projected
     found = _turning(table, first, fits_delay=fits_delay)
     if found is None:
         return projected
-    doubted = not _rubs(table, found) or whiteness(found.residual) > _DOUBTED
-    if doubted and (not _rubs(table, projected) or projected.cost < found.cost):
+    doubted = not _has_friction(table, found) or whiteness(found.residual) > _DOUBTED
+    if doubted and (not _has_friction(table, projected) or projected.cost < found.cost):
         return projected
     return found
 
@@ -191,7 +191,7 @@ def _point(
     )
 
 
-def _rubs(table: Regression, found: PositionFit) -> bool:
+def _has_friction(table: Regression, found: PositionFit) -> bool:
     """Whether there is friction to speak of, without which nothing turns."""
     if not table.model.coulomb:
         return False
@@ -199,7 +199,7 @@ def _rubs(table: Regression, found: PositionFit) -> bool:
     unit, norms = unit_columns(found.jacobian.T)
     inverse = symmetric_inverse(unit.T @ unit)
     variance = float(found.residual @ found.residual) / found.residual.size
-    return bool(found.values[at] > _RUBBING * np.sqrt(variance * inverse[at, at]) / norms[at])
+    return bool(found.values[at] > _CLEAR * np.sqrt(variance * inverse[at, at]) / norms[at])
 
 
 def _turning(table: Regression, first: float, *, fits_delay: bool) -> PositionFit | None:
@@ -217,7 +217,7 @@ def _turning(table: Regression, first: float, *, fits_delay: bool) -> PositionFi
     start = np.array([*table.solve(first), *([first] * fits_delay), speed, signals.position[0]])
     if signals.position.size > _LONG:
         begun = turns.part(_LONG).fit(start)
-        if begun is not None and begun.converged and _rubs(table, begun):
+        if begun is not None and begun.converged and _has_friction(table, begun):
             start = begun.values
     return turns.fit(start)
 
@@ -532,7 +532,7 @@ class FrictionProblem:
         point = _Simulated(
             values=values, ways=ways, inputs=inputs, along=along, residual=np.empty(0)
         )
-        moved = point.by_way(lambda way: way.whole.speed * along.speed[:-1])
+        moved = point.by_way(lambda way: way.full.speed * along.speed[:-1])
         for weight, held in zip((1.0, -friction, -1.0), inputs, strict=True):
             moved = moved + weight / mass * point.gain(held)[1]
         simulated = float(values[-1]) + np.concatenate(([0.0], np.cumsum(moved)))
@@ -566,15 +566,15 @@ class FrictionProblem:
             added["delay"] = later * moving / mass
         added["start"] = np.zeros((2, intervals))
         names = tuple(added)
-        decay = point.by_way(lambda way: np.broadcast_to(way.whole.decay, moving.shape))
-        whole = point.by_way(lambda way: np.broadcast_to(way.whole.speed, moving.shape))
+        decay = point.by_way(lambda way: np.broadcast_to(way.full.decay, moving.shape))
+        full = point.by_way(lambda way: np.broadcast_to(way.full.speed, moving.shape))
         # A device that stands at the start does not heed a small velocity.
         start = [*([0.0] * (len(names) - 1)), float(moving[0])]
         speeds = accumulate_decay(decay * along.kept, [added[name][0] for name in names], start)
         jacobian = np.empty((len(names) + 1, intervals + 1))
         jacobian[-1], jacobian[:-1, 0] = 1.0, 0.0
         for row, name in enumerate(names):
-            moved = whole * speeds[row, :-1]
+            moved = full * speeds[row, :-1]
             moved += added[name][1]
             np.cumsum(moved, out=jacobian[row, 1:])
         return jacobian[:, self.known :]
@@ -587,5 +587,5 @@ def _pair(gain: Gain) -> FloatArray:
 
 def _coasting_slope(way: HeldResponse) -> FloatArray:
     """Slope by p of what is left of a velocity and of the distance coasted, (2, 1 or n - 1)."""
-    whole = way.whole
-    return np.stack((np.atleast_1d(whole.decay_slope), np.atleast_1d(whole.speed_slope)))
+    full = way.full
+    return np.stack((np.atleast_1d(full.decay_slope), np.atleast_1d(full.speed_slope)))

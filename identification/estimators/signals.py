@@ -156,8 +156,8 @@ class Commands:
         """
         if not isinstance(self.steps, np.ndarray) or self.sent is None:
             steps = mean_step(self.steps)
-            whole, fraction = _split(delay, steps)
-            before = np.full(whole + 1, self.value[0])
+            full, fraction = _split(delay, steps)
+            before = np.full(full + 1, self.value[0])
             padded = np.concatenate((before, self.value))[: self.value.size]
             late, early = padded[1:], padded[:-1]
             if fraction == 0:
@@ -189,9 +189,9 @@ def even_taps(delay: float, step: float) -> tuple[int, tuple[float, float, float
     Whole samples of the delay, and the weights of the force sent so long before the sample, one
     sample earlier and two earlier.
     """
-    whole, fraction = _split(delay, step)
+    full, fraction = _split(delay, step)
     left = 1 - fraction / step
-    return whole, (left * left / 2, 0.5 + left - left * left, (1 - left) ** 2 / 2)
+    return full, (left * left / 2, 0.5 + left - left * left, (1 - left) ** 2 / 2)
 
 
 def mean_step(steps: float | FloatArray) -> float:
@@ -201,8 +201,8 @@ def mean_step(steps: float | FloatArray) -> float:
 
 def _split(delay: float, step: float) -> tuple[int, float]:
     """Whole samples of a delay, and what is left of it, s."""
-    whole = int(np.floor(delay / step))
-    return whole, delay - whole * step
+    full = int(np.floor(delay / step))
+    return full, delay - full * step
 
 
 def unknown_intervals(steps: float | FloatArray, delay: float) -> int:
@@ -358,13 +358,13 @@ class HeldResponse:
     """A device of rate p on the grid of one log, moved by held columns."""
 
     rate: float  # p, 1/s
-    whole: StepResponse  # of one full interval; numbers, or arrays of shape (n - 1,)
+    full: StepResponse  # of one full interval; numbers, or arrays of shape (n - 1,)
     steps: float | FloatArray  # length of the intervals, s: one number, or shape (n - 1,)
 
     @classmethod
     def at(cls, rate: float, steps: float | FloatArray) -> HeldResponse:
         """For p in 1/s and the steps of a log in s: one number, or shape (n - 1,)."""
-        return cls(rate=rate, whole=StepResponse.during(steps, rate), steps=steps)
+        return cls(rate=rate, full=StepResponse.during(steps, rate), steps=steps)
 
     def gain(self, column: HeldColumn) -> Gain:
         """What a column, force per mass, adds in each interval."""
@@ -378,7 +378,7 @@ class HeldResponse:
         self, column: HeldColumn, of: Callable[[StepResponse], tuple[FloatArray, FloatArray]]
     ) -> Gain:
         """What a column adds of two parts of the response, with its jumps inside the intervals."""
-        velocity, distance = (column.level * part for part in of(self.whole))
+        velocity, distance = (column.level * part for part in of(self.full))
         if column.change.size:
             jump = of(StepResponse.during(column.left, self.rate))
             velocity = velocity + column.added(jump[0])
@@ -393,8 +393,8 @@ class HeldResponse:
             inside = column.added(1.0)
             before[1:] += inside[:-1]
         border = level - before
-        velocity = -border * self.whole.decay
-        distance = -border * self.whole.speed
+        velocity = -border * self.full.decay
+        distance = -border * self.full.speed
         if column.change.size:
             jump = StepResponse.during(column.left, self.rate)
             velocity = velocity - column.added(jump.decay)
@@ -403,14 +403,14 @@ class HeldResponse:
 
     def speed(self, added: FloatArray, start: float = 0.0) -> FloatArray:
         """Velocity at each sample, shape (n,), from what intervals add to it, shape (n - 1,)."""
-        if self.whole.decay.ndim == 0:
-            return recursive(np.concatenate(([start], added)), -float(self.whole.decay))
-        return accumulate_decay(self.whole.decay, [added], [start])[0]
+        if self.full.decay.ndim == 0:
+            return recursive(np.concatenate(([start], added)), -float(self.full.decay))
+        return accumulate_decay(self.full.decay, [added], [start])[0]
 
     def position(self, gain: Gain, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Position and velocity, shape (n,) each, from rest at zero or from a start velocity."""
         speed = self.speed(gain.velocity, start)
-        moved = self.whole.speed * speed[:-1] + gain.distance
+        moved = self.full.speed * speed[:-1] + gain.distance
         return np.concatenate(([0.0], np.cumsum(moved))), speed
 
     def coasting(self, intervals: int) -> FloatArray:
@@ -420,8 +420,8 @@ class HeldResponse:
 
     def position_slope(self, speed: FloatArray, slope: Gain) -> FloatArray:
         """Derivative of a position by p, from its velocity and the slope of what is added."""
-        added = self.whole.decay_slope * speed[:-1] + slope.velocity
-        moved = self.whole.speed_slope * speed[:-1] + slope.distance
+        added = self.full.decay_slope * speed[:-1] + slope.velocity
+        moved = self.full.speed_slope * speed[:-1] + slope.distance
         return self.position(Gain(velocity=added, distance=moved))[0]
 
 

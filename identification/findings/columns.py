@@ -129,17 +129,17 @@ def _false(trajectory: Trajectory) -> bool:
     near = (0, 1, 3, 4)
     rows = time.size - 4
     offset = np.stack([time[i : i + rows] - time[2 : 2 + rows] for i in near])
-    told = np.zeros(rows)
+    interpolated = np.zeros(rows)
     for j, i in enumerate(near):
         others = np.delete(offset, j, axis=0)
-        told += place[i : i + rows] * np.prod(others / (others - offset[j]), axis=0)
+        interpolated += place[i : i + rows] * np.prod(others / (others - offset[j]), axis=0)
     even = (4 * (place[1:-3] + place[3:-1]) - place[:-4] - place[4:]) / 6
     # Over lost rows even steps are wrong, whatever the stamps are worth.
-    whole = np.ptp(offset, axis=0) < (3 + LOST) * trajectory.sample_time
-    if not whole.any():
+    gapless = np.ptp(offset, axis=0) < (3 + LOST) * trajectory.sample_time
+    if not gapless.any():
         return False
     by_stamps, by_even = (
-        float(np.median(np.abs(place[2:-2] - each)[whole])) for each in (told, even)
+        float(np.median(np.abs(place[2:-2] - each)[gapless])) for each in (interpolated, even)
     )
     return by_stamps > _FALSE * by_even
 
@@ -430,8 +430,8 @@ def _jumps(trajectory: Trajectory) -> FloatArray:
     """Steps of position that are the range of a counter, with their signs."""
     steps = np.diff(trajectory.position)
     # What happens during a gap is unknown, but not a jump.
-    whole = np.diff(trajectory.time) <= LOST * trajectory.sample_time
-    steps = np.where(whole, steps, 0.0)
+    gapless = np.diff(trajectory.time) <= LOST * trajectory.sample_time
+    steps = np.where(gapless, steps, 0.0)
     size = np.abs(steps)
     largest = float(size.max())
     far = size > largest / 2

@@ -216,8 +216,8 @@ def excitation(
     doubt = 0.0 if delay is None else min(NORMAL_95 * delay.deviation, MOST_SAMPLES * step)
     spread = max(half_width(chosen, "mass"), doubt * abs(damping))
     alike = inflation["mass"] > _LARGEST_INFLATION
-    told = not alike and spread <= _WIDEST_MASS * abs(mass)
-    if not told:
+    mass_known = not alike and spread <= _WIDEST_MASS * abs(mass)
+    if not mass_known:
         yield Finding(
             code="not-exciting-mass",
             severity="refusal",
@@ -240,8 +240,8 @@ def excitation(
             remedy="Excite slower and further as well, at several speeds, and for longer.",
         )
     if balance.one_way:
-        known = told and mass > 0 and doubt <= step
-        yield _one_way(trajectory, balance, chosen, left, mass_told=known)
+        sharp = mass_known and mass > 0 and doubt <= step
+        yield _one_way(trajectory, balance, chosen, left, mass_told=sharp)
 
 
 def _one_frequency(trajectory: Trajectory, balance: ForceBalance) -> Iterator[Finding]:
@@ -367,7 +367,7 @@ def contradicting_delays(
             yield Finding(
                 code="delay-unknown",
                 severity="warning",
-                seen=f"{_told(chosen, step)} in {trajectory.source}, {_told(other, step)}",
+                seen=f"{_delay_of(chosen, step)} in {trajectory.source}, {_delay_of(other, step)}",
                 needed=f"delays within {_DELAY_SIGMAS:g} deviations or {_APART:g} samples",
                 remedy="State delay in the hardware file; where it varies from sample to "
                 "sample, state its largest value.",
@@ -376,7 +376,7 @@ def contradicting_delays(
     return
 
 
-def _told(estimate: Estimate, step: float) -> str:
+def _delay_of(estimate: Estimate, step: float) -> str:
     width = NORMAL_95 * (estimate.delay_deviation or 0.0)
     name = estimate.method.replace("-", " ")
     return f"{name} say {estimate.delay / step:.2f} ± {width / step:.2g} samples of delay"

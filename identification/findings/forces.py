@@ -80,21 +80,15 @@ def _uncarried(
     refused = any(
         moved > max(width, _MATTERS * abs(chosen.value(name))) for name, moved, width in shifts
     )
-    told = ", ".join(f"{name} by {moved:.3g} (± {width:.2g})" for name, moved, width in shifts)
+    moves = ", ".join(f"{name} by {moved:.3g} (± {width:.2g})" for name, moved, width in shifts)
     return Finding(
         code="gravity",
         severity="refusal" if refused else "warning",
         seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel, explains "
-        f"{gain:.0%} of what the other terms leave over in {trajectory.source}; it shifts {told}",
+        f"{gain:.0%} of what the other terms leave over in {trajectory.source}; it shifts {moves}",
         needed=f"shifts below {_MATTERS:.0%}" if refused else f"below {_LEAST_SHARE:.0%}",
         remedy=_REMEDY,
     )
-
-
-def _position_force_rms(balance: ForceBalance) -> float:
-    """Rms of the force of position that the log shows, whether the estimate has it or not, N."""
-    gain, force = _position_force(balance)
-    return float(np.std(_carried_force(balance) + (force if gain >= _LEAST_GAIN else 0.0)))
 
 
 def _carried_force(balance: ForceBalance) -> FloatArray:
@@ -220,7 +214,9 @@ def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Itera
     """
     if balance.one_way or not (left.shaking or left.slow >= MOST_SLOW * left.force):
         return
-    spring = _position_force_rms(balance) >= _LEAST_SHARE * left.force
+    gain, force = _position_force(balance)
+    carried = _carried_force(balance) + (force if gain >= _LEAST_GAIN else 0.0)
+    spring = float(np.std(carried)) >= _LEAST_SHARE * left.force
     refused = spring or left.much
     seen = [f"forces that {trajectory.source} does not log:"]
     if left.shaking:
@@ -305,12 +301,12 @@ def unmodelled(
 ) -> Iterator[Finding]:
     """``unmodelled-force``: what the friction is, and the slopes that it has over speed."""
     named = [each for each in forces if each.share >= _NAMED_SHARE] or forces[:1]
-    told = ", ".join(f"{each.words}, {each.share:.1%} of the force" for each in named)
+    kinds = ", ".join(f"{each.words}, {each.share:.1%} of the force" for each in named)
     uncovered = [each for each in forces if not each.rises]
     refused = any(each.share > _MOST_SHARE for each in uncovered)
     unit, speed = ("N·s/m", "m/s") if trajectory.motion == "linear" else ("N·m·s/rad", "rad/s")
     seen = (
-        f"{trajectory.source} shows {told}; from rest to {fastest:.3g} {speed} the slope of "
+        f"{trajectory.source} shows {kinds}; from rest to {fastest:.3g} {speed} the slope of "
         f"friction runs from {slope.low:.4g} to {slope.high:.4g} {unit}, damping alone "
         f"is {chosen.value('damping'):.4g}"
     )
@@ -353,7 +349,7 @@ def cross_validation(
     trajectory: Trajectory, balance: ForceBalance, chosen: Estimate
 ) -> Iterator[Finding]:
     """``heldout-misfit``: the device changed while it was logged, or the model is wrong."""
-    missed = _misses(balance, chosen)
+    missed = _held_out_errors(balance, chosen)
     worst = int(np.argmax(missed))
     share = float(missed[worst] / np.std(balance.force))
     if share < _DOUBTED:
@@ -377,10 +373,14 @@ def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> Iterator[Fi
 
     A model that is right is right at every frequency. The move is in the interval all the same.
     """
-    if chosen.leaning is None:
+    if chosen.choice_shift is None:
         return
-    alone = replace(chosen, covariance=chosen.covariance - np.outer(chosen.leaning, chosen.leaning))
-    moved = {name: abs(float(chosen.leaning[chosen.parameters.index(name)])) for name in _JUDGED}
+    alone = replace(
+        chosen, covariance=chosen.covariance - np.outer(chosen.choice_shift, chosen.choice_shift)
+    )
+    moved = {
+        name: abs(float(chosen.choice_shift[chosen.parameters.index(name)])) for name in _JUDGED
+    }
     unstable = [
         name
         for name, move in moved.items()
@@ -402,7 +402,7 @@ def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> Iterator[Fi
     )
 
 
-def _misses(balance: ForceBalance, chosen: Estimate) -> FloatArray:
+def _held_out_errors(balance: ForceBalance, chosen: Estimate) -> FloatArray:
     """Excess of each part's prediction over its own fit, rms in N, shape (parts,); 0 if chance.
 
     Only rows of a part that move no faster than the rest count: others are extrapolated.
@@ -417,18 +417,18 @@ def _misses(balance: ForceBalance, chosen: Estimate) -> FloatArray:
         fastest = np.array([np.max(column[first:last]) for first, last in parts])
         for part, (first, last) in enumerate(parts):
             slow[first:last] &= column[first:last] <= np.max(np.delete(fastest, part))
-    whole = _Blocks.of(columns, balance.force, balance.moving, edges)
+    total = _Blocks.of(columns, balance.force, balance.moving, edges)
     shown = _Blocks.of(columns, balance.force, slow, edges)
     inside = np.arange(_PARTS * _BLOCKS) // _BLOCKS
     return np.array(
         [
-            _miss(whole.chosen(inside != part), shown.chosen(inside == part))
+            _held_out_error(total.chosen(inside != part), shown.chosen(inside == part))
             for part in range(_PARTS)
         ]
     )
 
 
-def _miss(rest: _Blocks, own: _Blocks) -> float:
+def _held_out_error(rest: _Blocks, own: _Blocks) -> float:
     """What the rest of a log predicts worse of a part than its own fit does, rms in N."""
     if own.counts.sum() == 0 or rest.counts.sum() == 0:
         return 0.0
@@ -523,7 +523,7 @@ def inertia_of(balance: ForceBalance) -> _Inertia | None:
     carried, bands = balance.carried[moving], 0
     columns = np.column_stack((acceleration, force, carried))
     left: list[FloatArray] = []
-    told: list[NDArray[np.intp]] = []
+    rows_used: list[NDArray[np.intp]] = []
     for sense in (1.0, -1.0):
         side = np.flatnonzero(sense * velocity > 0)
         side = side[np.argsort(velocity[side])]
@@ -534,10 +534,10 @@ def inertia_of(balance: ForceBalance) -> _Inertia | None:
         bands += np.count_nonzero(tells)
         kept = np.repeat(tells, sizes)
         left.append(_levelled(columns[side], velocity[side], sizes)[kept])
-        told.append(side[kept])
+        rows_used.append(side[kept])
     if bands < _FEWEST_BANDS:
         return None
-    table, rows = np.concatenate(left), np.concatenate(told)
+    table, rows = np.concatenate(left), np.concatenate(rows_used)
     if table.shape[1] > 2:
         table[:, :2] = np.stack(
             [least_squares_residual(table[:, 2:], each) for each in table[:, :2].T], axis=1

@@ -78,10 +78,10 @@ class PreparedLog:
         step = trajectory.sample_time
         # Forces from before the log are left out up to the longest delay that is looked at.
         room = MOST_SAMPLES * step if stated is None else stated.value + _DELAY_STEP * step
-        return cls._begun(trajectory, prepare(trajectory, model, room, refine=False), stated)
+        return cls._from_rough(trajectory, prepare(trajectory, model, room, refine=False), stated)
 
     @classmethod
-    def _begun(
+    def _from_rough(
         cls, trajectory: Trajectory, rough: Regression, stated: Quantity | None
     ) -> PreparedLog:
         found = None
@@ -90,7 +90,7 @@ class PreparedLog:
             delay, doubt = found.value, found.deviation
             # A fitted delay may move by a sample; rows that know all forces until then are back.
             step = trajectory.sample_time
-            table = rough.knowing(min(delay + step, MOST_SAMPLES * step))
+            table = rough.with_delays_to(min(delay + step, MOST_SAMPLES * step))
         else:
             delay, doubt = stated.value, (stated.high - stated.low) / (2 * NORMAL_95)
             table = rough
@@ -107,7 +107,7 @@ class PreparedLog:
 
     def widened(self, model: Model) -> PreparedLog:
         """This log with more terms: without them delay and direction may have gone astray."""
-        return PreparedLog._begun(self.trajectory, self.rough.with_model(model), self.stated)
+        return PreparedLog._from_rough(self.trajectory, self.rough.with_model(model), self.stated)
 
     def narrowed(self, model: Model) -> PreparedLog:
         """This log prepared with fewer terms, which the delay does not miss."""
@@ -284,18 +284,18 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
     that leans on least comes first, and another takes its place only if its joint region of mass
     and damping is no larger and Hausman's test finds no contradiction.
     """
-    leaning_least = _robust_ones(prepared)
-    judge = leaning_least[0]
+    candidates = _robust_ones(prepared)
+    judge = candidates[0]
     # Least squares where they are not contradicted, or instruments where those are sharper.
-    usual = max(leaning_least, key=lambda each: each.method == "least-squares")
-    sharpest = min(leaning_least, key=region)
-    at_hand = sharpest if region(sharpest) < _SHARPER * region(usual) else usual
+    usual = max(candidates, key=lambda each: each.method == "least-squares")
+    sharpest = min(candidates, key=region)
+    default = sharpest if region(sharpest) < _SHARPER * region(usual) else usual
     predicted = prepared.fit("innovations")
     apart = contradiction(predicted, judge)
-    sharper = predicted.value("mass") > 0 and region(predicted) <= region(at_hand)
-    verdict = _verdict(prepared, predicted, at_hand) if sharper else ""
+    sharper = predicted.value("mass") > 0 and region(predicted) <= region(default)
+    verdict = _verdict(prepared, predicted, default) if sharper else ""
     if verdict:
-        return (predicted if verdict == "innovations" else at_hand), (
+        return (predicted if verdict == "innovations" else default), (
             f"{verdict}, because the mass that rows at equal velocity tell contradicts the other"
         )
     if sharper and not apart:
@@ -309,17 +309,17 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
             f"innovations say {apart} of {_named(judge)}: the friction or another force is not "
             "what the model has"
         )
-    if prepared.has_reference and len(leaning_least) == 1 and judge.method == "instruments":
+    if prepared.has_reference and len(candidates) == 1 and judge.method == "instruments":
         why += "; least squares, which noise in the force biases, contradict instruments"
-    return at_hand, f"{_named(at_hand)}, because {why}"
+    return default, f"{_named(default)}, because {why}"
 
 
-def _verdict(prepared: PreparedLog, predicted: Estimate, at_hand: Estimate) -> str:
+def _verdict(prepared: PreparedLog, predicted: Estimate, default: Estimate) -> str:
     """Name of the one of two estimates that force at equal velocity leaves; "" if both or none."""
     judge = inertia_of(balance_of(prepared.trajectory, predicted))
-    if judge is None or judge.contradicts(predicted) == judge.contradicts(at_hand):
+    if judge is None or judge.contradicts(predicted) == judge.contradicts(default):
         return ""
-    return _named(at_hand) if judge.contradicts(predicted) else _named(predicted)
+    return _named(default) if judge.contradicts(predicted) else _named(predicted)
 
 
 def over_cut_offs(prepared: PreparedLog, estimate: Estimate) -> Estimate:
@@ -332,9 +332,9 @@ def over_cut_offs(prepared: PreparedLog, estimate: Estimate) -> Estimate:
         prepared.point(table.at_cut_off(factor * frequency), "instruments").values
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
     )
-    leaning = (high - low) / 2
-    covariance = estimate.covariance + np.outer(leaning, leaning)
-    return replace(estimate, covariance=covariance, leaning=leaning)
+    choice_shift = (high - low) / 2
+    covariance = estimate.covariance + np.outer(choice_shift, choice_shift)
+    return replace(estimate, covariance=covariance, choice_shift=choice_shift)
 
 
 def _robust_ones(prepared: PreparedLog) -> tuple[Estimate, ...]:

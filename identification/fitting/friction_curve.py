@@ -218,7 +218,7 @@ class _Table:
         """Mean square that is left over, of 1."""
         return self.sums.left(self.chosen(kinds))
 
-    def worth(self, kind: Kind, beside: Sequence[Kind]) -> float:
+    def wald(self, kind: Kind, beside: Sequence[Kind]) -> float:
         """Wald's statistic of a kind over the value that chance exceeds with _CHANCE."""
         from scipy.special import fdtri
 
@@ -289,7 +289,7 @@ def _kinds(own: _Table) -> list[Kind]:
 def _noticed(own: _Table, kind: Kind, beside: Sequence[Kind], gone: float, left: float) -> bool:
     """Whether what a kind takes away from what is left, mean squares, is large enough and sure."""
     part = _FURTHER if beside or kind == "position" else 0.0 if kind == "drag" else _FIRST
-    return gone >= max(_LEAST[kind] ** 2, part * left) and own.worth(kind, beside) >= 1
+    return gone >= max(_LEAST[kind] ** 2, part * left) and own.wald(kind, beside) >= 1
 
 
 def _stable(own: _Table, kinds: Sequence[Kind]) -> list[Kind]:
@@ -378,5 +378,5 @@ def _as_good(own: _Table, kinds: Sequence[Kind]) -> list[Kind]:
     return [
         kind
         for kind in own.members
-        if kind not in kinds and own.worth(kind, ()) >= 1 and own.worth(kinds[0], (kind,)) < 1
+        if kind not in kinds and own.wald(kind, ()) >= 1 and own.wald(kinds[0], (kind,)) < 1
     ]

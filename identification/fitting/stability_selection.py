@@ -238,12 +238,12 @@ class BlockSums:
         """
         normals = self.normals[:, members][:, :, members]
         rights = self.rights[:, members]
-        whole = normals.sum(axis=0)
-        fitted = least_norm(whole, rights.sum(axis=0))
+        total = normals.sum(axis=0)
+        fitted = least_norm(total, rights.sum(axis=0))
         scores = rights - normals @ fitted
         # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
-        shifts = (_inverse(whole - normals) @ scores[:, :, None])[:, :, 0]
-        floor = UNKNOWN_FORCE**2 * self.rows * _inverse(whole)
+        shifts = (_inverse(total - normals) @ scores[:, :, None])[:, :, 0]
+        floor = UNKNOWN_FORCE**2 * self.rows * _inverse(total)
         return fitted, _long_run(shifts) + floor
 
     def resampled(self, members: list[int], *, nuisance: int) -> Resampled:
@@ -262,8 +262,8 @@ class BlockSums:
     def left(self, members: list[int]) -> float:
         """Mean square of the answer that least squares on some columns leaves over."""
         right = self.rights[:, members].sum(axis=0)
-        whole = self.normals.sum(axis=0)[np.ix_(members, members)]
-        return max(0.0, self.square - float(least_norm(whole, right) @ right)) / self.rows
+        total = self.normals.sum(axis=0)[np.ix_(members, members)]
+        return max(0.0, self.square - float(least_norm(total, right) @ right)) / self.rows
 
 
 def sums_of(columns: FloatArray, answer: FloatArray) -> BlockSums:
@@ -372,7 +372,7 @@ def suggest(columns: Mapping[str, FloatArray], force: FloatArray) -> Structure:
             asked=term in kept,
             frequency=frequency[term.names],
             share=_share(term, kept, fits),
-            deviations=float(np.sqrt(_worth(term, kept, fits))),
+            deviations=float(np.sqrt(_chi_square(term, kept, fits))),
         )
         for term in terms
     }
@@ -399,7 +399,7 @@ def _one_law_of_position(
     gravity = next((term for term in terms if term.names == _GRAVITY), None)
     if position is None or gravity is None:
         return terms, (), False
-    gain = _worth(gravity, terms, fits) - _worth(position, terms, fits)
+    gain = _chi_square(gravity, terms, fits) - _chi_square(position, terms, fits)
     passed = position if gain > _HURDLE**2 else gravity
     rest = [term for term in terms if term != passed]
     return rest, passed.names, bool(abs(gain) <= _HURDLE**2)
@@ -424,7 +424,7 @@ def _members(terms: Iterable[_Term]) -> list[int]:
     return [place for term in terms for place in term.members]
 
 
-def _worth(term: _Term, kept: Sequence[_Term], fits: Resampled) -> float:
+def _chi_square(term: _Term, kept: Sequence[_Term], fits: Resampled) -> float:
     """χ² between the kept terms with and without this one, which need not be among them."""
     others = [each for each in kept if each != term]
     return max(0.0, fits.only(_members(others))[1] - fits.only(_members([*others, term]))[1])
@@ -442,9 +442,9 @@ def _kept(terms: Sequence[_Term], fits: Resampled) -> list[_Term]:
     """The terms that the whole log asks for: sure and large enough, the weakest dropped first."""
     kept = list(terms)
     while kept:
-        weakest = min(kept, key=lambda term: _worth(term, kept, fits))
+        weakest = min(kept, key=lambda term: _chi_square(term, kept, fits))
         smallest = min(kept, key=lambda term: _share(term, kept, fits))
-        if _worth(weakest, kept, fits) < _HURDLE**2:
+        if _chi_square(weakest, kept, fits) < _HURDLE**2:
             kept.remove(weakest)
         elif _share(smallest, kept, fits) < _LEAST_SHARE:
             kept.remove(smallest)

@@ -7,15 +7,12 @@ of the guesses is then simulated exactly and the force scaled until none of them
 for the force that is played, devices between the corners too.
 """
 
-# matplotlib types its keyword arguments only in part.
-# pyright: reportUnknownMemberType=false
-
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +29,6 @@ from identification.planning.limits import (
     worst_motions,
 )
 from identification.planning.stick_slip import Guess, Response, simulate_stick_slip
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
@@ -484,37 +478,3 @@ def force_text(excitation: Excitation) -> str:
     rows = zip(excitation.time.tolist(), excitation.best.force.tolist(), strict=True)
     lines = (f"{time:.{_FILE_DIGITS}g},{force + 0.0:.{_FILE_DIGITS}g}" for time, force in rows)
     return "\n".join(("time,force", *lines)) + "\n"
-
-
-def excitation_picture(excitation: Excitation) -> Figure:
-    """Force, predicted position and predicted speed over time, each between its limits."""
-    from identification.figure import NotebookFigure
-
-    spec, best = excitation.spec, excitation.best
-    length, force = ("m", "N") if spec.motion == "linear" else ("rad", "N·m")
-    motion = best.prediction.motion
-    figure = NotebookFigure(figsize=(11, 7), layout="constrained")
-    rows = (
-        (f"force, {force}", best.force, spec.force),
-        (f"position, {length}", motion.position, spec.travel),
-        (f"velocity, {length}/s", motion.velocity, spec.speed),
-    )
-    every = figure.subplots(len(rows), 1, sharex=True)
-    for axes, (label, column, limit) in zip(every, rows, strict=True):
-        axes.plot(excitation.time, column, lw=1)
-        for side in (-1, 1) if limit is not None else ():
-            axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")
-        axes.set_ylabel(label)
-    figure.axes[1].set_title(
-        "\n".join(
-            f"{each.words}: up to {each.travel:.2g} {length}" for each in excitation.worst[1:]
-        ),
-        fontsize=8,
-        loc="left",
-    )
-    figure.axes[-1].set_xlabel("time, s")
-    figure.suptitle(
-        f"{spec.name}, axis {spec.axis}: {best.family}, {best.description}; predicted 95 % "
-        f"interval of mass ± {excitation.mass:.2g}, of damping ± {excitation.damping:.2g}"
-    )
-    return figure

@@ -15,7 +15,7 @@ from tests.sampled_reference import Sampled
 from tests.thinned import thinned
 from tune.documents.effects import Effects
 from tune.loop.loop import Filters
-from tune.margins import damping_needed, passivity
+from tune.stability.criterion import damping_needed, passivity
 
 
 def test_spring_and_damper() -> None:

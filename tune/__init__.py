@@ -34,8 +34,6 @@ if TYPE_CHECKING:  # what checkers of types take for true
         DelayMargin,
         DiskMargin,
         LoopMargins,
-        Passivity,
-        damping_needed,
         delay_margin,
         disk_margin,
         least_damping_ratio,
@@ -61,6 +59,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
         handle_vibration,
         vibration_in_thresholds,
     )
+    from tune.stability.criterion import Passivity, damping_needed
     from tune.stability.verdict import (
         gain_interval,
         is_stable,
@@ -146,8 +145,8 @@ _HOMES = {
     "exporters": "export",
     "loop.loop": "Filters Loop",
     "margins": (
-        "DelayMargin DiskMargin LoopMargins Passivity damping_needed delay_margin disk_margin "
-        "least_damping_ratio margins_of phase_margin slowest_decay"
+        "DelayMargin DiskMargin LoopMargins delay_margin disk_margin least_damping_ratio "
+        "margins_of phase_margin slowest_decay"
     ),
     "optimisation._optimise": "optimise",
     "optimisation.alternatives": (
@@ -158,6 +157,7 @@ _HOMES = {
         "CountJump ThresholdCurve count_jump default_thresholds force_ripple handle_vibration "
         "vibration_in_thresholds"
     ),
+    "stability.criterion": "Passivity damping_needed",
     "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",
     "verification": "Verification verify",
 }

@@ -18,10 +18,10 @@ from tune.documents.scene import MARGINS, Margin, Scene
 from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of
-from tune.margins import damping_needed
 from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
 from tune.optimisation.problem import Moment, Problem
 from tune.rendering import contact, rendered_mass_and_damping
+from tune.stability.criterion import damping_needed
 from tune.stability.nonlinear import MOST_JITTER, Values, jitter_margin, shortest_fade
 from tune.stability.verdict import CLOSE, safe_up_to
 

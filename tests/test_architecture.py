@@ -32,7 +32,7 @@ class Plan:
 
 PLANS = {
     "identification": Plan(rooms=12, floors=7),
-    "tune": Plan(rooms=14, floors=8),
+    "tune": Plan(rooms=14, floors=7),
     "datasets_synthetic": Plan(rooms=8, floors=6),
 }
 

@@ -439,6 +439,57 @@ FAULTS: tuple[Fault, ...] = (
             "contact->level = asked;",
         ),
     ),
+    *_of(
+        "tune/templates/guard.c",
+        "tests/test_guard_flags.py",
+        ("a test that flags take out", "if (!usable(position)) {", "if (position != position) {"),
+        ("a gain of NaN", "!usable(gain) || ", ""),
+        ("a face of NaN", "} else if (!usable(rest)) {", "} else if (rest != rest) {"),
+    ),
+    *_of(
+        "tune/templates/guard.h",
+        "tests/test_guard_flags.py tests/test_mixed_exports.py -k 'fault or compile or link'",
+        ("flags that are refused", "(defined(__FINITE_MATH_ONLY__) && __FINITE", "(0 && __FINITE"),
+        ("two headers in one source", "#if defined(HAPTUNE_PROFILE) && ", "#if 0 && "),
+    ),
+    *_of(
+        "tune/exporters/guard.py",
+        "tests/test_mixed_exports.py -k link",
+        ("names with the digest", '{"word": word,', '{"word": "",'),
+    ),
+    *_of(
+        "tune/templates/chai3d.hpp",
+        "tests/test_mixed_exports.py -k 'compile or program'",
+        ("a guard of another profile", "#if HAPTUNE_PROFILE != ${tag}", "#if 0"),
+        (
+            "axes of two profiles",
+            "inline namespace profile_${word} {",
+            "inline namespace profile {",
+        ),
+    ),
+    # The node of ROS 2, and what is exported together.
+    *_of(
+        "tune/templates/node.py",
+        "tests/test_ros2_node.py",
+        ("messages that stop", "(self.law.extra_delay + 1) * self", "9 * self"),
+        ("messages that come late", "        if self.overdue(stamp):", "        if False:"),
+        ("a clock that jumps", "or self.law.status is Status.LATE:  #", "or False:  #"),
+        ("clocks that run apart", "_DRIFT * self.step, took)", "0.0, took)"),
+        ("a message of another joint", "        self.silence.reset()\n", ""),
+        ("a law of another profile", 'if PROFILE != "${digest}":', "if False:"),
+    ),
+    *_of(
+        "tune/templates/law.py",
+        "tests/test_ros2_node.py",
+        ("a force held after a silence", "return self._no_force(Status.LATE)", "return 0.0"),
+        ("parameters of another profile", "if told != PROFILE:", "if False:"),
+    ),
+    *_of(
+        "identification/documents.py",
+        "tests/test_mixed_exports.py",
+        ("a kill between two files", "if len(moves) > 1 and sys.executable:", "if False:"),
+        ("all files or none", "_take_back(target, replaced.get(moved))", "pass"),
+    ),
 )
 
 

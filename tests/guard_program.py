@@ -205,16 +205,23 @@ def compilers() -> list[tuple[str, str]]:
 
 def sources(folder: Path) -> None:
     """The exported guard and a program around it."""
-    write({**export(profile(), "c"), "main.c": _MAIN}, folder)
+    empty = "int main(void) { return 0; }\n"
+    write({**export(profile(), "c"), "main.c": _MAIN, "empty.c": empty}, folder)
 
 
-def build(folder: Path, pair: tuple[str, str], standard: str, flags: Sequence[str]) -> str:
-    """Make ``folder/program``; what the compiler says where it does not."""
+def build(
+    folder: Path,
+    pair: tuple[str, str],
+    standard: str,
+    flags: Sequence[str],
+    *files: str,
+) -> str:
+    """Make ``folder/program``, of the guard or of files; what the compiler says where it cannot."""
     plus = "++" in standard
     language = ["-x", "c++"] if plus else ["-x", "c"]
-    files = ["main.c", "haptune_guard.c", "-o", "program"]
+    named = files or ("main.c", "haptune_guard.c")
     done = subprocess.run(
-        [pair[plus], f"-std={standard}", *flags, *language, *files],
+        [pair[plus], f"-std={standard}", *flags, *language, *named, "-o", "program"],
         cwd=folder,
         capture_output=True,
         text=True,

@@ -371,36 +371,26 @@ def log_text(trajectory: Trajectory) -> str:
 
 
 def bundle_texts(scenario: Scenario) -> dict[str, str]:
-    """File name → text of the log, hardware and truth of one scenario."""
-    return {
-        f"{scenario.name}.csv": log_text(run(scenario)),
-        f"{scenario.name}.hardware.yaml": _hardware_text(scenario),
-        f"{scenario.name}.truth.yaml": _truth_text(scenario),
-    }
-
-
-def _truth_text(scenario: Scenario) -> str:
-    """What the log was simulated from: scenario, seed and every true value."""
-    rig, faults = scenario.rig(), scenario.faults
-    values = {name: float(getattr(rig, name)[0]) for name in _TRUE}
+    """File name → text of the log, of what is known of the device before, and of the truth."""
+    name, rig, faults = scenario.name, scenario.rig(), scenario.faults
+    device = load_device(scenario.device).model_dump(mode="json", exclude_none=True)
+    kept = ("name", "axis", "motion", "sample_time", "delay", "encoder_resolution", "force_limit")
+    truth = {key: float(getattr(rig, key)[0]) for key in _TRUE}
     noise = {
         "position_noise": float(np.max(faults.position_noise)),
         "force_noise": float(np.max(faults.force_noise)),
     }
-    return to_yaml(
-        {"scenario": scenario.name, "seed": scenario.seed} | values | {"faults": noise},
-        f"What {scenario.name}.csv was simulated from; SI units, noise rms.",
-    )
-
-
-def _hardware_text(scenario: Scenario) -> str:
-    """What is known of the device before the log is taken, as hardware.yaml."""
-    device = load_device(scenario.device).model_dump(mode="json", exclude_none=True)
-    kept = ("name", "axis", "motion", "sample_time", "delay", "encoder_resolution", "force_limit")
-    return to_yaml(
-        {"schema": "haptune/hardware/1"} | {key: device[key] for key in kept},
-        f"What is known before {scenario.name}.csv is looked at.",
-    )
+    return {
+        f"{name}.csv": log_text(run(scenario)),
+        f"{name}.hardware.yaml": to_yaml(
+            {"schema": "haptune/hardware/1"} | {key: device[key] for key in kept},
+            f"What is known before {name}.csv is looked at.",
+        ),
+        f"{name}.truth.yaml": to_yaml(
+            {"scenario": name, "seed": scenario.seed} | truth | {"faults": noise},
+            f"What {name}.csv was simulated from; SI units, noise rms.",
+        ),
+    }
 
 
 def _decimal(value: float) -> str:
@@ -408,12 +398,8 @@ def _decimal(value: float) -> str:
     return "0" if text == "-0" else text
 
 
-def _write() -> None:
-    folder = Path(str(files("datasets_synthetic").joinpath("logs")))
-    for name in _BUNDLED:
-        for file_name, text in bundle_texts(SCENARIOS[name]).items():
-            (folder / file_name).write_text(text, encoding="utf-8", newline="\n")
-
-
 if __name__ == "__main__":
-    _write()
+    for bundled in _BUNDLED:
+        for file_name, text in bundle_texts(SCENARIOS[bundled]).items():
+            place = Path(str(files("datasets_synthetic").joinpath("logs"))) / file_name
+            place.write_text(text, encoding="utf-8", newline="\n")

@@ -12,9 +12,8 @@ arrives it is zero. With an even clock t = kT.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,10 +62,6 @@ class Truth:
             energy=read_only_copy(energy.T),
         )
 
-    def members(self, which: slice) -> Truth:
-        """The truth of these members."""
-        return Truth(handle=self.handle[which], speed=self.speed[which], energy=self.energy[which])
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
@@ -108,35 +103,13 @@ class Recording:
             return self.stamps
         return self.sample_time[:, None] * np.arange(self.force.shape[1], dtype=np.float64)
 
-    def instants(self, member: int) -> FloatArray:
-        """True instants of the samples of one member, s, shape (n,)."""
-        if self.stamps is not None:
-            return self.stamps[member]
-        step = float(self.sample_time[member])
-        return step * np.arange(self.force.shape[1], dtype=np.float64)
-
-    def members(self, which: slice) -> Recording:
-        """The logs of these members."""
-
-        def of(array: NDArray[Any] | None) -> NDArray[Any] | None:
-            return None if array is None else array[which]
-
-        return replace(
-            self,
-            sample_time=self.sample_time[which],
-            force=self.force[which],
-            position=self.position[which],
-            stamps=of(self.stamps),
-            reference=of(self.reference),
-            kept=of(self.kept),
-            truth=None if self.truth is None else self.truth.members(which),
-        )
-
     def trajectory(self, member: int = 0) -> Trajectory:
         """The log of one member. Raises LogRefusedError if it is no log (too short, diverged)."""
         rows = slice(None) if self.kept is None else self.kept[member]
+        step, count = float(self.sample_time[member]), self.force.shape[1]
+        even = step * np.arange(count, dtype=np.float64)
         return Trajectory(
-            time=self.instants(member)[rows],
+            time=(even if self.stamps is None else self.stamps[member])[rows],
             force=self.force[member][rows],
             position=self.position[member][rows],
             reference=None if self.reference is None else self.reference[member][rows],

@@ -158,7 +158,7 @@ def _draw_log(part: SubFigure, device: Device, fit: LogFit) -> None:
     _draw_over_time(left.subplots(3, 1, sharex=True), fit.trajectory, device, known)
     spectrum, correlation, friction = right.subplots(3, 1)
     _draw_spectrum(spectrum, known, force)
-    _draw_correlation(correlation, known, fit.estimate)
+    _draw_correlation(correlation, fit.estimate)
     draw_friction(friction, fit.trajectory, device, fit.estimate, force)
     part.suptitle(
         f"{fit.trajectory.source}, {fit.method}. {_fit_title(device, known)}", fontsize=10
@@ -253,11 +253,9 @@ def _draw_spectrum(axes: Axes, known: Explained, force: str) -> None:
     legend_above(axes)
 
 
-def _draw_correlation(axes: Axes, known: Explained, estimate: Estimate | None) -> None:
+def _draw_correlation(axes: Axes, estimate: Estimate) -> None:
     """Autocorrelation of the residual with the 95 % band of white noise."""
-    residual, words = known.left, "unexplained force, filtered"
-    if estimate is not None:
-        residual, words = estimate.residual, f"residual of {estimate.method}"
+    residual = estimate.residual
     if residual.size <= _LAGS or not np.any(residual):
         axes.set_axis_off()
         return
@@ -268,7 +266,7 @@ def _draw_correlation(axes: Axes, known: Explained, estimate: Estimate | None) -
     axes.axhline(0, color="k", lw=0.6)
     most = min(1.0, max(4 * band, 1.2 * float(np.max(np.abs(found[1:])))))
     axes.set_ylim(-most, most)
-    axes.set_xlabel(f"lag, samples ({words})")
+    axes.set_xlabel(f"lag, samples (residual of {estimate.method})")
     axes.set_ylabel("correlation")
     legend_above(axes)
 

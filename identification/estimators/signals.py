@@ -329,8 +329,8 @@ class StepResponse:
     decay_slope: FloatArray  # derivative of ``decay`` by p, s
 
     @classmethod
-    def during(cls, span: float | FloatArray, rate: float) -> StepResponse:
-        """For times in s, of any shape, and p in 1/s."""
+    def during(cls, span: float | FloatArray, rate: float | FloatArray) -> StepResponse:
+        """For times in s and p in 1/s, of shapes that broadcast."""
         span = np.asarray(span, dtype=np.float64)
         first, second, third = phi(rate * span)
         square = span * span

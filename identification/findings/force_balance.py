@@ -55,7 +55,6 @@ class ForceBalance:
     direction: FloatArray  # mean of the sign of the velocity, -1 to 1
     position: FloatArray  # m
     gravity: Gravity  # the term of position that the estimate carries, as in Model
-    half_width: float  # of the window, s
     noise_share: float  # part of the mean square of the acceleration that is noise of position
 
     @property
@@ -192,7 +191,6 @@ def _rows(
         direction=table[:, 3],
         position=table[:, 4],
         gravity="none",
-        half_width=half_width,
         noise_share=min(1.0, parasitic / power) if power > 0 else 1.0,
     )
 

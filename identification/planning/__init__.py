@@ -28,7 +28,7 @@ from identification.planning.limits import (
     gentle_spec,
     worst_motions,
 )
-from identification.planning.stick_slip import Guess, Response, simulate_stick_slip
+from identification.planning.stick_slip import Response, simulate_stick_slip
 
 FloatArray = NDArray[np.float64]
 
@@ -371,7 +371,7 @@ def _fitted(
     spec = bench.spec
     step = spec.sample_time
     net = shape.force((np.arange(spec.samples, dtype=np.float64) + 0.5) * step)
-    guess = _device(spec.corners()[0])
+    guess = spec.corners()[0]
     response = Response(rate=guess.rate, step=step, count=net.size, noise=1.0)
     speed = response.speed(net / guess.mass)
     middle = (speed + np.concatenate(([0.0], speed[:-1]))) / 2
@@ -417,11 +417,6 @@ def _product(found: tuple[Candidate, _Shape]) -> float:
     return prediction.mass * prediction.damping
 
 
-def _device(corner: tuple[float, float, float, float]) -> Guess:
-    mass, damping, friction, offset = corner
-    return Guess(mass=mass, damping=damping, coulomb_friction=friction, force_offset=offset)
-
-
 def _rounded(force: FloatArray, limit: float) -> FloatArray:
     """The force as its file will hold it, with a row of zero at either end."""
     decimals = _DIGITS - 1 - int(np.floor(np.log10(limit)))
@@ -434,7 +429,7 @@ def _corners_used(spec: ExcitationSpec, force: FloatArray) -> Used:
     """Parts of the limits that the worst corner uses."""
     travel = speed = 0.0
     for corner in spec.corners():
-        motion = simulate_stick_slip(force[:-1], _device(corner), spec.sample_time)
+        motion = simulate_stick_slip(force[:-1], corner, spec.sample_time)
         travel, speed = max(travel, motion.reach), max(speed, motion.speed)
     return _parts(spec, force, travel, speed)
 

@@ -37,6 +37,7 @@ from identification.device.quantities import (
 )
 from identification.documents import Document, load_document, parse_document, to_mapping
 from identification.errors import InvalidInputError
+from identification.estimators.signals import StepResponse
 from identification.planning.stick_slip import Guess, step_response
 from identification.trajectory import SHORTEST, Motion
 
@@ -151,12 +152,15 @@ class ExcitationSpec(Document):
         guesses = (self.mass, self.damping, self.coulomb_friction, self.force_offset)
         return not all(guess.exact for guess in guesses)
 
-    def corners(self) -> tuple[tuple[float, float, float, float], ...]:
-        """(mass, damping, friction, offset) of the guess, then of every corner of its ranges."""
+    def corners(self) -> tuple[Guess, ...]:
+        """The guessed device, then that of every corner of the ranges."""
         guesses = (self.mass, self.damping, self.coulomb_friction, self.force_offset)
-        middle = tuple(guess.value for guess in guesses)
         ends = product(*(sorted({guess.low, guess.high}) for guess in guesses))
-        return tuple(dict.fromkeys([middle, *ends]))  # pyright: ignore[reportReturnType]
+        middle = tuple(guess.value for guess in guesses)
+        return tuple(
+            Guess(mass=mass, damping=damping, coulomb_friction=friction, force_offset=offset)
+            for mass, damping, friction, offset in dict.fromkeys([middle, *ends])
+        )
 
 
 _WRONG = 2.0  # mass and damping may be this many times what was guessed, or this part of it
@@ -312,21 +316,11 @@ def _turn(
         small, 1 - part / 2 + part**2 / 3, np.log1p(part) / np.where(small, 1.0, part)
     )
     before = np.minimum(before, step)
-    near, far = _pushes(rate, before)
-    place = place + near * speed + far * net
+    push = StepResponse.during(before, rate)
+    place = place + push.speed * speed + push.place * net
     onward = np.where(np.abs(drive) <= grip, 0.0, drive - grip * np.sign(drive))
-    near, far = _pushes(rate, step - before)
-    return place + far * onward, near * onward
-
-
-def _pushes(rate: FloatArray, span: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Velocity and position after a unit force per mass for ``span`` s, from rest."""
-    delta = rate * span
-    small = delta < _SERIES_BELOW
-    safe = np.where(small, 1.0, delta)
-    first = np.where(small, 1 - delta / 2 + delta**2 / 6, -np.expm1(-safe) / safe)
-    second = np.where(small, 0.5 - delta / 6 + delta**2 / 24, (1 - first) / safe)
-    return span * first, span**2 * second
+    push = StepResponse.during(step - before, rate)
+    return place + push.place * onward, push.speed * onward
 
 
 def _ends(guess: Quantity) -> tuple[float, float]:

@@ -121,7 +121,7 @@ def test_no_file_has_more_lines_than_planned(package: str) -> None:
     ("most", "code"),
     [
         (
-            28,
+            27,
             "from identification import identify, load_trajectory\n"
             "identify(load_trajectory('datasets_synthetic/logs/homerehab.csv'))\n",
         ),

@@ -89,7 +89,9 @@ def test_what_other_evidence_says_against_an_estimate_is_found() -> None:
     count = plain.values.size
     heavy = replace(plain, values=plain.values * np.append(1.5, np.ones(count - 1)))
     moved = np.append(0.05 * plain.value("mass"), np.zeros(count - 1))
-    swayed = replace(plain, leaning=moved, covariance=plain.covariance + np.outer(moved, moved))
+    swayed = replace(
+        plain, choice_shift=moved, covariance=plain.covariance + np.outer(moved, moved)
+    )
     late = replace(plain, delay=1.6e-3)
     unsure = replace(late, delay_deviation=2e-4)
     for chosen, other, code, words in (

@@ -1,13 +1,24 @@
-"""What is wrong, or doubtful, with a log: one idea per file, each finding with its numbers."""
+"""What is wrong, or doubtful, with a log; first: does it tell mass, damping and delay?"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding
-from identification.estimators.estimate import Estimate
-from identification.estimators.least_squares import Delay
+from identification.estimators.estimate import (
+    NORMAL_95,
+    Estimate,
+    half_width,
+    quantile,
+    solve,
+    unit_columns,
+)
+from identification.estimators.least_squares import MOST_SAMPLES, Delay
 from identification.findings.columns import (
     encoder_wrap,
     mass_unit,
@@ -17,14 +28,17 @@ from identification.findings.columns import (
     stiction,
     units,
 )
-from identification.findings.excitation import (
-    causality,
-    contradicting_delays,
-    excitation,
-    unknown_delay,
+from identification.findings.force_balance import (
+    ONE_WAY,
+    ForceBalance,
+    balance_of,
+    least_squares_residual,
 )
-from identification.findings.force_balance import balance_of
 from identification.findings.forces import (
+    MOST_SLOW,
+    SLOW,
+    TREMOR,
+    Unlogged,
     cross_validation,
     cut_off_sensitivity,
     hand,
@@ -33,6 +47,8 @@ from identification.findings.forces import (
     unlogged,
 )
 from identification.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
 
 #: Every code a finding can have; the list is part of the file format and of the command line.
 CODES = (
@@ -96,3 +112,361 @@ def judge(
         *contradicting_delays(trajectory, chosen, consulted),
         *mass_unit(trajectory, chosen.value("mass")),
     )
+
+
+_LAGS = 4  # rows before now that predict now: a controller with two filters has as many
+_MOST = 1 << 15  # samples looked at; more add time, not truth
+_ROUNDING = 1e-9  # a prediction this much finer than the signal is rounding, not news
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Law:
+    """How well a virtual spring and damper explain the force, and how the device does."""
+
+    stiffness: float  # K of F = -K·q - B·q̇ + constant, N/m
+    damping: float  # B, N·s/m
+    unexplained: float  # share of the force's mean square the law leaves over
+    plant_unexplained: float  # the same of mass, damping, friction and offset
+    model_unexplained: float  # the same of these and the gravity that the estimate has
+    #: share of what is new in the force that the reading of the same sample explains: nought in
+    #: open loop, where the next force does not know the last reading's noise
+    answer: float
+
+
+def _law_of(trajectory: Trajectory, balance: ForceBalance) -> _Law:
+    """The controller that would have logged this."""
+    columns = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
+    weights = solve(columns, balance.force)
+    power = float(np.var(balance.force))
+    left = balance.force - columns @ weights
+    plant = model = float(np.mean(balance.unexplained() ** 2)) / power
+    if balance.gravity != "none":
+        model = float(np.mean(balance.unexplained(balance.carried) ** 2)) / power
+    return _Law(
+        stiffness=-float(weights[0]),
+        damping=-float(weights[1]),
+        unexplained=float(np.mean(left**2)) / power,
+        plant_unexplained=plant,
+        model_unexplained=model,
+        answer=_answer(trajectory),
+    )
+
+
+def _answer(trajectory: Trajectory) -> float:
+    """Squared correlation of what is new in the force with what is new in the position.
+
+    New is what the rows before do not predict (partial correlation at lag zero).
+    """
+    middle = max(0, (len(trajectory) - _MOST) // 2)
+    part = slice(middle, middle + _MOST)
+    force = trajectory.force[part] - np.mean(trajectory.force[part])
+    place = trajectory.position[part] - np.mean(trajectory.position[part])
+    rows = force.size - _LAGS
+    columns = [
+        column[_LAGS - lag : _LAGS - lag + rows]
+        for column in (force, place)
+        for lag in range(1, _LAGS + 1)
+    ]
+    columns += [force[_LAGS:], place[_LAGS:]]
+    unit, _ = unit_columns(np.stack(columns).T)
+    # Below the diagonal of R nothing is left, so its last columns hold what is new, turned.
+    news: FloatArray = np.asarray(np.linalg.qr(unit, mode="r"), dtype=np.float64)[-2:, -2:]
+    first, both, second = float(news[0, 0]), float(news[0, 1]), float(news[1, 1])
+    if abs(first) <= _ROUNDING or np.hypot(both, second) <= _ROUNDING:
+        return 0.0
+    return both**2 / (both**2 + second**2)
+
+
+#: A virtual spring and damper explain the force up to this part of its mean square, ...
+_LAW_EXPLAINS = 0.1
+#: ... and leave over at most this part of what mass, damping and friction leave over: no device.
+_LAW_BETTER = 0.5
+#: At a single frequency both explain everything. Then the noise of the reading decides: the force
+#: answers to it by this share, ...
+_ANSWERS = 0.5
+_LAW_AS_GOOD = 2.0  # ... and mass and friction do not explain clearly more than the law.
+#: Samples that a spring's force may be late: the hold, and the delay the rows may have taken off.
+_LATE = 5.0
+_ALL = 0.01  # both leave over less than this part: the log has one frequency
+
+
+def causality(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Iterator[Finding]:
+    """``sign-flip`` and ``controller-identified``.
+
+    Force with the wrong sign negates every parameter. A device driven by hand against a virtual
+    spring and damper shows the controller instead: F = -K·q - B·q̇ reads as damping -B, or at one
+    frequency ω as mass K/ω², however well it fits.
+    """
+    mass, damping = chosen.value("mass"), chosen.value("damping")
+    mass_spread, damping_spread = half_width(chosen, "mass"), half_width(chosen, "damping")
+    seen = (
+        f"{trajectory.source} gives mass {mass:.4g} ± {mass_spread:.2g} and damping {damping:.4g} "
+        f"± {damping_spread:.2g}, explaining {chosen.explained:.2%} of the {chosen.residual_unit}"
+    )
+    law = _law_of(trajectory, balance)
+    if _controller(trajectory, law):
+        sign = "-" if law.damping >= 0 else "+"
+        yield _controller_finding(
+            f"F = {-law.stiffness:.4g}·q {sign} {abs(law.damping):.4g}·q̇ explains "
+            f"{1 - law.unexplained:.2%} of the force in {trajectory.source}, mass, damping and "
+            f"friction {1 - law.plant_unexplained:.2%}; the reading of the same sample "
+            f"explains {law.answer:.0%} of what is new in the force",
+            "a force that moves the device, not one computed from its position",
+        )
+        return
+    # Motion one way may tell so little that signs are chance; ``excitation`` refuses that.
+    positive = mass + mass_spread > 0 if balance.one_way else mass > 0
+    if positive and damping + damping_spread >= 0:
+        return
+    if mass + mass_spread < 0 and damping - damping_spread <= 0:
+        yield Finding(
+            code="sign-flip",
+            severity="refusal",
+            seen=seen,
+            needed="positive mass; with the force negated both become positive",
+            remedy="Give --force-gain the other sign, force being positive along +position: -1 "
+            "states that the column is in N (N·m); in volts, amperes or mN give N (N·m) per "
+            "unit, with a minus.",
+        )
+        return
+    yield _controller_finding(seen, "positive mass, and damping not clearly negative")
+
+
+def _controller(trajectory: Trajectory, law: _Law) -> bool:
+    """A law that pulls back or brakes, and knows the force better than any device would."""
+    # A logged set-point is news from outside, whatever the loop answers.
+    answers = trajectory.reference is None and law.answer >= _ANSWERS
+    if answers and law.model_unexplained > _LAW_EXPLAINS:
+        return True
+    # A force held from sample to sample is late, which takes some of a spring's damping.
+    late = _LATE * trajectory.sample_time * max(law.stiffness, 0.0)
+    if law.damping + late <= 0 or law.unexplained > _LAW_EXPLAINS:
+        return False
+    if law.unexplained <= _LAW_BETTER * law.plant_unexplained:
+        return True
+    # What brakes and answers its own reading is a virtual damper; a device takes force to be moved.
+    as_good = law.unexplained <= _LAW_AS_GOOD * law.plant_unexplained
+    return answers and law.unexplained <= _ALL and (law.damping > 0 or as_good)
+
+
+def _controller_finding(seen: str, needed: str) -> Finding:
+    return Finding(
+        code="controller-identified",
+        severity="refusal",
+        seen=seen,
+        needed=needed,
+        remedy="Drive the device by its actuator with the hand off; a log of a hand against "
+        "a virtual spring shows the controller, not the device.",
+    )
+
+
+#: Half-width of the 95 % interval of the mass, as part of the mass, above which a log is refused.
+#: A fifth is what conservative margins still absorb.
+_WIDEST_MASS = 0.2
+#: The same of the damping, doubted and refused, unless the damping is shown to be small: ...
+_DOUBTED_DAMPING = 0.5
+_WIDEST_DAMPING = 1.0
+#: ... the half-width, times the rms velocity, is below this part of the rms force.
+_SMALL_DAMPING_FORCE = 0.02
+#: Variance inflation of a column by the others above which it cannot be told from them: at 1000,
+#: an error of one part in a thousand of a column becomes three per cent of its parameter.
+_LARGEST_INFLATION = 1000.0
+#: Part of the acceleration's mean square that position does not explain: below, the motion has one
+#: frequency.
+_ONE_FREQUENCY = 0.01
+#: Standard deviation of the speed, as part of its mean, below which motion one way has one speed:
+#: damping, friction and offset are then one force.
+_ONE_SPEED = 0.05
+
+
+def excitation(
+    trajectory: Trajectory,
+    balance: ForceBalance,
+    regression: Estimate,
+    chosen: Estimate,
+    delay: Delay | None,
+    left: Unlogged,
+) -> Iterator[Finding]:
+    """``not-exciting-mass`` and ``not-exciting-damping``.
+
+    ``delay`` is as read from the log, None if it was stated; ``left`` is what it does not know.
+    """
+    inflation = dict(zip(regression.parameters, regression.inflation, strict=True))
+
+    def seen(name: str, spread: float) -> str:
+        text = f"{trajectory.source} gives a {name} of {chosen.value(name):.4g} ± {spread:.2g}"
+        if inflation[name] > _LARGEST_INFLATION:
+            text += f", hardly told from the other terms (condition {regression.condition:.0f})"
+        return text
+
+    yield from _one_frequency(trajectory, balance)
+    mass, damping = chosen.value("mass"), chosen.value("damping")
+    # Force that is late by d and damping b look like a mass of b·d.
+    step = trajectory.sample_time
+    doubt = 0.0 if delay is None else min(NORMAL_95 * delay.deviation, MOST_SAMPLES * step)
+    spread = max(half_width(chosen, "mass"), doubt * abs(damping))
+    alike = inflation["mass"] > _LARGEST_INFLATION
+    mass_known = not alike and spread <= _WIDEST_MASS * abs(mass)
+    if not mass_known:
+        yield Finding(
+            code="not-exciting-mass",
+            severity="refusal",
+            seen=seen("mass", spread),
+            needed=f"an interval within {_WIDEST_MASS:.0%}",
+            remedy="Excite with fast motion too: accelerate as hard as force and travel allow.",
+        )
+    spread = half_width(chosen, "damping")
+    share = spread * float(np.std(balance.velocity)) / float(np.std(trajectory.force))
+    alike = inflation["damping"] > _LARGEST_INFLATION
+    wide = spread > _DOUBTED_DAMPING * abs(damping) and share > _SMALL_DAMPING_FORCE
+    if alike or wide:
+        refused = alike or spread > _WIDEST_DAMPING * abs(damping)
+        yield Finding(
+            code="not-exciting-damping",
+            severity="refusal" if refused else "warning",
+            seen=seen("damping", spread),
+            needed=f"an interval within {_WIDEST_DAMPING if refused else _DOUBTED_DAMPING:.0%}, or "
+            f"below {_SMALL_DAMPING_FORCE:.0%} of the force",
+            remedy="Excite slower and further as well, at several speeds, and for longer.",
+        )
+    if balance.one_way:
+        sharp = mass_known and mass > 0 and doubt <= step
+        yield _one_way(trajectory, balance, chosen, left, mass_told=sharp)
+
+
+def _one_frequency(trajectory: Trajectory, balance: ForceBalance) -> Iterator[Finding]:
+    """A spring of -m·ω² and a mass m look alike at one ω."""
+    near = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
+    left = least_squares_residual(near, balance.acceleration)
+    power = float(np.var(balance.acceleration))
+    share = float(np.mean(left**2)) / power if power > 0 else 0.0
+    if share >= _ONE_FREQUENCY:
+        return
+    yield Finding(
+        code="not-exciting-mass",
+        severity="warning",
+        seen=f"{trajectory.source} moves at one frequency: position and velocity explain "
+        f"{1 - share:.2%} of the acceleration, so a spring or a hand would look like mass",
+        needed=f"at most {1 - _ONE_FREQUENCY:.0%}",
+        remedy="Excite with several frequencies at once, a sweep or random steps.",
+    )
+
+
+def _one_way(
+    trajectory: Trajectory,
+    balance: ForceBalance,
+    chosen: Estimate,
+    left: Unlogged,
+    *,
+    mass_told: bool,
+) -> Finding:
+    """Friction and offset are one force in motion that never turns, at one speed damping too.
+
+    Mass can be told all the same, by what the force does to the speed.
+    """
+    mean = float(np.mean(balance.velocity))
+    sign, sense = ("+", "forward") if mean > 0 else ("-", "backward")
+    steady = float(np.std(balance.velocity)) < _ONE_SPEED * abs(mean)
+    if steady:
+        seen = (
+            f"{trajectory.source} moves {sense} only, at one speed of {abs(mean):.4g}: damping, "
+            f"Coulomb friction and offset are one force of {np.mean(balance.force):.4g}, and none "
+            "is known by itself"
+        )
+    else:
+        # Whatever the model calls it, this is what the log shows.
+        parts = {"force_offset": 1.0, "coulomb_friction": np.sign(mean)}
+        weights = np.array([parts.get(name, 0.0) for name in chosen.parameters])
+        both = weights @ chosen.values
+        spread = quantile(chosen) * np.sqrt(max(weights @ chosen.covariance @ weights, 0.0))
+        seen = (
+            f"{trajectory.source} moves {sense} only: offset {sign} Coulomb friction is "
+            f"{both:.4g} ± {spread:.2g}, and neither is known by itself"
+        )
+    if left.shaking or left.slow >= MOST_SLOW * left.force:
+        seen += (
+            f"; forces that it does not log, {left.slow / left.force:.0%} of the force below "
+            f"{SLOW:g} Hz and {left.tremor / left.force:.1%} at {TREMOR[0]:g} to {TREMOR[1]:g} Hz, "
+            "may be a load, ripple of a motor, uneven friction or a hand"
+        )
+    if mass_told and not left.much:
+        seen += "; the mass is told, by how the speed changes"
+    speeds, more = (", at several speeds", " and damping from both") if steady else ("", "")
+    alone = ", with nothing else on the device" if left.much else ""
+    return Finding(
+        code="not-exciting-damping",
+        severity="refusal" if left.much else "warning",
+        seen=seen,
+        needed=f"at least {ONE_WAY:.0%} of the motion the other way{speeds}",
+        remedy=f"Move both ways{speeds}, to tell friction from an offset{more}{alone}.",
+    )
+
+
+_AT_END = 0.1  # samples from the end of the scan within which the true delay may lie beyond it, ...
+#: ... if the residual still falls there by this part from one sample to the next. A log that does
+#: not tell its delay may have its smallest residual anywhere.
+_STILL_FALLING = 0.01
+#: Half-width of the 95 % interval of a delay, in samples, above which it is doubted: a stability
+#: margin is of one sample.
+_WIDEST_DELAY = 1.0
+#: Two delays contradict each other if they are further apart than this many deviations of both ...
+_DELAY_SIGMAS = 4.0
+_APART = 0.25  # ... and than this part of a sample, below which the difference matters to nothing.
+
+
+def unknown_delay(trajectory: Trajectory, delay: Delay | None) -> Iterator[Finding]:
+    """``delay-unknown``: beyond what is looked for, or nowhere in particular."""
+    if delay is None:
+        return
+    step = trajectory.sample_time
+    # Nothing is known beyond the scan, so no doubt is wider.
+    width = min(NORMAL_95 * delay.deviation / step, float(MOST_SAMPLES))
+    found = delay.value / step
+    before, last = delay.residuals[-2:]
+    beyond = found >= MOST_SAMPLES - _AT_END and last < (1 - _STILL_FALLING) * before
+    if not beyond and width <= _WIDEST_DELAY:
+        return
+    seen = (
+        f"the residual of {trajectory.source} is smallest at {found:.2f} ± {width:.2g} samples "
+        "of delay"
+    )
+    yield Finding(
+        code="delay-unknown",
+        severity="refusal" if beyond else "warning",
+        seen=seen + (f", the end of the scan from 0 to {MOST_SAMPLES}" if beyond else ""),
+        needed=f"a delay below {MOST_SAMPLES} samples"
+        if beyond
+        else f"a delay within ± {_WIDEST_DELAY:g} sample",
+        remedy="State delay in the hardware file, or excite fast enough to show it.",
+    )
+
+
+def contradicting_delays(
+    trajectory: Trajectory, chosen: Estimate, others: Iterable[Estimate]
+) -> Iterator[Finding]:
+    """``delay-unknown``: two methods read delays that exclude each other."""
+    if chosen.delay_deviation is None:
+        return
+    step = trajectory.sample_time
+    for other in others:
+        if other.delay_deviation is None:
+            continue
+        apart = abs(other.delay - chosen.delay)
+        chance = float(np.hypot(other.delay_deviation, chosen.delay_deviation))
+        if apart > max(_DELAY_SIGMAS * chance, _APART * step):
+            yield Finding(
+                code="delay-unknown",
+                severity="warning",
+                seen=f"{_delay_of(chosen, step)} in {trajectory.source}, {_delay_of(other, step)}",
+                needed=f"delays within {_DELAY_SIGMAS:g} deviations or {_APART:g} samples",
+                remedy="State delay in the hardware file; where it varies from sample to "
+                "sample, state its largest value.",
+            )
+            return
+    return
+
+
+def _delay_of(estimate: Estimate, step: float) -> str:
+    width = NORMAL_95 * (estimate.delay_deviation or 0.0)
+    name = estimate.method.replace("-", " ")
+    return f"{name} say {estimate.delay / step:.2f} ± {width / step:.2g} samples of delay"

@@ -210,7 +210,7 @@ def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Itera
     or as strong as the excitation, the mass and damping of the hand are in the estimate: a refusal.
 
     In motion one way nothing is called a hand. Ripple once a turn, a load and friction that varies
-    look the same there, and a force of position is one of time; excitation.py says so instead.
+    look the same there, and a force of position is one of time; ``excitation`` says so instead.
     """
     if balance.one_way or not (left.shaking or left.slow >= MOST_SLOW * left.force):
         return

@@ -40,6 +40,7 @@ CALLS: dict[str, Callable[[Any], object]] = {
     "load_scene": tune.load_scene,
     "load_trajectory": identification.load_trajectory,
     "write_bytes": lambda path: identification.write_bytes(path, b"written"),
+    "write_files": lambda path: identification.write_files({Path(path): b"written"}),
     "write_text": lambda path: identification.write_text(path, "written"),
 }
 

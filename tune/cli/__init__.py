@@ -25,27 +25,22 @@ def main() -> None:
 
 
 def _run() -> None:
+    import sys
+
     from tune.cli.process import prepare_streams
 
     prepare_streams()
-    _refuse_another_tune()
-    _silence_libraries()
-    from tune.cli.app import run_app
-
-    run_app()
-
-
-def _refuse_another_tune() -> None:
-    """End where another project's package of this name was installed over ours."""
-    import sys
-
     from haptune import own_tune
 
     try:
         own_tune()
-    except ImportError as error:
+    except ImportError as error:  # another project's package of this name stands over ours
         sys.stderr.write(f"haptune: {error}\n")
         sys.exit(1)
+    _silence_libraries()
+    from tune.cli.app import run_app
+
+    run_app()
 
 
 def _end_early() -> None:

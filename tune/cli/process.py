@@ -140,7 +140,9 @@ class _Outlet(io.RawIOBase):
                 sleep(_PAUSE)
         except OSError as error:
             self._open = False
-            if not _reader_gone(error):
+            # A broken pipe, which Windows calls an invalid argument: its reader has gone.
+            gone = {errno.EPIPE, errno.EINVAL} if sys.platform == "win32" else {errno.EPIPE}
+            if error.errno not in gone:
                 self.failure = error.strerror or str(error)
             return count
         return written
@@ -207,9 +209,3 @@ def _outlet_stream(stream: TextIO | None) -> TextIO:
         errors="replace",
         line_buffering=stream.line_buffering or stream.write_through,
     )
-
-
-def _reader_gone(error: OSError) -> bool:
-    """Whether a pipe is broken, which Windows calls an invalid argument."""
-    gone = {errno.EPIPE, errno.EINVAL} if sys.platform == "win32" else {errno.EPIPE}
-    return error.errno in gone

@@ -181,13 +181,14 @@ def measure_sprung(
     measured = position[release.first : release.end][rows]
     if release.turns:
         half = float(np.diff([release.first, *release.turns]).mean()) * sample_time
-        starts = [(np.pi / half, 0.03), (np.pi / half, 0.3), (np.pi / half, 0.7)]
+        starts = [[np.log(np.pi / half), ratio] for ratio in (0.03, 0.3, 0.7)]
     else:
-        starts = [(start[0], start[1] / start[0])]
+        starts = [[np.log(start[0]), start[1] / start[0]]]
     measurable = len(release.turns) > 1
     choices = (None,) if measurable else known_friction if release.turns else (0.0,)
     built = [_sprung_columns(position, sample_time, release, rows, each) for each in choices]
-    best = [_best(columns, measured, starts) for columns in built]
+    fits = ((_solve(each, measured, np.array(at), _BOUNDS) for at in starts) for each in built)
+    best = [min(every, key=lambda fit: fit[1])[0] for every in fits]
     columns, theta = built[0], best[0]
     answers = np.array([_frequency_and_decay(each) for each in best])
     halves = _half_widths(columns, measured, theta, _BOUNDS, _frequency_and_decay)
@@ -240,12 +241,6 @@ def measure_unsprung(
 
 def _rows(count: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, count - 1, min(count, _MOST_ROWS)).round().astype(np.intp))
-
-
-def _best(columns: _Columns, measured: FloatArray, starts: list[tuple[float, float]]) -> FloatArray:
-    """Nonlinear parameters of the best fit from several starts (ω₀, ζ)."""
-    fits = [_solve(columns, measured, np.array([np.log(w), ratio]), _BOUNDS) for w, ratio in starts]
-    return min(fits, key=lambda fit: fit[1])[0]
 
 
 def _sprung_columns(

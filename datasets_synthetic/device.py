@@ -164,22 +164,7 @@ class Rig:
         axis: str = "x",
         motion: Motion = "linear",
     ) -> None:
-        given = {
-            "mass": mass,
-            "damping": damping,
-            "sample_time": sample_time,
-            "coulomb_friction": coulomb_friction,
-            "force_offset": force_offset,
-            "delay": delay,
-            "encoder_resolution": encoder_resolution,
-            "force_limit": force_limit,
-            "damping_asymmetry": damping_asymmetry,
-            "coulomb_asymmetry": coulomb_asymmetry,
-            "stiffness": stiffness,
-            "gravity_sine": gravity_sine,
-            "gravity_cosine": gravity_cosine,
-            "current_lag": current_lag,
-        }
+        given = {name: value for name, value in locals().items() if name in _COLUMNS}
         arrays = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in given.values()]
         for key, array in zip(given, np.broadcast_arrays(*arrays), strict=True):
             if array.ndim != 1:

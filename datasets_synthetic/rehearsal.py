@@ -183,7 +183,7 @@ class _Sizes:
         push: float | FloatArray | None,
         duration: float,
     ) -> _Sizes:
-        """_Sizes from what is given, or else from encoder and force limit; see ``rehearse``.
+        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``.
 
         Reach, m (rad), and push, N (N·m), are numbers or arrays of shape (batch,).
         """
@@ -405,10 +405,10 @@ def rehearse(
     """Plays the standard trials of every controller of a batch on one device, in every condition.
 
     Conditions are hands off and, if a hand is given, held; with the Coulomb friction of the device
-    and, because it may be less than thought, without any; other devices without any. What is played
-    is in `_KINDS`: elements beside the controller's own effects are also entered, left and scaled
-    while they act. All of it is one run; what is not at rest in the end, and only that, is judged
-    by a longer one.
+    and, because it may be less than thought, without any; other devices without any. Trials are
+    releases, pushes, small starts and falls into a wall; elements beside the controller's own
+    effects are also entered, left and scaled while they act. All of it is one run; what is not at
+    rest in the end, and only that, is judged by a longer one.
 
     Args:
         rig: the truth, one device.

@@ -14,7 +14,7 @@ from identification import (
 )
 from identification.estimators.estimate import Model
 from identification.planning.information import NORMAL_95, predict
-from identification.planning.stick_slip import Guess
+from identification.planning.limits import Guess
 from tests.estimates import estimate_by
 from tests.excitation_plans import FRICTION, LIMITS, RANGES, STEP, Array, planned, rig_of, spec
 from tests.thinned import thinned

@@ -18,7 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError
-from identification.planning.information import DesignGrid, Prediction, fade, force_room, predict
+from identification.planning.information import (
+    DesignGrid,
+    Prediction,
+    Response,
+    fade,
+    force_room,
+    predict,
+    simulate_stick_slip,
+)
 from identification.planning.limits import (
     BETWEEN,
     ExcitationSpec,
@@ -28,7 +36,6 @@ from identification.planning.limits import (
     gentle_spec,
     worst_motions,
 )
-from identification.planning.stick_slip import Response, simulate_stick_slip
 
 FloatArray = NDArray[np.float64]
 

@@ -38,7 +38,6 @@ from identification.device.quantities import (
 from identification.documents import Document, load_document, parse_document, to_mapping
 from identification.errors import InvalidInputError
 from identification.estimators.signals import StepResponse
-from identification.planning.stick_slip import Guess, step_response
 from identification.trajectory import SHORTEST, Motion
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +49,47 @@ _MOST_SAMPLES = 200_000
 _FEWEST_RAMPS = 4
 #: No limit is wider than friction by less than this factor: below it the device creeps and sticks.
 _ABOVE_FRICTION = 1.5
+#: Below this |p·h| the φ-functions are summed as series, where expm1 would cancel.
+_PHI_SERIES_BELOW = 0.5
+_TERMS = 17  # terms of the series: 0.5^17/17! is below the last bit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guess:
+    """One device: m, b, Fc, f0 in kg, N·s/m, N, N (kg·m², N·m·s/rad, N·m, N·m)."""
+
+    mass: float
+    damping: float
+    coulomb_friction: float = 0.0
+    force_offset: float = 0.0
+
+    @property
+    def rate(self) -> float:
+        """p = b/m, 1/s."""
+        return self.damping / self.mass
+
+
+def phi(delta: complex) -> tuple[complex, complex]:
+    """φ1 and φ2 at δ = p·h, finite at δ = 0."""
+    if abs(delta) < _PHI_SERIES_BELOW:
+        second: complex = 0.0
+        for k in range(_TERMS, 1, -1):
+            second = (1 - delta * second) / k
+        return 1 - delta * second, second
+    first = complex(-np.expm1(-delta) / delta)
+    return first, (1 - first) / delta
+
+
+def step_response(rate: complex, span: complex) -> tuple[complex, complex]:
+    """Velocity and position after a unit force per mass for ``span`` s, from rest; real for reals.
+
+    The first is also the distance coasted in that time per unit of velocity.
+    """
+    delta = rate * span
+    first, second = phi(delta)
+    if not isinstance(delta, complex):
+        first, second = first.real, second.real
+    return span * first, span * span * second
 
 
 class ExcitationSpec(Document):

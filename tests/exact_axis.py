@@ -40,7 +40,7 @@ def _free(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, Ar
     return travel, end
 
 
-def _advance(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, Array]:
+def advance(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, Array]:
     """Travel and speed over ``span`` under a constant force less offset, with stick and slip."""
     moving = np.sign(speed)
     held = np.abs(pull) <= axis.coulomb
@@ -103,10 +103,10 @@ def closed_loop(
         extra = -np.asarray(axis.offset) + (0.0 if disturbance is None else disturbance[k])
         if part:
             span = np.full(runs, part * step)
-            travel, rate = _advance(axis, rate, force[max(k - whole - 1, 0)] + extra, span)
+            travel, rate = advance(axis, rate, force[max(k - whole - 1, 0)] + extra, span)
             place = place + travel
         span = np.full(runs, (1 - part) * step)
-        travel, rate = _advance(axis, rate, force[max(k - whole, 0)] + extra, span)
+        travel, rate = advance(axis, rate, force[max(k - whole, 0)] + extra, span)
         place = place + travel
     return out, force
 

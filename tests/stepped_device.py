@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from datasets_synthetic.device import Hand, Rig
-from datasets_synthetic.dynamics import Loads, RigidDynamics
-from datasets_synthetic.motion import LARGEST_STEP, Encoder, EvenTimetable
+from datasets_synthetic import Rig
+from tests.exact_axis import Axis, advance, counted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,15 +39,17 @@ class SteppedDevice:
     A force acts, delayed as the rig says, until another is written, however long that takes.
     """
 
-    def __init__(self, rig: Rig, fault: Fault | None = None, samples: int = 100_000) -> None:
-        zero = np.zeros(1)
+    def __init__(self, rig: Rig, fault: Fault | None = None) -> None:
         self._rig, self._fault = rig, fault or Fault()
-        self._dynamics = RigidDynamics(rig, Hand(), Loads(device=None, handle=None), zero, zero)
-        self._timetable = EvenTimetable(
-            rig.delay, rig.sample_time, self._dynamics.rate(), LARGEST_STEP
+        self._axis = Axis(
+            mass=rig.mass,
+            damping=rig.damping,
+            coulomb=rig.coulomb_friction,
+            offset=rig.force_offset,
         )
-        self._encoder = Encoder(rig.encoder_resolution)
-        self._commands = np.zeros(self._timetable.lead + samples)
+        late = float(rig.delay[0] / rig.sample_time[0])
+        self._whole, self._part = int(late + 1e-9), max(late - int(late + 1e-9), 0.0)
+        self._place, self._speed, self._sent = np.zeros(1), np.zeros(1), [0.0]
         self._failed = 0
         self._due = 0
         #: Samples gone by, force written last, and every position that was read.
@@ -61,7 +62,7 @@ class SteppedDevice:
             raise OSError("the encoder is gone")
         if self._due >= self._fault.nan_from:
             return float("nan")
-        (reading,) = self._encoder.read(self._dynamics.measured())
+        (reading,) = counted(self._place, self._rig.encoder_resolution)
         self.readings.append(float(reading))
         return float(reading)
 
@@ -83,9 +84,14 @@ class SteppedDevice:
         self._due = round(due / step)
         late = self._fault.late if self._due == self._fault.late_at else 0.0
         for sample in range(self.sample, round((due + late) / step)):
-            self._commands[self._timetable.lead + sample] = self.force
-            self._dynamics.begin(sample)
-            for part in self._timetable.parts(sample):
-                self._dynamics.move(self._commands.take(part.place), part)
+            self._sent.append(self.force)
+            for samples, share in ((self._whole + 1, self._part), (self._whole, 1 - self._part)):
+                if share > 1e-9:
+                    self._move(self._sent[max(sample + 1 - samples, 0)], share * step)
             self.sample = sample + 1
         return self.sample * step
+
+    def _move(self, force: float, span: float) -> None:
+        pull = np.full(1, force) - self._axis.offset
+        travel, self._speed = advance(self._axis, self._speed, pull, np.full(1, span))
+        self._place = self._place + travel

@@ -12,10 +12,6 @@ from identification import Device, ForceLimit, load_device, quantity, to_mapping
 from tests.commands import Ended, haptune
 from tests.reference import boundary_gains, reference_loop
 from tune import Scene, load_profile, optimise
-from tune.documents.perception import default_table
-from tune.loop.loop import Filters
-from tune.optimisation.problem import DesignTask
-from tune.optimisation.solve import solve
 
 FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
 WALL = "elements: {wall: {stiffness: max}}\n"
@@ -160,17 +156,6 @@ def _many(count: int) -> dict[str, dict[str, Any]]:
 def _scene(elements: dict[str, dict[str, Any]]) -> Scene:
     loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
     return Scene.model_validate({"elements": elements, "loop": loop})
-
-
-def test_each_of_two_hundred_things_is_tuned_as_if_it_were_alone() -> None:
-    filters = Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0)
-    many = _many(200)
-    crowd = DesignTask.of(_device(), _scene(many), default_table())
-    for name in list(many)[::9]:
-        alone = DesignTask.of(_device(), _scene({name: many[name]}), default_table())
-        one, other = (solve(task, [name], filters).sizes.tolist() for task in (crowd, alone))
-        assert one == pytest.approx(other, rel=1e-5)
-        assert all(size > 0 for size in one)
 
 
 @pytest.mark.long

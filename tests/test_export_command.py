@@ -101,3 +101,19 @@ def test_a_refusal_has_its_code_and_writes_nothing(
     assert words.lower() in ended.err.lower()
     assert ended.result["outputs"] == []
     assert {path: path.stat().st_mtime_ns for path in here.rglob("*")} == before
+
+
+def test_a_folder_is_made_where_its_parent_stands_and_used_again(here: Path) -> None:
+    for _ in range(2):
+        ended = haptune("export", "profile.yaml", "--to", "c,ros2", "-o", "controller", "--json")
+        assert ended.code == 0, ended.err
+    made = {path.name for path in Path("controller").iterdir()}
+    assert made == ALL - {"haptune_chai3d.hpp", "haptune_profile.json"}
+
+
+@pytest.mark.parametrize("name", ["absent/deeper", "profile.yaml/below", "x" * 999])
+def test_a_folder_that_cannot_be_made_is_said_so(here: Path, name: str) -> None:
+    ended = haptune("export", "profile.yaml", "--to", "c", "-o", name)
+    assert ended.code == 7, ended.err
+    assert ended.err.count("\n") == 1
+    assert files() == {"profile.yaml"}

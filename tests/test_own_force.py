@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from scipy.stats import chi2, norm
 
-from datasets_synthetic import log_text, rig_of
+from datasets_synthetic import log_text
 from identification import Device, load_device, parse_document, to_mapping, to_yaml
 from tests.commands import haptune
 from tests.simulated.families import family_named
@@ -61,12 +61,6 @@ def test_nothing_is_tuned_audited_or_certified(force: dict[str, Any], plain: Saf
             verdict(forged)
 
 
-def test_a_force_of_exactly_nothing_is_none(plain: SafeProfile) -> None:
-    device = with_force(position_stiffness=0.0, gravity={"sine": 0.0, "cosine": 0.0})
-    profile = optimise(device, WALL)
-    assert profile.elements == plain.elements
-
-
 def test_the_box_spans_the_slopes_of_the_force_by_position() -> None:
     """k as wide as its interval over 95 % times the radius of the box; gravity by √(gs² + gc²)."""
     known = {"mass": 3.0, "damping": 10.0, "sample_time": 0.001}
@@ -79,11 +73,6 @@ def test_the_box_spans_the_slopes_of_the_force_by_position() -> None:
     assert parse_document(Device, known | arm, "x").simultaneous_box().position_stiffness == (
         pytest.approx((-3.0, 7.0))
     )
-
-
-def test_the_simulated_device_has_the_force_too() -> None:
-    rig = rig_of(with_force(position_stiffness=-7.0, gravity={"sine": 1.5, "cosine": -0.5}))
-    assert (rig.stiffness[0], rig.gravity_sine[0], rig.gravity_cosine[0]) == (-7.0, 1.5, -0.5)
 
 
 def test_a_spring_of_its_own_is_certified_stated_and_checked() -> None:

@@ -171,12 +171,6 @@ def _force(position: Any, log: Trajectory) -> Any:
     return force
 
 
-def test_a_push_at_rest_is_free_after_its_first_turn() -> None:
-    seen = verify(STYLUS.profile, STYLUS.log("wall", 0.5, position=0.0, velocity=1.0))
-    assert not seen.disagreements
-    assert verdicts(seen)["decay"] == "agrees"
-
-
 def test_a_release_can_be_stated() -> None:
     log = STYLUS.log("wall", 0.5)
     seen = verify(STYLUS.profile, log, release=0.25)

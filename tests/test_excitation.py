@@ -16,7 +16,17 @@ from identification.estimators.estimate import Model
 from identification.planning.information import NORMAL_95, predict
 from identification.planning.limits import Guess
 from tests.estimates import estimate_by
-from tests.excitation_plans import FRICTION, LIMITS, RANGES, STEP, Array, planned, rig_of, spec
+from tests.excitation_plans import (
+    FRICTION,
+    LIMITS,
+    RANGES,
+    STEP,
+    Array,
+    planned,
+    rig_of,
+    spec,
+    wave,
+)
 from tests.thinned import thinned
 
 
@@ -185,3 +195,76 @@ def test_families_are_compared_and_the_best_is_played() -> None:
     products = [each.prediction.mass * each.prediction.damping for each in plan.candidates]
     assert products == sorted(products)
     assert (plan.mass, plan.damping) == (plan.best.prediction.mass, plan.best.prediction.damping)
+
+
+def jacobian(plan: ExcitationSpec, force: Array, *, delay: bool) -> Array:
+    """Position by mass, damping, offset, start and velocity (and delay), from the simulator."""
+    mass, damping = plan.mass.value, plan.damping.value
+    late = 0.3 * STEP  # a fraction, so that the delay can be moved either way
+
+    def position(start: float = 0.0, velocity: float = 0.0, **others: float) -> Array:
+        rig = rig_of(plan, **({"delay": late} | others))
+        moved = simulate(rig, np.append(force, 0.0), position=start, velocity=velocity)
+        return moved.position[0]
+
+    def slope(name: str, value: float, size: float) -> Array:
+        ahead, behind = (position(**{name: value + side * size}) for side in (1, -1))
+        return (ahead - behind) / (2 * size)
+
+    columns = [
+        slope("mass", mass, 1e-3 * mass),
+        slope("damping", damping, 1e-3 * damping),
+        slope("force_offset", 0.0, 1e-2),
+        slope("start", 0.0, 1e-2),
+        slope("velocity", 0.0, 1e-2),
+    ]
+    if delay:
+        columns.append(slope("delay", late, 0.1 * STEP))
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("delay_known", [True, False])
+def test_bound_is_that_of_finite_differences_of_the_simulator(delay_known: bool) -> None:
+    plan = spec()
+    force = wave(2000)
+    table = jacobian(plan, force, delay=not delay_known) / plan.reading_noise
+    truth = np.linalg.inv(table.T @ table)[:2, :2]
+    shifted = force * 0.7 + 0.3 * np.concatenate(([0.0], force[:-1]))  # held 0.3 samples later
+    got = predict(
+        shifted,
+        Guess(mass=3.0, damping=10.0),
+        step=STEP,
+        noise=plan.reading_noise,
+        delay_known=delay_known,
+    )
+    # Differences over 1e-3 leave 1e-6; the averaged force is late by 0.3 samples only on average.
+    np.testing.assert_allclose(got.covariance, truth, rtol=1e-3)
+    assert got.mass == pytest.approx(NORMAL_95 * np.sqrt(truth[0, 0]), rel=1e-3)
+
+
+def test_bound_with_unknown_force_is_that_of_the_dense_covariance() -> None:
+    plan = spec()
+    samples, unknown = 600, 0.05
+    force = wave(samples)
+    table = jacobian(plan, force, delay=False)
+    kick = np.zeros(samples + 1)
+    kick[0] = unknown
+    answer_to_one = simulate(rig_of(plan), kick).position[0]
+    lag = np.subtract.outer(np.arange(samples + 1), np.arange(samples))
+    spread = np.where(lag >= 0, answer_to_one[np.maximum(lag, 0)], 0.0)
+    noise = plan.reading_noise**2 * np.eye(samples + 1) + spread @ spread.T
+    truth = np.linalg.inv(table.T @ np.linalg.solve(noise, table))[:2, :2]
+    got = predict(
+        force * 0.7 + 0.3 * np.concatenate(([0.0], force[:-1])),
+        Guess(mass=3.0, damping=10.0),
+        step=STEP,
+        noise=plan.reading_noise,
+        force_noise=unknown,
+    )
+    # The Kalman filter is taken as settled from the first sample on: a few samples of 600.
+    np.testing.assert_allclose(got.covariance, truth, rtol=0.02)
+    assert (
+        got.mass
+        > 5
+        * predict(force, Guess(mass=3.0, damping=10.0), step=STEP, noise=plan.reading_noise).mass
+    )

@@ -225,3 +225,13 @@ def test_a_delay_beyond_the_scan_is_refused_and_a_stated_one_is_not_doubted() ->
     late = log(force[:, 0], place[:, 0])
     assert "delay-unknown" in refusals(late)
     assert "delay-unknown" not in warnings(late, Hardware(delay=quantity(9 * STEP)))
+
+
+def test_standing_under_a_changing_force() -> None:
+    time = STEP * np.arange(8000)
+    force = 5 * np.sin(2 * np.pi * 0.5 * time) + 0.5 * np.sin(2 * np.pi * 5 * time)
+    for friction, codes in ((0.5, set[str]()), (4.8, {"stiction"})):
+        axis = Axis(coulomb=friction)
+        push = 2e-3 * np.random.default_rng(1).standard_normal((force.size, 1))
+        place = counted(positions(axis, force[:, None], disturbance=push), COUNT)[:, 0]
+        assert {each.code for each in inspect(log(force, place), None)} == codes

@@ -115,3 +115,34 @@ def test_two_bodies_on_a_spring_are_a_rigid_mass_and_a_mode(first: float) -> Non
             for state, top in ((0, parts.plant_numerator), (1, parts.handle_numerator)):
                 found = np.polyval(top[::-1], w) / below * T**2 / total
                 assert found == pytest.approx(states[state], rel=1e-9)
+
+
+@pytest.mark.parametrize("delay", [1.0, 0.4, 2.7])
+@pytest.mark.parametrize(
+    ("modes", "hand"),
+    [
+        ((), (0.05, 300.0, 900.0)),
+        (((0.3, 3.0, 0.6, 0.6),), (0.1, 5.0, 300.0)),
+        (((700.0, 0.02, 0.5, -1.2), (1400.0, 0.9, 0.3, 0.2)), (0.1, 5.0, 300.0)),
+    ],
+    ids=["overdamped", "two lines", "aliased"],
+)
+def test_poles_far_from_an_oscillation_below_the_sampling_are_right(
+    modes: tuple[tuple[float, float, float, float], ...],
+    hand: tuple[float, float, float],
+    delay: float,
+) -> None:
+    """Lines instead of oscillations, and oscillations of more than a turn a sample: 360 digits."""
+    case = Case(
+        mass=3.0,
+        damping=10.0,
+        sample_time=1e-3,
+        delay_samples=delay,
+        current_lag=2e-4,
+        modes=modes,
+        hand=hand,
+    )
+    for ray in ((1.0, None, None), (None, 1.0, None)):
+        limits = [float(gain.mid()) for gain in crossings(loop_along(case, *ray))]
+        name = "stiffness" if ray[0] else "damping"
+        assert float(largest(loop_of(case), name)) == pytest.approx(limits[0], rel=1e-8)

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Device, load_device, quantity
+from identification import Device, load_device, parse_document, quantity, to_mapping
 from tests.simulated.experiment import EffectName
 from tests.thinned import thinned
 from tests.unlimited import BOUNDLESS, UNLIMITED
+from tune import CheckFailedError
+from tune.certificate.certify import certify
 from tune.certificate.poles import judge
 from tune.certificate.region import Point, setting_of
 from tune.documents.effects import Effects
@@ -254,3 +256,22 @@ def test_the_paper_allows_a_virtual_mass_of_about_the_device_with_gain_margin_tw
     loop = Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-3)
     assert float(largest(loop, "mass")) / 2 == pytest.approx(3.0, rel=0.01)
     assert float(largest(loop, "mass", Effects(damping=10.0))) / 2 == pytest.approx(3.0, rel=0.02)
+
+
+def test_a_device_with_a_mode_and_a_lag_is_tuned_to_the_edge_of_its_margin() -> None:
+    """Every corner of the mode counts: a fiftieth more is not certified."""
+    mode = {
+        "frequency_hz": {"value": 60.0, "low": 55.0, "high": 65.0},
+        "damping_ratio": {"value": 0.03, "low": 0.02, "high": 0.04},
+        "at_encoder": 0.4,
+        "at_handle": -0.3,
+    }
+    facts = to_mapping(_device(**UNLIMITED, **PROMPT)) | {"modes": [mode]}
+    facts |= {"current_lag": {"value": 3e-4, "low": 2e-4, "high": 4e-4}}
+    device = parse_document(Device, facts, "device.yaml")
+    profile = optimise(device, _scene({"wall": {"stiffness": "max"}}))
+    wall = profile.elements["wall"]
+    assert wall.limited_by["stiffness"] in {"gain-margin", "delay-margin"}
+    more = wall.model_copy(update={"stiffness": 1.02 * wall.stiffness})
+    with pytest.raises(CheckFailedError, match="wall: margin: unstable"):
+        certify(profile.model_copy(update={"elements": {"wall": more}}), 5_000)

@@ -97,7 +97,7 @@ def _out_of_reach(pair: Pair, solved: Solution, label: str) -> bool:
     return any_place(reference, starts=20, rng=np.random.default_rng(0)) is None
 
 
-@pytest.mark.parametrize("seed", thinned([0, 2, 6, 23, 1, 5, 9, 31], 4))
+@pytest.mark.parametrize("seed", thinned([0, 2, 6, 23, 146, 1, 5, 9, 31], 5))
 def test_no_search_finds_better(seed: int) -> None:
     """A few starts on one device for each kind of scene; the long study has 200 on 300."""
     _judge(seed, starts=3, fine=False)

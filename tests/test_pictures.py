@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -11,9 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from datasets_synthetic import bundled_path
-from identification import Hardware, identify, load_device, load_document, load_trajectory
-from identification.pictures import identified_picture
+from datasets_synthetic import bundled_path, named_rig, simulate
+from identification import Device, Hardware, identify, load_device, load_document, load_trajectory
+from identification.pictures import draw_friction, identified_picture
 from tests.commands import haptune, log_text
 from tune import (
     Effects,
@@ -165,3 +166,24 @@ def test_a_log_that_is_refused_is_drawn_all_the_same(
         assert haptune("doctor", "noise.csv", "--picture", name).code == 4
         assert Path(name).read_bytes().startswith(begins)
     assert haptune("doctor", "noise.csv", "--picture", "noise.csv").code == 2
+
+
+def test_friction_by_direction_lies_where_the_log_shows_it() -> None:
+    """Damping of 14 and 6 N·s/m by direction with an offset of 2 N, which the pair holds."""
+    rig = replace(named_rig("homerehab"), damping_asymmetry=4.0, force_offset=2.0)
+    sweep = 2.0 + 10.0 * np.sin(2 * np.pi * 0.7 * np.arange(8000) * 1e-3)
+    log = simulate(rig, sweep).trajectory()
+    pairs = {
+        "damping_by_direction": {"forward": 14.0, "backward": 6.0},
+        "friction_by_direction": {"forward": 2.8, "backward": 0.0},
+    }
+    # The offset of a fit about the mean speed is another than that at rest.
+    device = Device.model_validate({**dict(DEVICE), **pairs, "force_offset": 3.1})
+    axes = Figure().add_subplot()
+    draw_friction(axes, log, device, None, "N")
+    middles = [line for line in axes.lines if line.get_marker() == "o"]
+    assert len(middles) == 2
+    for line in middles:
+        speed, seen = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        told = np.where(speed > 0, 2.8 + 14.0 * speed, 1.2 + 6.0 * speed)
+        assert np.median(np.abs(seen - told)) < 0.1

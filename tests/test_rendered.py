@@ -69,7 +69,7 @@ def _felt_by_experiment(
 
 @pytest.mark.parametrize(
     "law",
-    [*LAWS[1:3], *(pytest.param(each, marks=pytest.mark.long) for each in LAWS[::3])],
+    [*LAWS[1:4], *(pytest.param(each, marks=pytest.mark.long) for each in LAWS[::4])],
     ids=str,
 )
 def test_a_hand_that_shakes_a_simulated_device_feels_what_the_profile_says(

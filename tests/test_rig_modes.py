@@ -10,7 +10,18 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from datasets_synthetic import Controller, Hand, Rig, Vibration, simulate
+from datasets_synthetic import (
+    Clock,
+    Controller,
+    Faults,
+    Hand,
+    Rig,
+    Vibration,
+    named_rig,
+    rig_of,
+    simulate,
+)
+from identification import Device
 from tests.integrated_mechanism import integrated
 from tests.plain_rigs import M, T, rig
 
@@ -157,3 +168,55 @@ def test_batch_of_mechanisms_equals_singles() -> None:
 def test_impossible_mechanisms_are_refused(make: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_a_mode_that_nobody_feels_changes_nothing() -> None:
+    """The mechanism's own path then is the rigid device, stick-slip, hand and jitter included."""
+    silent = Vibration(frequency_hz=40.0, damping_ratio=0.1, at_encoder=0.0, at_handle=0.0)
+    plain = rig(
+        mass=[3.0, 0.4],
+        coulomb_friction=[0.8, 0.0],
+        coulomb_asymmetry=[0.2, 0.0],
+        damping_asymmetry=[2.0, 0.5],
+        stiffness=50.0,
+        delay=[0.0004, 0.0017],
+    )
+    force = np.repeat(np.random.default_rng(3).uniform(-6, 6, (2, 20)), 20, axis=1)
+    controller = Controller(stiffness=200.0, damping=3.0, velocity_filter_hz=50.0)
+    for clock in (Clock(), Clock(jitter=2e-4)):
+        one, other = (
+            simulate(
+                device,
+                force,
+                hand=replace(GRIP, tremor=0.1),
+                controller=controller,
+                faults=Faults(force_noise=0.05, position_noise=1e-6),
+                clock=clock,
+                seed=4,
+                watch=True,
+            )
+            for device in (plain, replace(plain, modes=(silent,)))
+        )
+        size = np.ptp(one.position)
+        np.testing.assert_allclose(other.position, one.position, rtol=0, atol=2e-8 * size)
+        assert one.truth is not None
+        assert other.truth is not None
+        np.testing.assert_allclose(other.truth.energy, one.truth.energy, rtol=1e-6, atol=1e-12)
+
+
+def test_a_device_with_modes_becomes_a_rig_with_modes() -> None:
+    device = Device.model_validate(
+        {
+            "sample_time": T,
+            "mass": 1.0,
+            "damping": 2.0,
+            "current_lag": 2e-4,
+            "modes": [{"frequency_hz": 60.0, "damping_ratio": 0.03, "at_encoder": 0.4}],
+        }
+    )
+    made = rig_of(device)
+    assert made.current_lag[0] == 2e-4
+    assert made.modes[0] == Vibration(
+        frequency_hz=60.0, damping_ratio=0.03, at_encoder=0.4, at_handle=0.4
+    )
+    assert named_rig("homerehab").modes == ()

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         Unstated,
         UnstatedError,
         UsageError,
+        printable,
     )
     from identification.estimators import METHODS, Method
     from identification.fitting import LogFit
@@ -80,7 +81,7 @@ _HOMES = {
     ),
     "errors": (
         "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError Unstated "
-        "UnstatedError UsageError"
+        "UnstatedError UsageError printable"
     ),
     "estimators": "METHODS Method",
     "fitting": "LogFit",
@@ -150,6 +151,7 @@ __all__ = [
     "named_devices",
     "parse_document",
     "plan_excitation",
+    "printable",
     "quantity",
     "round_to_digits",
     "to_mapping",

@@ -21,7 +21,7 @@ from identification.device.device import (
 )
 from identification.device.hardware import Hardware
 from identification.device.quantities import Quantity, quantity
-from identification.documents import as_stored
+from identification.documents import as_stored, complaints
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
 from identification.estimators.estimate import NORMAL_95, Estimate, quantile
@@ -200,10 +200,9 @@ def _stored(
     try:
         return as_stored(_device_from(fits, hardware, records))
     except ValidationError as error:
-        problems = "; ".join(str(each["msg"]) for each in error.errors(include_url=False))
         raise InvalidInputError(
             ", ".join(fit.trajectory.source for fit in fits),
-            f"gives numbers that no device has ({problems[:200]})",
+            f"gives numbers that no device has ({complaints(Device, error)})",
             "Name the right columns, and give gains that make them SI",
         ) from None
 

@@ -20,7 +20,7 @@ from typing import Any, TypeVar, cast, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
-from identification.errors import InvalidInputError, NotWrittenError
+from identification.errors import InvalidInputError, NotWrittenError, printable
 
 #: Complaints listed about one file; the rest is counted.
 _MOST_PROBLEMS = 8
@@ -42,6 +42,27 @@ _LONGEST_DIFFERENCE = 2000
 _DIGITS = 12
 #: Gives files their names, two arguments each; nothing is imported that takes time.
 _RENAME = "import os, sys\nfor k in range(1, len(sys.argv), 2): os.replace(*sys.argv[k : k + 2])"
+
+#: What a value has to be, and the validator's names of what it is not.
+_RULES = {
+    "give a mapping of keys": "model_type dict_type",
+    "give a list": "tuple_type list_type",
+    "give a text, in quotes if it looks like a number": "string_type",
+    "give true or false": "bool_type bool_parsing",
+    "give a number": "float_type float_parsing",
+    "give a whole number": "int_type int_parsing int_from_float",
+    "give a finite number": "finite_number",
+    "must be {expected}": "literal_error",
+    "must be greater than {gt:g}": "greater_than",
+    "must be greater than or equal to {ge:g}": "greater_than_equal",
+    "must be less than {lt:g}": "less_than",
+    "must be less than or equal to {le:g}": "less_than_equal",
+    "has {actual_length} entries, and may have {max_length}": "too_long",
+    "needs {min_length} entries, and has {actual_length}": "too_short",
+    "has more than {max_length} letters": "string_too_long",
+    "{error}": "value_error",
+}
+_RULE_OF = {kind: rule for rule, kinds in _RULES.items() for kind in kinds.split()}
 
 _Model = TypeVar("_Model", bound="Document")
 
@@ -105,40 +126,45 @@ def parse_document(
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        schemas = model.model_json_schema(by_alias=True)
-        parts = [schemas, *schemas.get("$defs", {}).values()]
-        # Every key that a document of this kind can hold at any level.
-        names = tuple(dict.fromkeys(name for part in parts for name in part.get("properties", {})))
-        items = [dict(item) for item in error.errors(include_url=False)]
-        # A word would have been another way to say it; what is wrong with this way is said.
-        telling = [
-            item
-            for item in items
-            if item["type"] != "literal_error" or isinstance(item["input"], str | None)
-        ]
-        found = [_sentence(item, names) for item in telling or items]
-        problems = "; ".join(dict.fromkeys(found[:_MOST_PROBLEMS]))
-        if len(found) > _MOST_PROBLEMS:
-            problems += f"; and {len(found) - _MOST_PROBLEMS} more"
-        raise InvalidInputError(
-            source, problems, "Correct the keys named; 'haptune new' writes commented templates"
-        ) from None
+        remedy = "Correct the keys named; 'haptune new' writes commented templates"
+        raise InvalidInputError(source, complaints(model, error), remedy) from None
+
+
+def complaints(model: type[Document], error: ValidationError) -> str:
+    """What a validator says against a document, a sentence for each key, the first few of them."""
+    schemas = model.model_json_schema(by_alias=True)
+    parts = [schemas, *schemas.get("$defs", {}).values()]
+    # Every key that a document of this kind can hold at any level.
+    names = tuple(dict.fromkeys(name for part in parts for name in part.get("properties", {})))
+    items = [dict(item) for item in error.errors(include_url=False)]
+    # A word would have been another way to say it; what is wrong with this way is said.
+    others = (
+        each["type"] != "literal_error" or isinstance(each["input"], str | None) for each in items
+    )
+    telling = [item for item, tells in zip(items, others, strict=True) if tells]
+    found = [_sentence(item, names) for item in telling or items]
+    problems = "; ".join(dict.fromkeys(found[:_MOST_PROBLEMS]))
+    more = len(found) - _MOST_PROBLEMS
+    return f"{problems}; and {more} more" if more > 0 else problems
 
 
 def _sentence(item: dict[str, Any], names: tuple[str, ...]) -> str:
-    location = [str(part) for part in item["loc"]]
+    location = [str(part)[:80] for part in item["loc"]]
     where = ".".join(part for part in location if not part.startswith(("function-", "literal[")))
-    seen = repr(item["input"])
-    kind = item["type"]
+    kind = str(item["type"])
     if kind == "missing":
         return f"{where}: is missing"
     if kind == "extra_forbidden":
         near = difflib.get_close_matches(location[-1], names, n=1)
         return f"{where}: is no key known here" + (f"; did you mean {near[0]}?" if near else "")
-    message = "give a mapping of keys" if kind == "model_type" else str(item["msg"])
-    if item["input"] is None:
-        return f"{where}: is blank; fill it in ({message.removeprefix('Value error, ')})"
-    return f"{where or 'file'}: {message.removeprefix('Value error, ')} (seen: {seen[:80]})"
+    message = _RULE_OF.get(kind, "is not as it must be").format_map(item.get("ctx", {}))
+    given = item["input"]
+    if given is None:
+        return f"{where}: is blank; fill it in ({message})"
+    # What is wrong with a mapping or a list as a whole is said with its numbers.
+    if not isinstance(given, Mapping | list | tuple | BaseModel):
+        message += f" (seen: {repr(given)[:80]})"
+    return f"{where or 'file'}: {message}"
 
 
 def load_document(model: type[_Model], path: str | PathLike[str]) -> _Model:
@@ -189,8 +215,8 @@ def load_mapping(path: str | PathLike[str]) -> dict[str, Any]:
         raise InvalidInputError(path, str(error), remedy) from None
     except YAMLError as error:
         raise InvalidInputError(path, _yaml_sentence(error), "Correct it there") from None
-    except (RecursionError, ValueError) as error:
-        problem = f"is not valid YAML: {' '.join(str(error).split())[:200]}"
+    except (RecursionError, ValueError):
+        problem = "is not valid YAML: it holds a number or a date that is none"
         raise InvalidInputError(path, problem, "Correct the file") from None
     if not isinstance(content, dict):
         problem = "does not hold a mapping of names to values"
@@ -265,16 +291,19 @@ def _loader() -> Any:
 
 
 def _strange_values(value: object, where: str) -> Iterator[str]:
-    """What a YAML reader makes of things no file of ours holds: dates, bytes, sets, other keys."""
+    """What no file of ours holds: dates, bytes, sets, other keys, letters that are not seen."""
     if isinstance(value, dict):
         for key, item in cast("dict[object, object]", value).items():
             if isinstance(key, str):
+                yield from _strange_values(key, where or "the file")
                 yield from _strange_values(item, f"{where}.{key}" if where else key)
             else:
                 yield f"{where or 'the file'} has the key {key!r}, which is no text"
     elif isinstance(value, list):
         for item in cast("list[object]", value):
             yield from _strange_values(item, where)
+    elif isinstance(value, str) and printable(value) != value:
+        yield f"{where}: '{printable(value)[:40]}' holds letters that are not seen"
     elif isinstance(value, int) and value.bit_length() > 64:
         yield f"{where}: an integer of {value.bit_length()} bits"
     elif not isinstance(value, str | int | float | None):

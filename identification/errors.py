@@ -8,6 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 
+def printable(text: str) -> str:
+    """A text in which no letter steers a terminal or turns writing round: those become escapes."""
+    return "".join(
+        each if each.isprintable() or each == "\n" else ascii(each)[1:-1] for each in text
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """One thing that is wrong, or doubtful, with a log.
@@ -40,10 +47,10 @@ class _GivenError(IdentificationError):
     """Something that was given and cannot be taken."""
 
     def __init__(self, subject: str | PathLike[str], problem: str, remedy: str) -> None:
-        self.subject = fspath(subject)
-        self.problem = problem
-        self.remedy = remedy
-        super().__init__(f"{self.subject}: {problem}. {remedy}")
+        self.subject = printable(fspath(subject))
+        self.problem = printable(problem)
+        self.remedy = printable(remedy)
+        super().__init__(f"{self.subject}: {self.problem}. {self.remedy}")
 
 
 class InvalidInputError(_GivenError):

@@ -1,4 +1,4 @@
-"""A log that unfolds to much is refused within 10 s of the processor and 1 GB; a long one is read.
+"""A file that unfolds to much is refused within 10 s of the processor and 1 GB; a long one is read.
 
 The processes that read are measured, each by the system.
 """
@@ -14,10 +14,12 @@ import numpy as np
 import openpyxl
 import pytest
 
-from identification import LogColumns, load_trajectory
+from identification import LogColumns, load_device, load_trajectory, to_mapping, to_yaml
 from tests.bombs import BOMBS
+from tests.commands import digest_of, haptune
 from tests.packed_logs import refusal
 from tests.thinned import thinned
+from tune import Scene, optimise
 
 resource = pytest.importorskip("resource")
 _UNIT = 1 if sys.platform == "darwin" else 1024
@@ -41,6 +43,19 @@ def test_what_unfolds_is_refused_in_time(tmp_path: Path, name: str) -> None:
     assert ended - began < 10
     assert size < 1_000_000_000
     assert "CSV" in said or "save(" in said
+
+
+def test_a_multiplier_of_three_thousand_taps_is_refused_unproved(tmp_path: Path) -> None:
+    scene: dict[str, Any] = {"elements": {"wall": {"stiffness": "max", "one_sided": True}}}
+    content = to_mapping(optimise(load_device("homerehab"), Scene.model_validate(scene)).signed())
+    channel = content["certificate"]["absolute_stability"]["wall"]["free"]["channels"][0]
+    channel["taps"] = [{"samples": k + 1, "weight": 0.001} for k in range(3000)]
+    content["digest"] = digest_of(content)
+    path = tmp_path / "profile.yaml"
+    path.write_text(to_yaml(content), encoding="utf-8")
+    ended = haptune("check", str(path))
+    assert ended.code == 3
+    assert "taps: has 3000 entries, and may have 32" in ended.err
 
 
 @pytest.mark.long

@@ -49,10 +49,10 @@ def test_units_do_not_matter() -> None:
         ("samples; 200 to 200000 can be planned", {"duration": 1e6}),
         ("samples; 200 to 200000 can be planned", {"duration": 0.1, "ramp": 0.0}),
         ("leaves too little between two ramps", {"ramp": 1.5}),
-        ("travel: Input should be greater than 0", {"travel": 0}),
+        ("travel: must be greater than 0", {"travel": 0}),
         ("true and false are no numbers", {"force": True}),
         ("finite number", {"speed": float("inf")}),
-        ("delay: Input should be 'known' or 'unknown'", {"delay": 0.001}),
+        ("delay: must be 'known' or 'unknown'", {"delay": 0.001}),
     ],
 )
 def test_senseless_limits_are_a_sentence(words: str, change: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ WALL = "elements: {wall: {stiffness: max}}\n"
 #: what the sentence must say, and the file
 FILES: tuple[tuple[tuple[str, ...], str], ...] = (
     (("elements",), "name: nothing\n"),
-    (("elements", "valid dictionary"), "elements: []"),
+    (("elements", "give a mapping"), "elements: []"),
     (("elements.wall", "give a mapping of keys"), "elements: {wall: max}"),
     (("elements.wall.stiffnes", "did you mean stiffness"), "elements: {wall: {stiffnes: max}}"),
     (

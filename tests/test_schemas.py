@@ -106,7 +106,7 @@ DEVICE: dict[str, Any] = {
     "mass": {"value": 3.0, "low": 2.7, "high": 3.3, "source": "log"},
     "damping": 10,
     "force_limit": {"continuous": 1.0, "peak": 2.0},
-    "covariance": {"parameters": ["mass"], "matrix": [[1.0]], "degrees_of_freedom": 9},
+    "covariance": {"parameters": ["coulomb_friction"], "matrix": [[1.0]], "degrees_of_freedom": 9},
 }
 HARDWARE: dict[str, Any] = {"sample_time": {"value": 0.001}, "delay": 0}
 

@@ -75,4 +75,8 @@ def test_the_box_keeps_mass_positive_and_takes_times_as_stated() -> None:
 
 def test_too_few_degrees_of_freedom_say_so() -> None:
     with pytest.raises(InvalidInputError, match="degrees_of_freedom"):
-        device(covariance=joint(2.0).model_dump()).simultaneous_box()
+        device(
+            mass={"value": 3.0, "low": 2.98, "high": 3.02},
+            damping={"value": 10.0, "low": 9.6, "high": 10.4},
+            covariance=joint(2.0).model_dump(),
+        ).simultaneous_box()

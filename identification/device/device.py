@@ -27,6 +27,7 @@ from identification.device.hardware import (
     ForceLimit,
     Label,
     Mode,
+    Resolution,
     missing_of,
     question,
 )
@@ -43,10 +44,18 @@ from identification.device.quantities import (
 )
 from identification.documents import Document, load_document
 from identification.errors import InvalidInputError
+from identification.estimators.estimate import NORMAL_95
 from identification.trajectory import Motion
 
 #: kg (kg·m²): a milligram at a lever of a millimetre.
 LIGHTEST = 1e-12
+#: Part of a correlation that rounding to twelve digits may take away.
+_ROUNDED = 1e-9
+#: How many times narrower or wider than its variance says a stored interval may be: one of two logs
+#: that differ is 0.36 times as wide, one of logs with few degrees of freedom or one poor log wider.
+_NARROWEST, _WIDEST = 0.2, 100.0
+#: Findings that are never warnings: what is identified all the same was allowed.
+REFUSING = frozenset({"controller-identified", "encoder-wrap", "sign-flip"})
 #: Where to write what is missing, unless a command knows better.
 _WHERE = (
     "State them in hardware.yaml and identify with it, or in device.yaml, without 'source: log' "
@@ -123,10 +132,32 @@ class Covariance(Document):
     @model_validator(mode="after")
     def _square(self) -> Covariance:
         size = len(self.parameters)
-        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
-            raise ValueError(f"matrix must be {size} x {size}, one row for each parameter")
-        if any(self.matrix[i][i] < 0 for i in range(size)):
-            raise ValueError("matrix has a negative variance")
+        lengths = {len(row) for row in self.matrix}
+        if len(self.matrix) != size or lengths != {size} or len(set(self.parameters)) < size:
+            shape = f"{len(self.matrix)} x {' or '.join(map(str, sorted(lengths)))}"
+            listed = ", ".join(self.parameters)
+            raise ValueError(
+                f"matrix is {shape} for {len(set(self.parameters))} parameters, {listed}"
+            )
+        matrix = np.array(self.matrix)
+        variances = np.diag(matrix)
+        if np.any(variances < 0):
+            raise ValueError(f"matrix has a negative variance, {variances.min():g}")
+        scale = np.sqrt(np.where(variances > 0, variances, 1.0))
+        correlations = matrix / np.outer(scale, scale)
+        uneven = np.argwhere(np.abs(correlations - correlations.T) > _ROUNDED)
+        if uneven.size:
+            row, column = uneven[0]
+            raise ValueError(
+                f"matrix is not symmetric: {matrix[row, column]:g} in row {row + 1}, column "
+                f"{column + 1}, and {matrix[column, row]:g} the other way round"
+            )
+        least = float(np.linalg.eigvalsh(correlations)[0])
+        if least < -_ROUNDED:
+            raise ValueError(
+                "matrix is not positive definite: an eigenvalue of its correlations is "
+                f"{least:.3g}, needed is 0 or more"
+            )
         return self
 
 
@@ -144,6 +175,14 @@ class LogRecord(Document):
     allowed: tuple[str, ...] = ()
     unmodelled_forces: tuple[UnmodelledForce, ...] = ()
     read_as: str = ""
+
+    @model_validator(mode="after")
+    def _allowed_what_refuses(self) -> LogRecord:
+        refusing = [code for code in self.findings if code in REFUSING - {*self.allowed}]
+        if refusing:
+            allowed = ", ".join(self.allowed) or "nothing"
+            raise ValueError(f"{', '.join(refusing)} refuses a log; allowed is {allowed}")
+        return self
 
 
 class Gravity(Document):
@@ -217,7 +256,7 @@ class Device(Document):
     coulomb_friction: AnyQuantity = quantity(0.0)
     force_offset: AnyQuantity = quantity(0.0)
     delay: AnyQuantity
-    encoder_resolution: PositiveQuantity | None = None
+    encoder_resolution: Resolution | None = None
     force_limit: ForceLimit | None = None
     modes: tuple[Mode, ...] = Field(default=(), max_length=MOST_MODES)
     current_lag: PositiveQuantity | None = None
@@ -273,7 +312,42 @@ class Device(Document):
                 "friction_by_direction must not be negative, not "
                 f"{friction.forward.value:g} and {friction.backward.value:g}"
             )
+        limit, offset = self.force_limit, abs(self.force_offset.value)
+        if limit is not None and limit.source != "log" and offset > limit.peak:
+            raise ValueError(
+                f"force_offset is {self.force_offset.value:g}, beyond the peak {limit.peak:g} of "
+                "force_limit, which would have to hold it"
+            )
+        self._refuse_other_covariance()
         return self
+
+    def _refuse_other_covariance(self) -> None:
+        """Raises ValueError for a covariance that logs or intervals beside it contradict."""
+        joint = self.covariance
+        if joint is None:
+            return
+        samples = min((log.samples for log in self.logs), default=math.inf)
+        if joint.degrees_of_freedom >= samples:
+            raise ValueError(
+                f"covariance has {joint.degrees_of_freedom:g} degrees_of_freedom, which no log of "
+                f"{samples} samples has"
+            )
+        variances = np.diag(joint.matrix)
+        for name, variance in zip(joint.parameters, variances, strict=True):
+            found = getattr(self, name, None)
+            if not isinstance(found, Quantity) or (name == "coulomb_friction" and found.low <= 0):
+                continue  # cut off at zero, where physics ends
+            half = (found.high - found.low) / 2
+            if name == "mass":  # its interval is even on a logarithmic scale
+                half = found.value * math.log(found.high / found.low) / 2
+            said = NORMAL_95 * math.sqrt(variance)
+            if name == "mass" and said > found.value:
+                continue  # a log that was allowed and does not tell it: the interval is cut off
+            if not _NARROWEST * said <= half <= _WIDEST * said:
+                raise ValueError(
+                    f"{name} is known within ±{half:.3g}, by its covariance within ±{said:.3g}; "
+                    "leave the covariance out where the interval is of other origin"
+                )
 
     def unstated(self) -> tuple[Fact, ...]:
         """The facts of this device that nobody stated, in the order of FACTS."""

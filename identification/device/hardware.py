@@ -11,9 +11,15 @@ from collections.abc import Collection, Mapping
 from os import PathLike, fspath
 from typing import Annotated, Any, Literal, cast, get_args
 
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
-from identification.device.quantities import LARGEST, AnyQuantity, PositiveQuantity, Source
+from identification.device.quantities import (
+    LARGEST,
+    AnyQuantity,
+    PositiveQuantity,
+    Quantity,
+    Source,
+)
 from identification.documents import Document
 from identification.errors import Unstated, UnstatedError
 from identification.trajectory import Motion
@@ -22,6 +28,8 @@ from identification.trajectory import Motion
 _LONGEST = 120
 #: s: a loop of 10 MHz.
 SHORTEST_STEP = 1e-7
+#: m (rad): a count finer than an atom's nucleus.
+_FINEST_COUNT = 1e-15
 #: Modes that one axis may state; each adds two to the degree of the loop.
 MOST_MODES = 4
 #: A participation beyond it belongs to another choice of the rigid mass.
@@ -70,6 +78,14 @@ def _iso_date(raw: object) -> object:
         raise ValueError("give a date as year-month-day, such as 2026-11-22") from None
 
 
+def _no_finer(count: Quantity) -> Quantity:
+    if count.source != "log" and count.low < _FINEST_COUNT:  # a log's is a hint, and any
+        raise ValueError(f"must be {_FINEST_COUNT:g} or more over its interval, not {count.low:g}")
+    return count
+
+
+#: What an encoder can tell, m (rad).
+Resolution = Annotated[PositiveQuantity, AfterValidator(_no_finer)]
 #: One line of text.
 Label = Annotated[str, BeforeValidator(_one_line), Field(max_length=_LONGEST)]
 #: A day as year-month-day (ISO 8601).
@@ -162,7 +178,7 @@ class Hardware(Document):
     motion: Motion | None = None
     sample_time: AnyQuantity | None = None
     delay: AnyQuantity | None = None
-    encoder_resolution: PositiveQuantity | None = None
+    encoder_resolution: Resolution | None = None
     force_limit: ForceLimit | None = None
     modes: tuple[Mode, ...] = Field(default=(), max_length=MOST_MODES)
     current_lag: PositiveQuantity | None = None

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.errors import Finding, InvalidInputError, LogRefusedError
+from identification.errors import Finding, InvalidInputError, LogRefusedError, printable
 from identification.readers.columns import LogColumns, Reading, conversion_of, quote
 from identification.readers.isolated import read_isolated
 from identification.trajectory import Motion, Trajectory, refuse_sizes
@@ -109,7 +109,7 @@ def load_trajectory(
         motion=motion,
         stated_units=stated,
         read_as=", ".join((*reading.notes, *notes)),
-        source=path.name,
+        source=printable(path.name),
         digest=digest,
     )
     _refuse_clock(trajectory, reading.names["time"])

@@ -106,7 +106,7 @@ def _fields(path: Path, columns: LogColumns, topics: Mapping[str, str]) -> dict[
     unnamed = [role for role, name in asked.items() if name == role]
     if unnamed:
         some = sorted(topics.items())[:_MOST_LISTED]
-        listed = ", ".join(f"{quote(name)} ({kind})" for name, kind in some)
+        listed = ", ".join(f"{quote(name)} ({quote(kind)})" for name, kind in some)
         options = " ".join(f"--{role} TOPIC/FIELD" for role in unnamed)
         raise InvalidInputError(
             path,
@@ -200,7 +200,7 @@ def _value(path: Path, field: _Field, message: Any) -> Any:
     for name, index in field.parts:
         present: Sequence[str] = getattr(found, "__slots__", ())
         if name not in present:
-            listed = ", ".join(present[:_MOST_LISTED]) or "none"
+            listed = ", ".join(map(quote, present[:_MOST_LISTED])) or "none"
             raise InvalidInputError(
                 path,
                 f"messages of {quote(field.topic)} have no field '{quote(name)}' there; they "

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import InvalidInputError
+from identification.errors import InvalidInputError, printable
 from identification.trajectory import Motion
 
 FloatArray = NDArray[np.float64]
@@ -216,8 +216,8 @@ def _column_for(
 
 def quote(text: str) -> str:
     """A file's own text, safe and short enough to print."""
-    printable = "".join(letter if letter.isprintable() else "?" for letter in text)
-    return printable if len(printable) <= _LONGEST_QUOTE else printable[:_LONGEST_QUOTE] + "…"
+    shown = printable(text[: _LONGEST_QUOTE + 1]).replace("\n", "\\n")
+    return shown if len(shown) <= _LONGEST_QUOTE else shown[:_LONGEST_QUOTE] + "…"
 
 
 @contextmanager

@@ -57,9 +57,7 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
         with ZipFile(BytesIO(content)) as archive:
             parts = len(archive.namelist())
         if parts > _MOST_PARTS:
-            problem = (
-                f"has {parts} parts (sheets and what belongs to them), more than {_MOST_PARTS}"
-            )
+            problem = f"has {parts} parts, most of them sheets, more than {_MOST_PARTS}"
             raise InvalidInputError(path, problem, "Export the sheet of the log as CSV")
         book = reader.load_workbook(BytesIO(content), read_only=True, data_only=True)
         layouts = [(sheet.title, _layout(path, sheet, columns)) for sheet in book.worksheets]

@@ -52,7 +52,7 @@ def read_isolated(reader: str, path: Path, content: bytes, columns: LogColumns) 
     job: dict[str, Any] = {"reader": reader, "path": os.fspath(path), "columns": asdict(columns)}
     job |= {"seconds": seconds, "memory": memory}
     python = os.fsdecode(get_executable() or sys.executable)
-    late = f"takes longer to read than the {seconds} s that a file of its size may"
+    python = os.fsdecode(get_executable() or sys.executable)
     program = _PROGRAM.format(path=sys.path, module=__name__)
     try:
         done = subprocess.run(  # noqa: S603 - this interpreter, and nothing of the file in it
@@ -65,22 +65,22 @@ def read_isolated(reader: str, path: Path, content: bytes, columns: LogColumns) 
             check=False,
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
+        code, (header, _, numbers) = done.returncode, done.stdout.partition(b"\n")
     except subprocess.TimeoutExpired:
-        raise InvalidInputError(path, late, _REMEDY) from None
+        code, header, numbers = _OVERTIME, b"", b""
     except OSError as error:
         problem = f"cannot be read: no process for its reader ({error.strerror or error})"
-        raise InvalidInputError(path, problem, "Export it as CSV") from None
-    end = done.stdout.find(b"\n")
-    if done.returncode or end < 0:
-        ended = f"ended the process that read it (exit {done.returncode}): it is damaged or too big"
-        raise InvalidInputError(path, late if done.returncode == _OVERTIME else ended, _REMEDY)
-    said: dict[str, Any] = json.loads(done.stdout[:end])
+        raise InvalidInputError(path, problem, _REMEDY) from None
+    if code or not header:
+        ended = f"ended the process that read it (exit {code}): it is damaged, or too big"
+        late = f"takes longer to read than the {seconds} s that a file of its size may"
+        raise InvalidInputError(path, late if code == _OVERTIME else ended, _REMEDY)
+    said: dict[str, Any] = json.loads(header)
     if "problem" in said:
         raise InvalidInputError(path, said["problem"], said["remedy"])
     rows: dict[str, int] = said.pop("rows")
-    numbers = np.frombuffer(done.stdout, np.uint8, offset=end + 1).view(np.float64)
-    columns_read = np.split(numbers, np.cumsum(list(rows.values()))[:-1])
-    values: dict[str, FloatArray] = dict(zip(rows, columns_read, strict=True))
+    found = np.split(np.frombuffer(numbers), np.cumsum(list(rows.values()))[:-1])
+    values: dict[str, FloatArray] = dict(zip(rows, found, strict=True))
     return Reading(values=values, notes=tuple(said.pop("notes")), **said)
 
 
@@ -92,20 +92,18 @@ def serve() -> None:
         _limit(job["seconds"], job["memory"])
         module, _, function = job["reader"].partition(".")
         read = getattr(import_module(f"{__package__}.{module}"), function)
-        said: dict[str, Any]
-        values: dict[str, FloatArray] = {}
+        columns = LogColumns(**job["columns"])
         try:
-            content = sys.stdin.buffer.read()
-            reading: Reading = read(Path(job["path"]), content, LogColumns(**job["columns"]))
-            values = reading.values
-            rows = {role: column.size for role, column in values.items()}
-            said = {"names": reading.names, "notes": reading.notes, "rows": rows}
-            said["in_seconds"] = reading.in_seconds
+            reading: Reading = read(Path(job["path"]), sys.stdin.buffer.read(), columns)
         except InvalidInputError as error:
             said = {"problem": error.problem, "remedy": error.remedy}
-        line = json.dumps(said).encode()
-        out.write(line + b" " * (-(len(line) + 1) % 8) + b"\n")  # numbers stand where they can
-        for column in values.values():
+            out.write(json.dumps(said).encode() + b"\n")
+            return
+        rows = {role: column.size for role, column in reading.values.items()}
+        header = {"names": reading.names, "notes": reading.notes, "rows": rows}
+        header |= {"in_seconds": reading.in_seconds}
+        out.write(json.dumps(header).encode() + b"\n")
+        for column in reading.values.values():
             out.write(np.ascontiguousarray(column, np.float64).data)
 
 

@@ -348,9 +348,8 @@ def _text_table(
     """The table as text. Raises InvalidInputError where it is none."""
     try:
         return _parsed(content, separator, **options)
-    except _damaged() as error:
-        reason = " ".join(str(error).split("\n")[0].split())[:200]
-        problem = f"is not a table of equally long rows{where} ({reason})"
+    except _damaged():
+        problem = f"is not a table of equally long rows{where}"
         remedy = "Export it again as CSV with one header line"
         raise InvalidInputError(path, problem, remedy) from None
 

@@ -27,6 +27,7 @@ from identification import (
     NotWrittenError,
     UnstatedError,
     UsageError,
+    printable,
 )
 from tune.cli.process import (
     UninterruptedWrites,
@@ -96,7 +97,8 @@ class Session:
         width = None if fixed else _WIDE
         console = Console(highlight=False, markup=False, emoji=False, width=width)
         with console.capture() as captured:
-            console.print(text, soft_wrap=isinstance(text, str))
+            shown = printable(text) if isinstance(text, str) else text
+            console.print(shown, soft_wrap=isinstance(text, str))
         printed = captured.get()
         if not isinstance(text, str):  # tables are padded to their width
             printed = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
@@ -221,7 +223,7 @@ class Session:
             if self.details:
                 result["details"] = self.details
             if message:
-                result["message"] = message
+                result["message"] = printable(message)
             print(json.dumps(_finite(result), allow_nan=False), flush=True)  # noqa: T201
         if message:
             self._complain(message)
@@ -250,7 +252,7 @@ class Session:
 
 
 def _print_error(text: str) -> None:
-    print(wrap_text(text, sys.stderr), file=sys.stderr)  # noqa: T201
+    print(wrap_text(printable(text), sys.stderr), file=sys.stderr)  # noqa: T201
 
 
 def run_command(

@@ -8,6 +8,9 @@ from pydantic import Field
 
 from identification import Document
 
+#: Taps of a multiplier; tuning tries no more than twenty, and a proof takes time for each.
+_MOST_TAPS = 32
+
 
 class ModePlace(Document):
     """One vibration mode at one point: Hz, damping ratio."""
@@ -89,7 +92,7 @@ class Channel(Document):
 
     name: str
     constant: float = Field(default=0.0, ge=0)
-    taps: tuple[Tap, ...] = ()
+    taps: tuple[Tap, ...] = Field(default=(), max_length=_MOST_TAPS)
 
 
 class Multiplier(Document):

@@ -365,6 +365,8 @@ _LASTING = 3 * 2**0.5
 #: Combinations played in one run: a step of a batch costs little more than one of a single device
 #: until there are some hundred members, and each combination is some three dozen.
 _AT_ONCE = 12
+#: Devices whose mass and damping differ by no more than this factor move alike.
+_ALIKE_DEVICES = 1.01
 #: Length of a trial, s, and its samples at most.
 _LONGEST, _MOST_SAMPLES = 3.0, 12_000
 #: Walls whose lead times differ by less, in parts, are alike: one clamp of one signal.
@@ -417,15 +419,19 @@ def _other_rigs(design: Design, rig: Rig) -> list[Rig]:
     """Devices that this one may be as well, and what friction with a memory makes of it.
 
     Three corners of the box of mass and damping, friction slopes in it, at the longest delay and
-    the extra delay of the margin; and the device while its friction holds it like a spring.
+    the extra delay of the margin, those alike once; and the device while its friction holds it like
+    a spring.
     """
     device = design.device
     box = device.simultaneous_box()
     late = box.delay[1] + design.margin.extra_delay_samples * device.sample_time.value
     (light, heavy), (least, most) = box.mass, box.damping
+    corners = [(light, least)]
+    corners += [(heavy, least)] if heavy > _ALIKE_DEVICES * light else []
+    corners += [(light, most)] if most > _ALIKE_DEVICES * least else []
     found = [
         replace(rig, mass=mass, damping=damping, damping_asymmetry=0.0, delay=late)
-        for mass, damping in ((light, least), (heavy, least), (light, most))
+        for mass, damping in corners
     ]
     held = device.presliding_stiffness
     if held is not None:

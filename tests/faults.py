@@ -475,7 +475,8 @@ FAULTS: tuple[Fault, ...] = (
         ("messages that come late", "        if self.overdue(stamp):", "        if False:"),
         ("a clock that jumps", "or self.law.status is Status.LATE:  #", "or False:  #"),
         ("clocks that run apart", "_DRIFT * self.step, took)", "0.0, took)"),
-        ("a message of another joint", "        self.silence.reset()\n", ""),
+        ("a message of another joint", "if self.joint not in names:", "if not names:"),
+        ("a reading of no use", "if not self.law.waiting:", "if True:"),
         ("a law of another profile", 'if PROFILE != "${digest}":', "if False:"),
     ),
     *_of(

@@ -115,6 +115,19 @@ def test_after_a_silence_no_force_from_before_comes_back(bench: Bench) -> None:
         assert bench.force == 0.0
 
 
+@pytest.mark.parametrize("kind", ["no number", "stale", "impossible"])
+def test_readings_that_are_of_no_use_keep_no_force_alive(bench: Bench, kind: str) -> None:
+    bench.settle()
+    last = bench.ros.now
+    for k in range(1, 4):
+        bench.ros.advance(last + k * (bench.covered - STEP // 10))
+        period = bench.period + (0 if kind == "stale" else k)
+        place = math.nan if kind == "no number" else 1.0 if kind == "impossible" else 0.0
+        bench.ros.deliver(5_000_000_000 + period * STEP + bench.stamps, ["x"], [place])
+        assert bench.force == 0.0 or (k == 1 and kind != "stale")
+    assert max(b for a, b, f in bench.held() if f) <= last + bench.covered
+
+
 @pytest.mark.parametrize(
     ("names", "places"),
     [(["other"], [0.005]), ([], []), (["x"], []), (["other", "x"], [0.005]), ([], [0.005])],

@@ -69,7 +69,6 @@ class HaptuneNode(Node):
             text = f"{self.ignored} messages ignored that have no position of {self.joint}"
             self.get_logger().warning(text, throttle_duration_sec=1.0)
             return
-        self.silence.reset()
         position = message.position[names.index(self.joint)]
         stamp = message.header.stamp.sec * _NANOSECONDS + message.header.stamp.nanosec
         self.first = stamp if self.first is None else self.first
@@ -81,6 +80,8 @@ class HaptuneNode(Node):
             if (new or moved) and self.law.reset([name], *place) is Status.OK:
                 self.inside[name] = place
         force = self.law.force(list(now), period, position)
+        if not self.law.waiting:  # the reading was used
+            self.silence.reset()
         if self.overdue(stamp):
             force = self.law.stop()
         # What is left, and what was ended, is entered anew.

@@ -18,6 +18,8 @@ from datasets_synthetic.device import Hand, Rig, per_member
 from datasets_synthetic.motion import Drag, Field, Part, Stride, advance
 
 FloatArray = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
 
 #: Largest |h·p| of the first step: relative error 0.002⁴/120 = 1.3e-13.
 FIRST_STEP = 0.002
@@ -242,22 +244,32 @@ class RigidDynamics:
 def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:
     """Friction and field of the device with the hand on it, per unit of their common mass."""
     column = partial(per_member, batch=mass.size)
-    return Drag.of(
-        mass=mass,
-        damping=column(rig.damping) + column(hand.damping),
-        coulomb_friction=column(rig.coulomb_friction),
-        damping_asymmetry=column(rig.damping_asymmetry),
-        coulomb_asymmetry=column(rig.coulomb_asymmetry),
-        field=Field.of(
-            mass=mass,
-            stiffness=column(rig.stiffness) + column(hand.stiffness),
-            gravity_sine=column(rig.gravity_sine),
-            gravity_cosine=column(rig.gravity_cosine),
-        ),
+    damping, uneven = column(rig.damping) + column(hand.damping), column(rig.damping_asymmetry)
+    friction, askew = column(rig.coulomb_friction), column(rig.coulomb_asymmetry)
+    rate = rate_back = damping / mass
+    grip = grip_back = friction / mass
+    turning = friction > 0
+    # An asymmetry is added for motion along +position and taken off for motion along -position.
+    if np.any(uneven):
+        rate, rate_back = (damping + uneven) / mass, (damping - uneven) / mass
+        turning = turning | (uneven != 0)
+    if np.any(askew):
+        grip, grip_back = (friction + askew) / mass, (friction - askew) / mass
+    stiffness = column(rig.stiffness) + column(hand.stiffness)
+    sine, cosine = column(rig.gravity_sine) / mass, column(rig.gravity_cosine) / mass
+    curved = bool(np.any(sine) or np.any(cosine))
+    field = None
+    if curved or np.any(stiffness):
+        field = Field(stiffness=stiffness / mass, sine=sine, cosine=cosine, curved=curved)
+    return Drag(
+        rate=rate,
+        grip=grip,
+        rate_back=rate_back,
+        grip_back=grip_back,
+        turning=turning if turning.any() else None,
+        field=field,
     )
 
-
-Indices = NDArray[np.intp]
 
 #: Largest turn of the fastest oscillation between which reversals are looked for, as a multiple of
 #: the largest step of a rigid device (0.02 in motion.py), for ``simulate`` sets both together.

@@ -24,26 +24,6 @@ class Field:
     cosine: FloatArray  # gc/m, m/s² (rad/s²)
     curved: bool  # whether any sine or cosine is there
 
-    @classmethod
-    def of(
-        cls,
-        *,
-        mass: FloatArray,
-        stiffness: FloatArray,
-        gravity_sine: FloatArray,
-        gravity_cosine: FloatArray,
-    ) -> Field | None:
-        """The field of a batch of devices: kg, N/m, N, N, each shape (batch,); None if all zero."""
-        curved = bool(np.any(gravity_sine) or np.any(gravity_cosine))
-        if not curved and not np.any(stiffness):
-            return None
-        return cls(
-            stiffness=stiffness / mass,
-            sine=gravity_sine / mass,
-            cosine=gravity_cosine / mass,
-            curved=curved,
-        )
-
     def at(self, position: FloatArray) -> FloatArray:
         """Resisting force per unit mass, m/s², at these positions (m), shape (..., batch)."""
         spring = self.stiffness * position
@@ -96,40 +76,6 @@ class Drag:
     #: where the law changes with the direction, or None when nowhere
     turning: NDArray[np.bool_] | None
     field: Field | None = None  # forces of position, or None when there are none
-
-    @classmethod
-    def of(
-        cls,
-        *,
-        mass: FloatArray,
-        damping: FloatArray,
-        coulomb_friction: FloatArray,
-        damping_asymmetry: FloatArray | None = None,
-        coulomb_asymmetry: FloatArray | None = None,
-        field: Field | None = None,
-    ) -> Drag:
-        """The drag of a batch of devices: kg, N·s/m, N, each shape (batch,).
-
-        An asymmetry is added for motion along +position and taken off for motion along -position.
-        """
-        rate, grip = damping / mass, coulomb_friction / mass
-        rate_back, grip_back = rate, grip
-        turning = coulomb_friction > 0
-        if damping_asymmetry is not None and np.any(damping_asymmetry):
-            rate_back = (damping - damping_asymmetry) / mass
-            rate = (damping + damping_asymmetry) / mass
-            turning = turning | (damping_asymmetry != 0)
-        if coulomb_asymmetry is not None and np.any(coulomb_asymmetry):
-            grip_back = (coulomb_friction - coulomb_asymmetry) / mass
-            grip = (coulomb_friction + coulomb_asymmetry) / mass
-        return cls(
-            rate=rate,
-            grip=grip,
-            rate_back=rate_back,
-            grip_back=grip_back,
-            turning=turning if turning.any() else None,
-            field=field,
-        )
 
     def fastest(self) -> FloatArray:
         """The largest rate in the law, what a step of integration has to resolve, 1/s, (batch,)."""

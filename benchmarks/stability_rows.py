@@ -11,7 +11,7 @@ from flint import arb
 
 from benchmarks.row import Row, best_seconds
 from tests.reference import boundary_gains, reference_loop, stable_by_roots
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import ModeNumbers
 from tune.stability.verdict import largest, verdict

@@ -16,7 +16,7 @@ from benchmarks.row import Row, best_seconds
 from benchmarks.section import Cell, Section
 from benchmarks.stability_rows import rows
 from tests.reference import boundary_gains, reference_loop
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Loop
 from tune.stability.verdict import largest, verdict
 

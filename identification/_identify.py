@@ -24,12 +24,13 @@ from identification.device.quantities import Quantity, quantity
 from identification.documents import as_stored, complaints
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
-from identification.estimators.estimate import NORMAL_95, Estimate, quantile
+from identification.estimators.estimate import Estimate, quantile
 from identification.estimators.signals import LOST, position_noise
 from identification.findings import CODES, inspect
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting import LogFit, fit_log
 from identification.trajectory import (
+    NORMAL_95,
     Motion,
     Trajectory,
     encoder_count,

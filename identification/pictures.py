@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from identification.device.device import ByDirection, Device
 from identification.device.quantities import Quantity
-from identification.estimators.estimate import NORMAL_95, Estimate, Gravity, Model
+from identification.estimators.estimate import Estimate, Gravity, Model
 from identification.estimators.least_squares import prepare
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting import LogFit
 from identification.planning import Excitation
-from identification.trajectory import Trajectory
+from identification.trajectory import NORMAL_95, Trajectory
 
 FloatArray = NDArray[np.float64]
 

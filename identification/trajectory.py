@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 
 #: Fewer samples than this cannot carry two parameters, friction and an interval.
 SHORTEST = 200
+#: Half-width of the 95 % interval of a normal variable, in standard deviations.
+NORMAL_95 = 1.959963984540054
 #: Stamps this part of a step from an even grid are even: 1 us at 1 kHz, a clock's own reading.
 EVEN = 1e-3
 #: Rounding moves a stamp by half of its last digit, and a little more by the grid's own fit.

@@ -12,7 +12,7 @@ from flint import arb
 
 from tests.reference import ReferenceLoop, crossings, stable_by_jury
 from tests.sampled_loops import Case, loop_along
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import HandNumbers, ModeNumbers
 from tune.stability.verdict import safe_gain, stable_gains, verdict

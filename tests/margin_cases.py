@@ -9,7 +9,7 @@ import numpy as np
 from tests import general_loops
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 
 

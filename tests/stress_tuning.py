@@ -12,10 +12,9 @@ import numpy as np
 from identification import Device, ForceLimit, IdentificationError, as_stored, quantity
 from tests.reference import crossings, reference_loop, stable_by_jury
 from tune import optimise
-from tune.documents.effects import Effects
-from tune.documents.errors import CheckFailedError, TuneError
+from tune.documents import CheckFailedError, TuneError
 from tune.documents.profile import SafeProfile
-from tune.documents.scene import MARGINS, Scene
+from tune.documents.scene import MARGINS, Effects, Scene
 from tune.loop.loop import Loop
 from tune.stability.verdict import largest, verdict
 

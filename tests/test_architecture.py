@@ -31,7 +31,7 @@ class Plan:
 
 
 PLANS = {
-    "identification": Plan(rooms=12, floors=7),
+    "identification": Plan(rooms=12, floors=6),
     "tune": Plan(rooms=14, floors=7),
     "datasets_synthetic": Plan(rooms=8, floors=6),
 }
@@ -126,7 +126,7 @@ def test_no_file_has_more_lines_than_planned(package: str) -> None:
             "identify(load_trajectory('datasets_synthetic/logs/homerehab.csv'))\n",
         ),
         (
-            50,
+            45,
             "from identification import load_device\n"
             "from tune import Scene, optimise\n"
             "elements = {'wall': {'stiffness': 'max', 'damping': 'max'},"

@@ -8,7 +8,7 @@ from flint import arb
 from identification import load_device
 from tests.commands import haptune
 from tests.reference import reference_loop, stable_by_roots
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.judging import audit
 from tune.loop.loop import Filters
 

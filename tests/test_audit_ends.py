@@ -11,7 +11,7 @@ import pytest
 from identification import load_device, named_devices
 from tests.commands import haptune
 from tests.thinned import thinned
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.judging import audit
 from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import largest

@@ -15,7 +15,7 @@ from datasets_synthetic import bundled_path
 from identification import Device, load_device, quantity
 from tests.commands import haptune
 from tests.unlimited import UNLIMITED
-from tune.documents.errors import NoFeasibleEffectError
+from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import load_profile
 from tune.documents.scene import MarginName, Scene
 from tune.optimisation.alternatives import (

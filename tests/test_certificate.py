@@ -10,7 +10,7 @@ import pytest
 from tests.thinned import thinned
 from tune.certificate.poles import judge
 from tune.certificate.region import Point, Setting
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import safe_gain
 

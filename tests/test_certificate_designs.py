@@ -16,7 +16,7 @@ from tune.certificate.certify import certify
 from tune.certificate.check import check
 from tune.certificate.poles import judge
 from tune.certificate.region import Point, regions_of, setting_of
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 from tune.documents.profile import Design
 
 

@@ -14,7 +14,7 @@ from tests.commands import digest_of
 from tune import SafeProfile, Scene, optimise
 from tune.certificate.check import check
 from tune.certificate.time_domain import contact_failures
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 
 OFF = 0.005
 

@@ -20,7 +20,7 @@ from tests.true_loops import judged, safe_gain
 from tune.certificate.region import regions_of, setting_of
 from tune.certificate.worst_point import worst_points
 from tune.certificate.zero_exclusion import Claim
-from tune.documents.errors import NoFeasibleEffectError
+from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene
 from tune.optimisation._optimise import optimise

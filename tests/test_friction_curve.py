@@ -36,7 +36,7 @@ from tests.thinned import thinned
 from tests.true_loops import judged
 from tests.unlimited import BOUNDLESS
 from tune import SafeProfile, Scene, optimise
-from tune.documents.errors import NoFeasibleEffectError
+from tune.documents import NoFeasibleEffectError
 
 WALL = Scene.model_validate(
     {

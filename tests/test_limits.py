@@ -20,7 +20,7 @@ from tests.printed import (
 )
 from tests.reference import reference_loop, stable_by_roots
 from tests.simulated.experiment import EFFECTS
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import is_stable, largest
 

@@ -9,7 +9,7 @@ from tests.general_loops import HAND, HOMEREHAB, loop_of
 from tests.reference import crossings
 from tests.sampled_loops import Case, loop_along
 from tests.simulated.experiment import EFFECTS
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import HandNumbers, ModeNumbers
 from tune.stability.verdict import is_stable, largest, verdict

@@ -13,7 +13,7 @@ from tests.reference import crossings, stable_by_jury
 from tests.sampled_loops import Case, loop_along, plant
 from tests.simulated.experiment import EFFECTS
 from tests.thinned import thinned
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.stability.criterion import ULPS, UNIT
 from tune.stability.verdict import largest, stable_values
 

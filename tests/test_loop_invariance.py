@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.general_loops import MODE, draw_case, draw_ray, effects_at, loop_of
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Loop
 from tune.loop.plant import HandNumbers
 from tune.stability.verdict import largest, safe_gain

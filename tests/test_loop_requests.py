@@ -7,7 +7,7 @@ import pytest
 
 from identification import load_device
 from tests.general_loops import HAND, HOMEREHAB, MODE
-from tune.documents.errors import LoopError
+from tune.documents import LoopError
 from tune.documents.scene import FREE_TO_RIGID
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import HandNumbers

@@ -14,8 +14,7 @@ from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
 from tests.thinned import thinned
-from tune.documents.effects import Effects
-from tune.documents.scene import Hand
+from tune.documents.scene import Effects, Hand
 from tune.loop.loop import Filters, Loop
 from tune.margins import (
     disk_margin,

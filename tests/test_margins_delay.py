@@ -8,7 +8,7 @@ import pytest
 from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Loop
 from tune.margins import delay_margin
 from tune.stability.verdict import largest

@@ -15,9 +15,8 @@ from tune import CheckFailedError
 from tune.certificate.certify import certify
 from tune.certificate.poles import judge
 from tune.certificate.region import Point, setting_of
-from tune.documents.effects import Effects
 from tune.documents.profile import SafeProfile
-from tune.documents.scene import Scene
+from tune.documents.scene import Effects, Scene
 from tune.loop.loop import Loop
 from tune.optimisation._optimise import optimise
 from tune.stability.verdict import largest

@@ -25,7 +25,7 @@ from tests.sampled_loops import loop_along
 from tests.thinned import thinned
 from tests.unlimited import stated
 from tune.certificate.check import check
-from tune.documents.errors import NoFeasibleEffectError
+from tune.documents import NoFeasibleEffectError
 from tune.optimisation._optimise import optimise
 from tune.optimisation.nash import Solution
 

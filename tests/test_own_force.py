@@ -15,7 +15,7 @@ from tests.simulated.families import family_named
 from tune import CheckFailedError, NoFeasibleEffectError, SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
 from tune.certificate.check import check_content
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.judging import audit
 from tune.verification import advise
 

@@ -19,8 +19,7 @@ from tune import NoFeasibleEffectError, Scene, optimise
 from tune.certificate.poles import judge
 from tune.certificate.region import ModePoint, Point, Setting
 from tune.documents.certified import HandPlace
-from tune.documents.effects import Effects
-from tune.documents.scene import FREE_TO_RIGID
+from tune.documents.scene import FREE_TO_RIGID, Effects
 from tune.judging import Audit, audit
 from tune.loop.loop import Filters, Loop
 from tune.stability.verdict import is_stable

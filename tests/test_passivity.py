@@ -13,7 +13,7 @@ from tests.margin_cases import draw, filters_of
 from tests.sampled_loops import Case
 from tests.sampled_reference import Sampled
 from tests.thinned import thinned
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters
 from tune.stability.criterion import damping_needed, passivity
 

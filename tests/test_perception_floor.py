@@ -12,7 +12,7 @@ from identification import load_device, to_mapping, to_yaml
 from tests.commands import digest_of
 from tests.simulated.experiment import EFFECTS, EffectName
 from tune import SafeProfile, Scale, Scene, chance_to_tell_apart, check, default_table, optimise
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 from tune.documents.scene import DEFAULT_MOTION, Motion
 
 #: Smallest forces that are noticed, N and N·m, over depth, speed and acceleration.

@@ -10,7 +10,7 @@ import pytest
 from identification import load_device
 from tests.commands import form
 from tune.certificate.check import check
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 
 LOG = Path(__file__).parents[2] / "shared" / "data" / "emps" / "DATA_EMPS.mat"
 pytestmark = pytest.mark.skipif(not LOG.exists(), reason="the EMPS log is not beside the project")

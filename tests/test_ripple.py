@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from tests.margin_cases import draw, effects_of, loop_of
 from tests.sampled_reference import Sampled
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.rendering import count_jump, force_ripple, handle_vibration
 

@@ -15,7 +15,7 @@ from identification import Device, load_device, load_mapping, quantity, to_mappi
 from tests.test_yaml_readers import WORDS
 from tests.unlimited import UNLIMITED
 from tune import SafeProfile, Scene, check, optimise
-from tune.documents.errors import TuneError
+from tune.documents import TuneError
 from tune.exporters import TARGETS, export
 
 SCENE: dict[str, Any] = {

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.reference import boundary_gains, reference_loop, roots_of, stable_by_roots
 from tests.simulated.experiment import EFFECTS
 from tests.thinned import thinned
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import ModeNumbers
 from tune.stability.criterion import routh

@@ -30,7 +30,7 @@ from identification import (
 )
 from tests.commands import FLUID, files, haptune
 from tune import Effects, Scene, audit, check, export, load_profile, optimise
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 
 FACTS = ("motion", "sample_time", "delay", "encoder_resolution", "force_limit")
 #: A device of which a person states everything.

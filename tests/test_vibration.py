@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from identification import InvalidInputError, load_document
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.rendering import (
     ThresholdCurve,

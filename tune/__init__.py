@@ -11,8 +11,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
     from tune.certificate.check import CheckReport, check
-    from tune.documents.effects import Effects
-    from tune.documents.errors import (
+    from tune.documents import (
         CheckFailedError,
         LoopError,
         NoFeasibleEffectError,
@@ -26,7 +25,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
         default_table,
     )
     from tune.documents.profile import SafeProfile, load_profile
-    from tune.documents.scene import Element, Scene, load_scene
+    from tune.documents.scene import Effects, Element, Scene, load_scene
     from tune.exporters import export
     from tune.judging import Audit, Change, Comparison, audit, compare
     from tune.loop.loop import Filters, Loop
@@ -137,11 +136,10 @@ __all__ = [
 _HOMES = {
     "judging": "Audit Change Comparison audit compare",
     "certificate.check": "CheckReport check",
-    "documents.effects": "Effects",
-    "documents.errors": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
+    "documents": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
     "documents.perception": "PerceptionTable Scale Study chance_to_tell_apart default_table",
     "documents.profile": "SafeProfile load_profile",
-    "documents.scene": "Element Scene load_scene",
+    "documents.scene": "Effects Element Scene load_scene",
     "exporters": "export",
     "loop.loop": "Filters Loop",
     "margins": (

@@ -29,12 +29,11 @@ from identification import (
 )
 from tune.certificate.assumptions import refusal_of
 from tune.certificate.certify import certify
+from tune.documents import CheckFailedError
 from tune.documents.certified import AbsoluteStability, Certificate
-from tune.documents.effects import EFFECT_NAMES, Effects
-from tune.documents.errors import CheckFailedError
 from tune.documents.perception import default_table
 from tune.documents.profile import Contact, Design, Margins, SafeProfile
-from tune.documents.scene import LARGEST, MarginName, Scene
+from tune.documents.scene import EFFECT_NAMES, LARGEST, Effects, MarginName, Scene
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
 from tune.optimisation._optimise import SLACK, design_of

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
-from tune.documents.effects import Effects
-from tune.documents.scene import Hand
+from tune.documents.scene import Effects, Hand
 from tune.loop.loop import ClosedLoop, Filters, Loop, closed_loops, for_each, used_filters
 from tune.loop.plant import LONGEST_DELAY
 from tune.loop.polynomials import (

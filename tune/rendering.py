@@ -34,9 +34,9 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from identification import Box, Device, Document, load_document, round_to_digits
-from tune.documents.effects import Effects
-from tune.documents.errors import LoopError
+from tune.documents import LoopError
 from tune.documents.profile import Contact, ElementProfile, Rendered
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop, closed_loops
 from tune.loop.polynomials import h2_squared, product, spread, value_at
 from tune.loop.state_space import restitution

@@ -44,8 +44,7 @@ from identification.device.quantities import (
 )
 from identification.documents import Document, load_document
 from identification.errors import InvalidInputError
-from identification.estimators.estimate import NORMAL_95
-from identification.trajectory import Motion
+from identification.trajectory import NORMAL_95, Motion
 
 #: kg (kg·m²): a milligram at a lever of a millimetre.
 LIGHTEST = 1e-12

@@ -18,7 +18,7 @@ from pydantic import (
 
 from identification.documents import Document
 from identification.errors import InvalidInputError
-from identification.estimators.estimate import NORMAL_95
+from identification.trajectory import NORMAL_95
 
 #: No quantity of a device comes near it in SI units; beyond, formulas overflow.
 LARGEST = 1e9

@@ -197,8 +197,6 @@ _OF_GRAVITY: dict[Gravity, tuple[str, ...]] = {
     "proportional": ("position_stiffness",),
     "pendulum": ("gravity_sine", "gravity_cosine"),
 }
-#: Half-width of the 95 % interval of a normal variable, in standard deviations.
-NORMAL_95 = 1.959963984540054
 #: At most this many blocks: with 60, the t quantile is within 2 % of the normal one, and each
 #: block of a usual log still outlasts the filter and the correlation of its residual many times.
 MOST_BLOCKS = 60

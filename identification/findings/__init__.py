@@ -10,14 +10,7 @@ from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding
-from identification.estimators.estimate import (
-    NORMAL_95,
-    Estimate,
-    half_width,
-    quantile,
-    solve,
-    unit_columns,
-)
+from identification.estimators.estimate import Estimate, half_width, quantile, solve, unit_columns
 from identification.estimators.least_squares import MOST_SAMPLES, Delay
 from identification.findings.columns import (
     encoder_wrap,
@@ -46,7 +39,7 @@ from identification.findings.forces import (
     position_dependence,
     unlogged,
 )
-from identification.trajectory import Trajectory
+from identification.trajectory import NORMAL_95, Trajectory
 
 FloatArray = NDArray[np.float64]
 

@@ -20,14 +20,7 @@ from identification.device.hardware import Hardware
 from identification.device.quantities import Quantity
 from identification.errors import Finding
 from identification.estimators import GIVEN_A_DELAY
-from identification.estimators.estimate import (
-    NORMAL_95,
-    Estimate,
-    Gravity,
-    Model,
-    PointEstimate,
-    half_width,
-)
+from identification.estimators.estimate import Estimate, Gravity, Model, PointEstimate, half_width
 from identification.estimators.filters import is_coloured
 from identification.estimators.least_squares import (
     CUT_OFF_RANGE,
@@ -40,7 +33,13 @@ from identification.estimators.least_squares import (
 from identification.findings import judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
-from identification.trajectory import Trajectory, encoder_count, most_excited, position_noise
+from identification.trajectory import (
+    NORMAL_95,
+    Trajectory,
+    encoder_count,
+    most_excited,
+    position_noise,
+)
 
 if TYPE_CHECKING:
     from identification.fitting.friction_curve import FrictionCurve

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.device import Kind, SlopeRange, UnmodelledForce
-from identification.estimators.estimate import NORMAL_95
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
 from identification.fitting.stability_selection import (
@@ -37,6 +36,7 @@ from identification.fitting.stability_selection import (
     smooth_speed,
     sums_of,
 )
+from identification.trajectory import NORMAL_95
 
 FloatArray = NDArray[np.float64]
 

@@ -34,8 +34,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import NORMAL_95, UNKNOWN_FORCE
+from identification.estimators.estimate import UNKNOWN_FORCE
 from identification.planning.limits import ExcitationSpec, Guess, phi, step_response
+from identification.trajectory import NORMAL_95
 
 FloatArray = NDArray[np.float64]
 

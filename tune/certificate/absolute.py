@@ -57,8 +57,8 @@ from tune.certificate.zero_exclusion import (
     prove,
     terms_of,
 )
+from tune.documents import CheckFailedError
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier
-from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design
 
 _TINY = float(np.finfo(float).tiny)

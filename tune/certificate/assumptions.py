@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identification import Device
-from tune.documents.effects import EFFECT_NAMES, UNITS, EffectName
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 from tune.documents.profile import Design
+from tune.documents.scene import EFFECT_NAMES, UNITS, EffectName
 
 METHOD = (
     "no pole can cross the unit circle anywhere in the box: excluded by subdivision with "

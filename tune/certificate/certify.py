@@ -22,6 +22,7 @@ from tune.certificate.claims import (
 from tune.certificate.region import Point, Region, Setting, regions_of, setting_of
 from tune.certificate.worst_point import WorstCase, worst_points, worst_points_of_all
 from tune.certificate.zero_exclusion import Claim, prove_all
+from tune.documents import CheckFailedError
 from tune.documents.certified import (
     AbsoluteStability,
     Certificate,
@@ -29,7 +30,6 @@ from tune.documents.certified import (
     ModePlace,
     WorstPoint,
 )
-from tune.documents.errors import CheckFailedError
 from tune.documents.profile import Design
 
 #: How much more the search does where a proof was not found.

@@ -19,10 +19,10 @@ from tune.certificate.statements import (
     form_failures,
     stated_failures,
 )
+from tune.documents import CheckFailedError
 from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint
-from tune.documents.effects import EFFECT_NAMES
-from tune.documents.errors import CheckFailedError
 from tune.documents.profile import SafeProfile, profile_of, read_signed
+from tune.documents.scene import EFFECT_NAMES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,8 +9,8 @@ import numpy as np
 
 from tune.certificate.affine import FloatArray
 from tune.documents.certified import HandBox, HandPlace
-from tune.documents.effects import EFFECT_NAMES
 from tune.documents.profile import Design
+from tune.documents.scene import EFFECT_NAMES
 
 Interval = tuple[float, float]
 #: Stiffness, damping and mass, each a number or one of each cell, shape (cells,).

@@ -25,10 +25,9 @@ from tune.certificate.time_domain import (
 )
 from tune.certificate.worst_point import worst_points
 from tune.certificate.zero_exclusion import Claim
-from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 from tune.documents.profile import Design, ElementProfile, MarginProfile, SafeProfile
-from tune.documents.scene import groups_of
+from tune.documents.scene import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName, groups_of
 
 #: Characters of a value in a sentence.
 _SHORT = 80

@@ -15,7 +15,7 @@ from tune.cli.logs import tell_reading
 from tune.cli.preparation import refuse_restless
 from tune.cli.profiles import IN_DEVICE, draw_profile
 from tune.cli.session import LogOptions, MarginOption, Picture, Session, command
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -55,7 +55,7 @@ def audit_command(
 ) -> None:
     """Are these gains safe, why not, and the nearest safe ones; exit code 6 if they are not."""
     from tune.certificate.assumptions import trusted_facts
-    from tune.documents.effects import Effects
+    from tune.documents.scene import Effects
     from tune.judging import NEEDED, audit
     from tune.loop.loop import Filters
     from tune.presentation.tables import audit_table

@@ -19,7 +19,7 @@ from typer import Argument, Option
 import identification as ident
 from identification import UsageError
 from tune.cli.session import DryRun, Session, command
-from tune.documents.errors import CheckFailedError
+from tune.documents import CheckFailedError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -129,9 +129,8 @@ def excitation_of(name: str) -> str:
 
 def scene_of(name: str) -> str:
     """The template of a scene with sizes and motions that suit a known device or a device file."""
-    from tune.documents.effects import UNITS, format_number
     from tune.documents.perception import SCALE_DEPTH, default_table
-    from tune.documents.scene import DEFAULT_MOTION
+    from tune.documents.scene import DEFAULT_MOTION, UNITS, format_number
 
     device = ident.load_device(name)
     units, motion = UNITS[device.motion], DEFAULT_MOTION[device.motion]
@@ -212,7 +211,7 @@ def excite_command(
 
 
 def _units(plan: Excitation) -> dict[str, str]:
-    from tune.documents.effects import UNITS
+    from tune.documents.scene import UNITS
 
     return UNITS[plan.spec.motion]
 
@@ -380,7 +379,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     where some trial diverges or keeps oscillating; then nothing may be written.
     """
     from datasets_synthetic import Hand, rehearse, rig_of
-    from tune.documents.effects import EFFECT_NAMES
+    from tune.documents.scene import EFFECT_NAMES
 
     hand = design.hand and Hand(
         mass=design.hand.mass.value,

@@ -24,7 +24,7 @@ from tune.cli.logs import (
 )
 from tune.cli.preparation import refuse_restless, template
 from tune.cli.session import Session, command
-from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
+from tune.documents import CheckFailedError, NoFeasibleEffectError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -36,7 +36,7 @@ from tune.cli.process import (
     was_interrupted,
     wrap_text,
 )
-from tune.documents.errors import CheckFailedError, LoopError, NoFeasibleEffectError
+from tune.documents import CheckFailedError, LoopError, NoFeasibleEffectError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

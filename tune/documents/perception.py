@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from identification import Device, Document, load_document
-from tune.documents.effects import EffectName
-from tune.documents.scene import DEFAULT_MOTION, Motion, Scene
+from tune.documents.scene import DEFAULT_MOTION, EffectName, Motion, Scene
 
 FloatArray = NDArray[np.float64]
 

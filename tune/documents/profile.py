@@ -11,14 +11,16 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
+from tune.documents import CheckFailedError
 from tune.documents.certified import Certificate
-from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, EffectName
-from tune.documents.errors import CheckFailedError
 from tune.documents.scene import (
+    EFFECT_NAMES,
     LARGEST,
+    LONGEST_FADE,
     LONGEST_WINDOW,
     MARGINS,
     SMALLEST,
+    EffectName,
     Hand,
     Margin,
     MarginName,

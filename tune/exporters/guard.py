@@ -8,8 +8,8 @@ from importlib.resources import files
 from string import Template
 
 from identification import InvalidInputError
-from tune.documents.effects import EffectName
 from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
+from tune.documents.scene import EffectName
 from tune.exporters.law import Estimate, change_words, fade_step, largest_change, section_of
 from tune.exporters.text import (
     block_comment,

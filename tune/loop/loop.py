@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification import Device
-from tune.documents.effects import Effects
-from tune.documents.errors import LoopError
-from tune.documents.scene import Hand
+from tune.documents import LoopError
+from tune.documents.scene import Effects, Hand
 from tune.loop.plant import (
     HandNumbers,
     HoldEquivalent,

@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification import Mode, Plant
-from tune.documents.errors import LoopError
+from tune.documents import LoopError
 from tune.documents.scene import Hand
 from tune.loop.polynomials import (
     EARLY,

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 from identification import Device, as_stored
 from tune.certificate.assumptions import note_of_apart, note_of_dropped, refusal_of, skipped_parts
+from tune.documents import CheckFailedError, NoFeasibleEffectError
 from tune.documents.certified import AbsoluteStability
-from tune.documents.effects import EffectName
-from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
 from tune.documents.perception import PerceptionTable, default_table
 from tune.documents.profile import (
     Design,
@@ -19,7 +18,7 @@ from tune.documents.profile import (
     PerceptionProfile,
     SafeProfile,
 )
-from tune.documents.scene import MARGINS, Scene, groups_of, hand_of
+from tune.documents.scene import MARGINS, EffectName, Scene, groups_of, hand_of
 from tune.loop.loop import Filters
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.describe import (

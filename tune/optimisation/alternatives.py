@@ -23,11 +23,10 @@ from identification import (
     quantity,
     to_mapping,
 )
-from tune.documents.effects import EFFECT_NAMES, EffectName
-from tune.documents.errors import CheckFailedError, NoFeasibleEffectError
+from tune.documents import CheckFailedError, NoFeasibleEffectError
 from tune.documents.perception import Estimate, PerceptionTable, Scale, default_table
 from tune.documents.profile import LimitedBy, SafeProfile
-from tune.documents.scene import MARGINS, MarginName, Scene
+from tune.documents.scene import EFFECT_NAMES, MARGINS, EffectName, MarginName, Scene
 from tune.optimisation._optimise import Progress, optimise, silent
 
 if TYPE_CHECKING:
@@ -187,7 +186,7 @@ def candidates_picture(rows: Sequence[CandidateEffect], motion: Motion) -> Figur
         motion: of the device, which gives the units.
     """
     from identification import NotebookFigure, legend_above
-    from tune.documents.effects import UNITS
+    from tune.documents.scene import UNITS
 
     units = UNITS[motion]
     names = list(dict.fromkeys(row.candidate for row in rows))

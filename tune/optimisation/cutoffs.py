@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
-from tune.documents.effects import EffectName
-from tune.documents.errors import NoFeasibleEffectError
-from tune.documents.scene import Cutoff
+from tune.documents import NoFeasibleEffectError
+from tune.documents.scene import Cutoff, EffectName
 from tune.loop.loop import Filters
 from tune.optimisation.backends import Evaluation, Rank, program_of
 from tune.optimisation.feasibility import (

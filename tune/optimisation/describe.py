@@ -11,10 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device, InvalidInputError, round_to_digits
-from tune.documents.effects import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName, Effects
-from tune.documents.errors import NoFeasibleEffectError
+from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import MOST_EXTRA_DELAY, Design, ElementProfile, LimitedBy, Margins
-from tune.documents.scene import MARGINS, Margin, Scene
+from tune.documents.scene import (
+    EFFECT_NAMES,
+    LONGEST_FADE,
+    MARGINS,
+    SHORTEST_FADE,
+    EffectName,
+    Effects,
+    Margin,
+    Scene,
+)
 from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of

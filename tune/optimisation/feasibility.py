@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Loop
 from tune.optimisation.problem import Moment, Problem
 from tune.stability.verdict import (

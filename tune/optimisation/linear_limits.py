@@ -12,9 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.documents.effects import EffectName
 from tune.documents.perception import Scale
-from tune.documents.scene import Wish
+from tune.documents.scene import EffectName, Wish
 from tune.rendering import Band, Shares
 
 FloatArray = NDArray[np.float64]

@@ -11,9 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
-from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
 from tune.documents.perception import PerceptionTable, Scale
-from tune.documents.scene import DEFAULT_MOTION, MARGINS, Element, Margin, Scene, Wish, hand_of
+from tune.documents.scene import (
+    DEFAULT_MOTION,
+    EFFECT_NAMES,
+    MARGINS,
+    EffectName,
+    Effects,
+    Element,
+    Margin,
+    Scene,
+    Wish,
+    hand_of,
+)
 from tune.loop.loop import Filters, used_filters
 from tune.optimisation.linear_limits import (
     LinearLimits,

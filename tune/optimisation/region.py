@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device, Mode, Quantity
-from tune.documents.effects import EffectName, Effects
-from tune.documents.errors import LoopError
-from tune.documents.scene import Hand
+from tune.documents import LoopError
+from tune.documents.scene import EffectName, Effects, Hand
 from tune.loop.loop import Filters, Loop, stack_loops
 from tune.loop.plant import LONGEST_DELAY, WHOLE, HandNumbers, ModeNumbers, SampledPlant
 from tune.rendering import force_ripple

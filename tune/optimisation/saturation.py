@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from identification import round_to_digits
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
-from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
-from tune.documents.scene import Margin
+from tune.documents.scene import EFFECT_NAMES, EffectName, Effects, Margin
 from tune.optimisation.problem import ROOM, Moment, Problem
 from tune.stability.nonlinear import (
     Nonlinearities,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
-from tune.documents.errors import NoFeasibleEffectError
+from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import LimitedBy
 from tune.documents.scene import Scene
 from tune.loop.loop import Filters

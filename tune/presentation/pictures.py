@@ -17,9 +17,9 @@ from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from identification import legend_above
-from tune.documents.effects import UNITS, format_number
 from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile, SafeProfile
+from tune.documents.scene import UNITS, format_number
 from tune.loop.loop import filters_of
 from tune.loop.state_space import Corner, SampledLoop, corners_of, exponential
 from tune.presentation.regions import Boundaries, draw_region, draw_slice, set_small_title

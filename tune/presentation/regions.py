@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import legend_above
-from tune.documents.effects import UNITS, Effects, format_number
 from tune.documents.profile import Design, ElementProfile
+from tune.documents.scene import UNITS, Effects, format_number
 from tune.loop.loop import Filters, Loop, filters_of
 from tune.optimisation.region import DelayedLoops, Region
 from tune.stability.verdict import largest, stable_values

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tune.documents.effects import UNITS
+from tune.documents.scene import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import WHOLE
 from tune.loop.polynomials import (

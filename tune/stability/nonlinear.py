@@ -42,7 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.certified import Channel, Multiplier
-from tune.documents.effects import Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.polynomials import companion_roots
 from tune.loop.state_space import Corner, SampledLoop, law_states

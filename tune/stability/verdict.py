@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.documents.effects import EFFECT_NAMES, EffectName, Effects
+from tune.documents.scene import EFFECT_NAMES, EffectName, Effects
 from tune.loop.loop import Factors, Loop, Terms
 from tune.loop.polynomials import UNIT, companion_roots, pad_coefficients, product, spread
 from tune.stability.criterion import ULPS, VerdictArray, judge_of, routh

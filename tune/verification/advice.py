@@ -15,10 +15,9 @@ import numpy as np
 
 from identification import Device, quantity
 from tune.certificate.assumptions import refuse_unbalanced
-from tune.documents.effects import Effects
-from tune.documents.errors import LoopError
+from tune.documents import LoopError
 from tune.documents.profile import Design
-from tune.documents.scene import DEFAULT_MOTION
+from tune.documents.scene import DEFAULT_MOTION, Effects
 from tune.loop.loop import filters_of
 from tune.verification.delay import ConsistentLoops, MarginJudge, Modes
 from tune.verification.law import (

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
 from tune.certificate.assumptions import refuse_unbalanced
-from tune.documents.effects import UNITS, Effects
-from tune.documents.errors import LoopError
+from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
+from tune.documents.scene import UNITS, Effects
 from tune.loop.loop import Loop, filters_of
 from tune.verification.delay import MeasuredDelay, judge_delay, unknown_delay
 from tune.verification.law import (

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device
-from tune.documents.effects import Effects
 from tune.documents.profile import Design, LoopProfile
-from tune.documents.scene import Hand
+from tune.documents.scene import Effects, Hand
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import companion_roots

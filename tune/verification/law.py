@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import UsageError
-from tune.documents.effects import EFFECT_NAMES, Effects
 from tune.documents.profile import Design, LoopProfile
+from tune.documents.scene import EFFECT_NAMES, Effects
 from tune.loop.loop import Filters, filters_of
 
 FloatArray = NDArray[np.float64]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Trajectory
-from tune.documents.effects import EFFECT_NAMES, UNITS, Effects
 from tune.documents.profile import Design, LoopProfile
+from tune.documents.scene import EFFECT_NAMES, UNITS, Effects
 from tune.verification.law import (
     Combination,
     LawFit,

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Device, quantity
-from tune.documents.effects import Effects
 from tune.documents.profile import LoopProfile
+from tune.documents.scene import Effects
 from tune.loop.loop import Loop, filters_of
 from tune.verification.free_motion import (
     FreeMotion,

@@ -7,7 +7,6 @@ while a wall pushes. A damper alone is switched at any moment.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar, cast
 
@@ -58,7 +57,7 @@ class Calls(Batched):
         return int(np.argmax(asked)) if asked.any() else batch
 
 
-class Transitions:
+class _Transitions:
     """Elements that come and go, each remembering its rest, its level and how long it was quiet.
 
     All arrays have shape (elements, batch), but for ``calls``.
@@ -302,11 +301,6 @@ class Controller(Batched):
         )
         return own, *self.beside
 
-    @property
-    def has_mass(self) -> bool:
-        """Whether anything acts on the acceleration."""
-        return any(np.any(each.mass) for each in self.elements)
-
     def rows(self, which: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Every field of the elements of these members, each of shape (elements, members)."""
         laws = self.members(which).elements
@@ -356,7 +350,7 @@ class Servo:
         return max(np.atleast_2d(self.reference).shape[0], self.regulator().size())
 
 
-class FirstOrderEstimates:
+class _FirstOrderEstimates:
     """Velocity through one pole, acceleration through two equal ones, as difference equations."""
 
     def __init__(
@@ -390,7 +384,7 @@ class FirstOrderEstimates:
         return self._velocity, self._acceleration
 
 
-class SectionEstimates:
+class _SectionEstimates:
     """Second-order sections of the differences, or a moving window; members may differ in kind.
 
     A section is x[k] = t·x[k-1] - p·x[k-2] + (1-t+p)·u[k]; p = 0 makes it one of first order.
@@ -415,7 +409,6 @@ class SectionEstimates:
         self._velocity, self._acceleration = (still, still), (still, still)
 
     def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (batch,) each."""
         if self._last is None:
             self._past[:] = reading
         last = reading if self._last is None else self._last
@@ -438,15 +431,12 @@ class SectionEstimates:
         return (reading - before) / (self._window * self._sample_time)
 
 
-def first_order_pole(cutoff: FloatArray | float, sample_time: FloatArray) -> FloatArray:
-    """a = exp(-2π·fc·T) of a cut-off in Hz; 0 where it is infinite.
-
-    Cut-off and sample time (s) broadcast; the answer has their shape and no unit.
-    """
+def _first_order_pole(cutoff: FloatArray | float, sample_time: FloatArray) -> FloatArray:
+    """a = exp(-2π·fc·T) of a cut-off in Hz; 0 where it is infinite."""
     return np.exp(-2 * np.pi * cutoff * sample_time)
 
 
-def section(
+def _low_pass_poles(
     cutoff: FloatArray | float,
     order: NDArray[np.int64] | int,
     ratio: FloatArray | float,
@@ -476,46 +466,30 @@ def _section(
 class ControlLaw:
     """A Controller at work: one call a sample, remembering what its filters need.
 
-    The estimates of velocity and acceleration follow every reading, whatever is felt.
+    The estimates of velocity and acceleration follow every reading, whatever acts. Arrays of
+    elements have shape (elements, batch); what no element has is not computed.
     """
 
     def __init__(self, controller: Controller, sample_time: FloatArray) -> None:
         """Sample time in s, shape (batch,)."""
-        self._estimates = _estimates(controller, sample_time)
-        self._elements = ElementsAtWork(controller.elements, controller.calls, sample_time)
-
-    def force(self, reading: FloatArray) -> FloatArray:
-        """Sum of what all elements give for this sample's reading (m), N, shape (batch,)."""
-        return self._elements.force(reading, *self._estimates.update(reading))
-
-
-class ElementsAtWork:
-    """Elements together; arrays of shape (elements, batch). What no element has is not computed."""
-
-    def __init__(
-        self, elements: Sequence[Element], calls: Calls | None, sample_time: FloatArray
-    ) -> None:
-        """Sample time in s, shape (batch,)."""
-
-        def rows(name: str) -> FloatArray:
-            return np.stack([per_member(getattr(e, name), sample_time.size) for e in elements])
-
-        stiffness, self._damping, mass = rows("stiffness"), rows("damping"), rows("mass")
+        rows = controller.rows(np.arange(sample_time.size))
+        stiffness, self._damping, mass = rows["stiffness"], rows["damping"], rows["mass"]
+        self._estimates = _estimates(controller, sample_time, accelerates=bool(mass.any()))
         self._stiffness = stiffness if stiffness.any() else None
         self._mass = mass if mass.any() else None
-        self._rest, side = rows("place"), rows("side")
-        most = np.where((stiffness > 0) | (side != 0), rows("level"), np.inf)
+        self._rest, side = rows["place"], rows["side"]
+        most = np.where((stiffness > 0) | (side != 0), rows["level"], np.inf)
         # A wall that pushes to lower readings lets pass what is positive, and the other way round.
         self._low = np.where(side < 0, 0.0, -most)
         self._high = np.where(side > 0, 0.0, most)
         self._cut = bool(np.isfinite(self._low).any() or np.isfinite(self._high).any())
-        self._transitions = None
+        self._transitions, calls = None, controller.calls
         #: The first member of those whose elements come and go.
         self._moving = sample_time.size
         if calls is not None:
             self._moving = first = calls.first(sample_time.size)
             some = slice(first, None)
-            self._transitions = Transitions(
+            self._transitions = _Transitions(
                 calls.members(np.arange(first, sample_time.size)),
                 stiffness=stiffness[:, some],
                 damping=self._damping[:, some],
@@ -523,13 +497,12 @@ class ElementsAtWork:
                 side=side[:, some],
                 rest=self._rest[:, some],
                 bounds=(self._low[:, some], self._high[:, some]),
-                fade=sample_time[some] / rows("fade_time")[:, some].clip(sample_time[some]),
+                fade=sample_time[some] / rows["fade_time"][:, some].clip(sample_time[some]),
             )
 
-    def force(
-        self, reading: FloatArray, velocity: FloatArray, acceleration: FloatArray
-    ) -> FloatArray:
-        """Sum of the forces (N) of this sample, from reading and estimates, shape (batch,) each."""
+    def force(self, reading: FloatArray) -> FloatArray:
+        """Sum of what all elements give for this sample's reading (m), N, shape (batch,)."""
+        velocity, acceleration = self._estimates.update(reading)
         moving = self._damping * velocity
         if self._mass is not None:
             moving += self._mass * acceleration
@@ -545,8 +518,8 @@ class ElementsAtWork:
 
 
 def _estimates(
-    controller: Controller, sample_time: FloatArray
-) -> FirstOrderEstimates | SectionEstimates:
+    controller: Controller, sample_time: FloatArray, *, accelerates: bool
+) -> _FirstOrderEstimates | _SectionEstimates:
     """The filters; the usual ones as plain cascades of first order."""
     velocity, acceleration = controller.velocity_filter_hz, controller.acceleration_filter_hz
     pairs_equal = np.equal(controller.acceleration_filter_order, 2) & np.equal(
@@ -557,16 +530,16 @@ def _estimates(
         & np.equal(controller.velocity_window_samples, 1)
         & (pairs_equal | np.isinf(acceleration))
     ):
-        return FirstOrderEstimates(
-            first_order_pole(velocity, sample_time),
-            first_order_pole(acceleration, sample_time) if controller.has_mass else None,
+        return _FirstOrderEstimates(
+            _first_order_pole(velocity, sample_time),
+            _first_order_pole(acceleration, sample_time) if accelerates else None,
             sample_time,
         )
     ratio = controller.filter_damping_ratio
     window = per_member(controller.velocity_window_samples, sample_time.size).astype(np.int64)
-    return SectionEstimates(
-        section(velocity, controller.velocity_filter_order, ratio, sample_time),
-        section(acceleration, controller.acceleration_filter_order, ratio, sample_time),
+    return _SectionEstimates(
+        _low_pass_poles(velocity, controller.velocity_filter_order, ratio, sample_time),
+        _low_pass_poles(acceleration, controller.acceleration_filter_order, ratio, sample_time),
         window,
         sample_time,
     )

@@ -364,6 +364,52 @@ FAULTS: tuple[Fault, ...] = (
             "return np.inf",
         ),
     ),
+    # Sampled motion, estimates, intervals and what is believed.
+    *_of(
+        "tune/loop/plant.py",
+        "tests/test_loop.py -k far_from",
+        ("far poles that are real", "fast - slow if mirrored else slow - fast", "slow - fast"),
+        (
+            "far poles in pairs",
+            "np.where(stiff, step(low + span) - step(low), between / apart)",
+            "between / apart",
+        ),
+    ),
+    *_of(
+        "identification/estimators/estimate.py",
+        "tests/test_estimators.py -k covariance",
+        ("intervals", "(shifts.T @ shifts + floor)", "(0.25 * shifts.T @ shifts + floor)"),
+        (
+            "intervals with instruments",
+            " if symmetric else _halfway(total, normal, right)",
+            "",
+        ),
+    ),
+    *_of(
+        "identification/fitting/__init__.py",
+        "tests/test_choice.py",
+        ("an estimate that another contradicts", "CONTRADICTED = 11.83", "CONTRADICTED = 1e9"),
+        ("residuals that are white", "if not is_coloured(simulated.residual):", "if True:"),
+        (
+            "an estimate that knows less",
+            '    sharper = predicted.value("mass") > 0 and region(predicted) <= region(default)',
+            "    sharper = True",
+        ),
+    ),
+    *_of(
+        "identification/findings/forces.py",
+        "tests/test_choice.py -k evidence",
+        (
+            "a mass that equal velocities exclude",
+            "if judge is None or not judge.contradicts(chosen):",
+            "if True:",
+        ),
+    ),
+    *_of(
+        "identification/findings/__init__.py",
+        "tests/test_choice.py -k evidence",
+        ("delays that exclude each other", "if chosen.delay_deviation is None:", "if True:"),
+    ),
     # The guard in C.
     *_of(
         "tune/templates/guard.c",

@@ -157,15 +157,3 @@ def test_every_file_that_the_plan_names_is_there() -> None:
     )
     assert len(named) > 10
     assert [name for name in named if not (ROOT / name).exists()] == []
-
-
-def test_floors_are_counted_from_the_ground() -> None:
-    assert floors({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == {"a": 3, "b": 2, "c": 1}
-
-
-def test_a_circle_is_seen() -> None:
-    assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}})) == {"a", "b", "c"}
-    assert room_graph({"p.a.x": {"p.b"}, "p.b": {"p.a.y"}, "p.a.y": set()}) == {
-        "a": {"b"},
-        "b": {"a"},
-    }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from tests.architecture_picture import DOCS, needed, shown_graphs, table
+from tests.architecture_picture import DOCS, shown_graphs, table
 from tests.test_architecture import floors
 
 
@@ -26,13 +26,3 @@ def test_the_tables_have_every_room_on_its_floor() -> None:
         rows = re.findall(r"^\| (\d+) \| (`.+?`) \|", section, re.MULTILINE)
         told = {room: int(floor) for floor, names in rows for room in re.findall(r"`(.+?)`", names)}
         assert told == floors(rooms)
-
-
-def test_an_import_that_follows_from_a_longer_way_is_left_out() -> None:
-    assert needed({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == [("a", "b"), ("b", "c")]
-
-
-def test_a_planted_import_changes_the_table() -> None:
-    graphs = shown_graphs()
-    graphs["tune"]["documents"].add("templates")
-    assert table(graphs) != table(shown_graphs())

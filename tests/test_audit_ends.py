@@ -69,31 +69,6 @@ def test_every_named_device_is_judged_on_a_dense_grid() -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        ("--stiffness", "6680"),
-        ("--stiffness", "10000"),
-        ("--damping", "2500"),
-        ("--mass", "3.72"),
-        ("--mass", "-1e9"),
-        ("--stiffness", "1e9"),
-        ("--stiffness", "2e-9", "--mass", "1e7"),
-        ("--stiffness", "6680", "--damping", "2500"),
-    ],
-    ids=" ".join,
-)
-def test_gains_beyond_the_limit_are_unsafe(options: tuple[str, ...]) -> None:
-    ended = haptune("audit", "homerehab", *options, "--json")
-    assert ended.code == 6, ended.err
-    assert ended.result["details"]["faults"]
-    first, *lines = ended.err.splitlines()
-    assert first == "haptune audit: check failed"
-    assert any(line.startswith("stability: ") for line in lines)
-    assert lines[-1].startswith("nearest safe values: ")
-    assert max(map(len, lines)) <= 120
-
-
-@pytest.mark.parametrize(
     ("options", "words"),
     [
         (("--stiffness", "1e308"), "--stiffness: 1e+308 is beyond 1e-09 to 1e+09"),

@@ -107,13 +107,6 @@ def test_homerehab_is_the_axis_of_the_paper() -> None:
     assert found.encoder_resolution == quantity(6e-6)
 
 
-def test_an_unknown_device_is_told_what_there_is() -> None:
-    with pytest.raises(InvalidInputError, match="homerehab"):
-        load_device("homerehap")
-    with pytest.raises(InvalidInputError, match="No such file"):
-        load_device("nothing.yaml")
-
-
 def test_hardware_is_optional_in_every_key(tmp_path: Path) -> None:
     path = tmp_path / "hardware.yaml"
     path.write_text("schema: haptune/hardware/1\n", encoding="utf-8")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import pydoc
-import re
 import shutil
 import subprocess
 import sys
@@ -78,12 +76,3 @@ def test_results_are_shown_in_a_sentence() -> None:
     assert shown[1].startswith("Audit(safe: gain ")
     assert "8000 samples" in shown[2]
     assert len(repr(device)) < 1000
-
-
-def test_help_on_a_document_begins_with_its_keys() -> None:
-    text = re.sub(".\b", "", pydoc.render_doc(haptune.Device))  # overprinted for pagers
-    heading = text.partition("m·q̈")[0]
-    assert "Device(*, schema" in heading
-    assert "sample_time, mass, damping" in heading
-    assert "Validator" not in heading
-    assert "coulomb_friction: Fc, N" in text

@@ -16,7 +16,6 @@ from identification import (
     to_mapping,
     to_yaml,
 )
-from tune.documents.scene import Scene
 
 MODE = {"frequency_hz": {"value": 80.0, "low": 75.0, "high": 85.0}, "damping_ratio": 0.02}
 DEVICE = {"sample_time": 0.001, "mass": 3.0, "damping": 10.0}
@@ -49,20 +48,3 @@ def test_impossible_modes_are_refused(mode: dict[str, Any], words: str) -> None:
 def test_more_modes_than_can_be_judged_are_refused() -> None:
     with pytest.raises(InvalidInputError, match="modes"):
         parse_document(Hardware, {"modes": [{**MODE, "at_encoder": 1.0}] * 5}, "hardware.yaml")
-
-
-@pytest.mark.parametrize(
-    ("hand", "words"),
-    [
-        ("soft", "none, free-to-rigid"),
-        ({"mass": -1.0, "damping": 1.0, "stiffness": 1.0}, "must not be negative, not -1"),
-        (
-            {"mass": 0.1, "damping": 1.0, "stiffness": {"value": 1.0, "low": 0.0, "high": 2.0}},
-            "above zero over its interval",
-        ),
-        ({"mass": 0.1, "damping": 1.0}, "stiffness: is missing"),
-    ],
-)
-def test_impossible_hands_are_refused(hand: object, words: str) -> None:
-    with pytest.raises(InvalidInputError, match=words):
-        parse_document(Scene, {"hand": hand, "elements": {"a": {"damping": 1.0}}}, "scene.yaml")

@@ -25,11 +25,6 @@ from tune.documents.scene import DEFAULT_MOTION
 MOTION = DEFAULT_MOTION["linear"]
 
 
-def test_the_mass_of_one_step_on_homerehab_is_0_68_kg() -> None:
-    scale = Scale.of("mass", load_device("homerehab"), default_table(), MOTION)
-    assert scale.value_at(1.0, 1) == pytest.approx(0.676, abs=0.002)
-
-
 def test_stiffness_reference_is_masked_force_over_penetration() -> None:
     scale = Scale.of("stiffness", load_device("homerehab"), default_table(), MOTION)
     assert scale.reference == pytest.approx(0.8 / 0.01)

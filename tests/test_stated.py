@@ -120,19 +120,6 @@ def test_a_list_of_other_things_is_refused(listed: Any, words: str) -> None:
     assert _device(missing=None).missing == ()
 
 
-def test_a_form_for_a_device_leaves_blank_what_nobody_stated() -> None:
-    told = {"continuous": 9.0, "peak": 9.0, "source": "log"}
-    device = _device(motion=..., force_limit=told)
-    Path("device.yaml").write_text(to_yaml(to_mapping(device), ""), encoding="utf-8")
-    assert haptune("new", "hardware", "--device", "device.yaml", "--quiet").code == 0
-    hardware = load_document(Hardware, "hardware.yaml")
-    assert hardware.motion is hardware.force_limit is None
-    assert hardware.encoder_resolution == quantity(0.000006)
-    shutil.copy(bundled_path("homerehab.csv"), "log.csv")
-    again = identify(load_trajectory("log.csv"), hardware=hardware, method="least-squares").device
-    assert again.missing == ("motion", "force_limit")
-
-
 def test_a_file_from_before_facts_were_marked_is_asked_for_its_motion_too() -> None:
     log = {"source": "log.csv", "digest": "", "samples": 8000, "method": "innovations"}
     old = {"encoder_resolution": {"value": 6e-6, "source": "log"}, "logs": [log]}

@@ -499,7 +499,7 @@ FAULTS: tuple[Fault, ...] = (
         ("two headers in one source", "#if defined(HAPTUNE_PROFILE) && ", "#if 0 && "),
     ),
     *_of(
-        "tune/exporters/guard.py",
+        "tune/exporters/__init__.py",
         "tests/test_mixed_exports.py -k link",
         ("names with the digest", '{"word": word,', '{"word": "",'),
     ),

@@ -19,7 +19,7 @@ from tests.exported import FADE, LOOPS, changed, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
 from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
 from tune.exporters import TARGETS, Target, export
-from tune.exporters.text import identifiers
+from tune.exporters.law import identifiers
 
 HOSTILE = (
     ("while", "on", "int main(void) {return 1;}"),

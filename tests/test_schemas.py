@@ -25,7 +25,7 @@ from tests.commands import SCHEMAS, form
 from tune import SafeProfile, Scene, optimise
 from tune.documents.perception import PerceptionTable
 from tune.rendering import ThresholdCurve
-from tune.schemas import generate
+from tune.schemas.__main__ import generate
 
 MODELS: dict[str, type[Document]] = {
     "hardware": Hardware,

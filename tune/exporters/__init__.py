@@ -5,24 +5,461 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal, get_args
+import json
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from importlib.resources import files
+from string import Template
+from typing import Any, Literal, NotRequired, cast, get_args
 
-from tune.documents.profile import SafeProfile
-from tune.exporters.data import plain_files, ros2_files
-from tune.exporters.guard import c_files, chai3d_files
-from tune.exporters.law import fade_step
-from tune.exporters.text import NOT_A_SAFETY_FUNCTION, digest
+# pydantic reads this one on every Python; it is part of what pydantic itself needs.
+from typing_extensions import TypedDict
+
+from identification import InvalidInputError
+from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
+from tune.documents.scene import EffectName
+from tune.exporters.law import (
+    LAW_IN_WORDS,
+    NOT_A_SAFETY_FUNCTION,
+    Estimate,
+    block_comment,
+    change_words,
+    digest,
+    fade_step,
+    findings_of,
+    force_limit,
+    hash_comment,
+    heading,
+    identifiers,
+    inside_comment,
+    largest_change,
+    quote_yaml,
+    section_of,
+    short,
+    unit_of_force,
+)
 
 __all__ = ["NOT_A_SAFETY_FUNCTION", "TARGETS", "Target", "digest", "export"]
 
 Target = Literal["ros2", "c", "chai3d", "json"]
 TARGETS: tuple[Target, ...] = get_args(Target)
 
+#: Bits of the set of elements that the guard is given.
+_MOST_ELEMENTS = 64
+
+
+def _c_files(profile: SafeProfile) -> dict[str, str]:
+    """haptune_guard.h and haptune_guard.c; InvalidInputError for more elements than it holds."""
+    if len(profile.elements) > _MOST_ELEMENTS:
+        raise InvalidInputError(
+            "elements",
+            f"the profile has {len(profile.elements)}, a guard holds {_MOST_ELEMENTS}",
+            "Split the scene",
+        )
+    values = _guard_values(profile)
+    return {f"haptune_{name}": _filled(name, values) for name in ("guard.h", "guard.c")}
+
+
+def _chai3d_files(profile: SafeProfile) -> dict[str, str]:
+    """haptune_chai3d.hpp and the guard that it plays damping and mass with.
+
+    Materials are springs of linear axes (N/m); on a rotary axis the guard plays everything.
+    """
+    limit, words = force_limit(profile), _macros(profile)
+    rotary = profile.device.motion == "rotary"
+    springs = [
+        f"    case {words[name]}:\n"
+        f"        material->setStiffness({_number(element.stiffness)} / workspace_scale);\n"
+        f"        return true;\n"
+        for name, element in profile.elements.items()
+        if element.stiffness > 0 and element.damping == 0 and element.mass == 0 and not rotary
+    ]
+    kind, load = ("Angular", "Torque") if rotary else ("Linear", "Force")
+    values = {
+        **_tags(profile),
+        "max_force": f"m_max{kind}{load}",
+        "max_stiffness": f"m_max{kind}Stiffness",
+        "max_damping": f"m_max{kind}Damping",
+        "stiffness": _number(_largest(profile, "stiffness")),
+        "damping": _number(_largest(profile, "damping")),
+        "heading": block_comment(heading(profile)),
+        "continuous": _number(limit.continuous),
+        "peak": _number(limit.peak),
+        "springs": "".join(springs),
+        "what": "Torque (N*m)" if rotary else "Force (N)",
+    }
+    return {"haptune_chai3d.hpp": _filled("chai3d.hpp", values), **_c_files(profile)}
+
+
+def _largest(profile: SafeProfile, effect: EffectName) -> float:
+    """The largest sum of one effect over what may act at once; 0 where none is positive."""
+    sizes: dict[str, float] = {
+        name: getattr(element, effect) for name, element in profile.elements.items()
+    }
+    return max(0.0, *(sum(sizes[name] for name in moment) for moment in profile.moments()))
+
+
+def _filled(name: str, values: Mapping[str, str]) -> str:
+    """A template with its $-names filled in."""
+    text = (files("tune") / "templates" / name).read_text(encoding="utf-8")
+    return Template(text).substitute(values)
+
+
+def _macros(profile: SafeProfile) -> dict[str, str]:
+    """The macro of each element."""
+    return {
+        name: f"HAPTUNE_ELEMENT_{word.upper()}"
+        for name, word in identifiers(profile.elements).items()
+    }
+
+
+def _bits(names: Iterable[str], places: Mapping[str, int]) -> int:
+    """The set of some elements: the union of their bits, however often one is named."""
+    found = 0
+    for name in names:
+        found |= 1 << places[name]
+    return found
+
+
+def _number(value: float) -> str:
+    """A double with all of its digits, as a C constant of type double."""
+    text = f"{value:.17g}"
+    return text if "." in text or "e" in text else text + ".0"
+
+
+def _numbers(*values: float) -> str:
+    return ", ".join(_number(value) for value in values)
+
+
+def _guard_values(profile: SafeProfile) -> dict[str, str]:
+    loop, seal = profile.loop, profile.certificate
+    words = _macros(profile)
+    places = {name: index for index, name in enumerate(profile.elements)}
+    sets = sorted({_bits(moment, places) for moment in profile.moments()})
+    return {
+        **_tags(profile),
+        "heading": block_comment(heading(profile)),
+        "digest": digest(profile),
+        "sample_time": _number(loop.sample_time),
+        "extra_delay": str(int(seal.extra_delay_samples)),
+        "taps": str(seal.longest_tap),
+        "window": str(loop.velocity_window_samples or 1),
+        "change": _number(largest_change(profile)),
+        "change_words": inside_comment(change_words(profile)),
+        "elements": "".join(
+            f"#define {words[name]} (UINT64_C(1) << {places[name]}) /* {_plain(name)} */\n"
+            for name in profile.elements
+        ),
+        "together": _listed(profile.together, words, "none, one at a time"),
+        "apart": _listed(profile.apart, words, "none"),
+        "count": str(len(places)),
+        "length": "rad" if profile.device.motion == "rotary" else "m",
+        "force": unit_of_force(profile),
+        "gain": f"{seal.gain:g}",
+        "moment_count": str(len(sets)),
+        "velocity_words": _words(loop, "velocity"),
+        "velocity": _section(loop, "velocity"),
+        "acceleration_words": _words(loop, "acceleration"),
+        "acceleration": _section(loop, "acceleration"),
+        "played": "".join(
+            f"    {{{_effects(element, loop.sample_time)}}}, /* {_plain(name)} */\n"
+            for name, element in profile.elements.items()
+        ),
+        "known": f"0x{(1 << len(places)) - 1:x}",
+        "walls": f"0x{_bits(profile.walls, places):x}",
+        "moments": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
+        "peak": _number(force_limit(profile).peak),
+    }
+
+
+def _tags(profile: SafeProfile) -> dict[str, str]:
+    """The first digits of the profile's digest, as part of a name and as a constant."""
+    word = digest(profile).removeprefix("sha256:")[:8]
+    return {"word": word, "tag": f"0x{word}u"}
+
+
+def _plain(name: str) -> str:
+    return inside_comment(short(name))
+
+
+def _listed(sets: Iterable[Iterable[str]], words: Mapping[str, str], none: str) -> str:
+    lines = [" | ".join(words[name] for name in each) for each in sets] or [none]
+    return "\n".join(
+        textwrap.fill(line, 96, initial_indent=" *   ", subsequent_indent=" *     ")
+        for line in lines
+    )
+
+
+def _section(loop: LoopProfile, which: Estimate) -> str:
+    section = section_of(loop, which)
+    return _numbers(section.t, section.p, section.gain)
+
+
+def _effects(element: ElementProfile, sample_time: float) -> str:
+    lead_time = element.damping / element.stiffness if element.stiffness > 0 else 0.0
+    sizes = _numbers(element.stiffness, element.damping, element.mass)
+    limits = _numbers(element.force_level, lead_time, element.motion.speed)
+    step = _number(fade_step(element, sample_time))
+    return f"{sizes}, {limits}, {element.one_sided:d}, {step}"
+
+
+def _words(loop: LoopProfile, which: Estimate) -> str:
+    window = loop.velocity_window_samples if which == "velocity" else None
+    if window is not None:
+        return f"moving window of {window} samples; t, p, g"
+    cutoff = getattr(loop, f"{which}_filter_hz")
+    if cutoff is None:
+        return "no filter; t, p, g"
+    order = getattr(loop, f"{which}_filter_order")
+    ratio = f", damping ratio {loop.filter_damping_ratio:g}" if order == 2 else ""
+    return f"order {order}, {cutoff:g} Hz{ratio}; t, p, g"
+
+
+#: Letters of a name; the parser of ROS 2 takes texts of up to 256 bytes.
+_LONGEST_TEXT = 60
+
+
+class ExportedDevice(TypedDict):
+    """The device that the profile is certified for."""
+
+    name: str
+    axis: str
+    motion: Literal["linear", "rotary"]
+
+
+class ExportedMargin(TypedDict):
+    """Stable for every gain in (0, ``gain``] with so many more samples of delay."""
+
+    name: Literal["conservative", "balanced", "firm"]
+    gain: float
+    extra_delay_samples: float
+
+
+class NoFilter(TypedDict):
+    """The difference as it is."""
+
+    kind: Literal["none"]
+
+
+class WindowFilter(TypedDict):
+    """The difference over so many samples."""
+
+    kind: Literal["window"]
+    samples: int
+
+
+class LowPassFilter(TypedDict):
+    """x[k] = (t·x[k-1] - p·x[k-2]) + g·u[k]; ``a`` is the pole where there is one or two equal."""
+
+    kind: Literal["first-order", "second-order"]
+    cutoff_hz: float
+    a: NotRequired[float]
+    damping_ratio: NotRequired[float]
+    t: float
+    p: float
+    g: float
+
+
+Filter = NoFilter | WindowFilter | LowPassFilter
+
+
+class ExportedForceLimit(TypedDict):
+    """What the actuator gives for long and for a moment."""
+
+    continuous: float
+    peak: float
+
+
+class ExportedElement(TypedDict):
+    """Effects of one element; ``fade_time`` is 0 where it is switched at once.
+
+    ``force_level`` is the most that its spring gives, N (N·m); ``speed`` that with which it is met.
+    """
+
+    stiffness: float
+    damping: float
+    mass: float
+    one_sided: bool
+    force_level: float
+    speed: float
+    fade_time: float
+
+
+class Exported(TypedDict):
+    """A certified profile for programs of any kind.
+
+    ``moments`` are the sets of elements that may act at once, ``apart`` pairs that never do;
+    ``taps`` are samples; ``law`` says how force comes of them.
+    """
+
+    schema: Literal["haptune/export/1"]
+    digest: str
+    device: ExportedDevice
+    scene: str
+    margin: ExportedMargin
+    sample_time: float
+    delay_samples: float
+    velocity: Filter
+    acceleration: Filter
+    force_limit: ExportedForceLimit
+    elements: dict[str, ExportedElement]
+    moments: list[list[str]]
+    apart: list[list[str]]
+    taps: int
+    largest_change: float
+    findings: dict[str, list[str]]
+    law: str
+    assumes: list[str]
+    not_assessed: list[str]
+
+
+def _plain_files(profile: SafeProfile) -> dict[str, str]:
+    """haptune_profile.json: gains, filter coefficients, limits; SI units."""
+    device, seal, limit = profile.device, profile.certificate, force_limit(profile)
+    content: Exported = {
+        "schema": "haptune/export/1",
+        "digest": digest(profile),
+        "device": {"name": device.name, "axis": device.axis, "motion": device.motion},
+        "scene": profile.scene,
+        "margin": {
+            "name": profile.margin.name,
+            "gain": seal.gain,
+            "extra_delay_samples": seal.extra_delay_samples,
+        },
+        "sample_time": profile.loop.sample_time,
+        "delay_samples": profile.loop.extra_delay_samples,
+        "velocity": _filter(profile.loop, "velocity"),
+        "acceleration": _filter(profile.loop, "acceleration"),
+        "force_limit": {"continuous": limit.continuous, "peak": limit.peak},
+        "elements": {name: _element(each) for name, each in profile.elements.items()},
+        "moments": [list(moment) for moment in profile.moments()],
+        "apart": [list(pair) for pair in profile.apart],
+        "taps": seal.longest_tap,
+        "largest_change": largest_change(profile),
+        "findings": findings_of(profile),
+        "law": LAW_IN_WORDS,
+        "assumes": list(seal.assumes),
+        "not_assessed": list(seal.not_assessed),
+    }
+    return {"haptune_profile.json": json.dumps(content, indent=2) + "\n"}
+
+
+def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
+    """haptune_params.yaml, haptune_law.py and haptune_node.py.
+
+    Parameters are only what ROS 2 can hold: numbers, texts, and lists of one kind that are not
+    empty. Every text is in quotes, every float has a point, so that no reader mistakes one.
+    The name of the node has its namespaces, such as /robot/haptune.
+    """
+    device, seal, limit = profile.device, profile.certificate, force_limit(profile)
+    keys = identifiers(profile.elements)
+    parameters: dict[str, Any] = {
+        "digest": digest(profile),
+        "device": device.name[:_LONGEST_TEXT],
+        "axis": device.axis[:_LONGEST_TEXT],
+        "motion": device.motion,
+        "sample_time": profile.loop.sample_time,
+        "delay_samples": float(profile.loop.extra_delay_samples),
+        "margin": {"gain": seal.gain, "extra_delay_samples": int(seal.extra_delay_samples)},
+        "velocity": _filter(profile.loop, "velocity"),
+        "acceleration": _filter(profile.loop, "acceleration"),
+        "taps": seal.longest_tap,
+        "largest_change": largest_change(profile),
+        "force_limit": {"continuous": limit.continuous, "peak": limit.peak},
+        "element_names": list(keys.values()),
+        "elements": {
+            keys[name]: {"name": name[:_LONGEST_TEXT], **_element(element)}
+            for name, element in profile.elements.items()
+        },
+    }
+    for kind, word, sets in (
+        ("together", "group", profile.together),
+        ("apart", "pair", profile.apart),
+    ):
+        named = {f"{word}_{k}": [keys[name] for name in each] for k, each in enumerate(sets, 1)}
+        if named:  # no empty lists in ROS 2
+            parameters[f"{word}_names"] = list(named)
+            parameters[kind] = named
+    head = (
+        *heading(profile),
+        "",
+        f"SI units. {LAW_IN_WORDS}. Moments are each element alone, any part of a group of "
+        "'together', and each of these beside what is one_sided, but for the pairs of 'apart'.",
+    )
+    body = "\n".join(_lines({node: {"ros__parameters": parameters}}, ""))
+    comment = hash_comment(heading(profile))
+    templates = files("tune") / "templates"
+    files_of = {"haptune_params.yaml": hash_comment(head) + body + "\n"}
+    for name in ("law.py", "node.py"):
+        text = (templates / name).read_text(encoding="utf-8")
+        text = text.replace("${digest}", digest(profile))
+        files_of[f"haptune_{name}"] = (
+            f"{comment}\n{text.replace('${node}', node.rpartition('/')[2])}"
+        )
+    return files_of
+
+
+def _element(element: ElementProfile) -> ExportedElement:
+    return {
+        "stiffness": element.stiffness,
+        "damping": element.damping,
+        "mass": element.mass,
+        "one_sided": element.one_sided,
+        "force_level": element.force_level,
+        "speed": element.motion.speed,
+        "fade_time": element.fade_time,
+    }
+
+
+def _filter(loop: LoopProfile, which: Estimate) -> Filter:
+    """Kind, cut-off in Hz where there is one, and coefficients of one filter."""
+    window = loop.velocity_window_samples if which == "velocity" else None
+    if window is not None:
+        return {"kind": "window", "samples": window}
+    cutoff = getattr(loop, f"{which}_filter_hz")
+    if cutoff is None:
+        return {"kind": "none"}
+    section = section_of(loop, which)
+    order = getattr(loop, f"{which}_filter_order")
+    found: LowPassFilter = {
+        "kind": "first-order" if order == 1 else "second-order",
+        "cutoff_hz": cutoff,
+        "t": section.t,
+        "p": section.p,
+        "g": section.gain,
+    }
+    if order == 1 or loop.filter_damping_ratio == 1:
+        found["a"] = section.t / order
+    if order == 2:
+        found["damping_ratio"] = loop.filter_damping_ratio
+    return found
+
+
+def _lines(content: Mapping[str, Any], indent: str) -> Iterator[str]:
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            yield f"{indent}{key}:"
+            yield from _lines(cast("Mapping[str, Any]", value), indent + "  ")
+        else:
+            yield f"{indent}{key}: {_scalar(value)}"
+
+
+def _scalar(value: float | str | list[str]) -> str:
+    """A value that YAML 1.1, YAML 1.2 and strtod read alike."""
+    if isinstance(value, list):
+        return f"[{', '.join(_scalar(item) for item in value)}]"
+    if isinstance(value, str):
+        return quote_yaml(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = repr(value)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text
+
+
 _WRITERS: dict[Target, Callable[[SafeProfile], dict[str, str]]] = {
-    "c": c_files,
-    "chai3d": chai3d_files,
-    "json": plain_files,
+    "c": _c_files,
+    "chai3d": _chai3d_files,
+    "json": _plain_files,
 }
 
 
@@ -42,4 +479,4 @@ def export(profile: SafeProfile, target: Target, *, node: str = "haptune") -> di
     profile.device.require_stated()
     for element in profile.elements.values():
         fade_step(element, profile.loop.sample_time)
-    return ros2_files(profile, node) if target == "ros2" else _WRITERS[target](profile)
+    return _ros2_files(profile, node) if target == "ros2" else _WRITERS[target](profile)

@@ -52,7 +52,8 @@ def _margin(name: str) -> float:
 
 @functools.cache
 def _step(name: str, length: float) -> FloatArray:
-    return one_step(*LOOPS[name], length)
+    mass, damping, late, values, velocity, acceleration = LOOPS[name]
+    return one_step(mass, damping, late, values, velocity, acceleration, length)
 
 
 def one_step(

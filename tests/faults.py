@@ -310,7 +310,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/certificate/statements.py",
+        "tune/certificate/check.py",
         "tests/test_conditions.py",
         (
             "a limit that does not bind",
@@ -320,14 +320,18 @@ FAULTS: tuple[Fault, ...] = (
         ("as commanded", 'if not element.as_commanded and words == {"wanted"}:', "if not words:"),
     ),
     *_of(
-        "tune/certificate/statements.py",
+        "tune/certificate/check.py",
         f"{_EDGES} -k told",
         (
             "a gain above the absolute one",
             "if said.absolute_gain is not None and said.gain > said.absolute_gain:",
             "if said.gain < 0:",
         ),
-        ("ripple of an element", "elif not abs(said - seen) <= _AGREE * seen:", "elif seen < 0:"),
+        (
+            "ripple of an element",
+            "elif not abs(said - seen) <= _RIPPLE_AGREES * seen:",
+            "elif seen < 0:",
+        ),
     ),
     *_of(
         "tune/documents/profile.py",

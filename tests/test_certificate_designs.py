@@ -11,8 +11,7 @@ from identification import load_device, to_mapping, to_yaml
 from tests.commands import digest_of
 from tests.random_boxes import safe_gain as limit_of_corners
 from tune import SafeProfile, Scene, optimise
-from tune.certificate.assumptions import NO_HAND, WITH_HAND
-from tune.certificate.certify import certify
+from tune.certificate.certify import NO_HAND, WITH_HAND, certify
 from tune.certificate.check import check
 from tune.certificate.poles import judge
 from tune.certificate.region import Point, regions_of, setting_of

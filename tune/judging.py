@@ -27,8 +27,7 @@ from identification import (
     parse_document,
     to_mapping,
 )
-from tune.certificate.assumptions import refusal_of
-from tune.certificate.certify import certify
+from tune.certificate.certify import certify, refusal_of
 from tune.documents import CheckFailedError
 from tune.documents.certified import AbsoluteStability, Certificate
 from tune.documents.perception import default_table

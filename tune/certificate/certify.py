@@ -1,4 +1,7 @@
-"""Certify a design over its whole box: every device, hand, delay, gain and moment."""
+"""Certify a design over its whole box, and say on which assumptions.
+
+The box holds every device, hand, delay, gain and moment.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+from identification import Device
 from tune.certificate.absolute import clamped_moments, judge_levels, judge_switched
-from tune.certificate.assumptions import assumptions, method, not_assessed, refuse_unbalanced
 from tune.certificate.claims import (
     force_failures,
     meets_wall,
@@ -23,14 +26,9 @@ from tune.certificate.region import Point, Region, Setting, regions_of, setting_
 from tune.certificate.worst_point import WorstCase, worst_points, worst_points_of_all
 from tune.certificate.zero_exclusion import Claim, prove_all
 from tune.documents import CheckFailedError
-from tune.documents.certified import (
-    AbsoluteStability,
-    Certificate,
-    ModeBox,
-    ModePlace,
-    WorstPoint,
-)
+from tune.documents.certified import AbsoluteStability, Certificate, ModeBox, ModePlace, WorstPoint
 from tune.documents.profile import Design
+from tune.documents.scene import EFFECT_NAMES, UNITS, EffectName
 
 #: How much more the search does where a proof was not found.
 _THOROUGH = 8
@@ -41,6 +39,264 @@ MOST_CELLS = 200_000
 _LONGEST_DELAY = 64
 
 _Moment = tuple[str, ...]
+
+_METHOD = (
+    "no pole can cross the unit circle anywhere in the box: excluded by subdivision with "
+    "first-order forms and bounds of the rest, over frequency and its aliases; poles at single "
+    "points isolated in 400-bit balls; a search for the worst point found none that contradicts"
+)
+_ASSUMES = (
+    "constant sample time within its interval; a missed period holds the force, is bridged by a "
+    "straight line and counts as one extra sample of delay",
+    "a linear loop: forces stay below the limit, the force of saturation is not relied on",
+    "elements and gains change slowly against the loop; switching is not part of the proof",
+    "the controller runs the very filters named, on every reading of the axis",
+    "Coulomb friction gives no damping",
+    "everything within its interval, in any combination, and constant while the loop runs",
+)
+#: What is said instead where some moments are proved absolutely stable.
+_LINEAR_ELSEWHERE = (
+    "a linear loop, but for moments with absolute_stability: forces stay below the limit, the "
+    "force of saturation is not relied on"
+)
+_SLOW_ELSEWHERE = (
+    "elements and gains change slowly against the loop; of moments with absolute_stability clamps "
+    "may push on one side only or cut at any level that falls, and damping may be switched, at any "
+    "moment; a level rises, and a face or rest moves, only while its clamp gives no force"
+)
+_ASSUMES_WITH_WALLS = (_ASSUMES[0], _LINEAR_ELSEWHERE, _SLOW_ELSEWHERE, *_ASSUMES[3:])
+#: Of designs in which something fades, or does beside a clamp that may be reached.
+_FADES = (
+    "elements with mass or a negative effect fade over fade_time: proved at every constant level "
+    "of each; that no hand pumps by entering and leaving in time was looked for in waves of the "
+    "level on the device alone, and is not proved"
+)
+_FADING_SPRINGS = (
+    "elements whose spring fades with their mass are entered and left all the way: on a device "
+    "that loses little, a hand that hovers between could pump it"
+)
+_NOT_CUT = (
+    "levels of what fades stand still while a wall pushes; its force is not cut: where a wall is "
+    "pushed so hard that the sum reaches the force limit, the hand is taken to hold it without "
+    "swinging"
+)
+_MISSED = (
+    "a period missed at a wall counts as one extra sample of delay for all of the contact; periods "
+    "missed by chance were played, not proved"
+)
+_OPPOSITE = (
+    "walls on opposite sides push one at a time; a swing to and fro between walls of unlike B/K is "
+    "played, not proved"
+)
+_CURVE = (
+    "friction that rises with speed is rehearsed as damping of its least and its largest slope, "
+    "not as the curve"
+)
+_MULTIPLIER = (
+    "; absolute stability by the stated multipliers, their condition shown in every cell of the box"
+)
+NO_HAND = "no hand: the device alone"
+WITH_HAND = (
+    "the device alone, and with any hand within the intervals: a mass, a damper and a spring to a "
+    "place that rests"
+)
+_HELD = (
+    "friction with a memory slides, or holds the device by a spring without loss of {:.6g} to "
+    "{:.6g} {} beside it"
+)
+_RIGID = "a rigid mechanism: no vibration mode is stated"
+_SPRUNG = (
+    "the device's own force by position is proportional to it over all the travel, and acts on the "
+    "rigid mass; no gravity"
+)
+_WITH_MODES = "no vibration modes but those stated"
+_NO_LAG = "no lag of the current loop but what the delay holds"
+_SLOPES = (
+    "friction that rises with speed acts as some constant damping between its least and its "
+    "largest slope"
+)
+_UNEVEN = "steps that vary in length: margins.jitter is assessed at corners of the box, not proved"
+_NOT_ASSESSED = (
+    _UNEVEN,
+    "bounce on a one-sided wall, and sustained oscillation from quantiser and friction: the "
+    "simulator's part",
+)
+_NOT_ASSESSED_OF_WALLS = (
+    _UNEVEN,
+    "sustained oscillation from quantiser and friction: the simulator's part",
+    "clamps that rise under force; a grip that changes during contact",
+)
+_FACTS = "facts of the device as stated, which a log cannot show: {} motion, {}"
+_LOG_UNITS = (
+    "logs in SI units: force in {}, not volts or amperes (those need --force-gain, the torque "
+    "constant and transmission), and position in {}; a unit changes no residual"
+)
+_ASSUMED = "of the device, what was only assumed: {}"
+#: What to do about a device that its own force pushes away, or turns over.
+_BALANCE = (
+    "Counterbalance the axis, level it, take off the spring or magnet, or let the controller "
+    "compensate the force; then log again, with the compensation running."
+)
+
+
+def trusted_facts(device: Device) -> tuple[str, ...]:
+    """Facts that no log and no calculation can confirm, and who has to answer for them."""
+    units = ("N", "m") if device.motion == "linear" else ("N m", "rad")
+    facts = ["sample time", "delay"]
+    facts += ["encoder resolution"] if device.encoder_resolution is not None else []
+    facts += ["force limit"] if device.force_limit is not None else []
+    assumed = [name.replace("_", " ") for name in device.assumed()]
+    return (
+        _FACTS.format(device.motion, ", ".join(facts)),
+        *((_LOG_UNITS.format(*units),) if device.logs else ()),
+        *((_ASSUMED.format(", ".join(assumed)),) if assumed else ()),
+    )
+
+
+def _assumptions(design: Design) -> tuple[str, ...]:
+    """What the proof takes for granted."""
+    device = design.device
+    spring, unit = device.presliding_stiffness, UNITS[device.motion]["stiffness"]
+    return (
+        *(_ASSUMES if not _walls(design) else _ASSUMES_WITH_WALLS),
+        *((_FADES,) if _fades(design) else ()),
+        *((_FADING_SPRINGS,) if _fades(design, "stiffness") else ()),
+        *((_NOT_CUT,) if _fades(design) and _walls(design) else ()),
+        *((_MISSED,) if _walls(design) else ()),
+        *((_OPPOSITE,) if len(design.walls) > 1 else ()),
+        *trusted_facts(device),
+        NO_HAND if design.hand is None else WITH_HAND,
+        *(() if device.slope_at_zero == 0 else (_SPRUNG,)),
+        _WITH_MODES if device.modes else _RIGID,
+        *(() if device.current_lag is not None else (_NO_LAG,)),
+        *(() if device.damping_slope is None else (_SLOPES,)),
+        *(() if spring is None else (_HELD.format(spring.low, spring.high, unit),)),
+    )
+
+
+def _not_assessed(design: Design) -> tuple[str, ...]:
+    """What the proof leaves out."""
+    return (
+        *_uncovered(design),
+        *(_NOT_ASSESSED_OF_WALLS if _walls(design) else _NOT_ASSESSED),
+        *(() if design.device.damping_slope is None else (_CURVE,)),
+    )
+
+
+def _method(design: Design) -> str:
+    """How it was proved."""
+    return _METHOD + (_MULTIPLIER if _walls(design) else "")
+
+
+def _walls(design: Design) -> bool:
+    """Whether some moment is proved absolutely stable."""
+    return any(
+        element.one_sided or (element.stiffness and element.motion.penetration is None)
+        for element in design.elements.values()
+    )
+
+
+def _fades(design: Design, effect: EffectName | None = None) -> bool:
+    """Whether some element fades, one with an effect if that is named."""
+    return any(
+        element.fades and (effect is None or getattr(element, effect))
+        for element in design.elements.values()
+    )
+
+
+def _uncovered(design: Design) -> tuple[str, ...]:
+    """Friction that the logs show and no slope over speed covers."""
+    return tuple(
+        f"{force.words}, {force.share:.1%} of the force in {log.source}: the certified loop has "
+        "none"
+        for log in design.device.logs
+        for force in log.unmodelled_forces
+        if not force.rises
+        and not (force.kind == "memory" and design.device.presliding_stiffness is not None)
+    )
+
+
+def skipped_parts(design: Design) -> tuple[str, ...]:
+    """What was not asked for, or is not known, and nothing was spent on."""
+    device, loop = design.device, design.loop
+    wished = {effect for element in design.elements.values() for effect in element.limited_by}
+    parts = (
+        *((effect, effect not in wished) for effect in EFFECT_NAMES),
+        ("velocity filter", loop.velocity_filter_hz is None),
+        ("acceleration filter", loop.acceleration_filter_hz is None),
+        ("ripple: the encoder resolution is not known", device.encoder_resolution is None),
+        ("force: the force limit is not known", device.force_limit is None),
+        ("hand", design.hand is None),
+        ("modes", not device.modes),
+    )
+    return tuple(words for words, skipped in parts if skipped)
+
+
+def note_of_apart(pair: tuple[str, ...]) -> str:
+    """The note about two elements that the scene did not tell apart."""
+    return (
+        f"kept apart: {' and '.join(pair)} are not proved together at one step of each; the guard "
+        "gives no force where both are asked for"
+    )
+
+
+def note_of_dropped(label: str) -> str:
+    """How the note about an effect that is left out begins, by its label element.effect."""
+    return f"{label} dropped: "
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """Why no effect on a device can be certified: what was seen, what is needed, what to do."""
+
+    seen: str
+    needed: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.seen}; needed: {self.needed}. {self.remedy}"
+
+
+def refusal_of(device: Device) -> Refusal | None:
+    """Why a device is unstable beside every effect that is weak enough; None where it is not.
+
+    Every gain in (0, g] is to be stable, and so the device at next to none. One that its own force
+    pushes away from where it is, anywhere in its box or on its travel, runs away by itself.
+    """
+    low, high = device.simultaneous_box().position_stiffness
+    unit = UNITS[device.motion]["stiffness"]
+    if device.gravity is not None and any(
+        side
+        for part in (device.gravity.sine, device.gravity.cosine)
+        for side in (part.low, part.high)
+    ):
+        return Refusal(
+            seen=f"gravity: the slope of the device's own force runs from {low:.4g} to {high:.4g} "
+            f"{unit} as the axis turns; "
+            + (
+                "where it is negative the device falls by itself, beside any effect that is weak"
+                if low < 0
+                else "what is proved holds for a slope that does not change"
+            ),
+            needed="no gravity",
+            remedy=_BALANCE,
+        )
+    if low > 0 or low == high == 0:
+        return None
+    return Refusal(
+        seen=f"position_stiffness: {low:.4g} to {high:.4g} {unit} over the box of the device; "
+        "where it is not positive nothing brings the device back, and it runs away by itself "
+        "beside any effect that is weak",
+        needed=f"above 0 {unit} throughout, or none",
+        remedy=_BALANCE + (" A log of more travel narrows the interval." if high > 0 else ""),
+    )
+
+
+def refuse_unbalanced(device: Device) -> None:
+    """Raise CheckFailedError where `refusal_of` a device has a reason."""
+    refusal = refusal_of(device)
+    if refusal is not None:
+        raise CheckFailedError((f"device: {refusal}",))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -235,7 +491,7 @@ def _certificate(
     region, hand = regions[0], regions[-1].hand
     held = None if design.device.presliding_stiffness is None else regions[1].position_stiffness
     return Certificate(
-        method=method(design),
+        method=_method(design),
         confidence=0.999,
         mass=region.mass,
         damping=region.damping,
@@ -260,8 +516,8 @@ def _certificate(
         interior=interior,
         absolute_stability=found.absolute or None,
         worst=_place_of(moment, gain, worst.point, worst.verdict.radius),
-        assumes=assumptions(design),
-        not_assessed=not_assessed(design),
+        assumes=_assumptions(design),
+        not_assessed=_not_assessed(design),
         versions={name: version(name) for name in ("haptune", "numpy", "python-flint")},
     )
 

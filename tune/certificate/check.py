@@ -2,27 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from identification import Device, to_mapping
-from tune.certificate.certify import certify
-from tune.certificate.poles import judge
-from tune.certificate.region import ModePoint, Point, setting_of
-from tune.certificate.statements import (
-    differences,
-    element_failures,
-    form_failures,
-    stated_failures,
+from tune.certificate.absolute import clamped_moments, judge_switched
+from tune.certificate.certify import certify, note_of_apart, note_of_dropped, skipped_parts
+from tune.certificate.claims import (
+    damping_for_passivity,
+    excess_over_request,
+    force_failures,
+    meets_wall,
+    ripple_of,
+    whole_delay,
 )
+from tune.certificate.poles import judge
+from tune.certificate.region import ModePoint, Point, Setting, regions_of, setting_of
+from tune.certificate.time_domain import contact_failures, four_digits, jitter_failures, lead_of
+from tune.certificate.worst_point import worst_points
+from tune.certificate.zero_exclusion import Claim
 from tune.documents import CheckFailedError
 from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint
-from tune.documents.profile import SafeProfile, profile_of, read_signed
-from tune.documents.scene import EFFECT_NAMES
+from tune.documents.profile import (
+    Design,
+    ElementProfile,
+    MarginProfile,
+    SafeProfile,
+    profile_of,
+    read_signed,
+)
+from tune.documents.scene import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName, groups_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,12 +99,34 @@ OPINIONS = _trusted(
     ("certificate.versions", "what it was computed with"),
 )
 
-#: Bounds of the box are stored with twelve digits.
+#: Numbers are stored with twelve digits.
 _AGREE = 1e-9
 _CLAIMED = ("confidence", "mass", "damping", "sample_time", "delay", "delay_samples", "gain")
 #: A fresh search may find a pole closer to the circle by this part of its distance from it: another
 #: linear algebra library may climb to another point.
 _SEARCH = 0.01
+#: Characters of a value in a sentence.
+_SHORT = 80
+#: Margins are looked for up to so much gain and so many samples, and stated in such steps.
+_MOST_GAIN, _MOST_SAMPLES = 1000.0, 10.0
+_STEP_OF_GAIN, _STEP_OF_DELAY = 1e-3, 0.1
+#: Parts of a step within which a number is one of its multiples.
+_WHOLE = 1e-6
+#: A stated ripple has four digits.
+_RIPPLE_AGREES = 1e-3
+#: Parts of a sample within which every reader takes a delay for whole.
+_WELL_WHOLE = 5e-10
+#: Passivity this close to its edge may be told either way.
+_EDGE = 1e-6
+#: What else may stop a wanted value.
+_STOPPED = frozenset(
+    {"stability", "gain-margin", "delay-margin", "saturation", "lead", "force", "ripple"}
+)
+#: A limit that is named is met where the effect is larger by this part: how closely limits are met
+#: is the tuner's affair, that another one is named is found out.
+_GROWN = 0.1
+#: Cells in which a proof that is easy is found.
+_FEW_CELLS = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,16 +157,17 @@ def check_content(
 ) -> CheckReport:
     """Check the content of a profile file whose digest belongs to it; raises as `check`."""
     profile = profile_of(content, source)
-    failures = [*form_failures(profile, content), *stated_failures(profile)]
+    names = "the file", "what haptune writes"
+    failures = [*_differences(content, to_mapping(profile), names), *_stated_failures(profile)]
     if device is not None:
         names = "the device given", "the profile"
-        failures += differences(to_mapping(device), to_mapping(profile.device), names, "device")
+        failures += _differences(to_mapping(device), to_mapping(profile.device), names, "device")
     try:
         fresh = certify(profile, witnesses=profile.certificate.absolute_stability)
     except CheckFailedError as error:
         raise CheckFailedError((*error.failures, *failures), error.points) from None
     for name in profile.elements:
-        failures += element_failures(profile, name)
+        failures += _element_failures(profile, name)
     failures += _claims_differ(profile, fresh)
     if failures:
         raise CheckFailedError(tuple(failures))
@@ -260,3 +296,299 @@ def _flat(part: HandBox | tuple[ModeBox, ...] | tuple[float, float] | None) -> l
 
 def _number(value: float | tuple[float, ...]) -> str:
     return " to ".join(f"{item:.12g}" for item in np.atleast_1d(value))
+
+
+def _differences(
+    first: Mapping[str, object],
+    second: Mapping[str, object],
+    names: tuple[str, str],
+    above: str = "",
+) -> Iterator[str]:
+    """Sentences about the innermost keys in which two named mappings of YAML types differ."""
+    for name in dict.fromkeys((*first, *second)):
+        one: object = first.get(name)
+        other: object = second.get(name)
+        key = f"{above}.{name}" if above else name
+        if isinstance(one, dict) and isinstance(other, dict):
+            parts = cast("dict[str, object]", one), cast("dict[str, object]", other)
+            yield from _differences(*parts, names, key)
+        elif one != other or (name in first) != (name in second):
+            shown = _shown(first.get(name)), _shown(second.get(name))
+            yield f"{key}: {shown[0]} in {names[0]}, {shown[1]} in {names[1]}"
+
+
+def _shown(value: object) -> str:
+    text = "nothing" if value is None else str(value)
+    return text if len(text) <= _SHORT else text[: _SHORT - 3] + "..."
+
+
+def inconsistent(design: Design, name: str) -> Iterator[str]:
+    """What one element states that nothing has to be computed for to refuse."""
+    element = design.elements[name]
+    yield from _wrong_keys(name, element)
+    yield from _wrong_margins(design, name)
+    yield from _wrong_play(name, element)
+    felt = element.rendered
+    if felt is None:
+        yield f"{name}: rendered is missing. Tune again"
+    elif not _acting(element) and any(
+        (felt.mass, felt.damping, *felt.mass_at_ends, *felt.damping_at_ends)
+    ):
+        yield f"{name}: rendered says that something is felt, but no effect acts"
+
+
+def _element_failures(design: Design, name: str) -> Iterator[str]:
+    """What one element of a certified design states and a calculation does not confirm."""
+    setting = setting_of(design, (name,))
+    yield from _wrong_ripple(design, name, setting)
+    yield from _wrong_passivity(design, name, setting)
+    yield from contact_failures(design, name)
+    yield from jitter_failures(design, name)
+    element = design.elements[name]
+    for effect, word in element.limited_by.items():
+        if word not in {"wanted", "range"} and getattr(element, effect):
+            yield from _wrong_limit(design, name, effect)
+
+
+def _acting(element: ElementProfile) -> set[EffectName]:
+    return {effect for effect in EFFECT_NAMES if getattr(element, effect)}
+
+
+def _wrong_keys(name: str, element: ElementProfile) -> Iterator[str]:
+    """Effects that are named and do not act, or act and are not named."""
+    acting = _acting(element)
+    if set(element.perceived_steps) != acting:
+        yield (
+            f"{name}: perceived_steps has {_listed(element.perceived_steps)}, what acts is "
+            f"{_listed(acting)}"
+        )
+    words = element.limited_by
+    for effect in EFFECT_NAMES:
+        word, acts = words.get(effect), effect in acting
+        if acts and word in {None, "not-perceptible"}:
+            yield f"{name}: {effect} acts, limited_by says {word or 'nothing'} of it"
+        if not acts and word not in {None, "not-perceptible"}:
+            yield f"{name}: {effect} does not act, limited_by says {word} of it"
+    if not words:
+        yield f"{name}: limited_by names no effect"
+
+
+def _wrong_margins(design: Design, name: str) -> Iterator[str]:
+    """Margins below those that were kept, beyond what is looked for, or with too many digits."""
+    said, kept = design.elements[name].margins, design.margin
+    if said.absolute_gain is not None and said.gain > said.absolute_gain:
+        yield (
+            f"{name}: margins.gain says {said.gain:.6g}, more than the {said.absolute_gain:.6g} "
+            "that is proved of its clamps"
+        )
+    for claim, least, most, step in (
+        ("gain", kept.gain - _STEP_OF_GAIN, _MOST_GAIN, _STEP_OF_GAIN),
+        ("extra_delay_samples", float(kept.extra_delay_samples), _MOST_SAMPLES, _STEP_OF_DELAY),
+    ):
+        value: float = getattr(said, claim)
+        if not least * (1 - _WHOLE) <= value <= most:
+            yield (
+                f"{name}: margins.{claim} says {value:.6g}, a profile with margin {kept.name} "
+                f"states {least:.6g} to {most:.6g}"
+            )
+        elif abs(value / step - round(value / step)) > _WHOLE * max(1, value / step):
+            yield f"{name}: margins.{claim} says {value:.12g}, which is no multiple of {step:g}"
+
+
+def _wrong_play(name: str, element: ElementProfile) -> Iterator[str]:
+    """A fade that is missing or has nothing to fade, a wall that would pull, what was wanted."""
+    words = {word for word in element.limited_by.values() if word != "not-perceptible"}
+    if element.as_commanded and not words <= {"wanted", *_STOPPED}:
+        yield f"{name}: as_commanded is said of an element that is limited by {_listed(words)}"
+    if not element.as_commanded and words == {"wanted"}:
+        yield f"{name}: every effect is as wanted, and as_commanded says it is not"
+    if element.fades and not SHORTEST_FADE <= element.fade_time <= LONGEST_FADE:
+        yield (
+            f"{name}: fade_time says {element.fade_time:g} s, an element with mass or a negative "
+            f"effect fades over {SHORTEST_FADE:g} to {LONGEST_FADE:g} s. Tune again"
+        )
+    if element.fade_time and not element.fades:
+        yield f"{name}: fade_time says {element.fade_time:g} s, but nothing in it fades"
+    if element.one_sided and element.fades:
+        yield f"{name}: one_sided pushes only, but a mass or a negative effect acts"
+
+
+def _wrong_ripple(design: Design, name: str, setting: Setting | None) -> Iterator[str]:
+    said = design.elements[name].ripple
+    seen = None if setting is None else ripple_of(design, setting)
+    words = f"{name}: ripple says {four_digits(said)}, computed anew it is {four_digits(seen)}"
+    if said is None or seen is None:
+        if said is not seen:
+            yield words
+    elif not abs(said - seen) <= _RIPPLE_AGREES * seen:
+        yield words
+
+
+def _wrong_passivity(design: Design, name: str, setting: Setting | None) -> Iterator[str]:
+    """Less than what is so; that more is claimed is found with the certificate."""
+    said = design.elements[name].margins.passive
+    region = regions_of(design)[0]
+    whole = whole_delay(region)
+    if whole is None or said is True:
+        if whole is None and said != "not-applicable":
+            yield f"{name}: margins.passive says {said}, it is not-applicable to this device"
+        return
+    if said == "not-applicable":
+        if whole_delay(region, _WELL_WHOLE) is not None:
+            yield f"{name}: margins.passive says not-applicable, but it is known for this device"
+        return
+    needed = max(
+        0.0 if setting is None else damping_for_passivity(setting, step, whole)
+        for step in region.sample_time
+    )
+    if region.damping[0] > needed * (1 + _EDGE):
+        yield f"{name}: margins.passive says False, but a damping of {needed:.6g} is enough"
+
+
+def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]:
+    """A limit that is said to bind, but leaves room for much more."""
+    element = design.elements[name]
+    word = element.limited_by[effect]
+    larger = element.model_copy(update={effect: getattr(element, effect) * (1 + _GROWN)})
+    grown = design.model_copy(update={"elements": {**design.elements, name: larger}})
+    if word == "rendering":
+        setting = setting_of(grown, (name,))
+        if setting is not None and excess_over_request(grown, name, setting):
+            return
+    elif word == "lead":
+        least, most = lead_of(grown, name)
+        if element.one_sided and (least < 0 or most > (element.lead or 0.0)):
+            return
+    else:
+        every = clamped_moments(grown) if word == "saturation" else design.moments()
+        if any(_breaks(grown, moment, word) for moment in every if name in moment):
+            return
+        device = design.device.simultaneous_box()
+        lowest = {"mass": device.mass[0], "damping": device.damping[0]}.get(effect, 0.0)
+        if word == "gain-margin" and -getattr(larger, effect) * design.margin.gain > lowest > 0:
+            return
+    yield (
+        f"{name}: {effect} is said to be limited by {word}, which would allow "
+        f"{_GROWN:.0%} more of it"
+    )
+
+
+def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
+    """Whether a moment breaks a limit on force or ripple, a stability margin or the proof of it."""
+    setting = setting_of(design, moment)
+    if word == "force":
+        return bool(force_failures(design, moment))
+    if setting is None:
+        return False
+    if word == "saturation":
+        seal = design.certificate if isinstance(design, SafeProfile) else None
+        asked = {"gain": design.margin.gain}
+        known = {} if seal is None else seal.absolute_stability or {}
+        stated = {name: each.model_copy(update=asked) for name, each in known.items()}
+        try:
+            judge_switched(design, moment, regions_of(design), stated, _FEW_CELLS)
+        except CheckFailedError:
+            return True
+        return False
+    if word == "ripple":
+        ripple = None if meets_wall(design, moment) else ripple_of(design, setting)
+        return ripple is not None and ripple >= design.ripple_limit * (1 - _RIPPLE_AGREES)
+    margin = design.margin
+    claims = {
+        "stability": Claim(gain=1.0, extra=0.0),
+        "gain-margin": Claim(gain=margin.gain, extra=0.0),
+        "delay-margin": Claim(gain=margin.gain, extra=float(margin.extra_delay_samples)),
+    }
+    return any(
+        found.verdict.answer != "stable"
+        for region in regions_of(design)
+        for found in worst_points(region, setting, [claims[word]])
+    )
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names)) or "nothing"
+
+
+def _stated_failures(design: Design) -> Iterator[str]:
+    """What a design says and would not say if it had been tuned; nothing is computed for it."""
+    for fact in design.device.unstated():
+        yield f"device.{fact} was stated by nobody. State it in the device and tune again"
+    kept = MarginProfile.of(design.margin.name)
+    names = "margin", f"the margin {kept.name}"
+    yield from _differences(to_mapping(design.margin), to_mapping(kept), names)
+    if design.together != groups_of(design.elements, design.together):
+        yield "together names each set of elements once, in the order of the elements"
+    if design.apart != groups_of(design.elements, design.apart):
+        yield "apart names each pair of elements once, in the order of the elements"
+    yield from _wrong_loop(design)
+    if design.perception is None:
+        yield "perception, in which steps are counted, is missing. Tune again"
+    for name in design.elements:
+        yield from inconsistent(design, name)
+    skipped = skipped_parts(design)
+    if design.skipped != skipped:
+        said, seen = (", ".join(words)[:200] or "nothing" for words in (design.skipped, skipped))
+        yield f"skipped says {said}, device and elements of the file skip {seen}"
+    yield from _wrong_notes(design)
+    yield from _wrong_methods(design)
+
+
+def _wrong_loop(design: Design) -> Iterator[str]:
+    """What the controller is told to run but the device is not said to do."""
+    loop, device = design.loop, design.device
+    for name, said, known in (
+        ("sample_time", loop.sample_time, device.sample_time.value),
+        ("extra_delay_samples", loop.extra_delay_samples * loop.sample_time, device.delay.value),
+    ):
+        if not abs(said - known) <= _AGREE * known:
+            yield f"loop.{name} amounts to {said:.12g} s, the device has {known:.12g} s"
+    used = loop.with_effects(
+        damping=any(element.damping for element in design.elements.values()),
+        mass=any(element.mass for element in design.elements.values()),
+    )
+    names = "loop", "the loop that the effects use"
+    yield from _differences(to_mapping(loop), to_mapping(used), names)
+
+
+def _wrong_notes(design: Design) -> Iterator[str]:
+    """Notes are about the effects that were dropped, one about each."""
+    dropped = [
+        note_of_dropped(f"{name}.{effect}")
+        for name, element in design.elements.items()
+        for effect, word in element.limited_by.items()
+        if word == "not-perceptible"
+    ]
+    for words in dropped:
+        if sum(note.startswith(words) for note in design.notes) != 1:
+            yield f"notes: one begins with '{words}'"
+    pairs = [pair for pair in design.apart if note_of_apart(pair) in design.notes]
+    if len(design.notes) != len(dropped) + len(pairs):
+        yield (
+            f"notes: {len(design.notes)} of them, {len(dropped)} effects were dropped and "
+            f"{len(pairs)} pairs kept apart"
+        )
+
+
+def _wrong_methods(design: Design) -> Iterator[str]:
+    """A method is named for the elements of each group in which something acts."""
+    order = list(design.elements)
+    for group in _connected(design):
+        played = [design.elements[name] for name in group]
+        acts = any(each.stiffness or each.damping or each.mass for each in played)
+        name = ", ".join(sorted(group, key=order.index))
+        if (name in design.method) != acts:
+            yield f"method: {1 - acts:d} stated for {name[:80]}, not {acts:d}"
+    if len(design.method) > len(_connected(design)):
+        yield "method is stated for elements that are not tuned together"
+
+
+def _connected(design: Design) -> list[set[str]]:
+    """Elements that are tuned together, because groups join them; walls apart from others."""
+    found: list[set[str]] = [{name} for name in design.elements]
+    for group in design.together:
+        for part in (set(group) & design.walls, set(group) - design.walls):
+            if part:
+                joined = set[str]().union(*(each for each in found if each & part))
+                found = [*(each for each in found if not each & part), joined]
+    return found

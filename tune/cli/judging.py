@@ -54,7 +54,7 @@ def audit_command(
     picture: Picture = None,
 ) -> None:
     """Are these gains safe, why not, and the nearest safe ones; exit code 6 if they are not."""
-    from tune.certificate.assumptions import trusted_facts
+    from tune.certificate.certify import trusted_facts
     from tune.documents.scene import Effects
     from tune.judging import NEEDED, audit
     from tune.loop.loop import Filters

@@ -49,7 +49,7 @@ def identify_command(
     columns = options.columns()
     result = identify_logs(session, logs, columns, hardware, method, allow or [])
     if result.device.position_stiffness is not None or result.device.gravity is not None:
-        from tune.certificate.assumptions import refusal_of
+        from tune.certificate.certify import refusal_of
 
         refusal = refusal_of(result.device)
         if refusal is not None:

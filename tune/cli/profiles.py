@@ -192,7 +192,7 @@ def _tuned(
     compare: bool,
     sheet: Path | None,
 ) -> SafeProfile:
-    from tune.certificate.assumptions import trusted_facts
+    from tune.certificate.certify import trusted_facts
     from tune.optimisation._optimise import optimise
     from tune.presentation.tables import certificate_lines, elements_table
 

@@ -7,7 +7,13 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from identification import Device, as_stored
-from tune.certificate.assumptions import note_of_apart, note_of_dropped, refusal_of, skipped_parts
+from tune.certificate.certify import (
+    certify,
+    note_of_apart,
+    note_of_dropped,
+    refusal_of,
+    skipped_parts,
+)
 from tune.documents import CheckFailedError, NoFeasibleEffectError
 from tune.documents.certified import AbsoluteStability
 from tune.documents.perception import PerceptionTable, default_table
@@ -71,8 +77,6 @@ def optimise(
             because the device runs away by its own force.
         CheckFailedError: the independent check did not pass; nothing may be written.
     """
-    from tune.certificate.certify import certify
-
     device.require_stated()
     say = progress or silent
     refusal = refusal_of(device)

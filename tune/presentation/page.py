@@ -189,7 +189,7 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
 
 def _statements(safe: SafeProfile) -> dict[str, tuple[str, ...]]:
     """What is proved, assumed, not assessed and taken on trust, line by line."""
-    from tune.certificate.assumptions import trusted_facts
+    from tune.certificate.certify import trusted_facts
     from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
 
     seal = safe.certificate

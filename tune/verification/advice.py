@@ -14,7 +14,7 @@ from functools import cache, partial
 import numpy as np
 
 from identification import Device, quantity
-from tune.certificate.assumptions import refuse_unbalanced
+from tune.certificate.certify import refuse_unbalanced
 from tune.documents import LoopError
 from tune.documents.profile import Design
 from tune.documents.scene import DEFAULT_MOTION, Effects

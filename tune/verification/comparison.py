@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectory, UsageError
-from tune.certificate.assumptions import refuse_unbalanced
+from tune.certificate.certify import refuse_unbalanced
 from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import UNITS, Effects

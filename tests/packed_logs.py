@@ -90,10 +90,15 @@ def assert_damage_is_refused(whole: bytes, torn: Path, ends: Sequence[int], **as
 def assert_extra_is_named(
     monkeypatch: pytest.MonkeyPatch, path: Path, module: str, missing: str, extra: str
 ) -> None:
-    """Without a module the refusal says what is not installed, and the extra that brings it."""
+    """Without a module the refusal says what is not installed, and the extra that brings it.
+
+    What the module prints meanwhile is for nobody.
+    """
     empty = path.parent / "empty"
     (empty / module).mkdir(parents=True)
-    (empty / module / "__init__.py").write_text("raise ImportError", encoding="utf-8")
+    (empty / module / "__init__.py").write_text(
+        "print('loading ' * 10_000)\nraise ImportError", encoding="utf-8"
+    )
     monkeypatch.syspath_prepend(empty)
     said = refusal(path)
     assert missing in said

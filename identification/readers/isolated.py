@@ -25,8 +25,8 @@ from identification.errors import InvalidInputError
 from identification.readers.columns import FloatArray, LogColumns, Reading
 
 #: s of the processor, and those for each byte of a larger file: a workbook of a million rows takes
-#: half of that.
-_SECONDS, _SECONDS_A_BYTE = 8, 2e-6
+#: two thirds of that.
+_SECONDS, _SECONDS_A_BYTE = 8, 1.5e-6
 #: s by the clock for each of the processor: others may be at work beside.
 _PATIENCE = 2 if sys.platform == "win32" else 15
 #: The signal to a process whose time is up, negative; no code of an exit where there is none.

@@ -13,7 +13,7 @@ from tune.documents.perception import default_table
 from tune.documents.profile import Design
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
-from tune.optimisation._optimise import design_of
+from tune.optimisation import design_of
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.saturation import witness_of
 from tune.optimisation.solve import Solution, groups, solve

@@ -10,7 +10,7 @@ from benchmarks.row import Row, timed
 from benchmarks.scenes import Case, case, certificate, description, fifty_elements, proposal
 from tune.documents.scene import Scene
 from tune.loop.loop import Filters
-from tune.optimisation._optimise import optimise
+from tune.optimisation import optimise
 from tune.optimisation.cutoffs import choose_filters
 
 #: What the first proposal of a process takes, imports and compilation included.

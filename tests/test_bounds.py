@@ -23,7 +23,7 @@ from identification.documents import load_mapping
 from tests.thinned import thinned
 from tune.documents.profile import load_profile
 from tune.documents.scene import Scene, load_scene
-from tune.optimisation._optimise import optimise
+from tune.optimisation import optimise
 
 #: Limits as documented: bytes of a YAML file, its keys and values, columns, letters of a header.
 LARGEST_FILE, MOST_EVENTS, MOST_COLUMNS, LONGEST_HEADER = 1_000_000, 20_000, 10_000, 5_000_000

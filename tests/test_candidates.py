@@ -18,7 +18,7 @@ from tests.unlimited import UNLIMITED
 from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import load_profile
 from tune.documents.scene import MarginName, Scene
-from tune.optimisation.alternatives import (
+from tune.optimisation import (
     Candidate,
     candidates,
     candidates_picture,

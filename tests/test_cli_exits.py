@@ -141,7 +141,7 @@ INSIDE = {
     "demo": "datasets_synthetic.bundled_path",
     "new scene": "identification.write_files",
     "identify log.csv": "identification.load_trajectory",
-    "tune homerehab scene.yaml": "tune.optimisation._optimise.optimise",
+    "tune homerehab scene.yaml": "tune.optimisation.optimise",
     "calibrate log.csv --scene scene.yaml": "identification.load_trajectory",
     "check scene.yaml": "tune.certificate.check.check",
     "simulate homerehab": "datasets_synthetic.run",

@@ -23,7 +23,7 @@ from tune.certificate.zero_exclusion import Claim
 from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene
-from tune.optimisation._optimise import optimise
+from tune.optimisation import optimise
 
 
 def _scene(elements: dict[str, dict[str, str]], *together: list[str]) -> Scene:

@@ -18,7 +18,7 @@ from tune.certificate.region import Point, setting_of
 from tune.documents.profile import SafeProfile
 from tune.documents.scene import Effects, Scene
 from tune.loop.loop import Loop
-from tune.optimisation._optimise import optimise
+from tune.optimisation import optimise
 from tune.stability.verdict import largest
 
 #: A spring that acts at once takes little of the damping away, so that stability limits it.

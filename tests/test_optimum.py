@@ -26,7 +26,7 @@ from tests.thinned import thinned
 from tests.unlimited import stated
 from tune.certificate.check import check
 from tune.documents import NoFeasibleEffectError
-from tune.optimisation._optimise import optimise
+from tune.optimisation import optimise
 from tune.optimisation.nash import Solution
 
 FloatArray = NDArray[np.float64]

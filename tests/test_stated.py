@@ -131,7 +131,7 @@ def test_a_file_from_before_facts_were_marked_is_asked_for_its_motion_too() -> N
 def test_nothing_is_solved_before_all_is_stated() -> None:
     bare = _device(motion=..., force_limit=..., encoder_resolution=..., delay=...)
     with (
-        mock.patch("tune.optimisation._optimise.choose_filters", side_effect=AssertionError),
+        mock.patch("tune.optimisation.choose_filters", side_effect=AssertionError),
         pytest.raises(UnstatedError) as caught,
     ):
         optimise(bare, SCENE)

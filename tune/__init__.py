@@ -40,12 +40,12 @@ if TYPE_CHECKING:  # what checkers of types take for true
         phase_margin,
         slowest_decay,
     )
-    from tune.optimisation._optimise import optimise
-    from tune.optimisation.alternatives import (
+    from tune.optimisation import (
         Alternative,
         candidates,
         candidates_picture,
         compare_candidates,
+        optimise,
         what_if,
     )
     from tune.presentation.pictures import profile_picture, profile_sheet
@@ -146,10 +146,7 @@ _HOMES = {
         "DelayMargin DiskMargin LoopMargins delay_margin disk_margin least_damping_ratio "
         "margins_of phase_margin slowest_decay"
     ),
-    "optimisation._optimise": "optimise",
-    "optimisation.alternatives": (
-        "Alternative candidates candidates_picture compare_candidates what_if"
-    ),
+    "optimisation": "Alternative candidates candidates_picture compare_candidates optimise what_if",
     "presentation.pictures": "profile_picture profile_sheet",
     "rendering": (
         "CountJump ThresholdCurve count_jump default_thresholds force_ripple handle_vibration "

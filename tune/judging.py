@@ -35,7 +35,7 @@ from tune.documents.profile import Contact, Design, Margins, SafeProfile
 from tune.documents.scene import EFFECT_NAMES, LARGEST, Effects, MarginName, Scene
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
-from tune.optimisation._optimise import SLACK, design_of
+from tune.optimisation import SLACK, design_of
 from tune.optimisation.describe import SizedMoment, extra_delays
 from tune.optimisation.feasibility import forces, ripple, worst_gain
 from tune.optimisation.nash import Solution, largest_product

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tune.documents.results import AlternativeResult
     from tune.documents.scene import MarginName, Scene
     from tune.exporters import Target
-    from tune.optimisation.alternatives import Alternative, Candidate, CandidateEffect
+    from tune.optimisation import Alternative, Candidate, CandidateEffect
 
 
 #: Where to state what a device file lacks.
@@ -193,7 +193,7 @@ def _tuned(
     sheet: Path | None,
 ) -> SafeProfile:
     from tune.certificate.certify import trusted_facts
-    from tune.optimisation._optimise import optimise
+    from tune.optimisation import optimise
     from tune.presentation.tables import certificate_lines, elements_table
 
     if compare:
@@ -221,7 +221,7 @@ def _choose_candidate(
     session: Session, device: Device, wish: TuningRequest, sheet: Path | None
 ) -> SafeProfile:
     """The candidate with the scene's margin, or why there is none, after all three were shown."""
-    from tune.optimisation.alternatives import (
+    from tune.optimisation import (
         candidates,
         candidates_picture,
         compare_candidates,
@@ -274,7 +274,7 @@ def say_what_would_help(
     session: Session, profile: SafeProfile, scene: Scene, perception: PerceptionTable
 ) -> tuple[Alternative, ...]:
     """Tune for each changed device, the best change first, and show what it brings."""
-    from tune.optimisation.alternatives import what_if
+    from tune.optimisation import what_if
     from tune.presentation.tables import alternatives_table
 
     with session.progress() as say:

@@ -1,10 +1,10 @@
 """Solvers that propose (IPOPT, SLSQP), and the smooth program that they are shown.
 
 What they propose is never trusted: `feasibility` checks it exactly. Unknowns are the logarithms y
-of the sizes. Every constraint reads g <= 0: the reach of stability, which gives values and slopes,
+of the sizes. Every constraint reads g <= 0: the limits of stability, which give values and slopes,
 and expressions of CasADi, compiled once for each structure: ripple, forces, rendering, and Routh
 ratios below one with coefficients positive at each corner, delay and moment at the full gain, which
-stand for the reach of stability where a solver wants everything in one graph.
+stand for the limits of stability where a solver wants everything in one graph.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from tune.loop.loop import Loop
 from tune.loop.polynomials import convolve, pad_coefficients
+from tune.optimisation.limits import StabilityLimits
 from tune.optimisation.problem import Problem
-from tune.optimisation.reach import Reach
 from tune.rendering import ripple_energy
 from tune.stability.criterion import routh_ratios
 
@@ -227,7 +227,7 @@ class Program:
     Attributes:
         parameters: of this problem, without the weights of a rank; those of the loops come last.
         plain: how many of them belong to no loop.
-        reach: of stability, with slopes of its own.
+        stability: limits with slopes of their own.
         scales: of the steps, `Scale.parts`, shape (unknowns, 3).
         per_step: 1/ln(1 + w) of each unknown.
     """
@@ -235,7 +235,7 @@ class Program:
     structure: _Structure
     parameters: FloatArray
     plain: int
-    reach: Reach
+    stability: StabilityLimits
     signs: FloatArray
     scales: FloatArray
     per_step: FloatArray
@@ -294,10 +294,11 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
         numbers += [_table(nominal, 1.0), _law(nominal, float(unit * (1 + _INSIDE)))]
     plain = sum(part.size for part in numbers)
     numbers += [_table(loop, gain)[:, :, chosen] for loop, chosen in shown]
+    shares = problem.shares(sprung=True), problem.shares(sprung=False)
     return Program(
         structure=structure,
         plain=plain,
-        reach=Reach.of(problem, shown, gain),
+        stability=StabilityLimits.of(shares, shown, gain),
         parameters=np.concatenate([part.ravel() for part in numbers]),
         signs=np.array([float(sign) for sign in structure.signs]),
         scales=scales,
@@ -336,7 +337,7 @@ class Rank:
     Attributes:
         weights: of the logarithms of steps in the sum that is maximised.
         lower: of log-sizes; equal to ``upper`` where a size is fixed.
-        routh: judge stability by Routh's ratios at the full gain instead of by the exact reach,
+        routh: judge stability by Routh's ratios at the full gain instead of by the exact limits,
             for they are smooth where two branches of its boundary meet. Some solvers always do.
     """
 
@@ -360,9 +361,9 @@ class Evaluation:
         smooth = int(function.numel_out(0))
         self._program = program
         self._weights = rank.weights
-        # Routh's ratios stand for the reach of stability.
-        self._reach = None if rank.routh else program.reach
-        total = smooth + (0 if self._reach is None else self._reach.size)
+        # Routh's ratios stand for the limits of stability.
+        self._stability = None if rank.routh else program.stability
+        total = smooth + (0 if self._stability is None else self._stability.size)
         self._y = np.full(count, np.nan)
         plain = None if rank.routh else program.plain
         self._parameters = np.ascontiguousarray(program.parameters[:plain])
@@ -390,8 +391,8 @@ class Evaluation:
                 self._evaluate()
             self.constraints[: self._smooth.size] = self._smooth
             self.jacobian[: self._smooth.size] = self._columns.T
-            if self._reach is not None:
-                values, slopes = self._reach.at(sizes)
+            if self._stability is not None:
+                values, slopes = self._stability.at(sizes)
                 self.constraints[self._smooth.size :] = values
                 self.jacobian[self._smooth.size :] = slopes
         return self
@@ -418,7 +419,7 @@ class Ipopt:
 
 @dataclass(frozen=True, slots=True)
 class Slsqp:
-    """Sequential quadratic proposals, with the exact reach of stability.
+    """Sequential quadratic proposals, with the exact limits of stability.
 
     It keeps its own best point in case nlopt ends by rounding; a search ends at the tolerance of
     the sum of logarithms of steps.

@@ -22,8 +22,7 @@ from tune.optimisation.feasibility import (
     passes_cheap_limits,
     stable_in_doubles,
 )
-from tune.optimisation.linear_programs import maximise, multipliers
-from tune.optimisation.nash import SAME, Optimum
+from tune.optimisation.nash import SAME, Optimum, multipliers, solve_linear_program
 from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, pose
 from tune.optimisation.solve import groups, optimum_of
 from tune.rendering import FASTEST
@@ -33,7 +32,8 @@ FloatArray = NDArray[np.float64]
 #: Hz; a filter must pass the motions people make.
 _LOWEST = FASTEST
 #: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
-#: a mass it rises with each octave of filtering, until force, stability or honey makes it fall.
+#: a mass it rises with each octave of filtering, until force, stability or phantom damping makes
+#: it fall.
 _COARSE = 3.0
 #: Digits of a written cut-off.
 _DIGITS = 4
@@ -49,6 +49,13 @@ _GOOD_ENOUGH = 2e-3
 _STEP = 1e-4
 #: Two worths that differ by less, by rounding or by where a solver ends, are one.
 _TIED = 1e-6
+#: Points at most; ten are usual.
+_MOST = 30
+#: The trust region ends the search where it is this small, and shrinks or grows by so much.
+_SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
+#: Part of the rise to the best point that a plane must explain to be a bound there. Clear of 1,
+#: which rounding would decide where the function is nearly straight.
+_EXPLAINS = 0.9
 
 
 def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
@@ -198,7 +205,7 @@ class _Search:
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
         radius = math.log(_COARSE) / 2
-        return whole(maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
+        return whole(_maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
 
     def _slope(self, point: Sequence[float], index: int) -> float:
         """Slope of the objective by the logarithm of one cut-off."""
@@ -431,3 +438,72 @@ def _value(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
     """The weighed sum of the logarithms of steps."""
     each = zip(_weights(task, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
     return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))
+
+
+def _maximise(
+    value: Callable[[Sequence[float]], float],
+    slopes: Callable[[Sequence[float]], Sequence[float]],
+    start: Sequence[float],
+    ends: Sequence[tuple[float, float]],
+    *,
+    radius: float,
+    gain: float,
+) -> list[float]:
+    """The best point met by Kelley's cutting planes, from a good start.
+
+    For functions that are smooth but for edges where one limit takes over from another: a maximum
+    on an edge is met by the tangents of both sides. Each point adds a plane above the function; the
+    next point is where the lowest of them is highest, no further than the trust region reaches. J.
+    E. Kelley, The cutting-plane method for solving convex programs, J. SIAM 8 (1960) 703.
+
+    A value is minus infinity where a point is not good. The radius is that of the trust region at
+    first, in each coordinate; the search ends where the planes promise less than the gain.
+    """
+    low, high = (np.array(side) for side in zip(*ends, strict=True))
+    best = np.clip(np.array(start), low, high)
+    most = value(best.tolist())
+    planes = [(best, most, np.array(slopes(best.tolist())))]
+    for _ in range(_MOST):
+        near = np.maximum(low, best - radius), np.minimum(high, best + radius)
+        place, promised = _highest(planes, best, most, *near)
+        if promised < most + gain or radius < _SMALLEST:
+            break
+        found = value(place.tolist())
+        if np.isfinite(found):
+            planes.append((place, found, np.array(slopes(place.tolist()))))
+        if found > most:
+            radius *= _GROWS if found - most > 0.5 * (promised - most) else 1.0
+            best, most = place, found
+        else:
+            radius = _SHRINKS * max(float(np.max(np.abs(place - best))), _SMALLEST)
+    return best.tolist()
+
+
+def _highest(
+    planes: Sequence[tuple[FloatArray, float, FloatArray]],
+    best: FloatArray,
+    most: float,
+    low: FloatArray,
+    high: FloatArray,
+) -> tuple[FloatArray, float]:
+    """Where the lowest plane is highest between two corners, and how high.
+
+    A plane that passes below the best point is no bound there, for the function is not concave
+    everywhere and may jump: it is left out, and the trust region keeps away from where it was seen.
+    """
+    planes = [
+        (place, height, slope)
+        for place, height, slope in planes
+        if slope @ (best - place) >= _EXPLAINS * (most - height)
+    ]
+    rows = np.array([np.append(-slope, 1.0) for _, _, slope in planes])
+    heights = np.array([height - slope @ place for place, height, slope in planes])
+    at_best = heights + np.array([slope @ best for _, _, slope in planes])
+    heights += np.maximum(most - at_best, 0.0)
+    answer = solve_linear_program(
+        np.append(np.zeros(best.size), -1.0),
+        rows,
+        (np.full(len(rows), -np.inf), heights),
+        (np.append(low, -np.inf), np.append(high, np.inf)),
+    )
+    return (best, most) if answer is None else (answer[:-1], float(answer[-1]))

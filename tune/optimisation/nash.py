@@ -2,20 +2,30 @@
 
 Wanted values first, then the priorities: the product of the steps of one rank is made as large as
 can be, with at least one step for every effect of lower rank; then its sizes stay. Which effects
-can have a step at all is told by maximum feasible subsets.
+can have a step at all is told by maximum feasible subsets, what binds at the end by the Lagrange
+multipliers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.optimisation.backends import Backend, Rank, Scenario, least_violation, program_of
+from tune.optimisation.backends import (
+    Backend,
+    Evaluation,
+    Program,
+    Rank,
+    Scenario,
+    least_violation,
+    program_of,
+)
 from tune.optimisation.feasibility import (
     feasible_points,
     initial_points_of,
@@ -23,8 +33,7 @@ from tune.optimisation.feasibility import (
     largest_allowed,
     least_margin_loops,
 )
-from tune.optimisation.linear_limits import Unknown
-from tune.optimisation.linear_programs import multipliers
+from tune.optimisation.limits import Unknown
 from tune.optimisation.problem import Problem
 
 if TYPE_CHECKING:
@@ -54,6 +63,10 @@ _BEGINNINGS = (0.0, 0.3, 0.6)
 _ALONE = 0.8
 #: Searches of one beginning, each shown the corners that the one before broke.
 _MOST_SEARCHES = 4
+#: A constraint this near to its limit binds: settings are right to about 1e-7, slopes about 1.
+_BINDS = 1e-6
+#: What may be left of a gradient of length one at an optimum, for slopes change within 1e-6 too.
+_LEFT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -381,3 +394,77 @@ def _least_broken(problem: Problem) -> FloatArray | None:
             scenarios += sorted(broken)
             start = answer
     return None
+
+
+def multipliers(program: Program, rank: Rank, y: FloatArray) -> FloatArray | None:
+    """The Lagrange multiplier of every constraint at log-sizes that end a rank, zero of most.
+
+    At a (local) optimum the gradient of the objective is a nonnegative combination of those of the
+    constraints that bind; None where the setting is no optimum to first order. With the multipliers
+    the slope of an optimum by any other number follows from the slopes of the constraints by that
+    number alone (envelope theorem).
+    """
+    found = Evaluation(program, rank).at(y)
+    binding = np.flatnonzero(found.constraints > -_BINDS)
+    upper = np.flatnonzero(y > rank.upper - _BINDS)
+    lower = np.flatnonzero(y < rank.lower + _BINDS)
+    identity = np.eye(y.size)
+    slopes = np.concatenate([found.jacobian[binding], identity[upper], -identity[lower]])
+    if not (len(slopes) and np.all(np.isfinite(slopes)) and np.all(np.isfinite(found.slope))):
+        return None
+    # Each constraint in its own unit: only the direction of its slope matters.
+    sizes = np.linalg.norm(slopes, axis=1)
+    sizes[sizes == 0] = 1.0
+    length = float(np.linalg.norm(found.slope)) or 1.0
+    directions, target = (slopes / sizes[:, None]).T, -found.slope / length
+    weights = _nonnegative_combination(directions, target)
+    if weights is None or np.linalg.norm(directions @ weights - target) > _LEFT:
+        return None
+    answer = np.zeros(found.constraints.size)
+    answer[binding] = (weights * length / sizes)[: binding.size]
+    return answer
+
+
+def _nonnegative_combination(columns: FloatArray, target: FloatArray) -> FloatArray | None:
+    """Weights, none negative, of the combination of columns that comes nearest to a target.
+
+    Nearest in the sum of absolute differences. Columns and target are of length about one. None
+    where the solver gives up.
+    """
+    rows, count = columns.shape
+    identity = np.eye(rows)
+    cost = np.concatenate([np.zeros(count), np.ones(2 * rows)])
+    answer = solve_linear_program(
+        cost,
+        np.hstack([columns, identity, -identity]),
+        (target, target),
+        (np.zeros_like(cost), np.full_like(cost, np.inf)),
+    )
+    return None if answer is None else np.maximum(answer[:count], 0.0)
+
+
+def solve_linear_program(
+    cost: FloatArray,
+    rows: FloatArray,
+    ends: tuple[FloatArray, FloatArray],
+    bounds: tuple[FloatArray, FloatArray],
+) -> FloatArray | None:
+    """The x of least cost·x with rows·x between two ends and x between two bounds, if there is one.
+
+    All numbers are of one scale, without unit, and infinite for no end or bound. HiGHS through
+    CasADi, which a tuning has loaded anyway; scipy.optimize takes a third of a second to import.
+    """
+    solver = _solver(*rows.shape)
+    found = solver(g=cost, a=rows, lba=ends[0], uba=ends[1], lbx=bounds[0], ubx=bounds[1])
+    if not solver.stats()["success"]:
+        return None
+    return np.asarray(found["x"], dtype=np.float64).ravel()
+
+
+@lru_cache(maxsize=256)
+def _solver(rows: int, unknowns: int) -> Any:
+    import casadi as ca
+
+    shape = {"h": ca.Sparsity(unknowns, unknowns), "a": ca.Sparsity.dense(rows, unknowns)}
+    options = {"error_on_fail": False, "highs": {"output_flag": False}}
+    return ca.conic("linear_program", "highs", shape, options)

@@ -25,7 +25,7 @@ from tune.documents.scene import (
     hand_of,
 )
 from tune.loop.loop import Filters, used_filters
-from tune.optimisation.linear_limits import (
+from tune.optimisation.limits import (
     LinearLimits,
     Moment,
     Unknown,

@@ -19,7 +19,7 @@ from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Slsqp
 from tune.optimisation.describe import bindings
 from tune.optimisation.feasibility import feasible_points, largest_allowed, stable_points
-from tune.optimisation.linear_limits import Unknown
+from tune.optimisation.limits import Unknown
 from tune.optimisation.nash import (
     SAME,
     Optimum,

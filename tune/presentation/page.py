@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from identification import Identification
     from tune.documents.profile import SafeProfile
-    from tune.optimisation.alternatives import Alternative
+    from tune.optimisation import Alternative
 
 
 def report_html(

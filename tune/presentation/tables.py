@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tune.documents.profile import Contact, LoopProfile, SafeProfile
     from tune.documents.scene import MarginName
     from tune.judging import Audit
-    from tune.optimisation.alternatives import Alternative, Candidate, CandidateEffect
+    from tune.optimisation import Alternative, Candidate, CandidateEffect
 
 #: Perceived steps that nobody would buy anything for.
 _HARDLY = 0.05

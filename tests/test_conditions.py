@@ -11,10 +11,10 @@ import pytest
 
 from identification import load_device, to_mapping, to_yaml
 from tests.commands import digest_of
-from tune import SafeProfile, Scene, optimise
+from tune import CheckFailedError, SafeProfile, Scene, optimise
+from tune.certificate.certify import certify
 from tune.certificate.check import check
-from tune.certificate.time_domain import contact_failures
-from tune.documents import CheckFailedError
+from tune.documents.profile import Design
 
 OFF = 0.005
 
@@ -58,7 +58,121 @@ def limit(design: SafeProfile, name: str, part: float) -> SafeProfile:
     return design.model_copy(update={"device": device.model_copy(update={"force_limit": force})})
 
 
+def refusals(design: Design) -> str:
+    """What `certify` says against a design."""
+    stated = design.certificate.absolute_stability if isinstance(design, SafeProfile) else None
+    try:
+        certify(design, 20_000, stated)
+    except CheckFailedError as error:
+        return "\n".join(error.failures)
+    return ""
+
+
+def _ripple(part: float) -> SafeProfile:
+    noise = max(each.ripple or 0.0 for each in tuned().elements.values())
+    return tuned().model_copy(update={"ripple_limit": noise * part})
+
+
+def _sustained(part: float) -> SafeProfile:
+    """500 N/m over 10 mm."""
+    return limit(tuned(), "continuous", 5.0 / 14.0 * part)
+
+
+def _peak(part: float) -> SafeProfile:
+    """The cup's 30 N·s/m at 0.2 m/s and its mass at 2 m/s², below what any clamp lets pass."""
+    cup = tuned().elements["cup"]
+    need = 30.0 * 0.2 + cup.mass * 2.0
+    plain = tuned()
+    for name in ("wall", "spring"):
+        plain = with_element(plain, name, force_level=0.5)
+    return limit(plain, "peak", need / 28.0 * part)
+
+
+def _levels(part: float) -> SafeProfile:
+    return with_element(tuned(), "wall", force_level=28.0 / part)
+
+
+def _gain(part: float) -> SafeProfile:
+    """The gain that water bears, which is felt alone and beside the spring."""
+    return margins(tuned(), "cup", gain=_edge_of_gain() / part)
+
+
+@cache
+def _edge_of_gain() -> float:
+    return _edge(lambda gain: not refusals(margins(tuned(), "cup", gain=gain)), 2.0, 200.0)
+
+
+def _edge(holds: Callable[[float], bool], low: float, high: float) -> float:
+    """The last value that holds, to 0.2 per cent."""
+    while high > low * 1.002:
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (_ripple, "ripple"),
+        (_sustained, "sustained force"),
+        (_peak, "peak force"),
+        (_levels, "cut force"),
+        (_gain, "claimed gain margin"),
+    ],
+)
+def test_half_a_per_cent_decides(made: Callable[[float], SafeProfile], words: str) -> None:
+    assert words not in refusals(made(1 + OFF))
+    assert words in refusals(made(1 - OFF))
+
+
+def test_the_gain_that_is_claimed_is_the_one_of_the_loop() -> None:
+    """By the poles of the sampled loop in many digits, of the weakest device of the box."""
+    from tests.reference import crossings
+    from tests.sampled_loops import Case, loop_along
+
+    cup = tuned().elements["cup"]
+    box = tuned().device.simultaneous_box()
+    least = min(
+        float(gain.mid())
+        for mass in box.mass
+        for damping in box.damping
+        for gain in crossings(
+            loop_along(
+                Case(
+                    mass=mass,
+                    damping=damping,
+                    sample_time=1e-3,
+                    delay_samples=1.0,
+                    velocity_filter_hz=50.0,
+                    acceleration_filter_hz=30.0,
+                ),
+                None,
+                cup.damping,
+                cup.mass,
+            )
+        )
+    )
+    assert _edge_of_gain() == pytest.approx(least, rel=OFF)
+
+
+def test_a_false_claim_of_delay_passivity_or_feeling_is_refused() -> None:
+    assert "claimed delay margin" in refusals(margins(tuned(), "spring", extra_delay_samples=60.0))
+    assert "claims passivity" in refusals(margins(tuned(), "wall", passive=True))
+    asked = margins(tuned(), "cup", gain=2.0, extra_delay_samples=1.0)
+    asked = with_element(asked, "cup", mass=tuned().elements["cup"].mass * 1.5)
+    assert "steps from it" in refusals(asked)
+    assert "steps from it" not in refusals(tuned())
+
+
+def test_a_clamp_without_a_multiplier_is_refused() -> None:
+    seal = tuned().certificate.model_copy(update={"absolute_stability": None})
+    words = refusals(tuned().model_copy(update={"certificate": seal}))
+    assert "wall + water: its force may be cut" in words
+
+
 def test_a_wall_damps_more_than_its_lag_takes_and_keeps_to_its_lead() -> None:
+    from tune.certificate.time_domain import contact_failures
+
     wall = tuned().elements["wall"]
     assert wall.lead is not None
     assert not [*contact_failures(tuned(), "wall")]

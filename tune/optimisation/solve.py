@@ -203,7 +203,7 @@ def _stepped_back(
 def _pair(scene: Scene, elements: Sequence[str], moment: tuple[str, ...]) -> tuple[str, str] | None:
     """A wall and another element of a moment, one of them tuned before, that it may be told apart.
 
-    None where there is none, or where the scene asks for them together.
+    None where there is none that the scene does not ask for together and that is not apart.
     """
     pairs = [
         (wall, other)
@@ -213,6 +213,7 @@ def _pair(scene: Scene, elements: Sequence[str], moment: tuple[str, ...]) -> tup
         and other not in scene.walls
         and (wall in elements) != (other in elements)
         and not any({wall, other} <= set(group) for group in scene.together)
+        and {wall, other} not in map(set, scene.apart)
     ]
     return max(pairs, key=lambda pair: scene.elements[pair[1]].priority, default=None)
 

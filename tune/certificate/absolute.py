@@ -211,12 +211,12 @@ def _taps(
 
 
 #: Multipliers by moment, its elements joined by " + ".
-Witnesses = Mapping[str, AbsoluteStability]
+_Witnesses = Mapping[str, AbsoluteStability]
 
 #: What a proof covers, by what is there.
-CLAMPED = "springs with their damping and mass that push on one side only, or are cut at a force"
-GATED = "damping switched at any moment"
-STEADY = "what fades, at any constant level of each element"
+_CLAMPED = "springs with their damping and mass that push on one side only, or are cut at a force"
+_GATED = "damping switched at any moment"
+_STEADY = "what fades, at any constant level of each element"
 #: Cells of a proof. Near the resonance of a device on a stiff hand a weak wall needs 450 000, and
 #: more margin would not make them fewer.
 _MOST_CELLS = 1_000_000
@@ -245,7 +245,7 @@ def judge_switched(
     design: Design,
     moment: tuple[str, ...],
     regions: tuple[Region, ...],
-    witnesses: Witnesses,
+    witnesses: _Witnesses,
     most_cells: int | None = None,
 ) -> tuple[AbsoluteStability, int]:
     """What a moment is proved for in every region, by stated multipliers, and cells looked at.
@@ -286,8 +286,8 @@ def judge_switched(
                     f"{gain:.6g} with {extra:.6g} extra samples of delay: {error}. {_REMEDY}"
                 )
                 raise CheckFailedError((words,)) from None
-    gated, steady = (GATED,) if sum_.damping else (), (STEADY,) if sum_.steady else ()
-    return witness.model_copy(update={"covers": (CLAMPED, *gated, *steady)}), cells
+    gated, steady = (_GATED,) if sum_.damping else (), (_STEADY,) if sum_.steady else ()
+    return witness.model_copy(update={"covers": (_CLAMPED, *gated, *steady)}), cells
 
 
 def judge_levels(

@@ -183,11 +183,6 @@ def _not_assessed(design: Design) -> tuple[str, ...]:
     )
 
 
-def _method(design: Design) -> str:
-    """How it was proved."""
-    return _METHOD + (_MULTIPLIER if _walls(design) else "")
-
-
 def _walls(design: Design) -> bool:
     """Whether some moment is proved absolutely stable."""
     return any(
@@ -491,7 +486,7 @@ def _certificate(
     region, hand = regions[0], regions[-1].hand
     held = None if design.device.presliding_stiffness is None else regions[1].position_stiffness
     return Certificate(
-        method=_method(design),
+        method=_METHOD + (_MULTIPLIER if _walls(design) else ""),
         confidence=0.999,
         mass=region.mass,
         damping=region.damping,

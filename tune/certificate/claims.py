@@ -48,13 +48,10 @@ _DEPTH = {"linear": 0.01, "rotary": 0.1}
 
 
 @lru_cache(maxsize=256)
-def ripple_by_integration(point: Point, setting: Setting, resolution: float) -> float:
-    """Force ripple, N rms, from white quantisation noise of variance resolution²/12.
-
-    Infinite where it is too large for a double. Where nothing holds the position and there is no
-    spring, plant and law share z = 1, which is divided out. Polynomials are moved to powers of z -
-    1 before they become doubles: at low frequency those of z cancel.
-    """
+def _ripple_by_integration(point: Point, setting: Setting, resolution: float) -> float:
+    """Force ripple, N rms, from white noise of variance resolution²/12; inf beyond a double."""
+    # Where nothing holds the position and there is no spring, plant and law share z = 1, which is
+    # divided out. In powers of z - 1 polynomials do not cancel at low frequency as doubles.
     with precision():
         plant, law = sampled_plant(point), law_of(setting, point.sample_time)
         zero = arb_poly([-1, 1])
@@ -194,7 +191,7 @@ def ripple_of(design: Design, setting: Setting) -> float | None:
         grip = {name: getattr(design.hand, name).value for name in EFFECT_NAMES}
         points.append(replace(best, hand=HandPlace(**grip)))
     count = device.encoder_resolution.value
-    return max(ripple_by_integration(point, setting, count) for point in points)
+    return max(_ripple_by_integration(point, setting, count) for point in points)
 
 
 def passivity_failures(

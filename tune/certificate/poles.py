@@ -19,13 +19,13 @@ from tune.certificate.affine import FloatArray
 from tune.certificate.region import Point, Setting
 
 #: Bits of every ball. The printed plant loses 2·log2(1/δ) of them: 80 at δ = 1e-12.
-BITS = 400
+_BITS = 400
 
 
 @contextmanager
 def precision() -> Generator[None]:
-    """Balls of BITS bits inside, whatever the caller had outside."""
-    outside, ctx.prec = ctx.prec, BITS
+    """Balls of `_BITS` bits inside, whatever the caller had outside."""
+    outside, ctx.prec = ctx.prec, _BITS
     try:
         yield
     finally:

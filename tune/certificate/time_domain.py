@@ -72,7 +72,7 @@ def state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatAr
     return motion, drive, np.pad(encoder, (0, size - count))
 
 
-def held_motion(
+def _held_motion(
     motion: FloatArray, drive: FloatArray, time: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(Φ, Γ) of x after a time of constant force F, Φ·x + Γ·F, for a stack of (A, B)."""
@@ -214,9 +214,9 @@ def _bounces(
     # At unit speed the law passes zero so far before the place.
     ahead = setting.damping / setting.stiffness
     rigid = len(region.modes) + 1
-    x = np.stack([held_motion(motion, drive, t * step)[0][:, :, rigid] for t in places], axis=1)
-    first = held_motion(motion, drive, part * step)
-    last = held_motion(motion, drive, (1 - part) * step)
+    x = np.stack([_held_motion(motion, drive, t * step)[0][:, :, rigid] for t in places], axis=1)
+    first = _held_motion(motion, drive, part * step)
+    last = _held_motion(motion, drive, (1 - part) * step)
     window = (setting.velocity_window_samples or 1) if setting.damping else 1
     x[..., 0] -= ahead
     under_way = whole + (part > 0)
@@ -346,9 +346,9 @@ def _transitions(
     commands = np.vstack([newest, np.eye(size)[n : n + under_way]])
     moved = np.repeat(np.eye(size)[None, :n], len(lengths), axis=0)
     if part:
-        free, pushed = held_motion(motion, drive, part * step * lengths)
+        free, pushed = _held_motion(motion, drive, part * step * lengths)
         moved = free @ moved + pushed[:, :, None] * commands[whole + 1]
-    free, pushed = held_motion(motion, drive, (1 - part) * step * lengths)
+    free, pushed = _held_motion(motion, drive, (1 - part) * step * lengths)
     moved = free @ moved + pushed[:, :, None] * commands[whole]
     remembered = np.zeros((law, size))
     remembered[:, n + under_way :] = update

@@ -62,7 +62,7 @@ def _most(n: int) -> float:
     return (1 + 2 * (odd + rest)) / np.pi**n
 
 
-MOST_ALIASED = {n: _most(n) for n in range(1, 8)}
+_MOST_ALIASED = {n: _most(n) for n in range(1, 8)}
 
 
 @cache
@@ -80,7 +80,7 @@ def _bernoulli() -> NDArray[np.float64]:
     return table
 
 
-def alias_sums(theta: FloatArray, x: FloatArray, first: int, last: int) -> list[ComplexArray]:
+def _alias_sums(theta: FloatArray, x: FloatArray, first: int, last: int) -> list[ComplexArray]:
     """t_first .. t_last at points, θ in rad and x in samples; first >= 2."""
     fraction = x - np.floor(x)
     size = last + _TERMS
@@ -103,10 +103,10 @@ def alias_sums(theta: FloatArray, x: FloatArray, first: int, last: int) -> list[
     return found
 
 
-def folded_sums(theta: AffineForm, x: AffineForm) -> tuple[AffineForm, AffineForm]:
+def _folded_sums(theta: AffineForm, x: AffineForm) -> tuple[AffineForm, AffineForm]:
     """(t_3, t_4) as forms in θ and x, both real forms."""
     at, late = theta.centre.real, x.centre.real
-    values = alias_sums(at, late, 2, 5)
+    values = _alias_sums(at, late, 2, 5)
     wide_theta, wide_x = (
         np.sum(np.abs(form.slopes.real), axis=0) + form.real for form in (theta, x)
     )
@@ -116,9 +116,9 @@ def folded_sums(theta: AffineForm, x: AffineForm) -> tuple[AffineForm, AffineFor
         below, here, above = values[n - 3], values[n - 2], values[n - 1]
         by_x = -below + 1j * at * here
         by_theta = -1j * n * above
-        bend_x = MOST_ALIASED[n - 2] + 2 * top * MOST_ALIASED[n - 1] + top**2 * MOST_ALIASED[n]
-        bend_both = n * MOST_ALIASED[n] + n * top * MOST_ALIASED[n + 1]
-        bend_theta = n * (n + 1) * MOST_ALIASED[n + 2]
+        bend_x = _MOST_ALIASED[n - 2] + 2 * top * _MOST_ALIASED[n - 1] + top**2 * _MOST_ALIASED[n]
+        bend_both = n * _MOST_ALIASED[n] + n * top * _MOST_ALIASED[n + 1]
+        bend_theta = n * (n + 1) * _MOST_ALIASED[n + 2]
         error = (
             bend_x * wide_x**2 / 2
             + bend_both * wide_x * wide_theta
@@ -127,9 +127,9 @@ def folded_sums(theta: AffineForm, x: AffineForm) -> tuple[AffineForm, AffineFor
             + np.abs(by_theta) * theta.real
             + _ERROR * (1 + wide_x + wide_theta)
         )
-        lost = error > MOST_ALIASED[n]
+        lost = error > _MOST_ALIASED[n]
         slopes = by_x * x.slopes.real + by_theta * theta.slopes.real
-        error = np.where(lost, MOST_ALIASED[n], error)
+        error = np.where(lost, _MOST_ALIASED[n], error)
         forms.append(
             AffineForm(np.where(lost, 0, here), np.where(lost, 0, slopes), error, error.copy())
         )
@@ -259,7 +259,7 @@ class _Scaled:
         total: Term = 0.0
         leading = self._leading() if self.lag is None else None
         if leading is not None:
-            third, fourth = folded_sums(theta, delay)
+            third, fourth = _folded_sums(theta, delay)
             total = third * leading[0] + fourth * leading[1]
         if count:
             k: FloatArray = np.concatenate([np.arange(1.0, count + 1), -np.arange(1.0, count + 1)])
@@ -358,7 +358,7 @@ def _weighed(terms: Sequence[Term], weights: Sequence[float]) -> Term:
 def _tail(power: int, count: int) -> float:
     """Bound of Σ |θ + 2πk|^-power over |k| > count: by an integral, the summand being convex."""
     if count == 0:
-        return MOST_ALIASED[power]
+        return _MOST_ALIASED[power]
     return (2 * np.pi * count) ** (1 - power) / (np.pi * (power - 1))
 
 

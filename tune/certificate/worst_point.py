@@ -113,7 +113,7 @@ def sampled_loops(
             denominator = np.cumsum(denominator, axis=1)[:, :-1]
     most = int(whole.max())
     length = denominator.shape[1] + bottom.shape[1] + most
-    open_ = _padded(_convolved(denominator, bottom), length)
+    open_ = np.pad(_convolved(denominator, bottom), ((0, 0), (0, most + 1)))
     feedback = np.zeros_like(open_)
     product = _convolved(numerator, top)
     for count in np.flatnonzero(np.bincount(whole.astype(np.intp))):
@@ -171,12 +171,8 @@ def _convolved(a: FloatArray, b: FloatArray) -> FloatArray:
     return product
 
 
-def _padded(a: FloatArray, length: int) -> FloatArray:
-    return np.pad(a, ((0, 0), (0, length - a.shape[1])))
-
-
 #: What a climb raises, of loops at gains of shape (points,); the answer has this shape too.
-Aim = Callable[[Loops, FloatArray], FloatArray]
+_Aim = Callable[[Loops, FloatArray], FloatArray]
 
 #: Sides up to which every corner is looked at; beyond, as many corners by chance.
 _ALL_CORNERS = 6
@@ -188,7 +184,7 @@ _STEPS = 0.25 * 0.6 ** np.arange(10)
 #: Points of the circle at which the Nyquist curve is looked at, and the slowest of them over π.
 _CIRCLE = np.exp(1j * np.pi * np.geomspace(1e-5, 1.0, 160))
 #: Pole radius at the full gain, and nearness to -1/s of any gain s up to it.
-_AIMS: tuple[Aim, Aim] = (
+_AIMS: tuple[_Aim, _Aim] = (
     lambda loops, gain: loops.radius(gain),
     lambda loops, gain: -loops.distance(gain, _CIRCLE),
 )
@@ -325,13 +321,13 @@ class _Climb:
     """Points that move along the sides of a box as long as that raises an aim."""
 
     box: _Box  # they stay in
-    aim: Aim  # that is raised
+    aim: _Aim  # that is raised
     parts: FloatArray  # of each free side, one column a point
     best: FloatArray  # the aim at each
 
     @classmethod
     def of(
-        cls, box: _Box, parts: FloatArray, aim: Aim, scores: FloatArray, climbers: int
+        cls, box: _Box, parts: FloatArray, aim: _Aim, scores: FloatArray, climbers: int
     ) -> _Climb:
         """From the best of some points with known scores."""
         best = np.argsort(-scores, kind="stable")[:climbers]

@@ -30,7 +30,7 @@ from tune.documents.scene import (
 )
 
 #: Names of the settings of both filters, in files, loops, the certificate and the simulator alike.
-FILTER_SETTINGS = (
+_FILTER_SETTINGS = (
     "velocity_filter_hz",
     "acceleration_filter_hz",
     "velocity_filter_order",
@@ -93,7 +93,7 @@ class LoopProfile(Document):
 
     def filter_settings(self) -> dict[str, Any]:
         """What says which filters run, by the names that all of haptune calls them."""
-        return {name: getattr(self, name) for name in FILTER_SETTINGS}
+        return {name: getattr(self, name) for name in _FILTER_SETTINGS}
 
 
 LimitedBy = Literal[

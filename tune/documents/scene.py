@@ -80,7 +80,7 @@ def format_number(number: float) -> str:
 
 
 #: Elements felt together are certified in every subset, 2^n - 1 sums.
-LARGEST_GROUP = 5
+_LARGEST_GROUP = 5
 #: Sums of several elements in a scene, each tuned, certified and rehearsed, and each with keys of
 #: its own in a profile.
 MOST_SUMS = 1000
@@ -151,8 +151,8 @@ def refuse_strange_groups(
     for group in sets:
         if len(set(group)) != len(group) or len(group) < 2:
             raise ValueError(f"together needs two or more different elements, not {group}"[:200])
-        if len(group) > LARGEST_GROUP:
-            raise ValueError(f"together holds {len(group)} elements, more than {LARGEST_GROUP}")
+        if len(group) > _LARGEST_GROUP:
+            raise ValueError(f"together holds {len(group)} elements, more than {_LARGEST_GROUP}")
         for pair in (each for each in pairs if set(each) <= set(group)):
             raise ValueError(f"{' and '.join(pair)} are both together and apart"[:200])
     if len(known) > MOST_ELEMENTS:
@@ -430,7 +430,7 @@ DEFAULT_MOTION = {
 
 #: m and rad: what is met so far before a face is less than a hand can tell of position (2° at wrist
 #: and elbow: Tan, Srinivasan, Eberman and Cheng 1994).
-DEFAULT_LEAD = {"linear": 1e-3, "rotary": 1e-2}
+_DEFAULT_LEAD = {"linear": 1e-3, "rotary": 1e-2}
 
 
 def _to_cutoff(raw: object) -> object:
@@ -514,7 +514,7 @@ class Scene(Document):
     def lead(self, element: str, kind: Literal["linear", "rotary"]) -> float | None:
         """How far before its face the damper of a wall may push, m (rad); None of others."""
         given = self.elements[element]
-        return (given.lead or DEFAULT_LEAD[kind]) if given.one_sided else None
+        return (given.lead or _DEFAULT_LEAD[kind]) if given.one_sided else None
 
     def motion(
         self, element: str, kind: Literal["linear", "rotary"], *, cut: bool = False

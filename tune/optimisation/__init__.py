@@ -81,7 +81,7 @@ SLACK = (1e-3, 1e-2, 5e-2)
 #: Cells of a proof, for one moment, after which more margin is tried instead; the last try has all.
 _CELLS = 50_000
 #: Stable at twice the gain and one sample late: room for what a model leaves out.
-RECOMMENDED: MarginName = "balanced"
+_RECOMMENDED: MarginName = "balanced"
 #: What may be favoured.
 Favour = Literal["stiffness", "mass"]
 #: Of the height of an effect that its bars take up.
@@ -300,7 +300,7 @@ class Candidate:
     @property
     def recommended(self) -> bool:
         """The one to take where nothing speaks for another."""
-        return self.margin == RECOMMENDED and self.favour is None
+        return self.margin == _RECOMMENDED and self.favour is None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -218,7 +218,7 @@ class _Search:
         for elements in self.asked:
             filters, moved = (self._of(elements, each) for each in (here, there))
             if filters != moved:
-                total += slope_of(self.task, self._tuned(elements, filters), moved)
+                total += _slope_of(self.task, self._tuned(elements, filters), moved)
         return total / step
 
     def _worth(self, point: Sequence[float]) -> CutoffObjective:
@@ -379,11 +379,8 @@ def ranks_of(task: DesignTask) -> tuple[int, ...]:
     return tuple(sorted({level_of(each, effect) for each in elements for effect in each.wishes()}))
 
 
-def slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
-    """How much more a group is worth with filters that are moved a little, to first order.
-
-    It follows from the multipliers of what binds (envelope theorem): sizes are not found anew.
-    """
+def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
+    """Change of a group's value with filters moved a little, by the envelope theorem."""
     problem, optimum = found.problem, found.optimum
     if optimum is None or optimum.sizes is None:
         return 0.0

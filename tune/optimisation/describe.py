@@ -195,7 +195,7 @@ def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
     return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
 
 
-class MomentMargins(NamedTuple):
+class _MomentMargins(NamedTuple):
     """Margins of one moment at the sizes written.
 
     Attributes:
@@ -212,7 +212,7 @@ class MomentMargins(NamedTuple):
 
 def moment_margins(
     device: Device, one: SizedMoment, late: float, kept: Margin, slack: float
-) -> MomentMargins:
+) -> _MomentMargins:
     """Margins of one moment that bears so many extra samples of delay.
 
     A part of what is beyond the kept margin, the slack, is not claimed, where a proof came too
@@ -228,7 +228,7 @@ def moment_margins(
     K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
     places = corners_of(device, one.problem.region.box)
     jitter = min(MOST_JITTER, jitter_margin(places, one.problem.filters, (K, B, M)))
-    return MomentMargins(one.moment.elements, gain, late, jitter)
+    return _MomentMargins(one.moment.elements, gain, late, jitter)
 
 
 def element_profile(
@@ -236,7 +236,7 @@ def element_profile(
     scene: Scene,
     solved: Solution,
     name: str,
-    margins: Sequence[MomentMargins],
+    margins: Sequence[_MomentMargins],
     absolute: AllFound,
     slack: float,
 ) -> ElementProfile:

@@ -32,7 +32,7 @@ FloatArray = NDArray[np.float64]
 _Table = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-LinearWord = Literal["force", "rendering", "lead"]
+_LinearWord = Literal["force", "rendering", "lead"]
 #: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
 _OF_A_STEP = 0.997
 #: Newton's method ends where it moves by less, relative.
@@ -245,7 +245,7 @@ class LinearLimits:
     """
 
     rows: FloatArray
-    words: tuple[LinearWord, ...]
+    words: tuple[_LinearWord, ...]
     felt: tuple[Rendering, ...] = ()
     leads: tuple[tuple[int, int, float, float], ...] = ()
 
@@ -264,7 +264,7 @@ class LinearLimits:
         kept = [one for one in felt if np.any(one.row(np.inf) > 0)]
         rows = [row for row in forces if np.any(row > 0)]
         straight = [one.row(0.0) for one in kept if not one.bent]
-        words: tuple[LinearWord, ...] = ("force",) * len(rows) + ("rendering",) * len(straight)
+        words: tuple[_LinearWord, ...] = ("force",) * len(rows) + ("rendering",) * len(straight)
         table = np.array([*rows, *straight]).reshape(len(words), unknowns)
         bent = tuple(one for one in kept if one.bent)
         return cls(rows=table, words=words, felt=bent, leads=tuple(leads))
@@ -303,9 +303,9 @@ class LinearLimits:
         found += [one.used(sizes) for one in self.felt]
         return np.concatenate([used, np.stack(found)]) if found else used
 
-    def bounds(self, sizes: FloatArray, index: int) -> dict[LinearWord, float]:
+    def bounds(self, sizes: FloatArray, index: int) -> dict[_LinearWord, float]:
         """How large one unknown may be beside the others as they are, by the limit; inf if any."""
-        found: dict[LinearWord, float] = {}
+        found: dict[_LinearWord, float] = {}
         for i, j, factor in self.ratios:
             if i == index and sizes[j] > 0:
                 found["lead"] = min(found.get("lead", np.inf), float(sizes[j]) / factor)

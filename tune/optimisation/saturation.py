@@ -39,19 +39,10 @@ _ROUNDS = 6
 _NOTHING = 1e-9
 
 
-def find_multiplier(
+def _find_multiplier(
     responses: Responses, parts: Nonlinearities, gain: float, delay_samples: float
 ) -> Multiplier | None:
-    """The multiplier with the most room at a gain, over all loops; None where there is none.
-
-    It is as good as a grid can tell: what it proves is for `absolute_gain` to say.
-
-    Args:
-        responses: of the loops, all free or all grounded.
-        parts: the nonlinearities of the sum.
-        gain: up to which it is to prove the sum.
-        delay_samples: the longest of the loops.
-    """
+    """The multiplier with the most room at a gain, as far as a grid tells; None without one."""
     condition = _Condition.of(responses, parts, gain, _ladder(delay_samples))
     slopes = _slopes(responses, parts, condition.owners)
     seen = np.arange(0, condition.factors.shape[1], _SEEN, dtype=np.intp)
@@ -247,14 +238,14 @@ AllFound = Mapping[tuple[str, ...], AbsoluteStability]
 
 
 def prove_moments(problem: Problem, sizes: FloatArray, known: AllFound | None = None) -> AllFound:
-    """`search_gain` of every moment that must be absolutely stable and is part of no other.
+    """The proved gain of every moment that must be absolutely stable and is part of no other.
 
     Sizes have shape (unknowns,), SI units; what is known is of others.
     """
     known = known or {}
     moments = {each.elements: each for each in problem.moments if each.absolute}
     return {
-        names: search_gain(problem, moments[names], sizes, known.get(names))
+        names: _search_gain(problem, moments[names], sizes, known.get(names))
         for names in largest_sets(moments)
     }
 
@@ -265,15 +256,12 @@ def largest_sets(moments: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
     return [names for each, names in sets.items() if not any(each < other for other in sets)]
 
 
-def search_gain(
+def _search_gain(
     problem: Problem, moment: Moment, sizes: FloatArray, known: AbsoluteStability | None = None
 ) -> AbsoluteStability:
-    """The gain up to which a moment is absolutely stable at every corner and delay of the margin.
-
-    Sizes have shape (unknowns,); what is known are multipliers of others, which may do.
-    """
+    """The gain up to which a moment is absolutely stable; known multipliers may do."""
     margin, box, least = problem.margin, problem.region.box, problem.proved_gain
-    parts, steady = nonlinearities(problem, moment, sizes)
+    parts, steady = _nonlinearities(problem, moment, sizes)
     # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
     gains = [margin.gain * (1 + 2 * ROOM) if steady else _MOST_GAIN]
     multipliers: dict[bool, Multiplier | None] = {}
@@ -283,7 +271,7 @@ def search_gain(
         multiplier = known and (known.held if loop.grounded else known.free)
         gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
         for part in () if gain >= least else _PARTS:
-            multiplier = find_multiplier(responses, parts, part * least, late)
+            multiplier = _find_multiplier(responses, parts, part * least, late)
             if multiplier is not None:
                 gain = _least_gain(responses, parts, multiplier)
                 multiplier, gain = _with_few_taps(responses, parts, multiplier, gain, least)
@@ -339,13 +327,10 @@ def _thinned(channel: Channel, part: float, first: float) -> Channel:
     return channel.model_copy(update={"taps": tuple(taps)})
 
 
-def nonlinearities(
+def _nonlinearities(
     problem: Problem, moment: Moment, sizes: FloatArray
 ) -> tuple[Nonlinearities, tuple[Effects, ...]]:
-    """(clamps and what is damping only, elements that fade at the gain of the margin).
-
-    Sizes have shape (unknowns,), SI units.
-    """
+    """(clamps and what is damping only, elements that fade at the gain of the margin)."""
     clamps: dict[tuple[float, float], tuple[tuple[str, ...], float]] = {}
     steady: list[Effects] = []
     damping = 0.0

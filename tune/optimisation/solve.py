@@ -283,14 +283,13 @@ def optimum_of(
         start, each = starts.get(labels), posed(before | (every - labels))
         optima.append((each, None if start is None else largest_product(each, solvers, [start])))
     chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
-    found = {} if optimum is None or optimum.sizes is None else _by_label(chosen, optimum.sizes)
-    for label in [u.label for u in problem.unknowns if u.label in own and u.label not in found]:
-        dropped[label] = _missed(posed(before | (every - found.keys() - {label})), label, found)
+    beside: dict[str, float] = {}
+    if optimum is not None and optimum.sizes is not None:
+        names = (unknown.label for unknown in chosen.unknowns)
+        beside = dict(zip(names, optimum.sizes.tolist(), strict=True))
+    for label in [u.label for u in problem.unknowns if u.label in own and u.label not in beside]:
+        dropped[label] = _missed(posed(before | (every - beside.keys() - {label})), label, beside)
     return chosen, optimum, dropped
-
-
-def _by_label(problem: Problem, sizes: FloatArray) -> dict[str, float]:
-    return {u.label: float(size) for u, size in zip(problem.unknowns, sizes, strict=True)}
 
 
 def _products(problem: Problem, sizes: FloatArray | None) -> list[float]:

@@ -8,9 +8,8 @@ from typing import Any
 
 from identification import Device, as_stored, load_device
 from tune.certificate.certify import certify
-from tune.documents.certified import Certificate
 from tune.documents.perception import default_table
-from tune.documents.profile import Design
+from tune.documents.profile import Certificate, Design
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
 from tune.optimisation import design_of

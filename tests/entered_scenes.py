@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from identification import load_device
 from tests.exported import tuned
 from tune import SafeProfile
-from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
-from tune.documents.profile import ElementProfile
+from tune.documents.profile import AbsoluteStability, Channel, ElementProfile, Multiplier, Tap
 from tune.documents.scene import DEFAULT_MOTION
 
 #: Sizes (K, B, M) of elements by name; those named wall push only. The first is the demo's scene.

@@ -11,7 +11,7 @@ from tune.certificate.poles import judge
 from tune.certificate.region import ModeRegion, Region, Setting
 from tune.certificate.worst_point import sampled_loops
 from tune.certificate.zero_exclusion import Claim
-from tune.documents.certified import HandBox
+from tune.documents.profile import HandBox
 
 #: Samples of delay on top of the device's that every box is to stand.
 EXTRA = 1.0

@@ -12,7 +12,7 @@ from tune.certificate.affine import AffineForm
 from tune.certificate.poles import closed_loop, precision
 from tune.certificate.region import ModeRegion, Region, Setting
 from tune.certificate.value_set import Mechanism, value_set
-from tune.documents.certified import HandBox
+from tune.documents.profile import HandBox
 
 
 def _region(rng: np.random.Generator, spread: float) -> tuple[Region, Setting]:

@@ -15,8 +15,7 @@ from tests.wall_axis import Axis
 from tests.wall_play import Array, Bench, Gate, Law
 from tune import CheckFailedError, NoFeasibleEffectError, SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
-from tune.documents.certified import AbsoluteStability, Channel, Multiplier
-from tune.documents.profile import Design
+from tune.documents.profile import AbsoluteStability, Channel, Design, Multiplier
 
 WALL = {"stiffness": "max", "damping": "max", "one_sided": True}
 #: N/m or N·m/rad that one wall reaches at least, both effects as large as can be.

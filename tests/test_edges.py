@@ -27,8 +27,15 @@ from tests.sampled_loops import Case, loop_along
 from tests.sampled_reference import Sampled
 from tune import CheckFailedError, Effects, Filters, Scene, audit, check, optimise
 from tune.certificate.certify import certify
-from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
-from tune.documents.profile import Design, LimitedBy, PerceptionProfile
+from tune.documents.profile import (
+    AbsoluteStability,
+    Channel,
+    Design,
+    LimitedBy,
+    Multiplier,
+    PerceptionProfile,
+    Tap,
+)
 
 #: How far from an edge, relative.
 OFF = 0.005

@@ -17,7 +17,7 @@ from identification import InvalidInputError, UnstatedError
 from tests.entered_scenes import made
 from tests.exported import FADE, LOOPS, changed, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
-from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
+from tune.documents.profile import AbsoluteStability, Channel, Multiplier, Tap
 from tune.exporters import TARGETS, Target, export
 from tune.exporters.law import identifiers
 

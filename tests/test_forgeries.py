@@ -20,8 +20,7 @@ from tests.thinned import thinned
 from tune import CheckFailedError, SafeProfile, Scene, optimise
 from tune.certificate.certify import certify
 from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST, check_content
-from tune.documents.certified import Certificate
-from tune.documents.profile import Design
+from tune.documents.profile import Certificate, Design
 
 SCENE: dict[str, Any] = {
     "elements": {

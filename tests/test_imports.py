@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 #: What people write and read; no algebra.
-_DOCUMENTS = ("certified", "profile", "scene", "CheckFailedError")
+_DOCUMENTS = ("profile", "scene", "CheckFailedError")
 PACKAGES = ("identification", "tune", "datasets_synthetic")
 
 

@@ -18,7 +18,7 @@ from tests.simulated.experiment import EFFECTS
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune.certificate.poles import judge
 from tune.certificate.region import ModePoint, Point, Setting
-from tune.documents.certified import HandPlace
+from tune.documents.profile import HandPlace
 from tune.documents.scene import FREE_TO_RIGID, Effects
 from tune.judging import Audit, audit
 from tune.loop.loop import Filters, Loop

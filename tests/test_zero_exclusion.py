@@ -17,7 +17,7 @@ from tune.certificate.poles import judge
 from tune.certificate.region import Point, Region, Setting
 from tune.certificate.worst_point import worst_points
 from tune.certificate.zero_exclusion import Claim, prove
-from tune.documents.certified import HandBox
+from tune.documents.profile import HandBox
 
 #: What is left of the safe gain, as the studies ask.
 LEFT = 1.5

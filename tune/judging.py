@@ -29,9 +29,15 @@ from identification import (
 )
 from tune.certificate.certify import certify, refusal_of
 from tune.documents import CheckFailedError
-from tune.documents.certified import AbsoluteStability, Certificate
 from tune.documents.perception import default_table
-from tune.documents.profile import Contact, Design, Margins, SafeProfile
+from tune.documents.profile import (
+    AbsoluteStability,
+    Certificate,
+    Contact,
+    Design,
+    Margins,
+    SafeProfile,
+)
 from tune.documents.scene import EFFECT_NAMES, LARGEST, Effects, MarginName, Scene
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of

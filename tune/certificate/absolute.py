@@ -58,8 +58,7 @@ from tune.certificate.zero_exclusion import (
     terms_of,
 )
 from tune.documents import CheckFailedError
-from tune.documents.certified import AbsoluteStability, Channel, Multiplier
-from tune.documents.profile import Design
+from tune.documents.profile import AbsoluteStability, Channel, Design, Multiplier
 
 _TINY = float(np.finfo(float).tiny)
 

@@ -26,8 +26,14 @@ from tune.certificate.region import Point, Region, Setting, regions_of, setting_
 from tune.certificate.worst_point import WorstCase, worst_points, worst_points_of_all
 from tune.certificate.zero_exclusion import Claim, prove_all
 from tune.documents import CheckFailedError
-from tune.documents.certified import AbsoluteStability, Certificate, ModeBox, ModePlace, WorstPoint
-from tune.documents.profile import Design
+from tune.documents.profile import (
+    AbsoluteStability,
+    Certificate,
+    Design,
+    ModeBox,
+    ModePlace,
+    WorstPoint,
+)
 from tune.documents.scene import EFFECT_NAMES, UNITS, EffectName
 
 #: How much more the search does where a proof was not found.

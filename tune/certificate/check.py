@@ -26,12 +26,15 @@ from tune.certificate.time_domain import contact_failures, four_digits, jitter_f
 from tune.certificate.worst_point import worst_points
 from tune.certificate.zero_exclusion import Claim
 from tune.documents import CheckFailedError
-from tune.documents.certified import Certificate, HandBox, ModeBox, WorstPoint
 from tune.documents.profile import (
+    Certificate,
     Design,
     ElementProfile,
+    HandBox,
     MarginProfile,
+    ModeBox,
     SafeProfile,
+    WorstPoint,
     profile_of,
     read_signed,
 )

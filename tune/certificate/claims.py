@@ -12,8 +12,7 @@ from flint import arb_poly
 from tune.certificate.affine import ComplexArray, FloatArray
 from tune.certificate.poles import law_in_doubles, law_of, precision, sampled_plant, shift_to_one
 from tune.certificate.region import ModePoint, Point, Region, Setting
-from tune.documents.certified import HandPlace
-from tune.documents.profile import Design, ElementProfile, PerceptionProfile
+from tune.documents.profile import Design, ElementProfile, HandPlace, PerceptionProfile
 from tune.documents.scene import EFFECT_NAMES
 
 #: Points on the half circle. The integrand is smooth; the mean converges like r^points for a

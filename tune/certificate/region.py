@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tune.certificate.affine import FloatArray
-from tune.documents.certified import HandBox, HandPlace
-from tune.documents.profile import Design
+from tune.documents.profile import Design, HandBox, HandPlace
 from tune.documents.scene import EFFECT_NAMES
 
 Interval = tuple[float, float]

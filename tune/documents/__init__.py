@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tune.documents.certified import WorstPoint
+    from identification import Document
 
 
 class TuneError(Exception):
@@ -29,10 +29,10 @@ class CheckFailedError(TuneError):
 
     Attributes:
         failures: sentences, one for each.
-        points: where it is unstable; empty where no point was found.
+        points: of type `WorstPoint`, where it is unstable; empty where no point was found.
     """
 
-    def __init__(self, failures: tuple[str, ...], points: tuple[WorstPoint, ...] = ()) -> None:
+    def __init__(self, failures: tuple[str, ...], points: tuple[Document, ...] = ()) -> None:
         self.failures = failures
         self.points = points
         super().__init__("check failed: " + "; ".join(failures))

@@ -29,15 +29,16 @@ from tune.certificate.certify import (
     skipped_parts,
 )
 from tune.documents import CheckFailedError, NoFeasibleEffectError
-from tune.documents.certified import AbsoluteStability
 from tune.documents.perception import Estimate, PerceptionTable, Scale, default_table
 from tune.documents.profile import (
+    AbsoluteStability,
     Design,
     LimitedBy,
     LoopProfile,
     MarginProfile,
     PerceptionProfile,
     SafeProfile,
+    WorstPoint,
 )
 from tune.documents.scene import (
     EFFECT_NAMES,
@@ -202,6 +203,7 @@ def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
             hand=point.hand and (point.hand.mass, point.hand.damping, point.hand.stiffness),
         )
         for point in error.points
+        if isinstance(point, WorstPoint)
     )
     if not spots:
         slack = next((more for more in SLACK if more > task.slack), None)

@@ -37,7 +37,7 @@ from tune.optimisation.limits import Unknown
 from tune.optimisation.problem import Problem
 
 if TYPE_CHECKING:
-    from tune.documents.certified import AbsoluteStability
+    from tune.documents.profile import AbsoluteStability
     from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]

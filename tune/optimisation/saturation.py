@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
-from tune.documents.certified import AbsoluteStability, Channel, Multiplier, Tap
+from tune.documents.profile import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects, Margin
 from tune.optimisation.problem import ROOM, Moment, Problem
 from tune.stability.nonlinear import (

@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from identification import Device, Motion, Quantity
-    from tune.documents.certified import Certificate
     from tune.documents.perception import Estimate
-    from tune.documents.profile import Contact, LoopProfile, SafeProfile
+    from tune.documents.profile import Certificate, Contact, LoopProfile, SafeProfile
     from tune.documents.scene import MarginName
     from tune.judging import Audit
     from tune.optimisation import Alternative, Candidate, CandidateEffect

@@ -41,7 +41,7 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.documents.certified import Channel, Multiplier
+from tune.documents.profile import Channel, Multiplier
 from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.polynomials import companion_roots

@@ -14,7 +14,9 @@ Verdict = Literal["settles", "keeps-oscillating", "diverges"]
 
 #: The last two parts of a run that are compared, each so long; what came before is the beginning.
 PART = 0.3
-#: An amplitude above this multiple of that before it is growing.
+#: An amplitude below this part of that before it is dying out, unless another part is stated, ...
+DIES = 0.9
+#: ... and one above this multiple of it growing.
 _GROWS = 1.1
 #: Travel below this multiple of the amplitude is what an oscillation leaves of a straight line.
 _MORE = 3.0
@@ -31,7 +33,7 @@ class Allowed:
 
     counts: float  # amplitude of the readings, and travel if nothing pushes, in counts
     force: float  # amplitude of the force, N (N·m)
-    dies: float = 0.9  # an amplitude below this part of that before it is dying out
+    dies: float = DIES  # an amplitude below this part of that before it is dying out
     pushed: bool = False  # whether something pushes to the end: then steady travel is no fault
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.device import Hand, Rig, per_member
-from datasets_synthetic.ending import PART, Allowed, Ending, Verdict, endings
+from datasets_synthetic.ending import DIES, PART, Allowed, Ending, Verdict, endings
 from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, Calls, Controller
 from datasets_synthetic.simulation import Recording, Truth, simulate
 
@@ -331,10 +331,8 @@ def _hands(hands: Sequence[Hand]) -> Hand:
 #: What is not at rest in the end is played again, so many times as long: what dies out slowly is
 #: told from what lasts.
 _LONGER = 3
-#: What is left of one part of a run in the next is dying out if it is less than this, ...
-_DIES = 0.9
-#: ... or than what the slowest motion of the linear loop leaves at this part of its rate: springs
-#: may be at a thirty-second of their gain.
+#: What is less than the slowest motion of the linear loop leaves, at this part of its rate, is also
+#: dying out: springs may be at a thirty-second of their gain.
 _AT_LEAST = 1 / 64
 #: Force that keeps oscillating may be this part of the force limit unless another is stated.
 _FORCE = 0.01
@@ -449,10 +447,13 @@ def rehearse(
         )
         count = sizes.count[[play.member for play in part]]
         long = PART * samples * float(rig.sample_time[0])
-        dies = np.maximum(_DIES, np.exp(-_AT_LEAST * rates * long))
+        dies = np.maximum(DIES, np.exp(-_AT_LEAST * rates * long))
         allowed = [
-            replace(
-                _allowed(play, counts_allowed, float(force[play.member]), sizes),
+            _allowed(
+                play,
+                counts_allowed,
+                float(force[play.member]),
+                sizes,
                 dies=float(dies[play.place, play.member]),
                 pushed=bool(pushed),
             )
@@ -505,11 +506,13 @@ def _slowest_rates(
     return found
 
 
-def _allowed(play: _Play, counts: float, force: float, sizes: _Sizes) -> Allowed:
+def _allowed(
+    play: _Play, counts: float, force: float, sizes: _Sizes, *, dies: float, pushed: bool
+) -> Allowed:
     """What may be left: where a damper is chopped, whatever force it makes of a few counts."""
     if _KINDS[play.name].dampers:
         counts, force = _CHOPPED * counts, 2 * float(sizes.limit[play.member])
-    return Allowed(counts=counts, force=force)
+    return Allowed(counts=counts, force=force, dies=dies, pushed=pushed)
 
 
 def _with(ending: Ending, grown: str) -> Ending:

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification import Device, ForceLimit, quantity
 from tests.entered import FloatArray, Run, played
 from tests.entered_scenes import made
 from tests.guard import built
-from tests.test_clamps import WALL
+from tests.test_clamps import WALL, random_device
 from tests.thinned import thinned
 from tune import NoFeasibleEffectError, Scene, optimise
 from tune.exporters import export
@@ -167,26 +166,6 @@ BETWEEN = {
 }
 
 
-def random_device(seed: int) -> Device:
-    """0.05 to 100 kg, 0.2 to 2 ms, up to two samples of delay."""
-    rng = np.random.default_rng([28, seed])
-    mass = float(10 ** rng.uniform(-1.3, 2))
-    damping = mass / float(10 ** rng.uniform(-1.3, 0.48))
-    step = float(rng.choice([2e-4, 5e-4, 1e-3, 2e-3]))
-    spread = float(rng.choice([0.0, 0.01, 0.05]))
-    delay, strength = float(rng.choice([0, 0.5, 1, 1, 2])) * step, float(10 ** rng.uniform(0.5, 2))
-    return Device(
-        motion="linear",
-        mass=quantity(mass, mass * (1 - spread), mass * (1 + spread)),
-        damping=quantity(damping, damping * (1 - 2 * spread), damping * (1 + 2 * spread)),
-        sample_time=quantity(step),
-        delay=quantity(delay),
-        coulomb_friction=quantity(float(rng.uniform(0, 1.0))),
-        encoder_resolution=quantity(float(10 ** rng.uniform(-6.5, -5))),
-        force_limit=ForceLimit(continuous=strength, peak=2 * strength),
-    )
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("together", [False, True])
 @pytest.mark.parametrize("seed", range(100))
@@ -194,7 +173,7 @@ def test_what_is_tuned_for_a_random_device_never_pumps(
     tmp_path: Path, seed: int, together: bool
 ) -> None:
     """Between two walls as stiff as they can be had, called at random or against the device."""
-    device = random_device(seed)
+    device, _ = random_device(seed, modes=False)
     source = np.random.default_rng([4, seed])
     chosen = [str(name) for name in source.permutation(list(BETWEEN))[:2]]
     scene = {

@@ -52,7 +52,6 @@ def read_isolated(reader: str, path: Path, content: bytes, columns: LogColumns) 
     job: dict[str, Any] = {"reader": reader, "path": os.fspath(path), "columns": asdict(columns)}
     job |= {"seconds": seconds, "memory": memory}
     python = os.fsdecode(get_executable() or sys.executable)
-    python = os.fsdecode(get_executable() or sys.executable)
     program = _PROGRAM.format(path=sys.path, module=__name__)
     try:
         done = subprocess.run(  # noqa: S603 - this interpreter, and nothing of the file in it

@@ -44,7 +44,7 @@ def _find_multiplier(
 ) -> Multiplier | None:
     """The multiplier with the most room at a gain, as far as a grid tells; None without one."""
     condition = _Condition.of(responses, parts, gain, _ladder(delay_samples))
-    slopes = _slopes(responses, parts, condition.owners)
+    slopes = _slopes(responses, parts, condition)
     seen = np.arange(0, condition.factors.shape[1], _SEEN, dtype=np.intp)
     weights: FloatArray | None = None
     for _ in range(_ROUNDS):
@@ -77,11 +77,13 @@ class _Condition:
     Attributes:
         owners: (channel, tap) of each weight; a constant is tap 0. Channels are in units of their
             own size times the gain.
+        own: 1 at the channel of each weight, else 0, (weights, channels).
         factors: of each weight in M, (weights, points).
         left, right: (points, channels, channels).
     """
 
     owners: list[tuple[int, int]]
+    own: FloatArray
     factors: ComplexArray
     left: ComplexArray
     right: ComplexArray
@@ -108,8 +110,10 @@ class _Condition:
         values, vectors = np.linalg.eigh(total / 4)
         scale = np.maximum(values, np.finfo(float).tiny)[:, None, :] ** -0.25
         left = np.asarray(vectors * scale, dtype=np.complex128)
+        owners = [(index, tap) for index, own in enumerate(each) for tap in own]
         return cls(
-            owners=[(index, tap) for index, own in enumerate(each) for tap in own],
+            owners=owners,
+            own=np.eye(size)[[owner for owner, _ in owners]],
             factors=np.stack([factor for own in each for factor in own.values()]),
             left=left,
             right=rows @ left,
@@ -117,14 +121,12 @@ class _Condition:
 
     def matrices(self, points: NDArray[np.intp]) -> ComplexArray:
         """Those of each weight at some points, (weights, points, channels, channels)."""
-        own = np.eye(self.left.shape[-1])[[owner for owner, _ in self.owners]]
-        multipliers = self.factors[:, points, None] * own[:, None]
+        multipliers = self.factors[:, points, None] * self.own[:, None]
         return _hermitian(self.left[points], multipliers, self.right[points])
 
     def least_eigenvalues(self, weights: FloatArray) -> FloatArray:
         """The least of the sum with these weights at every point, (points,)."""
-        own = np.eye(self.left.shape[-1])[[owner for owner, _ in self.owners]]
-        matrix = _hermitian(self.left, (self.factors.T * weights) @ own, self.right)
+        matrix = _hermitian(self.left, (self.factors.T * weights) @ self.own, self.right)
         return np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64)[:, 0]
 
 
@@ -138,16 +140,14 @@ def _hermitian(left: ComplexArray, multiplier: ComplexArray, right: ComplexArray
     return (matrix + _adjoint(matrix)) / 2
 
 
-def _slopes(
-    responses: Responses, parts: Nonlinearities, owners: list[tuple[int, int]]
-) -> FloatArray:
+def _slopes(responses: Responses, parts: Nonlinearities, condition: _Condition) -> FloatArray:
     """Rows that are zero where every clamp's multiplier has the slope of the first at θ = 0.
 
     Where nothing holds the position, no others prove two clamps there. Shape (rows, unknowns).
     """
     count = 1 if responses.grounded else len(parts.clamps)
-    each = [parts.sizes[owner] / max(parts.sizes) * tap for owner, tap in owners]
-    own = np.eye(len(parts.sizes))[:, [owner for owner, _ in owners]]
+    each = [parts.sizes[owner] / max(parts.sizes) * tap for owner, tap in condition.owners]
+    own = condition.own.T
     return (own[:1] - own[1:count]) * each
 
 

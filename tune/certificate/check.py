@@ -88,8 +88,8 @@ OPINIONS = _trusted(
     ),
     (
         "elements.*.limited_by",
-        "that a value or range was wanted; that every other limit said to bind allows no tenth "
-        "more is recomputed",
+        "that a value or range was wanted, or no limit is met in the range looked in; that every "
+        "other limit said to bind allows no tenth more is recomputed",
     ),
     ("elements.*.margins.gain", "that no more could be proved"),
     ("elements.*.margins.extra_delay_samples", "that no more could be proved"),
@@ -449,31 +449,47 @@ def _wrong_passivity(design: Design, name: str, setting: Setting | None) -> Iter
 
 
 def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]:
-    """A limit that is said to bind, but leaves room for much more."""
-    element = design.elements[name]
-    word = element.limited_by[effect]
-    larger = element.model_copy(update={effect: getattr(element, effect) * (1 + _GROWN)})
-    grown = design.model_copy(update={"elements": {**design.elements, name: larger}})
-    if word == "rendering":
-        setting = setting_of(grown, (name,))
-        if setting is not None and excess_over_request(grown, name, setting):
-            return
-    elif word == "lead":
-        least, most = lead_of(grown, name)
-        if element.one_sided and (least < 0 or most > (element.lead or 0.0)):
-            return
-    else:
-        every = clamped_moments(grown) if word == "saturation" else design.moments()
-        if any(_breaks(grown, moment, word) for moment in every if name in moment):
-            return
-        device = design.device.simultaneous_box()
-        lowest = {"mass": device.mass[0], "damping": device.damping[0]}.get(effect, 0.0)
-        if word == "gain-margin" and -getattr(larger, effect) * design.margin.gain > lowest > 0:
-            return
+    """A limit that is said to bind, but leaves room for much more.
+
+    What is stopped by the same limit in an element goes together: a proof of clamps that fails
+    takes all of the element back at once, and each alone may have room then.
+    """
+    words = design.elements[name].limited_by
+    alike = [each for each in EFFECT_NAMES if words[effect] in {words.get(each), "saturation"}]
+    alone: list[EffectName] = [effect]
+    grown = (_grown(design, name, effects) for effects in (alone, alike))
+    if any(_exceeds(each, name, effect) for each in grown):
+        return
     yield (
-        f"{name}: {effect} is said to be limited by {word}, which would allow "
+        f"{name}: {effect} is said to be limited by {words[effect]}, which would allow "
         f"{_GROWN:.0%} more of it"
     )
+
+
+def _grown(design: Design, name: str, effects: Iterable[EffectName]) -> Design:
+    """The design with a part more of some effects of an element."""
+    element = design.elements[name]
+    more = {effect: getattr(element, effect) * (1 + _GROWN) for effect in effects}
+    elements = {**design.elements, name: element.model_copy(update=more)}
+    return design.model_copy(update={"elements": elements})
+
+
+def _exceeds(design: Design, name: str, effect: EffectName) -> bool:
+    """Whether an element is beyond the limit that is said to bind one of its effects."""
+    element = design.elements[name]
+    word = element.limited_by[effect]
+    if word == "rendering":
+        setting = setting_of(design, (name,))
+        return setting is not None and bool(excess_over_request(design, name, setting))
+    if word == "lead":
+        least, most = lead_of(design, name)
+        return element.one_sided and (least < 0 or most > (element.lead or 0.0))
+    every = clamped_moments(design) if word == "saturation" else design.moments()
+    if any(_breaks(design, moment, word) for moment in every if name in moment):
+        return True
+    device = design.device.simultaneous_box()
+    lowest = {"mass": device.mass[0], "damping": device.damping[0]}.get(effect, 0.0)
+    return word == "gain-margin" and -getattr(element, effect) * design.margin.gain > lowest > 0
 
 
 def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:

@@ -132,6 +132,7 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
     # Differences of larger numbers have the digits that these leave them.
     size = {"net_damping": 2 * abs(B) + abs(net or 0.0)}
     size["lead"] = speed * size["net_damping"] / K if K else 0.0
+    size |= {"restitution (least)": 1.0, "restitution (largest)": 1.0}
     for key, stated, value in pairs:
         if (stated is None) != (value is None) or (
             stated is not None

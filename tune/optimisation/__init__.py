@@ -177,8 +177,13 @@ def _proposed(
 
 
 def _proved(solutions: Sequence[Solution]) -> AllFound:
-    """The gains of moments that must be absolutely stable, and are part of no other."""
-    found = {names: one for solved in solutions for names, one in solved.absolute.items()}
+    """The gains of moments that must be absolutely stable, of what is left, part of no other."""
+    there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
+    found = {
+        tuple(name for name in names if name in there): one
+        for solved in solutions
+        for names, one in solved.absolute.items()
+    }
     if not found:
         return found
     from tune.optimisation.saturation import largest_sets

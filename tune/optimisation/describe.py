@@ -59,6 +59,7 @@ _ORDER: tuple[LimitedBy, ...] = (
     "stability",
     "gain-margin",
     "delay-margin",
+    "saturation",
 )
 #: A fade is so many times slower than the shortest at which no wave of the level was found to pump:
 #: of random ones, and of levels that chase a swing, the slowest that pump are 1.2 times as slow.
@@ -138,12 +139,21 @@ def _stable(felt: Sequence[SizedMoment], late: float) -> BoolArray:
     return good
 
 
-def bindings(problem: Problem, sizes: FloatArray, indices: Sequence[int]) -> list[LimitedBy]:
-    """The constraint that keeps each of some effects from being larger, the others as they are."""
+def bindings(
+    problem: Problem,
+    sizes: FloatArray,
+    indices: Sequence[int],
+    stepped_back: frozenset[int] = frozenset(),
+) -> list[LimitedBy]:
+    """The constraint that keeps each of some effects from being larger, the others as they are.
+
+    Where effects were stepped back for the proof of clamps, this binds those that no limit meets.
+    """
     near = {index: float(sizes[index]) * _NEAR for index in indices}
     bounds = _bounds(problem, sizes, near)
-    free = {index: np.inf for index, found in bounds.items() if not found}
-    bounds |= _bounds(problem, sizes, free)
+    open_ = [index for index, found in bounds.items() if not found]
+    bounds |= {index: {"saturation": near[index]} for index in stepped_back.intersection(open_)}
+    bounds |= _bounds(problem, sizes, {i: np.inf for i in open_ if i not in stepped_back})
     tightest = [sorted(bounds[index], key=_ORDER.index) for index in indices]
     return [words[0] if words else "force" for words in tightest]
 
@@ -167,10 +177,10 @@ def _bounds(
         found: dict[LimitedBy, float] = {**linear[index], "delay-margin": stable, "ripple": noisy}
         if unknown.wish.kind == "value":
             found["wanted"] = unknown.high
-        elif unknown.wish.kind == "range":
-            found["range"] = unknown.high
-        elif unknown.sign < 0:
+        elif unknown.wish.kind != "range" and unknown.sign < 0:
             found["gain-margin"] = unknown.high
+        else:
+            found["range"] = unknown.high
         bounds[index] = _close({w: bound for w, bound in found.items() if bound <= tops[index]})
     # Without the extra delay, or without the gain margin too, more is stable: asked for only where
     # what is asked for less binds.
@@ -252,11 +262,12 @@ def element_profile(
         effect: "not-perceptible" for effect in EFFECT_NAMES if f"{name}.{effect}" in solved.dropped
     }
     own = [index for index, unknown in enumerate(problem.unknowns) if unknown.element == name]
-    for index, word in zip(own, bindings(problem, sizes, own), strict=True):
+    words = bindings(problem, sizes, own, solved.stepped_back)
+    for index, word in zip(own, words, strict=True):
         unknown = problem.unknowns[index]
         values[unknown.effect] = unknown.sign * float(sizes[index])
         steps[unknown.effect] = round_to_digits(unknown.steps(float(sizes[index])), 4)
-        limited[unknown.effect] = "saturation" if index in solved.stepped_back else word
+        limited[unknown.effect] = word
     alone = [m for m in problem.moments if m.elements == (name,) and any(m.members)]
     mine = [each for each in margins if name in each.elements]
     gains = [each.gain for each in mine]

@@ -48,6 +48,8 @@ _MOST_WAYS = 5
 #: Tries with more room for the proof of clamps, each so much of what the last one was short of, and
 #: so much at least; one that is short of more than this part of the one before does not help.
 _MOST_ROOMS, _LESS_ROOM, _LEAST_ROOM, _HELPS = 10, 0.7, 3e-4, 0.97
+#: A last step that takes this part of a size is long; it is halved so many times.
+_LONG, _MOST_HALVINGS = 0.05, 3
 #: A gain as good as none.
 _NO_GAIN = 0.05
 #: Why the damper of a wall goes with its spring.
@@ -179,24 +181,44 @@ def _stepped_back(
 ) -> tuple[FloatArray, AllFound, tuple[str, ...]]:
     """Sizes whose clamps are proved, by what, and the moment that linear sizes proved least.
 
-    More room is left to linear limits until the proof holds, or as long as that helps; no more may
-    be dropped for it.
+    More room is left to linear limits until the proof holds, or as long as that helps, and where
+    the last step was long, half of it is tried; no more may be dropped for it.
     """
     from tune.optimisation.saturation import prove_moments
 
-    sizes, room, before = linear, 0.0, np.inf
+    def proved(room: float, known: AllFound) -> tuple[FloatArray, AllFound] | None:
+        less, other, also = tuned(room)
+        if other is None or other.sizes is None or also != dropped:
+            return None
+        sizes = round_sizes(less, other.sizes)
+        return sizes, prove_moments(problem, sizes, known)
+
+    def short_of(found: AllFound) -> float:
+        return problem.proved_gain / max(min(each.gain for each in found.values()), _NO_GAIN)
+
+    sizes, above, short, room, failed, before = linear, linear, np.inf, 0.0, 0.0, np.inf
     found = prove_moments(problem, sizes)
     tightest = min(found, key=lambda elements: found[elements].gain)
     for _ in range(_MOST_ROOMS):
-        short = problem.proved_gain / max(min(each.gain for each in found.values()), _NO_GAIN)
+        short = short_of(found)
         if short <= 1 or short - 1 > _HELPS * (before - 1):
             break
-        room, before = room + max(_LESS_ROOM * (short - 1), _LEAST_ROOM), short
-        less, other, also = tuned(room)
-        if other is None or other.sizes is None or also != dropped:
+        failed, room, before = room, room + max(_LESS_ROOM * (short - 1), _LEAST_ROOM), short
+        less = proved(room, found)
+        if less is None:
             break
-        sizes = round_sizes(less, other.sizes)
-        found = prove_moments(problem, sizes, found)
+        above, (sizes, found) = sizes, less
+    for _ in range(_MOST_HALVINGS if short <= 1 else 0):
+        if np.all(above <= sizes * (1 + _LONG)):
+            break
+        middle = (failed + room) / 2
+        more = proved(middle, found)
+        if more is None:
+            break
+        if short_of(more[1]) > 1:
+            failed, above = middle, more[0]
+        else:
+            room, (sizes, found) = middle, more
     return sizes, found, tightest
 
 

@@ -334,7 +334,7 @@ def inconsistent(design: Design, name: str) -> Iterator[str]:
     felt = element.rendered
     if felt is None:
         yield f"{name}: rendered is missing. Tune again"
-    elif not _acting(element) and any(
+    elif not element.acting and any(
         (felt.mass, felt.damping, *felt.mass_at_ends, *felt.damping_at_ends)
     ):
         yield f"{name}: rendered says that something is felt, but no effect acts"
@@ -353,21 +353,16 @@ def _element_failures(design: Design, name: str) -> Iterator[str]:
             yield from _wrong_limit(design, name, effect)
 
 
-def _acting(element: ElementProfile) -> set[EffectName]:
-    return {effect for effect in EFFECT_NAMES if getattr(element, effect)}
-
-
 def _wrong_keys(name: str, element: ElementProfile) -> Iterator[str]:
     """Effects that are named and do not act, or act and are not named."""
-    acting = _acting(element)
-    if set(element.perceived_steps) != acting:
+    if set(element.perceived_steps) != element.acting:
         yield (
             f"{name}: perceived_steps has {_listed(element.perceived_steps)}, what acts is "
-            f"{_listed(acting)}"
+            f"{_listed(element.acting)}"
         )
     words = element.limited_by
     for effect in EFFECT_NAMES:
-        word, acts = words.get(effect), effect in acting
+        word, acts = words.get(effect), effect in element.acting
         if acts and word in {None, "not-perceptible"}:
             yield f"{name}: {effect} acts, limited_by says {word or 'nothing'} of it"
         if not acts and word not in {None, "not-perceptible"}:
@@ -454,24 +449,18 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
     What is stopped by the same limit in an element goes together: a proof of clamps that fails
     takes all of the element back at once, and each alone may have room then.
     """
-    words = design.elements[name].limited_by
-    alike = [each for each in EFFECT_NAMES if words[effect] in {words.get(each), "saturation"}]
-    alone: list[EffectName] = [effect]
-    grown = (_grown(design, name, effects) for effects in (alone, alike))
-    if any(_exceeds(each, name, effect) for each in grown):
-        return
+    element = design.elements[name]
+    word = element.limited_by[effect]
+    alike = {each for each, other in element.limited_by.items() if word in {other, "saturation"}}
+    for effects in ({effect}, alike):
+        more = {each: getattr(element, each) * (1 + _GROWN) for each in effects}
+        elements = {**design.elements, name: element.model_copy(update=more)}
+        if _exceeds(design.model_copy(update={"elements": elements}), name, effect):
+            return
     yield (
-        f"{name}: {effect} is said to be limited by {words[effect]}, which would allow "
+        f"{name}: {effect} is said to be limited by {word}, which would allow "
         f"{_GROWN:.0%} more of it"
     )
-
-
-def _grown(design: Design, name: str, effects: Iterable[EffectName]) -> Design:
-    """The design with a part more of some effects of an element."""
-    element = design.elements[name]
-    more = {effect: getattr(element, effect) * (1 + _GROWN) for effect in effects}
-    elements = {**design.elements, name: element.model_copy(update=more)}
-    return design.model_copy(update={"elements": elements})
 
 
 def _exceeds(design: Design, name: str, effect: EffectName) -> bool:
@@ -501,8 +490,8 @@ def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
         return False
     if word == "saturation":
         seal = design.certificate if isinstance(design, SafeProfile) else None
-        asked = {"gain": design.margin.gain}
         known = {} if seal is None else seal.absolute_stability or {}
+        asked = {"gain": design.margin.gain}
         stated = {name: each.model_copy(update=asked) for name, each in known.items()}
         try:
             judge_switched(design, moment, regions_of(design), stated, _FEW_CELLS)
@@ -512,16 +501,12 @@ def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
     if word == "ripple":
         ripple = None if meets_wall(design, moment) else ripple_of(design, setting)
         return ripple is not None and ripple >= design.ripple_limit * (1 - _RIPPLE_AGREES)
-    margin = design.margin
-    claims = {
-        "stability": Claim(gain=1.0, extra=0.0),
-        "gain-margin": Claim(gain=margin.gain, extra=0.0),
-        "delay-margin": Claim(gain=margin.gain, extra=float(margin.extra_delay_samples)),
-    }
+    gain = 1.0 if word == "stability" else design.margin.gain
+    extra = float(design.margin.extra_delay_samples) if word == "delay-margin" else 0.0
     return any(
         found.verdict.answer != "stable"
         for region in regions_of(design)
-        for found in worst_points(region, setting, [claims[word]])
+        for found in worst_points(region, setting, [Claim(gain=gain, extra=extra)])
     )
 
 

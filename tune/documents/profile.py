@@ -410,6 +410,11 @@ class ElementProfile(Document):
         """Whether it may not be switched: with mass or a negative effect it could pump."""
         return bool(self.mass) or min(self.stiffness, self.damping) < 0
 
+    @property
+    def acting(self) -> set[EffectName]:
+        """The effects that are not zero."""
+        return {effect for effect in EFFECT_NAMES if getattr(self, effect)}
+
     def sizes(self) -> str:
         """The effects that act, in SI units, as one phrase."""
         acting = (

@@ -110,6 +110,8 @@ class _Transitions:
         self._moved: Mask | None = None
         self._met, self._busy = np.zeros(stiffness.shape), np.zeros(stiffness.shape)
         self._last, self._sample = np.zeros(batch), 0
+        #: Springs whose level waits to rise until they were quiet; None where any may change.
+        self._waiting: Mask | None = None
 
     def force(self, reading: FloatArray, moving: FloatArray, law: FloatArray) -> FloatArray:
         """What acts of each clamp, N, shape (elements, batch).
@@ -130,6 +132,9 @@ class _Transitions:
                 law = np.where(entering, self._clamped(reading, moving, self._rest), law)
         np.copyto(self._busy, k, where=law != 0)
         quiet = self._busy <= k - self._taps
+        waiting = self._waiting if asked is before and self._moved is None else None
+        if waiting is not None and not np.count_nonzero(waiting & quiet):
+            return law * self._level
         if self._moved is not None and np.count_nonzero(self._moved & (law == 0)):
             self._return(quiet, reading, moving)
         rises = quiet | ~self._spring
@@ -142,6 +147,9 @@ class _Transitions:
             faded = np.minimum(np.maximum(asked, self._level - change), self._level + change)
             np.copyto(level, faded, where=self._fades)
         self._level = level
+        waiting = level != asked
+        fades = self._fades is not None and np.count_nonzero(waiting & self._fades)
+        self._waiting = None if fades or asked is not before else waiting
         return law * level
 
     def _enter(self, entering: Mask, reading: FloatArray, moving: FloatArray) -> None:
@@ -192,7 +200,7 @@ class _Transitions:
         self._last = reading
         if self._entrance is not None:
             asked = asked * (reading > self._entrance)
-        return before if before is not None and np.array_equal(asked, before) else asked
+        return asked if before is None or np.count_nonzero(asked != before) else before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

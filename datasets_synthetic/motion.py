@@ -273,8 +273,8 @@ _AT_ONCE = 1e-9
 class Part:
     """A part of one sample interval over which the acting force is constant."""
 
-    #: where in the flat list of commands (row by row, one member after the other) the force of each
-    #: member stands, shape (batch,)
+    #: where the force of each member stands in the flat list of commands (row by row, one member
+    #: after the other) from the first of the timetable for this sample on, shape (batch,)
     place: NDArray[np.int64]
     steps: int  # number of integration steps
     step: FloatArray  # length of one, s, shape (batch,); zero for a member that has no such part
@@ -296,19 +296,22 @@ class EvenTimetable:
         late = bool(np.any(arrival > 0))
         self.lead = int(whole.max()) + late
         newest = np.arange(self._batch) + self.lead * self._batch
-        self._first: list[tuple[NDArray[np.int64], int, FloatArray]] = []
+        self._parts: list[Part] = []
         for lag, duration in ((whole + 1, arrival), (whole, sample_time - arrival)):
             if np.any(duration > 0):
                 steps = steps_needed(duration, rate, largest_step)
-                self._first.append((newest - lag * self._batch, steps, duration / steps))
+                place = newest - lag * self._batch
+                kind = len(self._parts)
+                self._parts.append(Part(place=place, steps=steps, step=duration / steps, kind=kind))
+
+    def first(self, sample: int) -> int:
+        """The first command that the places of a sample are counted from."""
+        return sample * self._batch
 
     def parts(self, sample: int) -> Sequence[Part]:
         """The parts of the interval that starts at this sample."""
-        gone = sample * self._batch
-        return [
-            Part(place=first + gone, steps=steps, step=step, kind=kind)
-            for kind, (first, steps, step) in enumerate(self._first)
-        ]
+        del sample
+        return self._parts
 
 
 class UnevenTimetable:
@@ -334,6 +337,11 @@ class UnevenTimetable:
         self._place: NDArray[np.int64] = rows * batch + np.arange(batch, dtype=np.int64)
         self._steps = [steps_needed(part, rate, largest_step) for part in durations]
         self._step = durations / np.array(self._steps)[:, None, None]
+
+    def first(self, sample: int) -> int:
+        """The first command that the places of a sample are counted from."""
+        del sample
+        return 0
 
     def parts(self, sample: int) -> Sequence[Part]:
         """The parts of the interval that starts at this sample."""

@@ -261,8 +261,9 @@ def _run(
                 np.maximum(now, -limit, out=now)
                 np.minimum(now, limit, out=now)
             dynamics.begin(k)
+            acting = flat[timetable.first(k) :]
             for part in timetable.parts(k):
-                dynamics.move(flat.take(part.place), part)
+                dynamics.move(acting.take(part.place), part)
     return commands[lead:], readings, states
 
 

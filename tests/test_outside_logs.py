@@ -1,0 +1,43 @@
+"""Logs of an outside simulator: what identify makes of devices inside and outside its model."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.outside_logs import KINDS, judged, outside_log, table_of
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("clean-open", 1), ("clean-servo", 1), ("cogging", 2), ("pendulum-bare", 1)]
+)
+def test_a_usable_log_is_accepted_and_right(kind: str, seed: int) -> None:
+    log = outside_log(kind, seed)
+    found = judged(log)
+    assert log.usable
+    assert not found.refusals
+    assert not found.wrong
+    assert not found.low_above
+
+
+@pytest.mark.parametrize("kind", ["drag", "maxwell"])
+def test_friction_beyond_the_model_is_named_and_covered(kind: str) -> None:
+    found = judged(outside_log(kind, 1))
+    assert "unmodelled-force" in found.codes
+    assert not found.wrong
+    assert not found.low_above
+
+
+def test_a_hand_is_refused_or_named() -> None:
+    found = judged(outside_log("hand", 0))
+    assert found.refusals or "hand-on-device" in found.codes
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+def test_campaign(kind: str) -> None:
+    rows = [judged(outside_log(kind, seed)) for seed in range(20)]
+    print(table_of(rows))
+    if kind == "hand":
+        assert sum(bool(each.refusals) or "hand-on-device" in each.codes for each in rows) >= 18
+        return
+    assert sum(bool(each.wrong) and not each.flagged for each in rows) <= 1

@@ -27,7 +27,7 @@ from tests.thinned import thinned
 Array = NDArray[np.float64]
 #: Between two ways to add up the same motion.
 ROUNDING = 1e-9
-#: Mass and damping wrong by this factor at most, and the constant force as part of the limit.
+#: Mass, damping, friction wrong by this factor at most; the constant force as part of the limit.
 SETS = {
     "stated": (1.0, 0.0),
     "twice": (2.0, 0.0),
@@ -52,9 +52,9 @@ def driven(plan: Excitation, factor: float, pull: float, count: int, seed: int) 
     drawn where a device goes far: light, little damped, fully pulled."""
     dice = np.random.default_rng(seed)
     limits = plan.spec
-    off = factor ** dice.uniform(-1, 1, (2, count))
+    off = factor ** dice.uniform(-1, 1, (3, count))
     off[:, : count // 4] = 1 / factor
-    off[0, count // 4 : count // 2] = 1 / factor
+    off[::2, count // 4 : count // 2] = 1 / factor
     tug = (
         pull
         * limits.force
@@ -71,7 +71,7 @@ def driven(plan: Excitation, factor: float, pull: float, count: int, seed: int) 
     axis = Axis(
         mass=limits.mass.value * off[0] if wrong else within("mass"),
         damping=limits.damping.value * off[1] if wrong else within("damping"),
-        coulomb=within("coulomb_friction"),
+        coulomb=limits.coulomb_friction.value * off[2] if wrong else within("coulomb_friction"),
         offset=within("force_offset") + tug,
         sample_time=limits.sample_time,
     )
@@ -128,6 +128,18 @@ def test_what_leaves_the_limits_is_named() -> None:
     assert {each.name for each in plan.beyond} == {"twice", "unplanned-1", "unplanned-2", "both"}
     kept = replace(plan, spec=plan.spec.model_copy(update={"travel": 10.0, "speed": 100.0}))
     assert kept.beyond == ()
+
+
+def test_friction_guessed_twice_too_large_goes_farther() -> None:
+    plan = plan_excitation(spec(duration=1.5, coulomb_friction=7.0))
+    mass, damping = plan.spec.mass.value / 2, plan.spec.damping.value / 2
+
+    def reached(coulomb: float) -> float:
+        light = Axis(mass=mass, damping=damping, coulomb=coulomb)
+        return float(np.max(np.abs(positions(light, plan.best.force[:, None]))))
+
+    travel = plan.worst[1].travel
+    assert 1.3 * reached(7.0) < reached(3.5) <= travel * (1 + ROUNDING)
 
 
 @pytest.mark.long

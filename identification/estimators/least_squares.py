@@ -258,7 +258,8 @@ class Regression:
 
     def forces(self, delays: Sequence[float]) -> FloatArray:
         """The filtered force with several delays in s, shape (delays, rows)."""
-        if self.logged.size and np.all(self.motion.moving):
+        logged = unknown_intervals(self.signals.steps, max(delays)) <= self.known
+        if logged and self.logged.size and np.all(self.motion.moving):
             return np.stack([self._shifted(delay) for delay in delays])
         known = self.filtered_forces
         missing = [delay for delay in dict.fromkeys(delays) if delay not in known]

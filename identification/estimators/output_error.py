@@ -198,8 +198,9 @@ def _has_friction(table: Regression, found: PositionFit) -> bool:
     at = table.model.parameters.index("coulomb_friction")
     unit, norms = unit_columns(found.jacobian.T)
     inverse = symmetric_inverse(unit.T @ unit)
-    variance = float(found.residual @ found.residual) / found.residual.size
-    return bool(found.values[at] > _CLEAR * np.sqrt(variance * inverse[at, at]) / norms[at])
+    variance = float(found.residual @ found.residual) / found.residual.size * inverse[at, at]
+    # Rounding makes that of what nothing tells negative.
+    return bool(variance >= 0 and found.values[at] > _CLEAR * np.sqrt(variance) / norms[at])
 
 
 def _turning(table: Regression, first: float, *, fits_delay: bool) -> PositionFit | None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.device.device import SlopeRange, UnmodelledForce
 from identification.errors import Finding
 from identification.estimators.estimate import (
     Estimate,
@@ -284,55 +283,6 @@ def _slow(balance: ForceBalance) -> float:
     spectrum = np.fft.rfft(left)
     spectrum[np.fft.rfftfreq(left.size, step) > SLOW] = 0
     return float(np.std(np.fft.irfft(spectrum, left.size)))
-
-
-#: Friction that the slope over speed does not cover, because it falls, depends on position or
-#: remembers, may make up this part of the force, both rms.
-_MOST_SHARE = 0.15
-_NAMED_SHARE = 0.01  # a kind named in a finding makes up at least this part of the force
-
-
-def unmodelled(
-    trajectory: Trajectory,
-    chosen: Estimate,
-    forces: Sequence[UnmodelledForce],
-    slope: SlopeRange,
-    fastest: float,
-) -> Iterator[Finding]:
-    """``unmodelled-force``: what the friction is, and the slopes that it has over speed."""
-    named = [each for each in forces if each.share >= _NAMED_SHARE] or forces[:1]
-    kinds = ", ".join(f"{each.words}, {each.share:.1%} of the force" for each in named)
-    uncovered = [each for each in forces if not each.rises]
-    refused = any(each.share > _MOST_SHARE for each in uncovered)
-    unit, speed = ("N·s/m", "m/s") if trajectory.motion == "linear" else ("N·m·s/rad", "rad/s")
-    seen = (
-        f"{trajectory.source} shows {kinds}; from rest to {fastest:.3g} {speed} the slope of "
-        f"friction runs from {slope.low:.4g} to {slope.high:.4g} {unit}, damping alone "
-        f"is {chosen.value('damping'):.4g}"
-    )
-    if uncovered:
-        needed = (
-            f"at most {_MOST_SHARE:.0%} of the force that does not rise with speed"
-            if refused
-            else "friction that rises with speed, every slope of which the certificate covers"
-        )
-        remedy = (
-            "Oil, align or exchange what rubs, free the cables, and log again; what is left must "
-            "be allowed for in the margin: no proof covers friction that falls or depends on "
-            "position."
-        )
-    else:
-        needed = "Coulomb friction and constant damping, or slopes that the certificate covers"
-        remedy = (
-            "The certificate takes every slope. A log at the speeds of use gives a narrower range."
-        )
-    yield Finding(
-        code="unmodelled-force",
-        severity="refusal" if refused else "warning",
-        seen=seen,
-        needed=needed,
-        remedy=remedy,
-    )
 
 
 #: A prediction may miss by this part of the rms force more than a fit of the part itself does; ...

@@ -413,7 +413,7 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         curve = friction_curve(prepared.table, prepared.delay)
     beyond: tuple[Finding, ...] = ()
     if curve is not None:
-        from identification.findings.forces import unmodelled
+        from identification.findings.friction import unmodelled
 
         chosen = _with_mass_of(curve, chosen)
         beyond = tuple(unmodelled(trajectory, chosen, curve.found, curve.slope, curve.fastest))

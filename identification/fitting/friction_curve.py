@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.device import Kind, SlopeRange, UnmodelledForce
+from identification.device.quantities import LARGEST
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
 from identification.fitting.stability_selection import (
@@ -226,6 +227,7 @@ class _Table:
         count = len(self.members[kind])
         value, own = fitted[-count:], covariance[-count:, -count:]
         deviations = np.sqrt(np.diag(own))
+        deviations = np.where(deviations > 0, deviations, np.inf)
         unit = value / deviations
         inverse = np.linalg.pinv(own / np.outer(deviations, deviations), hermitian=True)
         freedom = BLOCKS - count
@@ -322,7 +324,9 @@ def _curve(own: _Table, kinds: Sequence[Kind], forces: _Forces) -> FrictionCurve
         low, high = min(low, below), max(high, above)
     return FrictionCurve(
         found=tuple(UnmodelledForce(kind=kind, share=_share(own, fit, kind)) for kind in kinds),
-        slope=SlopeRange(low=low - float(moved[1]), high=high + float(moved[1])),
+        slope=SlopeRange(
+            low=max(low - float(moved[1]), -LARGEST), high=min(high + float(moved[1]), LARGEST)
+        ),
         fastest=forces.fastest,
         presliding=_presliding(fit, forces),
         mass=float(fit.values[0]),
@@ -358,6 +362,7 @@ def _presliding(fit: _Fit, forces: _Forces) -> SlopeRange | None:
     high = float(np.max(value + half))
     if high <= 0:
         return None
+    high = min(high, LARGEST)
     return SlopeRange(low=max(float(np.min(value)), _SOFTEST * high), high=high)
 
 

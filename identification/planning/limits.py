@@ -203,7 +203,7 @@ class ExcitationSpec(Document):
         )
 
 
-_WRONG = 2.0  # mass and damping may be this many times what was guessed, or this part of it
+_WRONG = 2.0  # mass, damping, friction may be this many times what was guessed, or this part of it
 #: An unplanned constant force, as part of the force limit: what a cable, a tilt of a degree or the
 #: bias of an amplifier makes.
 _UNPLANNED = (0.01, 0.02)
@@ -243,11 +243,12 @@ class Region:
         )
 
     def wrong(self, spec: ExcitationSpec, factor: float) -> Region:
-        """Wide enough for guesses of mass and damping that are wrong by a factor, either way."""
+        """Wide enough for guesses that are wrong by a factor, either way."""
         return replace(
             self,
             mass=_either_way(self.mass, spec.mass.value, factor),
             damping=_either_way(self.damping, spec.damping.value, factor),
+            friction=_either_way(self.friction, spec.coulomb_friction.value, factor),
         )
 
     def pulled(self, force: float) -> Region:
@@ -298,7 +299,7 @@ def _regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:
     unit = "N" if spec.motion == "linear" else "N·m"
     yield "stated", "the guesses as stated", stated
     twice = stated.wrong(spec, _WRONG)
-    yield "twice", f"mass and damping guessed {_WRONG:g} times wrong, either way", twice
+    yield "twice", f"mass, damping and friction {_WRONG:g} times wrong, either way", twice
     for part in _UNPLANNED:
         force = part * spec.force
         words = f"an unplanned constant force of {part:.0%} of the limit, {force:.3g} {unit}"

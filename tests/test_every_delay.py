@@ -31,13 +31,13 @@ def _drawn(seed: int) -> tuple[Trajectory, Hardware, Method, tuple[str, ...]]:
     )
     time = step * np.arange(samples)
     lines = dice.uniform(0.3, 12.0, int(dice.integers(1, 7)))
-    force = 4 * np.mean([np.sin(6.28 * hertz * time + hertz) for hertz in lines], axis=0)
+    force = 4 * np.sin(6.28 * lines[:, None] * time + lines[:, None]).mean(axis=0)
     if dice.random() < 0.2:
         force = 3 * np.sign(force)
     if dice.random() < 0.5:  # a warm-up without force
         force[: int(dice.integers(0, samples // 2))] = 0.0
     place = counted(positions(axis, force[:, None]), 10 ** dice.uniform(-6, -4))[:, 0]
-    uneven = time + step * dice.uniform(0, 0.3, samples) if dice.random() < 0.2 else time
+    uneven = time + step * dice.uniform(0, 0.3, samples) * float(dice.random() < 0.2)
     kept = dice.random(samples) > (0.02 if dice.random() < 0.2 else 0.0)
     reference = (place + 1e-3 * np.sin(5 * time))[kept] if dice.random() < 0.3 else None
     log = Trajectory(

@@ -155,6 +155,9 @@ _BACK = 0.15
 _RELEASE, _RISE = 0.25, 0.05
 #: Part of the run in which a program calls.
 _CALLED = 0.35
+#: Largest |h·p| of one integration step: damping is right to 0.5⁴/120 = 5e-4. Finer steps would
+#: take minutes where motion dies within a sample.
+_LARGEST_STEP = 0.5
 #: Growth of the energy over that of every contact before that is taken for none: what the friction
 #: of a fraction of a sample, between the wall and the reading that finds it, may make of it.
 _GROWTH = 0.01
@@ -281,6 +284,7 @@ def _played(
         push=np.maximum(steady[:, None], (of("pulse") * limit)[:, None] * pulse),
         watch=True,
         seed=seeds,
+        largest_step=_LARGEST_STEP,
     )
     assert seen.truth is not None
     net = steady - rigs.force_offset

@@ -45,8 +45,8 @@ _STRIDES = 6
 _UNREACHABLE = 1e3
 #: A constraint is kept if broken by less: programs ask for more than is needed.
 _KEPT = 1e-9
-#: How far inside all limits is far enough.
-_DEEP = 0.02
+#: How far inside all limits is far enough, and what part of the violation a step must take off.
+_DEEP, _STUCK = 0.02, 1e-2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -492,7 +492,8 @@ def least_violation(program: Program, rank: Rank, start: FloatArray) -> FloatArr
         rows = program_at.at(np.clip(start, lower, upper)).constraints
         worst = float(np.clip(np.nan_to_num(np.max(rows), nan=10.0), -_DEEP, 10.0))
         ends = np.append(lower, -_DEEP), np.append(upper, _UNREACHABLE)
-        z = _searched(objective, constraints, rows.size, np.append(start, worst), *ends)
+        begin = np.append(start, worst)
+        z = _searched(objective, constraints, rows.size, begin, *ends, relative=_STUCK)
         if z is None or not np.all(np.isfinite(z)):
             break
         y = z[:-1]
@@ -523,8 +524,10 @@ def _searched(
     lower: FloatArray,
     upper: FloatArray,
     tolerance: float = 1e-6,
+    *,
+    relative: float = 0.0,
 ) -> FloatArray | None:
-    """Where SLSQP ends; None where it fails."""
+    """Where SLSQP ends: a step gains less than either tolerance; None where it fails."""
     import nlopt
 
     solver = nlopt.opt(nlopt.LD_SLSQP, start.size)
@@ -537,6 +540,7 @@ def _searched(
     solver.set_maxtime(_SECONDS)
     solver.set_xtol_rel(1e-12)
     solver.set_ftol_abs(tolerance)
+    solver.set_ftol_rel(relative)
     try:
         return np.asarray(solver.optimize(np.clip(start, lower, upper)), dtype=np.float64)
     except Exception:  # noqa: BLE001 - its classes differ between versions; None says it failed

@@ -312,9 +312,13 @@ def _with_few_taps(
 
 
 def _thinned(channel: Channel, part: float, first: float) -> Channel:
-    """Taps of at least a part of the largest, and of one sample at least a part of the slope."""
+    """Taps of at least a part of the largest, and of one sample at least a part of the slope.
+
+    Weights are rounded: their last digits differ between processors.
+    """
+    constant = round_to_digits(channel.constant, _DIGITS)
     if not channel.taps:
-        return channel
+        return channel.model_copy(update={"constant": constant})
     most = max(tap.weight for tap in channel.taps)
     slope = sum(tap.weight * tap.samples for tap in channel.taps)
     weights = {1: first * slope}
@@ -324,7 +328,7 @@ def _thinned(channel: Channel, part: float, first: float) -> Channel:
         if tap.weight >= part * most
     }
     taps = (Tap(samples=n, weight=round_to_digits(w, _DIGITS)) for n, w in weights.items())
-    return channel.model_copy(update={"taps": tuple(taps)})
+    return channel.model_copy(update={"taps": tuple(taps), "constant": constant})
 
 
 def _nonlinearities(

@@ -40,7 +40,7 @@ _DIGITS = 4
 #: What a rank counts beside the one before it.
 _NEXT_RANK = 0.1
 #: Parts to which sizes that were good with other cut-offs are taken back until they are allowed.
-_RETREATS = (1.0, 0.98, 0.9, 0.75, 0.5, 0.25)
+_RETREATS = (1.0, 0.9995, 0.98, 0.9, 0.75, 0.5, 0.25)
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 1e-3
 #: This little is given for less filtering.

@@ -28,17 +28,12 @@ from identification.findings.force_balance import (
     least_squares_residual,
 )
 from identification.findings.forces import (
-    MOST_SLOW,
-    SLOW,
-    TREMOR,
-    Unlogged,
     cross_validation,
     cut_off_sensitivity,
-    hand,
     inertia,
     position_dependence,
-    unlogged,
 )
+from identification.findings.tremor import SLOW, TREMOR, Unlogged, hand, unlogged
 from identification.trajectory import NORMAL_95, Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -376,7 +371,7 @@ def _one_way(
             f"{trajectory.source} moves {sense} only: offset {sign} Coulomb friction is "
             f"{both:.4g} ± {spread:.2g}, and neither is known by itself"
         )
-    if left.shaking or left.slow >= MOST_SLOW * left.force:
+    if left.shaking or left.pushing:
         seen += (
             f"; forces that it does not log, {left.slow / left.force:.0%} of the force below "
             f"{SLOW:g} Hz and {left.tremor / left.force:.1%} at {TREMOR[0]:g} to {TREMOR[1]:g} Hz, "

@@ -19,7 +19,6 @@ from identification.estimators.estimate import (
 )
 from identification.findings.force_balance import (
     ForceBalance,
-    balance_at,
     even_sizes,
     least_squares_residual,
 )
@@ -32,8 +31,8 @@ _POWERS = (1, 2, 3)  # powers of position that stand for any smooth force over t
 _PARTS = 4  # parts a log is cut into, each left out in turn
 #: Of the mean square that mass, damping and friction leave over, position explains this part in
 #: rows it was not fitted on. Below, it may be chance.
-_LEAST_GAIN = 0.3
-_LEAST_SHARE = 0.02  # the rms force of position is at least this part of the rms force
+LEAST_GAIN = 0.3
+LEAST_SHARE = 0.02  # the rms force of position is at least this part of the rms force
 #: A shift of mass or damping by less than this part is beyond what these coarse rows can tell.
 _MATTERS = 0.05
 _REMEDY = (
@@ -47,13 +46,13 @@ def position_dependence(
 ) -> Iterator[Finding]:
     """``gravity``: a weight, a spring or a magnet whose force is not the same everywhere."""
     total = float(np.std(balance.force))
-    gain, force = _position_force(balance)
-    if gain >= _LEAST_GAIN and float(np.std(force)) >= _LEAST_SHARE * total:
+    gain, force = position_force(balance)
+    if gain >= LEAST_GAIN and float(np.std(force)) >= LEAST_SHARE * total:
         yield _uncarried(trajectory, balance, chosen, gain, force)
         return
-    force = _carried_force(balance)
+    force = carried_force(balance)
     share = float(np.std(force)) / total
-    if share < _LEAST_SHARE:
+    if share < LEAST_SHARE:
         return
     yield Finding(
         code="gravity",
@@ -61,7 +60,7 @@ def position_dependence(
         seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel and "
         f"{share:.0%} of the force rms, acts in {trajectory.source}; the estimate has a term "
         "for it",
-        needed=f"below {_LEAST_SHARE:.0%}",
+        needed=f"below {LEAST_SHARE:.0%}",
         remedy=_REMEDY,
     )
 
@@ -71,7 +70,7 @@ def _uncarried(
 ) -> Finding:
     columns = np.column_stack((balance.plant, balance.carried))
     plain = solve(columns, balance.force)
-    fuller = solve(np.column_stack((columns, _powers_of(balance.position))), balance.force)
+    fuller = solve(np.column_stack((columns, powers_of(balance.position))), balance.force)
     shifts = [
         (name, abs(float(fuller[index] - plain[index])), half_width(chosen, name))
         for index, name in enumerate(("mass", "damping"))
@@ -85,12 +84,12 @@ def _uncarried(
         severity="refusal" if refused else "warning",
         seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel, explains "
         f"{gain:.0%} of what the other terms leave over in {trajectory.source}; it shifts {moves}",
-        needed=f"shifts below {_MATTERS:.0%}" if refused else f"below {_LEAST_SHARE:.0%}",
+        needed=f"shifts below {_MATTERS:.0%}" if refused else f"below {LEAST_SHARE:.0%}",
         remedy=_REMEDY,
     )
 
 
-def _carried_force(balance: ForceBalance) -> FloatArray:
+def carried_force(balance: ForceBalance) -> FloatArray:
     """Force of the position terms of the estimate's model at each row, N."""
     carried = balance.carried
     if carried.shape[1] == 0:
@@ -99,7 +98,7 @@ def _carried_force(balance: ForceBalance) -> FloatArray:
     return carried @ weights[-carried.shape[1] :]
 
 
-def _position_force(balance: ForceBalance) -> tuple[float, FloatArray]:
+def position_force(balance: ForceBalance) -> tuple[float, FloatArray]:
     """How much of what the estimate's terms leave over position explains.
 
     Both where it was fitted and where it was not count, and the smaller share is taken: a part of
@@ -108,7 +107,7 @@ def _position_force(balance: ForceBalance) -> tuple[float, FloatArray]:
     Gives the share of the mean square, at most 1, and its force at each row, N, mean zero.
     """
     moving = balance.moving
-    powers = _powers_of(balance.position)
+    powers = powers_of(balance.position)
     plant = np.column_stack((balance.plant, balance.carried))
     table, norms = unit_columns(np.column_stack((plant, powers, balance.force))[moving])
     both, fewer = table.shape[1] - 1, plant.shape[1]
@@ -146,143 +145,11 @@ def _left(fitted: FloatArray, count: int, shown: FloatArray) -> float:
     return float(missed @ missed)
 
 
-def _powers_of(position: FloatArray) -> FloatArray:
+def powers_of(position: FloatArray) -> FloatArray:
     """Powers of position, -1 to 1 over the travel, shape (rows, 3)."""
     middle, half = (position.max() + position.min()) / 2, np.ptp(position) / 2
     unit = (position - middle) / (half if half > 0 else 1.0)
     return np.stack([unit**power for power in _POWERS], axis=1)
-
-
-#: Physiological tremor of hand and forearm, Hz, and the bands beside it that it is compared with
-#: (Elble and Koller, Tremor, 1990).
-TREMOR = (8.0, 12.0)
-_BELOW, _ABOVE = (4.5, 7.0), (14.0, 20.0)
-_HALF_WIDTH = 0.03  # half-width of the windows, s: they pass 85 % of a sine of 10 Hz
-_SLOWEST = 0.01  # steps longer than this do not show a tremor, s
-_PIECE = 2.0  # length of the pieces of the spectrum, s: bands of 2.5 Hz hold several lines
-_PEAK = 1.7  # the rest is this many times stronger in the band of tremor than beside it, ...
-#: ... its power there is this part of the force's own, or it is what a force excited there leaves
-#: behind, ...
-_UNDRIVEN = 0.04
-_LEAST_TREMOR = 0.015  # ... and its rms there is this part of the rms force.
-#: Above this part of the force the hand that trembles is as much in the log as the device is.
-_MOST_TREMOR = 0.1
-SLOW = 1.0  # slow motion of a hand, Hz, and the part of the rms force it may push with, unlogged
-MOST_SLOW = 0.15
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unlogged:
-    """Forces that the log does not know, at the pace of a hand."""
-
-    tremor: float  # rms at TREMOR, N
-    peak: float  # power there against that beside it, 0 where the force itself is strong there
-    slow: float  # rms below 1 Hz, a force of position taken out, N
-    #: rms of the force that these are judged against, N: of its changes, or of all of it in motion
-    #: one way, where a steady force is what keeps the device moving
-    force: float
-
-    @property
-    def shaking(self) -> bool:
-        """Whether the tremor stands out and is more than a trace of the force."""
-        return self.peak >= _PEAK and self.tremor >= _LEAST_TREMOR * self.force
-
-    @property
-    def much(self) -> bool:
-        """Whether what pushed so is as much in the estimate as the device is."""
-        shaken = self.shaking and self.tremor >= _MOST_TREMOR * self.force
-        return shaken or self.slow >= MOST_SLOW * self.force
-
-
-def unlogged(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Unlogged:
-    """Forces at the pace of a hand that mass, damping, friction and offset leave over."""
-    tremor, peak = _tremor(trajectory, chosen)
-    steady = float(np.mean(balance.force)) if balance.one_way else 0.0
-    force = float(np.hypot(np.std(balance.force), steady))
-    return Unlogged(tremor=tremor, peak=peak, slow=_slow(balance), force=force)
-
-
-def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Iterator[Finding]:
-    """``hand-on-device``: forces that the log does not know, at the pace of a hand.
-
-    Tremor alone disturbs like noise and widens the intervals: a warning. With a spring to the body,
-    or as strong as the excitation, the mass and damping of the hand are in the estimate: a refusal.
-
-    In motion one way nothing is called a hand. Ripple once a turn, a load and friction that varies
-    look the same there, and a force of position is one of time; ``excitation`` says so instead.
-    """
-    if balance.one_way or not (left.shaking or left.slow >= MOST_SLOW * left.force):
-        return
-    gain, force = _position_force(balance)
-    carried = _carried_force(balance) + (force if gain >= _LEAST_GAIN else 0.0)
-    spring = float(np.std(carried)) >= _LEAST_SHARE * left.force
-    refused = spring or left.much
-    seen = [f"forces that {trajectory.source} does not log:"]
-    if left.shaking:
-        seen.append(
-            f"tremor of {left.tremor:.3g} rms at {TREMOR[0]:g} to {TREMOR[1]:g} Hz, "
-            f"{left.peak:.0f} times the power beside that band,"
-        )
-    seen.append(f"{left.slow / left.force:.0%} of the force below {SLOW:g} Hz")
-    seen.append("and a spring to the body" if spring else "")
-    yield Finding(
-        code="hand-on-device",
-        severity="refusal" if refused else "warning",
-        seen=" ".join(seen).strip(),
-        needed=f"no spring, tremor below {_MOST_TREMOR if refused else _LEAST_TREMOR:.1%} and "
-        f"slow force below {MOST_SLOW:.0%} of the force",
-        remedy="Take the hand off while logging: its mass, damping and stiffness are read as "
-        "the device's.",
-    )
-
-
-def _tremor(trajectory: Trajectory, chosen: Estimate) -> tuple[float, float]:
-    """Rms of the rest in the band of tremor, N, and its power there against that beside it.
-
-    The latter is 0 where the force itself is so strong in the band that its rest may be an error
-    of the model.
-    """
-    shortest = _PIECE / 2
-    if trajectory.sample_time > _SLOWEST or np.ptp(trajectory.time) < shortest:
-        return 0.0, 0.0
-    rows = balance_at(trajectory, _HALF_WIDTH, chosen.delay)
-    step = float(np.median(np.diff(rows.time)))
-    piece = min(len(rows), round(_PIECE / step))
-    if piece * step < shortest:
-        return 0.0, 0.0
-    frequency = np.fft.rfftfreq(piece, step)
-    left, driven = (_density(each, step, piece) for each in (rows.unexplained(), rows.force))
-
-    def power(density: FloatArray, band: tuple[float, float]) -> float:
-        return float(np.mean(density[(frequency >= band[0]) & (frequency <= band[1])]))
-
-    inside = power(left, TREMOR)
-    beside = float(np.sqrt(power(left, _BELOW) * power(left, _ABOVE)))
-    rms = float(np.sqrt(inside * (TREMOR[1] - TREMOR[0])))
-    if beside == 0 or inside < _UNDRIVEN * power(driven, TREMOR):
-        return rms, 0.0
-    return rms, inside / beside
-
-
-def _density(column: FloatArray, step: float, piece: int) -> FloatArray:
-    """One-sided power spectral density of pieces that overlap by half, N²/Hz.
-
-    Each less its mean and tapered (Welch, IEEE Transactions on Audio and Electroacoustics 15, 1967,
-    p. 70).
-    """
-    window = np.hanning(piece + 1)[:-1]
-    pieces = np.lib.stride_tricks.sliding_window_view(column, piece)[:: piece - piece // 2]
-    lines = np.fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * window)
-    return 2 * step / float(window @ window) * np.mean(np.abs(lines) ** 2, axis=0)
-
-
-def _slow(balance: ForceBalance) -> float:
-    """Rms of what is left over below SLOW, a force of position taken out, N."""
-    left = balance.unexplained(_powers_of(balance.position), balance.carried)
-    step = float(np.median(np.diff(balance.time)))
-    spectrum = np.fft.rfft(left)
-    spectrum[np.fft.rfftfreq(left.size, step) > SLOW] = 0
-    return float(np.std(np.fft.irfft(spectrum, left.size)))
 
 
 #: A prediction may miss by this part of the rms force more than a fit of the part itself does; ...

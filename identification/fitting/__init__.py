@@ -1,11 +1,4 @@
-"""One log to one estimate: its most excited part, the terms it asks for, the method believed.
-
-Hausman's test tells whether an efficient and a robust estimate of one log say the same. Where the
-model is right both are, and the efficient one leaves no error that the robust one could share: the
-variance of their difference is the difference of their variances (Hausman, Econometrica 46, 1978,
-p. 1251). So a robust answer that is hardly known contradicts nothing, and one that is as sharp as
-the efficient one contradicts at once.
-"""
+"""One log to one estimate: its most excited part, the terms it asks for, the method believed."""
 
 from __future__ import annotations
 
@@ -33,6 +26,7 @@ from identification.estimators.least_squares import (
 from identification.findings import judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
+from identification.fitting.hausman import contradiction, region
 from identification.trajectory import (
     NORMAL_95,
     Trajectory,
@@ -154,52 +148,6 @@ def _estimator(method: str) -> _Estimator:
     """The file of one method; only those that a log needs are loaded."""
     module = import_module(f"identification.estimators.{method.replace('-', '_')}")
     return cast("_Estimator", module)
-
-
-#: The square of the difference by its variance, of two parameters, that chance exceeds as often as
-#: a normal variable three of its deviations: -2·log(0.0027).
-CONTRADICTED = 11.83
-#: Each variance is known to some 18 % (sixty blocks left out in turn), so their difference is not
-#: told from zero below this part of the larger one.
-_RESOLVED = 0.25
-_FAR = 1e6  # deviations beyond which it does not matter how many they are
-
-
-def region(estimate: Estimate) -> float:
-    """Area of the joint region of mass and damping, up to a factor all estimates share."""
-    joint = estimate.covariance[:2, :2]
-    return float(np.sqrt(max(np.linalg.det(joint), 0.0)))
-
-
-def statistic(efficient: Estimate, robust: Estimate) -> float:
-    """Square of the difference of mass and damping by its variance; χ² of 2 if the model is right.
-
-    In directions in which the efficient one is not the sharper of the two, nothing is known of
-    what they share, and the largest variance their difference can have is taken.
-    """
-    size = np.sqrt(np.maximum(np.diag(robust.covariance)[:2], np.finfo(float).tiny))
-    scale = np.outer(size, size)
-    apart = (efficient.values[:2] - robust.values[:2]) / size
-    values, vectors = np.linalg.eigh(robust.covariance[:2, :2] / scale)
-    # Directions in which the robust variance is 1; one that rounding left without any keeps a bit.
-    axes = vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
-    shares, turned = np.linalg.eigh(axes.T @ (efficient.covariance[:2, :2] / scale) @ axes)
-    shares = np.maximum(shares, 0.0)
-    moved = (axes @ turned).T @ apart
-    deviation = np.where(
-        shares < 1, np.sqrt(np.maximum(1 - shares, _RESOLVED)), 1 + np.sqrt(shares)
-    )
-    return float(np.sum(np.minimum(np.abs(moved) / deviation, _FAR) ** 2))
-
-
-def contradiction(efficient: Estimate, robust: Estimate) -> str:
-    """What an efficient estimate says that a robust one excludes; "" if it excludes nothing."""
-    if statistic(efficient, robust) <= CONTRADICTED:
-        return ""
-    return ", ".join(
-        f"{name} {efficient.value(name):.4g} instead of {robust.value(name):.4g}"
-        for name in ("mass", "damping")
-    )
 
 
 #: A residual of at most this many counts rms is the encoder's own, whatever its colour: rounding
@@ -469,8 +417,10 @@ _ASKED_FOR = 1.0
 #: Friction cannot be negative. Down to this many deviations below zero it is nothing but chance;
 #: below that something else is wrong, and it stays for all to see.
 _NEGATIVE_BY_CHANCE = 3.0
-#: Sine and cosine of the position are told from a straight line over this range, rad.
+#: A rotary axis that swings further, rad, is taken for a pendulum, another for one on a spring, ...
 _WIDE_SWING = 0.5
+#: ... unless the other law leaves less than this part of the mean square that this one leaves.
+_BETTER_LAW = 0.9
 
 
 def distinguishable_terms(trajectory: Trajectory) -> Model:
@@ -491,21 +441,16 @@ def distinguishable_terms(trajectory: Trajectory) -> Model:
 def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | None]:
     """The log with those further terms that pay for themselves, and what sparse regression says.
 
-    For a log of which position noise does not explain all. Direction-dependent friction and
-    gravity are fitted as well, and a term stays if the square of its value over its deviation
-    exceeds the logarithm of the number of rows, its price in Schwarz's criterion (Annals of
-    Statistics 6, 1978, p. 461), and if sparse regression on resampled halves of the log asks for
-    it too. The deviation is robust, so colour does not buy a term. It has to pay in
-    least squares, which cost little and see what the sparse regression sees, before it is put
-    into the model of a dearer method.
+    For a log of which position noise does not explain all. Friction by direction and a law of
+    position stay if the square of their value over their robust deviation exceeds the logarithm of
+    the number of rows, the price in Schwarz's criterion (Annals of Statistics 6, 1978, p. 461), in
+    least squares and in the estimate believed, and if sparse regression on resampled halves of the
+    log asks for them too.
     """
-    model, trajectory = prepared.model, prepared.trajectory
+    model, rotary = prepared.model, prepared.trajectory.motion == "rotary"
     plausible = prepared.fit("least-squares").value("mass") > 0
-    gravity: Gravity = "proportional"
-    if trajectory.motion == "rotary" and np.ptp(trajectory.position) > _WIDE_SWING:
-        gravity = "pendulum"
-    largest = replace(model, directional=model.coulomb and model.offset, gravity=gravity)
-    wide = prepared.widened(largest)
+    wide = _with_law_of_position(prepared)
+    largest = wide.model
     groups = [
         names
         for names in (("damping_asymmetry",), largest.of_gravity)
@@ -513,34 +458,51 @@ def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | N
     ]
     if not groups:
         return prepared, None
-    wide = wide.narrowed(_with(model, [name for names in groups for name in names], gravity))
+    wide = wide.narrowed(_with(model, groups, largest))
     estimate, _ = robust(wide)
     paying = {names: _pays(estimate, names) for names in groups}
     # A controller looks like a spring against the motion: only a weight may turn the sign of mass.
-    weight = gravity == "pendulum" or estimate.value("position_stiffness") > 0
+    weight = largest.gravity == "pendulum" or estimate.value("position_stiffness") > 0
     if not any(paying.values()) or not (plausible or (estimate.value("mass") > 0 and weight)):
         return prepared, None
     from identification.fitting.stability_selection import structure_of
 
-    second_opinion = structure_of(wide.table, wide.delay, rotary=trajectory.motion == "rotary")
+    second_opinion = structure_of(wide.table, wide.delay, rotary=rotary)
     asked = [
-        name
+        names
         for names, pays in paying.items()
-        for name in names
-        if pays and (second_opinion is None or set(names) & set(second_opinion.asked))
+        if pays and (second_opinion is None or _asks(second_opinion, names))
     ]
-    found = _with(model, asked, gravity)
+    found = _with(model, asked, largest)
     return prepared if found == model else wide.narrowed(found), second_opinion
 
 
-def _with(model: Model, names: Collection[str], gravity: Gravity) -> Model:
-    """The model with those further terms."""
-    of_gravity = replace(model, gravity=gravity).of_gravity
-    return replace(
-        model,
-        directional="damping_asymmetry" in names,
-        gravity=gravity if set(of_gravity) <= set(names) else "none",
-    )
+def _with_law_of_position(prepared: PreparedLog) -> PreparedLog:
+    """The log with friction by direction and the law of position that explains it best."""
+    model, trajectory = prepared.model, prepared.trajectory
+    laws: list[Gravity] = ["proportional"]
+    if trajectory.motion == "rotary":
+        laws.insert(int(np.ptp(trajectory.position) <= _WIDE_SWING), "pendulum")
+    model = replace(model, directional=model.coulomb and model.offset, gravity=laws[0])
+    usual = prepared.widened(model)
+    for law in laws[1:]:
+        other = usual.narrowed(replace(model, gravity=law))
+        left, before = (1 - each.fit("least-squares").explained for each in (other, usual))
+        if left < _BETTER_LAW * before:
+            return prepared.widened(other.model)
+    return usual
+
+
+def _asks(structure: Structure, names: tuple[str, ...]) -> bool:
+    """Whether sparse regression asks for a term of a group; a line stands for any law of place."""
+    law = "damping_asymmetry" not in names and "position_stiffness" in structure.asked
+    return law or bool(set(names) & set(structure.asked))
+
+
+def _with(model: Model, groups: Collection[tuple[str, ...]], largest: Model) -> Model:
+    """The model with those further groups of the terms of the largest."""
+    gravity = largest.gravity if largest.of_gravity in groups else "none"
+    return replace(model, directional=("damping_asymmetry",) in groups, gravity=gravity)
 
 
 def _pays(estimate: Estimate, names: tuple[str, ...]) -> bool:

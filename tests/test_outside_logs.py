@@ -8,7 +8,8 @@ from tests.outside_logs import KINDS, judged, outside_log, table_of
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed"), [("clean-open", 1), ("clean-servo", 1), ("cogging", 2), ("pendulum-bare", 1)]
+    ("kind", "seed"),
+    [("clean-open", 1), ("clean-servo", 1), ("cogging", 2), ("pendulum-bare", 3), ("spring", 1)],
 )
 def test_a_usable_log_is_accepted_and_right(kind: str, seed: int) -> None:
     log = outside_log(kind, seed)
@@ -25,6 +26,11 @@ def test_friction_beyond_the_model_is_named_and_covered(kind: str) -> None:
     assert "unmodelled-force" in found.codes
     assert not found.wrong
     assert not found.low_above
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("spring-to-tremor", 3), ("lag", 0), ("mode", 6)])
+def test_what_the_logged_force_explains_is_no_hand(kind: str, seed: int) -> None:
+    assert "hand-on-device" not in judged(outside_log(kind, seed)).codes
 
 
 def test_a_hand_is_refused_or_named() -> None:

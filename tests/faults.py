@@ -390,7 +390,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "identification/fitting/hausman.py",
+        "identification/estimators/estimate.py",
         "tests/test_choice.py",
         ("an estimate that another contradicts", "CONTRADICTED = 11.83", "CONTRADICTED = 1e9"),
     ),

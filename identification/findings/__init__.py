@@ -28,12 +28,16 @@ from identification.findings.force_balance import (
     least_squares_residual,
 )
 from identification.findings.forces import (
+    SLOW,
+    TREMOR,
+    Unlogged,
     cross_validation,
     cut_off_sensitivity,
+    hand,
     inertia,
     position_dependence,
+    unlogged,
 )
-from identification.findings.tremor import SLOW, TREMOR, Unlogged, hand, unlogged
 from identification.trajectory import NORMAL_95, Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -13,7 +13,15 @@ from identification.device.hardware import Hardware
 from identification.device.quantities import Quantity
 from identification.errors import Finding
 from identification.estimators import GIVEN_A_DELAY
-from identification.estimators.estimate import Estimate, Gravity, Model, PointEstimate, half_width
+from identification.estimators.estimate import (
+    Estimate,
+    Gravity,
+    Model,
+    PointEstimate,
+    contradiction,
+    half_width,
+    region,
+)
 from identification.estimators.filters import is_coloured
 from identification.estimators.least_squares import (
     CUT_OFF_RANGE,
@@ -26,7 +34,6 @@ from identification.estimators.least_squares import (
 from identification.findings import judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
-from identification.fitting.hausman import contradiction, region
 from identification.trajectory import (
     NORMAL_95,
     Trajectory,

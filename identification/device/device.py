@@ -63,7 +63,7 @@ _WHERE = (
 #: Devices that come with haptune.
 _FOLDER = Path(__file__).parent / "named"
 
-Kind = Literal["drag", "falling", "place", "position", "memory"]
+Kind = Literal["drag", "falling", "place", "position", "memory", "drift"]
 #: What each kind is called in a sentence.
 KINDS: dict[Kind, str] = {
     "drag": "drag that grows faster than speed",
@@ -71,6 +71,7 @@ KINDS: dict[Kind, str] = {
     "place": "damping that depends on position",
     "position": "a force of position (cogging, a cable's pull)",
     "memory": "friction with a memory (presliding, cables)",
+    "drift": "friction that changes while it is logged (warming)",
 }
 
 

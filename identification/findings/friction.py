@@ -58,9 +58,9 @@ def unmodelled(
             else "friction that rises with speed, every slope of which the certificate covers"
         )
         remedy = (
-            "Oil, align or exchange what rubs, free the cables, and log again; what is left must "
-            "be allowed for in the margin: no proof covers friction that falls or depends on "
-            "position."
+            "Oil, align or exchange what rubs, free the cables, warm up, and log again; what is "
+            "left must be allowed for in the margin: no proof covers friction that falls, drifts "
+            "or depends on position."
         )
     else:
         needed = "Coulomb friction and constant damping, or slopes that the certificate covers"

@@ -2,11 +2,11 @@
 
 Every kind of force that the model lacks is put to the log in turn, as a few columns that follow any
 force of that kind closely enough to find it, and to give mass and damping without it: powers of
-speed, bells of speed for friction that falls, waves of position, and stop operators. A kind is
-found if its columns take more away from the residual than chance does, whatever the colour of the
-residual (Wald's test with a covariance by leaving out blocks), and if sparse regression on random
-halves of the log asks for them again and again. The kind that takes away most is taken first, and
-the others have to find something beside it.
+speed, bells of speed for friction that falls, waves of position, stop operators and parabolas of
+time for friction that drifts. A kind is found if its columns take more away from the residual than
+chance does, whatever the colour of the residual (Wald's test with a covariance by leaving out
+blocks), and if sparse regression on random halves of the log asks for them again and again. The
+kind that takes away most is taken first, and the others have to find something beside it.
 
 What a loop feels of friction is the slope of its curve over speed where it works. With the kinds
 found in the regression the slope is known from rest to the fastest speed seen; what they leave over
@@ -49,8 +49,8 @@ _DAMPING_WAVES = 8
 _WAVES = 16
 #: Widths of the springs that yield, parts of the travel.
 _WIDTHS = (0.15, 0.05, 0.015, 0.005, 0.0015)
-#: Speeds and places at which slopes are taken.
-_SPEEDS, _PLACES = 21, 65
+#: Speeds, places and times at which slopes are taken.
+_SPEEDS, _PLACES, _TIMES = 21, 65, 9
 #: Probability that a kind is found by chance, for each kind and log.
 _CHANCE = 1e-6
 #: What a kind takes away from the residual is at least this part of the force, both rms. Less moves
@@ -62,6 +62,7 @@ _LEAST: dict[Kind, float] = {
     "memory": 0.003,
     "place": 0.007,
     "position": 0.007,
+    "drift": 0.003,
 }
 #: ... and this part of what is left, mean squares: the first of all, and a further one. Position
 #: also follows what a controller answers to forces nobody logged: up to 0.35 of what is left in 200
@@ -121,6 +122,10 @@ class _Forces:
         if kind == "place":
             place = np.quantile(self._place, np.linspace(0.01, 0.99, _PLACES))
             return np.stack(list(_waves(place, _DAMPING_WAVES)), axis=1) / self.fastest
+        if kind == "drift":
+            time = np.linspace(-1.0, 1.0, _TIMES)
+            slopes = np.stack((time, time**2), axis=1) / self.fastest
+            return np.column_stack((slopes, np.zeros_like(slopes)))
         count = {"falling": len(_BELLS), "position": 1 + 2 * _WAVES, "memory": 1 + len(_WIDTHS)}
         return np.zeros((1, count[kind]))
 
@@ -151,11 +156,13 @@ class _Forces:
         unit = self._speed / self.fastest
         place, sense = self._place, self.table.motion.direction.mean()
         stops = stop_operators(position, [width * np.ptp(position) for width in _WIDTHS])
+        time = np.linspace(-1.0, 1.0, unit.size)
         yield "drag", [np.abs(unit) * unit, unit**3]
         yield "falling", [sense * np.exp(-((unit / width) ** 2)) for width in _BELLS]
         yield "place", [unit * wave for wave in _waves(place, _DAMPING_WAVES)]
         yield "position", [place, *_waves(place, _WAVES)]
         yield "memory", [place, *((stop[1:] + stop[:-1]) / 2 for stop in stops)]
+        yield "drift", [each * power for each in (unit, sense) for power in (time, time**2)]
 
 
 def _waves(place: FloatArray, count: int) -> Iterator[FloatArray]:

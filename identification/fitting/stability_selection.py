@@ -65,6 +65,8 @@ _HURDLE = 3.8
 #: A term below this part of the rms force is not asked for however sure it is: amplifiers and
 #: calibrations are no better, and mass and damping hardly notice.
 _LEAST_SHARE = 0.01
+#: Part of the mean square of a smoothed velocity that may be noise of position.
+_SPEED_NOISE = 1e-4
 #: Names in the report.
 _WORDS = {
     "coulomb_friction": "Coulomb friction",
@@ -523,10 +525,17 @@ def candidate_columns(table: Regression, *, rotary: bool) -> dict[str, FloatArra
 
 
 def smooth_speed(table: Regression) -> FloatArray:
-    """Velocity of each interval, smooth enough that its square is not mostly noise."""
+    """Velocity of each interval, as smooth as noise of position asks for and no more.
+
+    White noise of deviation σ has σ²·h/(4·√π·w³) of variance in the velocity under a bell of
+    deviation w. The low-pass of the table, which is set by the acceleration, is the widest.
+    """
     from scipy.ndimage import gaussian_filter1d
 
-    width = width_of(table.cut_off.frequency) / table.signals.step
-    return np.asarray(
-        gaussian_filter1d(table.signals.speed, width, mode="nearest"), dtype=np.float64
+    signals = table.signals
+    noisy = signals.noise**2 * signals.step / (4 * np.sqrt(np.pi) * _SPEED_NOISE)
+    width = (
+        min(float(np.cbrt(noisy / np.var(signals.speed))), width_of(table.cut_off.frequency))
+        / signals.step
     )
+    return np.asarray(gaussian_filter1d(signals.speed, width, mode="nearest"), dtype=np.float64)

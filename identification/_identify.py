@@ -435,17 +435,20 @@ def _sample_time_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
 
 
 def _delay_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
-    """The delay stated, or the interval that the logs allow, up to one sample at least.
+    """The delay stated, with what contradicts it, or what logs allow, up to one sample at least.
 
     A loop that computes between reading and commanding is later than one that plays a plan.
     """
     stated = _mark_stated(hardware.delay)
-    if stated is not None:
+    found = [fit.delay for fit in fits if fit.delay is not None]
+    if stated is not None and not found:
         return stated
     least = _sample_time_of(fits, Hardware()).value
-    found = [fit.delay for fit in fits if fit.delay is not None]
     low = min(each.value - NORMAL_95 * each.deviation for each in found)
     high = max(each.value + NORMAL_95 * each.deviation for each in found)
+    if stated is not None:  # contradicted: whichever is right
+        ends = {"low": max(min(low, stated.low), 0.0), "high": max(high, stated.high)}
+        return stated.model_copy(update=ends)
     value = max(each.value for each in found)
     return quantity(max(value, least), max(low, 0.0), max(high, least), source="log")
 

@@ -216,15 +216,52 @@ def _other(mass: float) -> Trajectory:
     return log(force[:, 0], place[:, 0])
 
 
-def test_a_delay_beyond_the_scan_is_refused_and_a_stated_one_is_not_doubted() -> None:
-    axis = Axis(coulomb=0.8, delay=9 * STEP)
+def late_by(delay: float, step: float = STEP) -> Trajectory:
+    axis = Axis(coulomb=0.8, delay=delay, sample_time=step)
     generator = np.random.default_rng(6)
     force = multisine(generator, samples=8000, runs=1, axis=axis)
     push = 5e-3 * generator.standard_normal(force.shape)
     place = counted(positions(axis, force, disturbance=push), COUNT)
-    late = log(force[:, 0], place[:, 0])
+    return log(force[:, 0], place[:, 0], step * np.arange(8000))
+
+
+def test_a_delay_beyond_the_scan_is_refused_and_a_stated_one_is_not_doubted() -> None:
+    late = late_by(14 * STEP)
     assert "delay-unknown" in refusals(late)
-    assert "delay-unknown" not in warnings(late, Hardware(delay=quantity(9 * STEP)))
+    assert "delay-unknown" not in warnings(late, Hardware(delay=quantity(14 * STEP)))
+
+
+@pytest.mark.parametrize(
+    ("delay", "step"), thinned([(9.3e-3, 2e-4), (0.0072, 1e-3), (0.0035, 2e-3)], 1)
+)
+def test_a_delay_is_looked_for_up_to_ten_milliseconds_at_any_rate(
+    delay: float, step: float
+) -> None:
+    late = late_by(delay, step)
+    findings, found = findings_of(late)
+    assert "delay-unknown" not in {each.code for each in findings}
+    assert found is not None
+    seen = found.logs[0].delay
+    assert seen is not None
+    assert seen.value == pytest.approx(delay, abs=0.02 * step)
+    assert warnings(late, Hardware(delay=quantity(delay))) == set()
+
+
+@pytest.mark.parametrize("samples", [-1, 1])
+def test_a_stated_delay_that_is_a_sample_wrong_is_contradicted_once(samples: int) -> None:
+    delay = 2.4 * STEP
+    stated = quantity(delay + samples * STEP)
+    findings, found = findings_of(late_by(delay), Hardware(delay=stated))
+    doubted = [each for each in findings if each.code == "delay-unknown"]
+    assert len(doubted) == 1
+    assert f"the hardware states {stated.value * 1e3:.4g} ms" in doubted[0].seen
+    assert found is not None
+    device = found.device
+    assert device.mass.low <= 3 <= device.mass.high
+    assert device.damping.low <= 10 <= device.damping.high
+    # Nobody knows which is right, so the device holds both.
+    assert device.delay.low <= min(delay, stated.value) + 1e-9
+    assert device.delay.high >= max(delay, stated.value)
 
 
 def test_standing_under_a_changing_force() -> None:

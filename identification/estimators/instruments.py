@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from identification.estimators.estimate import Estimate, PointEstimate, spread, unit_columns
 from identification.estimators.least_squares import (
-    MOST_SAMPLES,
     Drive,
     Regression,
     complete_estimate,
+    longest_delay,
 )
 from identification.estimators.motion import Motion
 from identification.estimators.signals import Commands, Gain, HeldColumn, HeldResponse, of_rows
@@ -104,8 +104,7 @@ def _improved(
     solved = _solve(tests, columns, force)
     residual = force - solved @ columns
     if fits_delay:
-        most = MOST_SAMPLES * table.signals.step
-        delay = float(np.clip(delay + solved[-1], 0.0, most))
+        delay = float(np.clip(delay + solved[-1], 0.0, longest_delay(table.signals.step)))
     moved = float(np.linalg.norm((solved - last) @ columns))
     return _Solution(
         values=solved[: values.size],

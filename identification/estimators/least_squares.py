@@ -72,19 +72,17 @@ _NUDGE = 0.05
 #: The cut-off is divided and multiplied by this to see whether the estimate leans on it; half of
 #: the difference is one more standard deviation.
 CUT_OFF_RANGE = 2.0
-#: Longest delay looked for, sample times; a longer one is to be stated.
-MOST_SAMPLES = 4
+#: Longest delay looked for, s, and sample times at least; a longer one is to be stated.
+_LONGEST_DELAY, _LONGEST_SAMPLES = 0.010, 4
 #: Fastest |p| searched, per sample: there nothing of a motion is left after one, and no log tells a
 #: faster one. A bound that a device may reach would be taken for its rate.
 _FASTEST = 50.0
 #: Fastest growth searched, per log: e^50 exceeds any travel.
 _GROWTH = 50.0
-#: Steps of the scan per sample time, ...
-_STEPS_PER_SAMPLE = 2
-#: ... and the finer steps about the best, samples, each with a parabola through the best three.
-_FINER = (0.25, 0.05, 0.01)
-#: Standard deviation of a delay nothing is known about but that it lies within the scan.
-_IGNORANCE = MOST_SAMPLES / np.sqrt(12)
+#: Steps of the scan, s, and sample times at least, ...
+_SCAN_STEP, _SCAN_SAMPLES = 2.5e-4, 0.5
+#: ... and the finer steps about the best, parts of it, each with a parabola through the best three.
+_FINER = (0.5, 0.1, 0.02)
 #: Scans: the direction of motion is refined at the delay of the scan before.
 _ROUNDS = 2
 #: Samples of the rough scan, from the middle of the log.
@@ -390,7 +388,7 @@ class Drive:
     @property
     def delays(self) -> tuple[float, float]:
         """Delays searched, s."""
-        return 0.0, MOST_SAMPLES * mean_step(self.steps)
+        return 0.0, longest_delay(mean_step(self.steps))
 
 
 def prepare(
@@ -483,36 +481,40 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
     )
 
 
+def longest_delay(step: float) -> float:
+    """The longest delay that is looked for in a log with a sample time, both in s."""
+    return max(_LONGEST_DELAY, _LONGEST_SAMPLES * step)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delay:
     """A delay read from a log."""
 
     value: float  # s
     deviation: float  # standard deviation, s
-    #: root mean square of the filtered residual at 0, 1, ... whole samples, N.
-    residuals: tuple[float, ...]
 
 
 def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
-    """The delay, 0 to MOST_SAMPLES samples, at which least squares leaves the smallest residual.
+    """The delay, up to the longest looked for, at which least squares leaves the least residual.
 
     Delaying a force and adding damping look alike in a log of a single frequency; then the
     deviation is large, and so becomes the interval of the damping. The regression has as many known
     intervals as the longest delay needs.
     """
     step = table.signals.step
-    grid = np.arange(MOST_SAMPLES * _STEPS_PER_SAMPLE + 1) / _STEPS_PER_SAMPLE
+    most = longest_delay(step) / step
+    width = max(_SCAN_STEP / step, _SCAN_SAMPLES)
+    grid = np.linspace(0, most, 1 + int(np.ceil(most / width)))
     # The rough scan needs no more than a part of a long log.
     first = max(0, (len(trajectory) - _ROUGH) // 2)
     part = table
     if len(trajectory) > _ROUGH:
         middle = trajectory.part(slice(first, first + _ROUGH))
-        most = MOST_SAMPLES * middle.sample_time
-        part = prepare(middle, table.model, most, refine=False)
-    costs, best = np.empty(0), 0.0
+        longest = longest_delay(middle.sample_time)
+        part = prepare(middle, table.model, longest, refine=False)
+    best = 0.0
     for _ in range(_ROUNDS):
-        costs = _costs(part, _basis(part), grid)
-        best = _lowest(grid, costs)
+        best = _lowest(grid, _costs(part, _basis(part), grid))
         before, part = part, part.refined(best * step)
         if part is before:
             break
@@ -523,22 +525,28 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
         before, table = table, table.refined(best * step)
         if table is not before or not basis.size:
             basis = _basis(table)
-        near = np.clip(best + finer * np.array([-1.0, 0.0, 1.0]), 0.0, MOST_SAMPLES)
+        near = np.clip(best + finer * width * np.array([-1.0, 0.0, 1.0]), 0.0, most)
         best = _lowest(near, _costs(table, basis, near))
-    force = table.force(best * step)
-    residual = force - table.solve(best * step) @ table.columns
-    # F(t - d) changes with d by its slope; beside the other columns that tells how well d is known.
-    low, high = max(best - 0.5, 0.0), min(best + 0.5, float(MOST_SAMPLES))
-    slope = (table.force(high * step) - table.force(low * step)) / ((high - low) * step)
-    around = spread(np.vstack((-slope, table.columns)), residual, 1, signal=force)
-    variance = max(float(around.covariance[0, 0]), 0.0)
-    deviation = min(float(np.sqrt(variance)), float(_IGNORANCE) * step)
-    whole = costs[::_STEPS_PER_SAMPLE]
-    return Delay(
-        value=best * step,
-        deviation=deviation,
-        residuals=tuple(float(np.sqrt(max(cost, 0.0) / force.size)) for cost in whole),
-    )
+    # Nothing is known of a delay but that it lies within the scan.
+    ignorance = most / np.sqrt(12)
+    deviation = min(shift_of_delay(table, best * step).deviation, ignorance * step)
+    return Delay(value=best * step, deviation=deviation)
+
+
+def shift_of_delay(table: Regression, delay: float) -> Delay:
+    """How much later than assumed the force acts, s: one step of Gauss and Newton from a delay.
+
+    F(t - d) changes with d by its slope; beside the other columns that tells how well d is known.
+    """
+    step = table.signals.step
+    low, high = max(delay - step / 2, 0.0), delay + step / 2
+    slope = (table.force(high) - table.force(low)) / (high - low)
+    columns, force = np.vstack((-slope, table.columns)), table.force(delay)
+    unit, norms = unit_columns(columns.T)
+    shift = float(np.linalg.lstsq(unit, force, rcond=None)[0][0] / norms[0])
+    residual = force + shift * slope - table.solve(delay) @ table.columns
+    around = spread(columns, residual, 1, signal=force)
+    return Delay(value=shift, deviation=float(np.sqrt(max(around.covariance[0, 0], 0.0))))
 
 
 def _basis(table: Regression) -> FloatArray:

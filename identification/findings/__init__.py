@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware
+from identification.device.quantities import Quantity
 from identification.errors import Finding
 from identification.estimators.estimate import Estimate, half_width, quantile, solve, unit_columns
-from identification.estimators.least_squares import MOST_SAMPLES, Delay
+from identification.estimators.least_squares import Delay, longest_delay
 from identification.findings.columns import (
     encoder_wrap,
     mass_unit,
@@ -87,6 +88,7 @@ def judge(
     chosen: Estimate,
     *,
     delay: Delay | None = None,
+    stated: Quantity | None = None,
     consulted: Sequence[Estimate] = (),
 ) -> tuple[Finding, ...]:
     """What the estimates say about the log."""
@@ -100,8 +102,7 @@ def judge(
         *cross_validation(trajectory, balance, chosen),
         *inertia(trajectory, balance, chosen),
         *cut_off_sensitivity(trajectory, chosen),
-        *unknown_delay(trajectory, delay),
-        *contradicting_delays(trajectory, chosen, consulted),
+        *_doubted_delay(trajectory, chosen, delay, stated, consulted),
         *mass_unit(trajectory, chosen.value("mass")),
     )
 
@@ -295,7 +296,7 @@ def excitation(
     mass, damping = chosen.value("mass"), chosen.value("damping")
     # Force that is late by d and damping b look like a mass of b·d.
     step = trajectory.sample_time
-    doubt = 0.0 if delay is None else min(NORMAL_95 * delay.deviation, MOST_SAMPLES * step)
+    doubt = 0.0 if delay is None else min(NORMAL_95 * delay.deviation, longest_delay(step))
     spread = max(half_width(chosen, "mass"), doubt * abs(damping))
     alike = inflation["mass"] > _LARGEST_INFLATION
     mass_known = not alike and spread <= _WIDEST_MASS * abs(mass)
@@ -394,49 +395,65 @@ def _one_way(
     )
 
 
-_AT_END = 0.1  # samples from the end of the scan within which the true delay may lie beyond it, ...
-#: ... if the residual still falls there by this part from one sample to the next. A log that does
-#: not tell its delay may have its smallest residual anywhere.
-_STILL_FALLING = 0.01
+_AT_END = 0.1  # samples from the end of the scan within which the true delay may lie beyond it
 #: Half-width of the 95 % interval of a delay, in samples, above which it is doubted: a stability
 #: margin is of one sample.
 _WIDEST_DELAY = 1.0
 #: Two delays contradict each other if they are further apart than this many deviations of both ...
 _DELAY_SIGMAS = 4.0
 _APART = 0.25  # ... and than this part of a sample, below which the difference matters to nothing.
+_WRONG_DELAY = 0.5  # samples by which a stated delay may be wrong
 
 
-def unknown_delay(trajectory: Trajectory, delay: Delay | None) -> Iterator[Finding]:
-    """``delay-unknown``: beyond what is looked for, or nowhere in particular."""
+def contradicts_delay(seen: Delay, stated: Quantity, step: float) -> bool:
+    """Whether a delay read from a log lies outside of the one stated, by half a sample at least."""
+    outside = max(seen.value - stated.high, stated.low - seen.value)
+    return outside > max(_DELAY_SIGMAS * seen.deviation, _WRONG_DELAY * step)
+
+
+def _doubted_delay(
+    trajectory: Trajectory,
+    chosen: Estimate,
+    delay: Delay | None,
+    stated: Quantity | None,
+    others: Iterable[Estimate],
+) -> Iterator[Finding]:
+    """``delay-unknown``, once: not told, not as stated, or told differently by two methods."""
     if delay is None:
+        yield from _contradicting_delays(trajectory, chosen, others)
         return
-    step = trajectory.sample_time
+    step, most = trajectory.sample_time, longest_delay(trajectory.sample_time)
     # Nothing is known beyond the scan, so no doubt is wider.
-    width = min(NORMAL_95 * delay.deviation / step, float(MOST_SAMPLES))
-    found = delay.value / step
-    before, last = delay.residuals[-2:]
-    beyond = found >= MOST_SAMPLES - _AT_END and last < (1 - _STILL_FALLING) * before
-    if not beyond and width <= _WIDEST_DELAY:
-        return
+    width = min(NORMAL_95 * delay.deviation, most)
     seen = (
-        f"the residual of {trajectory.source} is smallest at {found:.2f} ± {width:.2g} samples "
-        "of delay"
+        f"the residual of {trajectory.source} is smallest at {delay.value * 1e3:.4g} ± "
+        f"{width * 1e3:.2g} ms of delay"
     )
-    yield Finding(
-        code="delay-unknown",
-        severity="refusal" if beyond else "warning",
-        seen=seen + (f", the end of the scan from 0 to {MOST_SAMPLES}" if beyond else ""),
-        needed=f"a delay below {MOST_SAMPLES} samples"
-        if beyond
-        else f"a delay within ± {_WIDEST_DELAY:g} sample",
-        remedy="State delay in the hardware file, or excite fast enough to show it.",
-    )
+    remedy = "State delay in the hardware file, or excite fast enough to show it."
+    refused = delay.value >= most - _AT_END * step
+    if refused:
+        seen += f", the end of the scan from 0 to {most * 1e3:.4g} ms"
+        needed = f"a delay below {most * 1e3:.4g} ms"
+    elif stated is not None and contradicts_delay(delay, stated, step):
+        seen += f", the hardware states {stated.value * 1e3:.4g} ms"
+        needed = f"the same within {_WRONG_DELAY:g} samples ({_WRONG_DELAY * step * 1e3:.4g} ms)"
+        remedy = (
+            "Correct delay in the hardware file, or the alignment of the columns: force[k] is what "
+            "was sent at time[k]. Mass and damping were told with the delay of the log."
+        )
+    elif width > _WIDEST_DELAY * step:
+        needed = f"a delay within ± {_WIDEST_DELAY:g} sample"
+    else:
+        yield from _contradicting_delays(trajectory, chosen, others)
+        return
+    severity = "refusal" if refused else "warning"
+    yield Finding(code="delay-unknown", severity=severity, seen=seen, needed=needed, remedy=remedy)
 
 
-def contradicting_delays(
+def _contradicting_delays(
     trajectory: Trajectory, chosen: Estimate, others: Iterable[Estimate]
 ) -> Iterator[Finding]:
-    """``delay-unknown``: two methods read delays that exclude each other."""
+    """Two methods read delays that exclude each other."""
     if chosen.delay_deviation is None:
         return
     step = trajectory.sample_time

@@ -25,13 +25,14 @@ from identification.estimators.estimate import (
 from identification.estimators.filters import is_coloured
 from identification.estimators.least_squares import (
     CUT_OFF_RANGE,
-    MOST_SAMPLES,
     Delay,
     Regression,
     find_delay,
+    longest_delay,
     prepare,
+    shift_of_delay,
 )
-from identification.findings import judge
+from identification.findings import contradicts_delay, judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
 from identification.trajectory import (
@@ -66,7 +67,7 @@ class PreparedLog:
     trajectory: Trajectory  # the log
     table: Regression  # prepared regression; its model is that of every estimate
     rough: Regression  # the same before the delay was found and the direction of motion refined
-    stated: Quantity | None  # delay of the hardware, or None
+    stated: Quantity | None  # delay of the hardware; None if it has none, or the log contradicts it
     found: Delay | None  # delay read from the log, or None if it was stated
     delay: float  # stated or found, s
     doubt: float  # standard deviation of the delay, s
@@ -74,11 +75,18 @@ class PreparedLog:
 
     @classmethod
     def of(cls, trajectory: Trajectory, model: Model, stated: Quantity | None) -> PreparedLog:
-        """Find the delay, unless it is stated, and the direction of motion."""
+        """Find the direction of motion, and the delay unless it is stated and not contradicted."""
         step = trajectory.sample_time
         # Forces from before the log are left out up to the longest delay that is looked at.
-        room = MOST_SAMPLES * step if stated is None else stated.value + _DELAY_STEP * step
-        return cls._from_rough(trajectory, prepare(trajectory, model, room, refine=False), stated)
+        room = longest_delay(step) if stated is None else stated.value + _DELAY_STEP * step
+        rough = prepare(trajectory, model, room, refine=False)
+        found = cls._from_rough(trajectory, rough, stated)
+        if stated is None:
+            return found
+        shift = shift_of_delay(found.table, stated.value)
+        seen = replace(shift, value=stated.value + shift.value)
+        wrong = seen.value < longest_delay(step) and contradicts_delay(seen, stated, step)
+        return cls.of(trajectory, model, None) if wrong else found
 
     @classmethod
     def _from_rough(
@@ -90,7 +98,7 @@ class PreparedLog:
             delay, doubt = found.value, found.deviation
             # A fitted delay may move by a sample; rows that know all forces until then are back.
             step = trajectory.sample_time
-            table = rough.with_delays_to(min(delay + step, MOST_SAMPLES * step))
+            table = rough.with_delays_to(min(delay + step, longest_delay(step)))
         else:
             delay, doubt = stated.value, (stated.high - stated.low) / (2 * NORMAL_95)
             table = rough
@@ -324,7 +332,7 @@ class LogFit:
         fitted: samples that the estimates were made of: all, or the most excited part.
         estimate: the one believed.
         others: estimates by the other methods that were tried.
-        delay: read from the log, or None if it was stated.
+        delay: read from the log; None if it was stated and the log does not contradict it.
         structure: which terms sparse regression asks for; None where nothing called for it.
         curve: friction beyond the model; None where the log shows none.
         findings: about this log, those allowed among them as warnings.
@@ -385,7 +393,10 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         estimate=chosen,
         others=others,
         delay=delay,
-        findings=judge(trajectory, regression, chosen, delay=delay, consulted=consulted) + beyond,
+        findings=judge(
+            trajectory, regression, chosen, delay=delay, stated=stated, consulted=consulted
+        )
+        + beyond,
         reason=reason,
         structure=structure,
         curve=curve,

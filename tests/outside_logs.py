@@ -91,7 +91,7 @@ class _Scene:
     def weigh(self, mass: float) -> None:
         """Another mass, with damping and friction to match."""
         self.change(mass=mass, damping=mass * self.between(1, 10), coulomb=0.0)
-        self.change(coulomb=self.rng.uniform(0.03, 0.12) * self.force)
+        self.change(coulomb=self.between(0.03, 0.4) * self.force)
 
     def between(self, low: float, high: float) -> float:
         """A number even on a logarithmic scale."""
@@ -173,7 +173,7 @@ def _change(scene: _Scene, kind: str) -> None:  # noqa: PLR0912
             scene.change(slips=tuple(slips), coulomb=0.0)
         case "cogging":
             wave, at = 2 * pi * rng.uniform(1.5, 8) / travel, rng.uniform(0, 2 * pi)
-            size = rng.uniform(0.02, 0.12) * scene.force
+            size = between(0.03, 0.3) * scene.force
             scene.change(place=lambda x: size * sin(wave * x + at))
         case "asymmetric":
             scene.change(asymmetry=rng.uniform(0.1, 0.4))
@@ -262,7 +262,7 @@ def outside_log(kind: str, seed: int) -> OutsideLog:
     rate, body = 2 * pi * scene.bandwidth, axis.body
     inertia = axis.mass + (body.mass if body else 0.0)
     grid = (
-        2 * pi / 2 ** rng.integers(13, 18) if scene.rotary else scene.travel / rng.uniform(4e3, 4e4)
+        2 * pi / 2 ** rng.integers(12, 17) if scene.rotary else scene.travel / rng.uniform(1e3, 2e4)
     )
     drive = Drive(
         sample_time=scene.sample_time,

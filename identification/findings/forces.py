@@ -173,7 +173,7 @@ SLOW = 1.0  # slow motion of a hand, Hz, and the part of the rms force it may pu
 MOST_SLOW = 0.15
 #: A force of position of this part of the force may be a spring to the body: then this part of the
 #: tremor or of the slow force is enough.
-_HELD, _HELD_NEEDS = 0.2, 1 / 3
+_HELD, _HELD_NEEDS = 0.2, 1 / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,33 +184,20 @@ class Unlogged:
     peak: float  # power there against that beside it, 0 where the logged force may have left it
     slow: float  # rms below 1 Hz, a force of position taken out, N
     spring: float  # rms of a force of position, N; 0 in motion one way
+    needed: float  # part of the usual evidence that is enough, beside that force
     #: rms of the force that these are judged against, N: of its changes, or of all of it in motion
     #: one way, where a steady force is what keeps the device moving
     force: float
 
     @property
-    def least_tremor(self) -> float:
-        """Part of the force from which a tremor is one."""
-        return _LEAST_TREMOR * self._needed
-
-    @property
-    def most_slow(self) -> float:
-        """Part of the force that may be slow and unlogged."""
-        return MOST_SLOW * self._needed
-
-    @property
-    def _needed(self) -> float:
-        return _HELD_NEEDS if self.spring >= _HELD * self.force else 1.0
-
-    @property
     def shaking(self) -> bool:
         """Whether the tremor stands out and is more than a trace of the force."""
-        return self.peak >= _PEAK and self.tremor >= self.least_tremor * self.force
+        return self.peak >= _PEAK and self.tremor >= _LEAST_TREMOR * self.needed * self.force
 
     @property
     def pushing(self) -> bool:
         """Whether something pushes slowly."""
-        return self.slow >= self.most_slow * self.force
+        return self.slow >= MOST_SLOW * self.needed * self.force
 
     @property
     def much(self) -> bool:
@@ -221,7 +208,6 @@ class Unlogged:
 
 def unlogged(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Unlogged:
     """Forces at the pace of a hand that mass, damping, friction and offset leave over."""
-    tremor, peak = _tremor(trajectory, balance, chosen)
     steady = float(np.mean(balance.force)) if balance.one_way else 0.0
     force = float(np.hypot(np.std(balance.force), steady))
     spring = 0.0
@@ -229,7 +215,11 @@ def unlogged(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) ->
         gain, further = _position_force(balance)
         carried = _carried_force(balance) + (further if gain >= _LEAST_GAIN else 0.0)
         spring = float(np.std(carried))
-    return Unlogged(tremor=tremor, peak=peak, slow=_slow(balance), spring=spring, force=force)
+    needed = _HELD_NEEDS if spring >= _HELD * force else 1.0
+    tremor, peak = _tremor(trajectory, balance, chosen, _UNDRIVEN * needed**2)
+    return Unlogged(
+        tremor=tremor, peak=peak, slow=_slow(balance), spring=spring, needed=needed, force=force
+    )
 
 
 def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Iterator[Finding]:
@@ -258,18 +248,20 @@ def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Itera
         severity="refusal" if refused else "warning",
         seen=" ".join(seen).strip(),
         needed=f"no spring, tremor below {_MOST_TREMOR if refused else _LEAST_TREMOR:.1%} and "
-        f"slow force below {left.most_slow:.0%} of the force",
+        f"slow force below {MOST_SLOW * left.needed:.1%} of the force",
         remedy="Take the hand off while logging: its mass, damping and stiffness are read as "
         "the device's.",
     )
 
 
-def _tremor(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> tuple[float, float]:
+def _tremor(
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, undriven: float
+) -> tuple[float, float]:
     """Rms of the rest in the band of tremor, N, and its power there against that beside it.
 
-    The latter is 0 where the force itself is so strong in the band that its rest may be an error
-    of the model, or where derivatives of force and acceleration explain the rest: so a lag, a
-    spring or play between motor and load show there.
+    The latter is 0 where the rest has less than the ``undriven`` part of the power of the force,
+    or where derivatives of force and acceleration explain it: a lag, a spring or play between motor
+    and load show there.
     """
     shortest = _PIECE / 2
     if trajectory.sample_time > _SLOWEST or np.ptp(trajectory.time) < shortest:
@@ -288,13 +280,13 @@ def _tremor(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> 
     place = rows.carried, _powers_of(rows.position)
     slopes = np.gradient(np.stack((rows.force, rows.acceleration), axis=1), step, axis=0)
     left = rows.unexplained(*place)
-    undriven = rows.unexplained(*place, slopes, np.gradient(slopes, step, axis=0))
-    powers = [power(each, TREMOR) for each in (left, undriven)]
-    beside = [np.sqrt(power(each, _BELOW) * power(each, _ABOVE)) for each in (left, undriven)]
+    more = rows.unexplained(*place, slopes, np.gradient(slopes, step, axis=0))
+    powers = [power(each, TREMOR) for each in (left, more)]
+    beside = [np.sqrt(power(each, _BELOW) * power(each, _ABOVE)) for each in (left, more)]
     rms = float(np.sqrt(powers[0] * (TREMOR[1] - TREMOR[0])))
     driven = (
         min(beside) == 0
-        or powers[0] < _UNDRIVEN * power(rows.force, TREMOR)
+        or powers[0] < undriven * power(rows.force, TREMOR)
         or powers[1] < _UNDRIVEN_BY_LAG**2 * powers[0]
     )
     return rms, 0.0 if driven else float(min(p / b for p, b in zip(powers, beside, strict=True)))

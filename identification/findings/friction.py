@@ -12,8 +12,10 @@ from identification.estimators.estimate import Estimate
 from identification.trajectory import Trajectory
 
 #: Friction that the slope over speed does not cover, because it falls, depends on position or
-#: remembers, may make up this part of the force, both rms.
+#: remembers, may make up this part of the force, both rms, ...
 _MOST_SHARE = 0.15
+#: ... or this, where it leaves so little of the force over that mass and damping are told.
+_MOST_EXPLAINED, _LITTLE_LEFT = 0.5, 0.02
 _NAMED_SHARE = 0.01  # a kind named in a finding makes up at least this part of the force
 #: A slope over the speeds seen that would take this many times the largest force is not told.
 _STEEPEST = 10.0
@@ -25,8 +27,12 @@ def unmodelled(
     forces: Sequence[UnmodelledForce],
     slope: SlopeRange,
     fastest: float,
+    left: float,
 ) -> Iterator[Finding]:
-    """``unmodelled-force``: what the friction is, and the slopes that it has over speed."""
+    """``unmodelled-force``: what the friction is, and the slopes that it has over speed.
+
+    ``left`` is what all of it leaves over, rms as part of the force.
+    """
     named = [each for each in forces if each.share >= _NAMED_SHARE] or forces[:1]
     kinds = ", ".join(
         f"{each.words}, "
@@ -36,7 +42,8 @@ def unmodelled(
     uncovered = [each for each in forces if not each.rises]
     steepest = _STEEPEST * float(np.max(np.abs(trajectory.force))) / fastest
     told = -steepest <= slope.low and slope.high <= steepest
-    refused = not told or any(each.share > _MOST_SHARE for each in uncovered)
+    most = _MOST_EXPLAINED if left <= _LITTLE_LEFT else _MOST_SHARE
+    refused = not told or any(each.share > most for each in uncovered)
     unit, speed = ("N·s/m", "m/s") if trajectory.motion == "linear" else ("N·m·s/rad", "rad/s")
     slopes = (
         f"runs from {slope.low:.4g} to {slope.high:.4g} {unit}, damping alone is "
@@ -53,7 +60,7 @@ def unmodelled(
         remedy = "Excite slower and faster, further and for longer, with nothing else on the axis."
     elif uncovered:
         needed = (
-            f"at most {_MOST_SHARE:.0%} of the force that does not rise with speed"
+            f"at most {most:.0%} of the force that does not rise with speed"
             if refused
             else "friction that rises with speed, every slope of which the certificate covers"
         )

@@ -379,7 +379,11 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         from identification.findings.friction import unmodelled
 
         chosen = _with_mass_of(curve, chosen)
-        beyond = tuple(unmodelled(trajectory, chosen, curve.found, curve.slope, curve.fastest))
+        beyond = tuple(
+            unmodelled(
+                trajectory, chosen, curve.found, curve.slope, fastest=curve.fastest, left=curve.left
+            )
+        )
     if len(part) < len(trajectory):
         reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
     delay = prepared.found

@@ -183,6 +183,7 @@ class FrictionCurve:
     presliding: SlopeRange | None
     mass: float  # kg, with the kinds in the regression
     mass_deviation: float  # standard deviation of it, kg
+    left: float  # rms over that of the force of what the model and the kinds leave over
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,6 +339,7 @@ def _curve(own: _Table, kinds: Sequence[Kind], forces: _Forces) -> FrictionCurve
         presliding=_presliding(fit, forces),
         mass=float(fit.values[0]),
         mass_deviation=float(np.hypot(np.sqrt(fit.covariance[0, 0]), moved[0])),
+        left=float(np.sqrt(own.left(kinds))),
     )
 
 

@@ -133,7 +133,7 @@ def identify(
         raise LogRefusedError(tuple(finding for found in noticed for finding in found))
 
     sources = ", ".join(log.source for log in trajectories)
-    missing = tuple(each.of(sources) for each in _unstated_warnings(fits, hardware))
+    missing = tuple(each.of(sources) for each in _not_stated(fits, hardware))
     records = [
         LogRecord(
             source=fit.trajectory.source,
@@ -345,71 +345,35 @@ def _covariance(fits: Sequence[LogFit]) -> Covariance:
     )
 
 
-def _unstated_warnings(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
-    """Warnings for everything that no hardware file states, and what the logs suggest of it.
+def _not_stated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
+    """``not-stated``: facts that no hardware file states, and what the logs suggest of them.
 
     Only a delay that the logs tell within a sample is used; for the rest `tune` will ask.
     """
     hardware = hardware or Hardware()
-    findings: list[Finding] = []
+    facts: list[str] = []
     if fits[0].trajectory.motion is None:
         # Whether an axis turns cannot be seen: radians and metres are numbers.
         travel = max(float(np.ptp(fit.trajectory.position)) for fit in fits)
-        findings.append(
-            Finding(
-                code="force-unit",
-                severity="warning",
-                seen=f"no motion is stated; position spans {travel:.4g}, which may be m or rad",
-                needed="whether the axis slides (N, m, kg) or turns (N·m, rad, kg·m²)",
-                remedy="State motion: linear or motion: rotary in the hardware file (--hardware); "
-                "degrees need --position-gain 0.0174533 too.",
-            )
-        )
+        which = f"position spans {travel:.4g}, which may be m or rad"
+        facts.append(f"motion: linear or motion: rotary ({which})")
     if hardware.delay is None:
-        step, given = _sample_time_of(fits, Hardware()).value, _delay_of(fits, hardware)
-        seen = ", ".join(
-            f"{fit.delay.value * 1e3:.4g} ± {2 * fit.delay.deviation * 1e3:.1g} ms in "
-            f"{fit.trajectory.source}"
-            for fit in fits
-            if fit.delay is not None
-        )
-        findings.append(
-            Finding(
-                code="delay-unknown",
-                severity="warning",
-                seen=f"no delay is stated; the log says {seen}, looking from 0 to 4 samples. "
-                f"The device is given {given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms, one "
-                f"sample ({step * 1e3:.4g} ms) or more at its upper end",
-                needed="the delay from command to measured force, within a sample",
-                remedy="State delay in the hardware file.",
-            )
-        )
+        given = _delay_of(fits, hardware)
+        facts.append(f"delay ({given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms by the log)")
     if hardware.force_limit is None:
-        peak = _force_limit_of(fits).peak
-        findings.append(
-            Finding(
-                code="force-saturated",
-                severity="warning",
-                seen=f"no force limit is stated, and the largest force logged, {peak:.4g}, is none;"
-                " whether the column is in N (N·m), or in volts or amperes, nothing here can tell",
-                needed="continuous and peak force of the actuator, from its data sheet",
-                remedy="State force_limit in the hardware file; where the column is in another "
-                "unit, give N (N·m) per unit with --force-gain (per ampere: torque constant and "
-                "transmission).",
-            )
-        )
+        facts.append(f"force_limit (the log reaches {_force_limit_of(fits).peak:.4g}, in its unit)")
     if hardware.encoder_resolution is None:
-        findings.append(
-            Finding(
-                code="few-counts",
-                severity="warning",
-                seen="no encoder resolution is stated; the finest reading of position in the "
-                f"log is {_resolution_of(fits):.4g}",
-                needed="one count of the encoder at the handle, from its data sheet",
-                remedy="State encoder_resolution in the hardware file.",
-            )
-        )
-    return tuple(findings)
+        facts.append(f"encoder_resolution ({_resolution_of(fits):.4g} by the log)")
+    if not facts:
+        return ()
+    finding = Finding(
+        code="not-stated",
+        severity="warning",
+        seen="nobody states " + ", ".join(facts),
+        needed="facts from a data sheet, in N, m (N·m, rad) and s, before anything is certified",
+        remedy="State them in the hardware file (--hardware).",
+    )
+    return (finding,)
 
 
 def _mark_stated(known: Quantity | None) -> Quantity | None:

@@ -12,14 +12,6 @@ from identification import (
 )
 from identification.findings import CODES
 
-#: Hardware files leave it open: a warning of the same code as what a log can be refused for.
-UNSTATED = (
-    "no motion is stated",
-    "no delay is stated",
-    "no force limit is stated",
-    "no encoder resolution is stated",
-)
-
 
 def findings_of(
     trajectory: Trajectory, hardware: Hardware | None = None
@@ -36,7 +28,7 @@ def findings_of(
         assert each.seen
         assert each.needed
         assert each.remedy.endswith(".")
-    return tuple(each for each in all_of_them if not each.seen.startswith(UNSTATED)), found
+    return tuple(each for each in all_of_them if each.code != "not-stated"), found
 
 
 def refusals(trajectory: Trajectory, hardware: Hardware | None = None) -> set[str]:

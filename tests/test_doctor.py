@@ -105,7 +105,7 @@ def test_one_bad_log_does_not_hide_the_others() -> None:
     assert ended.code == 4
     codes = [each["code"] for each in ended.result["findings"]]
     assert codes[0] == "non-finite"
-    assert "delay-unknown" in codes
+    assert "not-stated" in codes
     told = haptune("doctor", holes, "homerehab.csv")
     assert "homerehab.csv" in told.out
     assert "usable" in told.out
@@ -115,7 +115,7 @@ def test_warnings_are_no_refusal_and_quiet_is_quiet() -> None:
     ended = _doctor_on_the_bundled_log()
     assert ended.code == 0
     assert "usable, with warnings: " in ended.out
-    assert "warning: delay-unknown" in ended.err
+    assert "warning: not-stated" in ended.err
     quiet = haptune("doctor", "homerehab.csv", "--quiet")
     assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
 

@@ -106,10 +106,7 @@ def test_methods_that_lean_on_the_friction_model_are_not_believed() -> None:
 def test_what_hardware_does_not_say_is_missing_and_the_log_suggests_it() -> None:
     device = found().device
     assert {finding.code for finding in found().findings} == {
-        "force-unit",
-        "delay-unknown",
-        "force-saturated",
-        "few-counts",
+        "not-stated",
         "unmodelled-force",
     }
     assert all(finding.severity == "warning" for finding in found().findings)

@@ -12,9 +12,12 @@ from identification import (
     ForceLimit,
     Hardware,
     Trajectory,
+    identify,
     quantity,
 )
+from identification.device.device import SlopeRange, UnmodelledForce
 from identification.findings import inspect
+from identification.findings.friction import unmodelled
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.findings import findings_of, refusals, warnings
 from tests.thinned import thinned
@@ -140,6 +143,48 @@ def test_a_smooth_top_is_no_limit(flat: bool) -> None:
     place = positions(Axis(), force[:, None])[:, 0]
     found = {each.code for each in inspect(log(force, place), None)}
     assert ("force-saturated" in found) == flat
+
+
+def test_a_square_wave_that_fades_in_is_no_limit_unless_it_reaches_the_one_stated() -> None:
+    time = STEP * np.arange(4000)
+    fade = np.minimum(time / 1.0, 1.0)
+    force = 5 * fade * np.sign(np.sin(2 * np.pi * 1.3 * time) + 0.1)
+    square = log(force, positions(Axis(), force[:, None])[:, 0])
+
+    def saturated(hardware: Hardware | None) -> bool:
+        return "force-saturated" in {each.code for each in inspect(square, hardware)}
+
+    assert not saturated(None)
+    assert not saturated(Hardware(force_limit=ForceLimit(continuous=6.0, peak=9.0)))
+    assert saturated(Hardware(force_limit=ForceLimit(continuous=5.0, peak=5.0)))
+
+
+@pytest.mark.parametrize("counts", [5.0, 20.0])
+def test_noise_on_a_fine_encoder_is_no_unit(counts: float) -> None:
+    noise = counts * 1e-7 * np.random.default_rng(4).standard_normal(len(plain()))
+    hardware = Hardware(encoder_resolution=quantity(1e-7))
+    for place in (plain().position + noise, counted(plain().position + noise, 1e-7)):
+        assert "force-unit" not in {
+            each.code for each in inspect(log(plain().force, place), hardware)
+        }
+
+
+def test_no_share_above_all_of_the_force_is_printed_and_no_slope_that_nothing_tells() -> None:
+    chosen = identify(plain(), hardware=Hardware(delay=quantity(STEP))).estimates[0]
+    forces = (
+        UnmodelledForce(kind="position", share=53.661),
+        UnmodelledForce(kind="drag", share=2.0),
+    )
+    (told,) = unmodelled(plain(), chosen, forces, SlopeRange(low=-3e7, high=4e7), 0.2)
+    assert told.severity == "refusal"
+    assert "%" not in told.seen
+    assert "e+07" not in told.seen
+    (told,) = unmodelled(plain(), chosen, forces, SlopeRange(low=9.0, high=40.0), 0.2)
+    assert "from 9 to 40" in told.seen
+
+
+def test_a_clean_log_is_not_told_that_forces_act() -> None:
+    assert "forces act" not in identify(plain()).reason
 
 
 def hand_on(spring: float, damper: float, *, hertz: tuple[float, ...]) -> Trajectory:

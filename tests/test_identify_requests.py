@@ -28,7 +28,7 @@ def test_delay_stated_assumed_or_read(samples: float) -> None:
     force = multisine(np.random.default_rng(5), samples=8000, runs=1, axis=axis)
     trajectory = log(force[:, 0], counted(positions(axis, force), COUNT)[:, 0])
     found = identify(trajectory)
-    assert "delay-unknown" in codes(found)
+    assert codes(found) == {"not-stated"}
     assert found.device.damping.value == pytest.approx(10.0, rel=5e-3)
     assert found.logs[0].delay is not None
     assert found.logs[0].delay.value == pytest.approx(samples * STEP, abs=2e-5)
@@ -41,7 +41,7 @@ def test_delay_stated_assumed_or_read(samples: float) -> None:
     stated = identify(trajectory, hardware=Hardware(delay=quantity(samples * STEP)))
     assert stated.device.delay.value == samples * STEP
     assert stated.device.delay.source == "hardware"
-    assert "delay-unknown" not in codes(stated)
+    assert "delay" not in stated.findings[0].seen
 
 
 @pytest.mark.long
@@ -70,7 +70,10 @@ def test_hardware_is_kept_and_what_it_leaves_open_is_read() -> None:
     assert device.force_limit == HARDWARE.force_limit
     assert device.missing == ()
     found = identify(replace(trajectory, motion=None))
-    assert codes(found) == {"force-unit", "delay-unknown", "force-saturated", "few-counts"}
+    assert codes(found) == {"not-stated"}
+    (said,) = found.findings
+    for fact in ("motion", "delay", "force_limit", "encoder_resolution"):
+        assert fact in said.seen
     bare = found.device
     assert bare.missing == ("motion", "sample_time", "encoder_resolution", "force_limit")
     assert bare.encoder_resolution is not None
@@ -82,7 +85,7 @@ def test_hardware_is_kept_and_what_it_leaves_open_is_read() -> None:
     assert bare.force_limit.source == "log"
     assert bare.sample_time.value == pytest.approx(STEP, rel=1e-9)
     assert bare.sample_time.source == "log"
-    assert bare.logs[0].findings == ("force-unit", "delay-unknown", "force-saturated", "few-counts")
+    assert bare.logs[0].findings == ("not-stated",)
 
 
 def test_sample_times_that_contradict() -> None:

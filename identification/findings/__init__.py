@@ -65,6 +65,7 @@ CODES = (
     "too-short",
     "heldout-misfit",
     "unmodelled-force",
+    "not-stated",
 )
 
 
@@ -248,8 +249,8 @@ def _controller_finding(seen: str, needed: str) -> Finding:
         severity="refusal",
         seen=seen,
         needed=needed,
-        remedy="Drive the device by its actuator with the hand off; a log of a hand against "
-        "a virtual spring shows the controller, not the device.",
+        remedy="Log a force that is planned, or the set-point too (--reference): force computed "
+        "from the position alone shows the controller, not the device.",
     )
 
 

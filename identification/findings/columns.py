@@ -210,9 +210,9 @@ _UNDER_LIMIT = 0.4
 #: Ratio of the count seen to the count stated above which one of them has another unit: less than
 #: 57, from degrees to radians, and more than interpolation by four to sixteen.
 _COUNT_RATIO = 25.0
-#: Scatter of a reading, in counts stated, from which one of them has another unit: an encoder's
-#: readings scatter by a count, and by at least 0.29 of one, which is 17 in degrees.
-_SCATTER = 10.0
+#: Scatter of a reading, in counts stated, from which one of them has another unit where the count
+#: stated is not seen: half a count of noise and the rounding make 33 in degrees.
+_SCATTER = 30.0
 #: Units a column may be in by mistake, and SI in each; ...
 _FORCES = (("mN or N·mm", 1e-3), ("kN", 1e3))
 _LENGTHS = {
@@ -320,7 +320,7 @@ def _against_count(trajectory: Trajectory, hardware: Hardware | None) -> Iterato
         for unit, size in _LENGTHS[trajectory.motion or "linear"]:
             if abs(ratio * size - 1) < _NAMED:
                 likely = f" (in {unit}: --position-gain {size:.6g})"
-    elif "position" in trajectory.stated_units:
+    elif "position" in trajectory.stated_units or abs((seen or 0.0) / stated - 1) < _NAMED:
         return
     else:
         scatter = position_noise(trajectory.position, trajectory.force, trajectory.steps)
@@ -450,6 +450,7 @@ _RUN = 5  # consecutive samples at the limit that a smooth signal does not reach
 _TOLERATED = 0.01  # part of the log in such runs that is tolerated
 #: A force with at most this many distinct sizes is a switching signal, whose plateaus are meant.
 _SWITCHING_LEVELS = 16
+_SWITCHED = 0.5  # ... and so is a plateau entered or left by this part of it from row to row.
 
 
 def saturation(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
@@ -469,7 +470,8 @@ def saturation(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Fi
             "volts, amperes or another unit; only if it is in N (N·m), excite more gently. The "
             "limit is that of the data sheet.",
         )
-    share = _share_in_runs(size, peak * (1 - _AT_LIMIT))
+    reached = limit is not None and peak >= limit * (1 - _AT_LIMIT)
+    share = _share_in_runs(trajectory.force, peak * (1 - _AT_LIMIT), switched=not reached)
     levels = np.unique(np.round(size / peak / _AT_LIMIT)).size
     if share > _TOLERATED and levels > _SWITCHING_LEVELS:
         yield Finding(
@@ -482,11 +484,17 @@ def saturation(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Fi
         )
 
 
-def _share_in_runs(size: FloatArray, limit: float) -> float:
-    """Part of all samples that lie in runs of at least _RUN at the limit, smooth tops left out."""
+def _share_in_runs(force: FloatArray, limit: float, *, switched: bool) -> float:
+    """Part of all samples in runs of at least _RUN at the limit, without smooth tops.
+
+    Plateaus that begin or end by a jump are left out as well if they may be ``switched``.
+    """
+    size = np.abs(force)
     edges = np.diff(np.concatenate(([0], (size >= limit).astype(np.int8), [0])))
     starts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
-    long = ends - starts >= _RUN
+    jumps = np.abs(np.diff(force, prepend=0.0, append=0.0)) >= _SWITCHED * limit
+    meant = switched & (jumps[starts] | jumps[ends])
+    long = (ends - starts >= _RUN) & ~meant
     runs = zip(starts[long].tolist(), ends[long].tolist(), strict=True)
     flat = [end - start for start, end in runs if not _smooth_top(size[start:end])]
     return sum(flat) / size.size

@@ -262,8 +262,8 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
         )
     if sharper and not apart:
         return predicted, (
-            "innovations, because forces act that the log does not know: position noise does not "
-            f"explain what output error leaves, and {_named(judge)} do not contradict"
+            "innovations, because noise of the position does not explain all that output error "
+            f"leaves, they know mass and damping best, and {_named(judge)} do not contradict"
         )
     why = "innovations know mass and damping less well"
     if apart:

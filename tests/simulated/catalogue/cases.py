@@ -83,6 +83,7 @@ def cases(seed: int, codes: Collection[str] | None = None) -> tuple[Case, ...]:
         ),
         "heldout-misfit": lambda: tuple(map(arrays.weakened, three, (0.02, 0.35, 1.5))),
         "unmodelled-force": lambda: machines.dragged(seed),
+        "not-stated": lambda: tuple(arrays.in_units(log, force=1 / 30) for log in three),
     }
     # In volts of 30 N each nothing shows. A log in mN exceeds the hardware; counts show themselves.
     units = (

@@ -129,6 +129,7 @@ VIEWS: dict[str, View] = {
     "few-counts": View(abscissa=_TIME, ordinate=_MM, points=_position, seconds=0.5),
     "force-saturated": View(abscissa=_TIME, ordinate=_N, points=_force, seconds=0.5),
     "force-unit": _FORCE,
+    "not-stated": _FORCE,
     "dropped-samples": _STEPS,
     "jitter": _STEPS,
     "clock-backward": _STEPS,

@@ -11,28 +11,28 @@ from identification import load_device
 from tests.commands import FLUID, files, haptune
 
 COMMANDS = {
-    "demo": "--json --quiet",
-    "new": "--device --output --language --dry-run --json --quiet",
+    "demo": "--json --quiet --verbose",
+    "new": "--device --output --language --dry-run --json --quiet --verbose",
     "doctor": "--time --time-gain --force --position --reference --force-gain --position-gain "
-    "--axis --decimal --hardware --allow --picture --json --quiet",
+    "--axis --decimal --hardware --allow --picture --json --quiet --verbose",
     "identify": "--output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --picture --dry-run "
-    "--json --quiet",
-    "tune": "--output --margin --candidates --what-if --picture --dry-run --json --quiet",
+    "--json --quiet --verbose",
+    "tune": "--output --margin --candidates --what-if --picture --dry-run --json --quiet --verbose",
     "calibrate": "--scene --output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --margin --candidates "
-    "--picture --dry-run --json --quiet",
+    "--picture --dry-run --json --quiet --verbose",
     "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
-    "--acceleration-filter --margin --picture --json --quiet",
-    "check": "--device --picture --json --quiet",
+    "--acceleration-filter --margin --picture --json --quiet --verbose",
+    "check": "--device --picture --json --quiet --verbose",
     "verify": "--element --gain --release --time --time-gain --force --position --force-gain "
-    "--position-gain --axis --decimal --picture --json --quiet",
-    "compare": "--json --quiet",
-    "export": "--to --output --node --dry-run --json --quiet",
+    "--position-gain --axis --decimal --picture --json --quiet --verbose",
+    "compare": "--json --quiet --verbose",
+    "export": "--to --output --node --dry-run --json --quiet --verbose",
     "report": "--output --what-if --time --time-gain --force --position --reference --force-gain "
-    "--position-gain --axis --decimal --json --quiet",
-    "excite": "--output --picture --dry-run --json --quiet",
-    "simulate": "--output --seed --json --quiet",
+    "--position-gain --axis --decimal --json --quiet --verbose",
+    "excite": "--output --picture --dry-run --json --quiet --verbose",
+    "simulate": "--output --seed --json --quiet --verbose",
 }
 
 
@@ -86,8 +86,10 @@ def test_the_main_job_from_simulation_to_check() -> None:
     assert haptune("new", "hardware", "--device", "homerehab").code == 0
     ended = haptune("calibrate", "log.csv", "--hardware", "hardware.yaml", "--scene", "scene.yaml")
     assert ended.code == 0, ended.err
-    assert "mass m" in ended.out
-    assert "water damping" in ended.out
+    assert re.search(r"homerehab: mass \S+ kg ± .* %, damping ", ended.out)
+    # The verdict comes first; what is proved in detail is for who asks.
+    assert ended.out.index("safe: proved") < ended.out.index("water damping")
+    assert "cells excluded" not in ended.out
     assert "profile.yaml written" in ended.out
     ended = haptune("check", "profile.yaml")
     assert ended.code == 0, ended.err
@@ -96,6 +98,19 @@ def test_the_main_job_from_simulation_to_check() -> None:
     assert apart.result["outputs"] == ["device.yaml"]
     assert haptune("tune", "device.yaml", "scene.yaml", "-o", "two.yaml").code == 0
     assert Path("two.yaml").read_bytes() == Path("profile.yaml").read_bytes()
+
+
+def test_a_profile_tuned_again_tells_what_changed_of_its_effects() -> None:
+    assert haptune("tune", "homerehab", "scene.yaml").code == 0
+    Path("scene.yaml").write_text(FLUID.replace("10.0", "12.0"), encoding="utf-8")
+    ended = haptune("tune", "homerehab", "scene.yaml", "--dry-run")
+    assert "dry run" in ended.out
+    ended = haptune("tune", "homerehab", "scene.yaml")
+    assert "water damping 10 → 12 N·s/m\nprofile.yaml written" in ended.out
+    assert "@@" not in ended.out
+    Path("scene.yaml").write_text(FLUID, encoding="utf-8")
+    ended = haptune("tune", "homerehab", "scene.yaml", "--verbose")
+    assert "-    damping: 12.0\n+    damping: 10.0" in ended.out
 
 
 def test_the_axis_of_a_log_is_that_of_the_hardware_unless_named() -> None:

@@ -256,7 +256,7 @@ def test_what_the_paper_does_not_give_is_marked_assumed_wherever_it_appears() ->
     log = load_trajectory(bundled_path("homerehab.csv"))
     found = identify(log, hardware=hardware, method="least-squares").device
     assert found.assumed() == ("sample_time", "delay")
-    told = haptune("tune", "homerehab", "scene.yaml").out
+    told = haptune("tune", "homerehab", "scene.yaml", "--verbose").out
     assert "only assumed: sample time, coulomb friction, force offset, delay" in told
     profile = load_profile("profile.yaml")
     assert any("coulomb friction" in line for line in profile.certificate.assumes)

@@ -164,7 +164,7 @@ def test_every_other_unit_without_hardware_is_refused_or_asked_about(case: Mangl
 @pytest.mark.parametrize("device", ["stylus"])
 def test_a_log_in_si_units_with_hardware_is_calibrated(device: str) -> None:
     case = Mangled(device=device, unit="SI")
-    ended = _calibrated(case, hardware=True)
+    ended = _calibrated(case, "--verbose", hardware=True)
     assert ended.code == 0, ended.err
     assert _right(case)
     assert "taken on trust: logs in SI units: force in N" in ended.out

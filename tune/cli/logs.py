@@ -87,9 +87,11 @@ def identify_logs(
     hardware: Path | None,
     method: Method,
     allow: list[str],
+    *,
+    brief: bool = False,
 ) -> Identification:
-    """Read logs, identify and show the result."""
-    from tune.presentation.tables import device_table
+    """Read logs, identify and show the result, in a line if it is only a part of the work."""
+    from tune.presentation.tables import device_line, device_table
 
     known = None if hardware is None else ident.load_document(ident.Hardware, hardware)
     with session.progress() as say:
@@ -101,15 +103,16 @@ def identify_logs(
         result = ident.identify(trajectories, hardware=known, method=method, allow=allow)
     session.add_findings(result.findings)
     session.details |= identification_details(result)
-    session.say(device_table(result.device))
-    session.say(f"method: {result.method}; {result.reason}")
+    short = brief and not session.verbose
+    session.say(device_line(result.device) if short else device_table(result.device))
+    session.detail(f"method: {result.method}; {result.reason}")
     for fit in result.logs:
         source = fit.trajectory.source
         for other in fit.others:
             mass, damping = other.value("mass"), other.value("damping")
-            session.say(f"{source}, {other.method}: mass {mass:.5g}, damping {damping:.5g}")
+            session.detail(f"{source}, {other.method}: mass {mass:.5g}, damping {damping:.5g}")
         for sentence in fit.structure.sentences if fit.structure else ():
-            session.say(f"{source}: {sentence}")
+            session.detail(f"{source}: {sentence}")
     return result
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 import identification as ident
-from identification import InvalidInputError, NotWrittenError, UsageError
+from identification import IdentificationError, InvalidInputError, NotWrittenError, UsageError
 from tune.cli import session as opt
 from tune.cli.logs import (
     DEVICE_COMMENT,
@@ -78,7 +78,7 @@ def tune_command(
     profile = tune_device(session, known, wish, compare=candidates, sheet=sheet)
     if what_if:
         say_what_would_help(session, profile, wish.scene, wish.table)
-    session.write(output, profile.to_yaml(), dry_run=dry_run)
+    _write_profile(session, output, profile, dry_run=dry_run)
     draw_profile(session, picture, profile)
 
 
@@ -107,13 +107,13 @@ def calibrate_command(
     session.target(sheet, *inputs)
     columns = options.columns()
     wish = read_request(scene, margin)
-    found = identify_logs(session, logs, columns, hardware, method, allow or [])
+    found = identify_logs(session, logs, columns, hardware, method, allow or [], brief=True)
     found.device.require_stated(
         subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
     )
     profile = tune_device(session, found.device, wish, compare=candidates, sheet=sheet)
     before = None if picture is None else device_in(output)
-    session.write(output, profile.to_yaml(), dry_run=dry_run)
+    _write_profile(session, output, profile, dry_run=dry_run)
     if picture is not None:
         draw_identified(session, picture, found, before)
         draw_profile(session, _further_picture(picture, "profile"), profile)
@@ -130,14 +130,14 @@ def demo_command(session: Session) -> None:
     log = bundled_path("homerehab.csv")
     hardware = bundled_path("homerehab.hardware.yaml")
     session.say(f"log: {log}")
-    found = identify_logs(session, [log], ident.LogColumns(), hardware, "auto", [])
+    found = identify_logs(session, [log], ident.LogColumns(), hardware, "auto", [], brief=True)
     session.write(
         Path("device.yaml"), ident.to_yaml(ident.to_mapping(found.device), DEVICE_COMMENT)
     )
     scene = Path("scene.yaml")
     session.write(scene, template("scene"))
     profile = tune_device(session, found.device, read_request(scene, None))
-    session.write(Path("profile.yaml"), profile.to_yaml())
+    _write_profile(session, Path("profile.yaml"), profile)
     fit = found.logs[0]
     session.draw(
         Path("identification.png"),
@@ -194,27 +194,53 @@ def _tuned(
 ) -> SafeProfile:
     from tune.certificate.certify import trusted_facts
     from tune.optimisation import optimise
-    from tune.presentation.tables import certificate_lines, elements_table
+    from tune.presentation.tables import (
+        certificate_lines,
+        effects_table,
+        elements_table,
+        verdict_on,
+    )
 
     if compare:
         profile = _choose_candidate(session, device, wish, sheet)
     else:
         with session.progress() as say:
             profile = optimise(device, wish.scene, table=wish.table, progress=say)
-        session.say(elements_table(profile))
-    trusted = trusted_facts(profile.device)
-    session.details |= {"profile": ident.to_mapping(profile.signed()), "taken_on_trust": trusted}
-    session.say_each(profile.notes)
-    session.say_each(certificate_lines(profile.certificate))
-    session.say_each(f"taken on trust: {line}" for line in trusted)
     with session.progress() as say:
         refuse_restless(profile, say)
-    session.details["rehearsed"] = "settles"
-    session.say(
+    trusted = trusted_facts(profile.device)
+    session.details |= {
+        "profile": ident.to_mapping(profile.signed()),
+        "taken_on_trust": trusted,
+        "rehearsed": "settles",
+    }
+    session.say(f"{verdict_on(profile)}; it settles in simulation")
+    if not compare:
+        session.say(elements_table(profile) if session.verbose else effects_table(profile))
+    session.say_each(profile.notes)
+    session.detail(
+        *certificate_lines(profile.certificate),
+        *(f"taken on trust: {line}" for line in trusted),
         "rehearsed in simulation with quantiser, friction and force limit, every set and entering, "
-        "leaving and gains that change: settles"
+        "leaving and gains that change: settles",
     )
     return profile
+
+
+def _write_profile(
+    session: Session, output: Path, profile: SafeProfile, *, dry_run: bool = False
+) -> None:
+    """Write a profile, say which effects it changes, and what to do next."""
+    from tune.presentation.tables import changed_effects
+
+    changes = ""
+    with suppress(IdentificationError):
+        changes = changed_effects(ident.load_mapping(output) if output.is_file() else {}, profile)
+    session.write(output, profile.to_yaml(), dry_run=dry_run, changes=changes)
+    if not dry_run:
+        session.say(
+            f"next: haptune report {output} (a page to sign), haptune export {output} --to c"
+        )
 
 
 def _choose_candidate(

@@ -81,6 +81,7 @@ class Session:
     command: str
     as_json: bool
     quiet: bool
+    verbose: bool = False
     findings: list[dict[str, str]] = field(default_factory=list[dict[str, str]])
     targets: list[str] = field(default_factory=list[str])
     outputs: list[str] = field(default_factory=list[str])
@@ -109,6 +110,11 @@ class Session:
         """Print texts for people, each on lines of its own."""
         for text in texts:
             self.say(text)
+
+    def detail(self, *texts: str) -> None:
+        """Print texts for who asks for everything (``--verbose``)."""
+        if self.verbose:
+            self.say_each(texts)
 
     def add_findings(self, findings: tuple[Finding, ...]) -> None:
         """Keep findings for the JSON result and warn on standard error."""
@@ -143,11 +149,27 @@ class Session:
             raise NotWrittenError(output, error.strerror or str(error)) from None
         self.targets.append(str(output))
 
-    def write(self, path: Path, text: str, *, dry_run: bool = False) -> None:
-        """Write a file atomically, keep a backup, show what changed. Raises NotWrittenError."""
-        self.write_together({path: text}, dry_run=dry_run)
+    def write(
+        self,
+        path: Path,
+        text: str,
+        *,
+        dry_run: bool = False,
+        changes: str = "",
+    ) -> None:
+        """Write a file atomically, keep a backup, show what changed. Raises NotWrittenError.
 
-    def write_together(self, texts: Mapping[Path, str], *, dry_run: bool = False) -> None:
+        ``changes`` tell it in words; without them, and where everything is said, lines do.
+        """
+        self.write_together({path: text}, dry_run=dry_run, changes=changes)
+
+    def write_together(
+        self,
+        texts: Mapping[Path, str],
+        *,
+        dry_run: bool = False,
+        changes: str = "",
+    ) -> None:
         """Write files that belong together, as `write` does: all, or none if NotWrittenError."""
         if dry_run:
             for path, text in texts.items():
@@ -158,7 +180,8 @@ class Session:
         replaced = self._store({path: text.encode() for path, text in texts.items()})
         for path, text in texts.items():
             if path in replaced:
-                self.say(ident.difference_of(path, replaced[path], text))
+                lines = ident.difference_of(path, replaced[path], text)
+                self.say(lines if self.verbose or not changes else changes)
                 self.say(f"{path} written; the file before is {replaced[path].backup.name}")
             else:
                 self.say(f"{path} {'unchanged' if before[path] else 'written'}")
@@ -256,12 +279,17 @@ def _print_error(text: str) -> None:
 
 
 def run_command(
-    command: str, action: Callable[[Session], None], *, as_json: bool, quiet: bool
+    command: str,
+    action: Callable[[Session], None],
+    *,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool = False,
 ) -> None:
     """Run a command; raises typer.Exit always, with the contract's code of what happened."""
     import typer
 
-    session = Session(command=command, as_json=as_json, quiet=quiet)
+    session = Session(command=command, as_json=as_json, quiet=quiet, verbose=verbose)
     try:
         action(session)
         ignore_signals()
@@ -401,6 +429,7 @@ Picture = Annotated[
 DryRun = Annotated[bool, Option("--dry-run", help="Show what would be written.")]
 _Json = Annotated[bool, Option("--json", help="One JSON object on standard output.")]
 _Quiet = Annotated[bool, Option("--quiet", help="Only errors.")]
+_Verbose = Annotated[bool, Option("--verbose", help="Everything that was found and proved.")]
 DeviceOut = Annotated[Path, Option("-o", "--output", help="Where to write the device.")]
 ProfileOut = Annotated[Path, Option("-o", "--output", help="Where to write the profile.")]
 
@@ -450,8 +479,8 @@ def command(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """A command as typer reads it, made of a function ``name_command`` with its session.
 
-    It offers ``--json`` and ``--quiet``, and in the place of ``options``, a LogOptions, an option
-    for each field but those it goes without.
+    It offers ``--json``, ``--quiet`` and ``--verbose``, and in the place of ``options``, a
+    LogOptions, an option for each field but those it goes without.
     """
 
     def offering(body: Callable[..., None]) -> Callable[..., None]:
@@ -466,16 +495,21 @@ def command(
                 offered.append(parameter)
         offered.append(_keyword("json", _Json, default=False))
         offered.append(_keyword("quiet", _Quiet, default=False))
+        offered.append(_keyword("verbose", _Verbose, default=False))
 
         @wraps(body)
         def run(**given: Any) -> None:
-            json, quiet = given.pop("json"), given.pop("quiet")
+            manner = {
+                "as_json": given.pop("json"),
+                "quiet": given.pop("quiet"),
+                "verbose": given.pop("verbose"),
+            }
             if reads_logs:
                 given["options"] = LogOptions(
                     **{each.name: given.pop(each.name) for each in common}
                 )
             name = body.__name__.removesuffix("_command")
-            run_command(name, lambda session: body(session, **given), as_json=json, quiet=quiet)
+            run_command(name, lambda session: body(session, **given), **manner)
 
         run.__dict__["__signature__"] = own.replace(parameters=offered)  # read by typer
         return run

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tune.documents.scene import UNITS
+from tune.documents.scene import EFFECT_NAMES, UNITS
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection, Iterator, Mapping
 
     from identification import Device, Motion, Quantity
     from tune.documents.perception import Estimate
@@ -44,8 +44,77 @@ def units_of(motion: Motion | None) -> dict[str, str]:
     return {name: f"{unit} ({UNITS['rotary'][name]})" for name, unit in UNITS["linear"].items()}
 
 
+def verdict_on(profile: SafeProfile) -> str:
+    """What is proved of a profile, in one sentence."""
+    seal = profile.certificate
+    devices = "device the log allows" if profile.device.logs else "device within its intervals"
+    late = f"{seal.extra_delay_samples:g} more sample{'' if seal.extra_delay_samples == 1 else 's'}"
+    hand = ", in every hand and in none" if seal.hand else ""
+    return (
+        f"safe: proved for every {devices}, up to {seal.gain:g} times the gain and with {late} of "
+        f"delay{hand}"
+    )
+
+
+def device_line(device: Device) -> str:
+    """Mass, damping and friction with half of their 95 % intervals, and what is only assumed."""
+    units, parts = units_of(None if "motion" in device.missing else device.motion), list[str]()
+    for label, quantity, kind in _device_rows(device)[:3]:
+        half = relative_half_width(quantity)
+        known = "" if half is None else f" ± {100 * half:.2g} %"
+        name = label.rpartition(" ")[0]
+        parts.append(f"{name} {_with_interval(quantity)[0]} {units[kind]}{known}")
+    assumed = ", ".join(device.assumed())
+    return f"{device.name}: {', '.join(parts)}" + (f"; assumed: {assumed}" if assumed else "")
+
+
+def effects_table(profile: SafeProfile) -> Table:
+    """One row an effect, as narrow as a terminal: value, steps, margins, what binds."""
+    units = UNITS[profile.device.motion]
+    numbers = ("value", "steps", "gain", "delay")
+    title = f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"
+    table = headed_table(title, ("effect", *numbers, "limited by"), right=numbers)
+    for name, element in profile.elements.items():
+        for effect, reason in element.limited_by.items():
+            value: float = getattr(element, effect)
+            table.add_row(
+                f"{name} {effect}",
+                f"{_four_digits(value)} {units[effect]}" if value else "-",
+                f"{element.perceived_steps.get(effect, 0.0):.3g}",
+                f"{element.margins.gain:.4g}",
+                f"{_further_delay(element.margins.extra_delay_samples)} T",
+                reason,
+            )
+    return table
+
+
+def _four_digits(value: float) -> str:
+    """Four digits at least, without an exponent where people write none."""
+    large = 1e4 <= abs(value) < 1e7
+    return f"{value:.0f}" if large else f"{value:.4g}"
+
+
+def changed_effects(before: Mapping[str, Any], profile: SafeProfile) -> str:
+    """What became of each effect since the content of a file that stood there; "" if nothing."""
+    units, lines = UNITS[profile.device.motion], list[str]()
+    known: object = before.get("elements")
+    old = cast("dict[str, Any]", known) if isinstance(known, dict) else {}
+    for name in dict.fromkeys((*old, *profile.elements)):
+        was: object = old.get(name)
+        had = cast("dict[str, object]", was) if isinstance(was, dict) else {}
+        element = profile.elements.get(name)
+        for effect, unit in ((each, units[each]) for each in EFFECT_NAMES):
+            then, now = had.get(effect) or 0.0, 0.0 if element is None else getattr(element, effect)
+            if isinstance(then, int | float) and then != now:
+                lines.append(f"{name} {effect} {_four_digits(then)} → {_four_digits(now)} {unit}")
+    return "\n".join(lines)
+
+
 def elements_table(profile: SafeProfile) -> Table:
-    """One row an effect: value, perceived steps, gain and delay margin, ripple, what binds."""
+    """One row an effect: value, perceived steps, gain and delay margin, ripple, what binds.
+
+    Beneath it is what is felt of each element, and what is met on entering it.
+    """
     units = UNITS[profile.device.motion]
     numbers = ("value", "steps", "gain", "delay", "ripple")
     place = f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"

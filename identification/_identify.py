@@ -233,6 +233,7 @@ def _device_from(
         [fit for fit in fits if fit.estimate.model.gravity == kind]
         for kind in ("proportional", "pendulum")
     )
+    beside = [fit.dynamics for fit in fits if fit.dynamics is not None]
     return Device(
         name=hardware.name,
         axis=first.axis,
@@ -250,8 +251,8 @@ def _device_from(
         encoder_resolution=_mark_stated(hardware.encoder_resolution)
         or quantity(_resolution_of(fits), source="log"),
         force_limit=hardware.force_limit or _force_limit_of(fits),
-        modes=hardware.modes,
-        current_lag=hardware.current_lag,
+        modes=hardware.modes or tuple(each.mode for each in beside if each.mode is not None)[:1],
+        current_lag=hardware.current_lag or _widest([each.current_lag for each in beside]),
         covariance=_covariance(fits),
         damping_slope=_hull_of(fits, "slope"),
         presliding_stiffness=_hull_of(fits, "presliding"),
@@ -265,6 +266,16 @@ def _device_from(
         if weights
         else None,
     )
+
+
+def _widest(found: Sequence[Quantity | None]) -> Quantity | None:
+    """The hull of several intervals about their mean; None if there is none."""
+    known = [each for each in found if each is not None]
+    if not known:
+        return None
+    value = float(np.mean([each.value for each in known]))
+    low, high = min(each.low for each in known), max(each.high for each in known)
+    return quantity(value, low, high, source="log")
 
 
 def _envelope(fits: Sequence[LogFit], name: str) -> Quantity:

@@ -20,6 +20,7 @@ from identification.device.device import ByDirection, Device
 from identification.device.quantities import Quantity
 from identification.estimators.estimate import Estimate, Gravity, Model
 from identification.estimators.least_squares import prepare
+from identification.estimators.response import response_of
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting import LogFit
 from identification.planning import Excitation
@@ -103,13 +104,13 @@ def _draw_over_time(
 
 
 #: Inches.
-_WIDTH, _OF_A_LOG, _LINE, _AXIS = 11.0, 6.5, 0.2, 0.9
+_WIDTH, _OF_A_LOG, _LINE, _AXIS = 15.0, 6.5, 0.2, 0.9
 
 
 def identified_picture(
     device: Device, fits: Sequence[LogFit], *, before: Device | None = None
 ) -> Figure:
-    """Each log with fit, residual, its spectrum and correlation, and friction; then intervals.
+    """Each log with fit, residual, its spectrum and correlation, friction, response; intervals.
 
     Args:
         device: as identified from the logs.
@@ -150,16 +151,17 @@ def log_picture(trajectory: Trajectory) -> Figure:
 
 
 def _draw_log(part: SubFigure, device: Device, fit: LogFit) -> None:
-    """Over time on the left; spectrum, correlation and friction on the right."""
+    """Over time on the left; then spectrum, correlation, friction; the response on the right."""
     known = _explained_force(fit.trajectory, device, fit.estimate.delay)
     _, force = _units_of(device)
-    halves: Any = part.subfigures(1, 2, width_ratios=(1.5, 1))
-    left, right = halves
+    thirds: Any = part.subfigures(1, 3, width_ratios=(1.5, 1, 1))
+    left, right, last = thirds
     _draw_over_time(left.subplots(3, 1, sharex=True), fit.trajectory, device, known)
     spectrum, correlation, friction = right.subplots(3, 1)
     _draw_spectrum(spectrum, known, force)
     _draw_correlation(correlation, fit.estimate)
     draw_friction(friction, fit.trajectory, device, fit.estimate, force)
+    _draw_response(last.subplots(2, 1, sharex=True), device, fit, force)
     part.suptitle(
         f"{fit.trajectory.source}, {fit.method}. {_fit_title(device, known)}", fontsize=10
     )
@@ -251,6 +253,46 @@ def _draw_spectrum(axes: Axes, known: Explained, force: str) -> None:
     axes.set_xlabel("frequency, Hz")
     axes.set_ylabel(f"force, {force}/√Hz")
     legend_above(axes)
+
+
+_COHERENT = 0.8  # coherence below which a response is drawn grey
+
+
+def _draw_response(axes: Sequence[Axes], device: Device, fit: LogFit, force: str) -> None:
+    """Gain and phase from force, friction taken off, to acceleration; the model over them."""
+    model, late = _model(device), fit.estimate.delay
+    table = prepare(fit.trajectory, model, late)
+    values = np.array([_value(device, name) for name in model.parameters])
+    found = response_of(table, values, late)
+    rigid = found.rigid(values)
+    lines = [("rigid model", rigid, "tab:green")]
+    if fit.dynamics is not None and (fit.dynamics.current_lag or fit.dynamics.mode):
+        full = fit.dynamics.response(rigid, device.mass.value, found.frequency)
+        lines.append(("with lag or mode", full, "tab:red"))
+    told = found.coherence >= _COHERENT
+    top, bottom = axes
+    for chosen, color, label in ((told, "tab:blue", "log"), (~told, "0.8", "hardly coherent")):
+        hertz, gain = found.frequency[chosen], found.gain[chosen]
+        top.errorbar(
+            hertz,
+            np.abs(gain),
+            np.abs(gain) * np.minimum(found.half_width[chosen], 0.9),
+            fmt=".",
+            ms=3,
+            lw=0.8,
+            color=color,
+            label=label,
+        )
+        bottom.plot(hertz, np.degrees(np.angle(gain)), ".", ms=3, color=color)
+    for label, gain, color in lines:
+        top.plot(found.frequency, np.abs(gain), color=color, lw=1.2, label=label)
+        bottom.plot(found.frequency, np.degrees(np.angle(gain)), color=color, lw=1.2)
+    top.set_xscale("log")
+    top.set_yscale("log")
+    top.set_ylabel(f"acceleration per force, 1/s² per {force}")
+    legend_above(top)
+    bottom.set_ylabel("phase, °")
+    bottom.set_xlabel("frequency, Hz")
 
 
 def _draw_correlation(axes: Axes, estimate: Estimate) -> None:

@@ -175,7 +175,7 @@ def test_no_share_above_all_of_the_force_is_printed_and_no_slope_that_nothing_te
         UnmodelledForce(kind="position", share=53.661),
         UnmodelledForce(kind="drag", share=2.0),
     )
-    (told,) = unmodelled(plain(), chosen, forces, SlopeRange(low=-3e7, high=4e7), 0.2)
+    (told,) = unmodelled(plain(), chosen, forces, SlopeRange(low=-3e7, high=4e7), 0.2, 0.5)
     assert told.severity == "refusal"
     assert "%" not in told.seen
     assert "e+07" not in told.seen

@@ -35,14 +35,18 @@ def missing(case: Case) -> str:
     return f"{case.code} {case.level}: {sorted(codes) or 'nothing'}"
 
 
-#: Codes whose faulty log stands in ``test_findings`` and ``test_friction_curve`` too.
+#: Codes whose faulty log stands in another file of tests too.
 SHOWN_ELSEWHERE = {
+    "backlash",
     "controller-identified",
     "delay-unknown",
+    "drive-lag",
     "heldout-misfit",
+    "load-friction",
     "not-exciting-mass",
     "stiction",
     "unmodelled-force",
+    "vibration-mode",
 }
 
 

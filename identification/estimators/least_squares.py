@@ -89,6 +89,11 @@ _ROUNDS = 2
 _ROUGH = 1 << 13
 
 
+#: A residual is loud from this part of the force on, rms, and this many mean squares of noise.
+#: Noise beside a resonance near the cut-off looks like a lighter device there.
+LEAST, LOUD = 0.003, 1.5
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutOff:
     """A cut-off and why."""
@@ -299,6 +304,19 @@ class Regression:
         gains = {"mass": acceleration, "damping": velocity, "damping_asymmetry": velocity}
         of_columns = [gains.get(name, 0.0) for name in self.model.parameters]
         return self.signals.noise**2 * np.array(of_columns)
+
+    def noise_force(self, delay: float) -> float:
+        """Rms of the force that noise of the readings makes of the mass, N."""
+        return float(abs(self.solve(delay)[0]) * np.sqrt(self._attenuation()[0]))
+
+    def is_loud(self, delay: float) -> bool:
+        """Whether more of the force is left than noise explains; never said of uneven steps."""
+        if isinstance(self.signals.steps, np.ndarray):
+            return False
+        force = self.force(delay)
+        left = float(np.mean((force - self.solve(delay) @ self.columns) ** 2))
+        least = LEAST**2 * float(np.mean(force**2))
+        return left > max(least, LOUD * self.noise_force(delay) ** 2)
 
     def refined(self, delay: float) -> Regression:
         """This regression with the direction of motion from the fitted model."""

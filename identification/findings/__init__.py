@@ -66,6 +66,10 @@ CODES = (
     "heldout-misfit",
     "unmodelled-force",
     "not-stated",
+    "drive-lag",
+    "vibration-mode",
+    "backlash",
+    "load-friction",
 )
 
 

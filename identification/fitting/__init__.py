@@ -44,6 +44,7 @@ from identification.trajectory import (
 )
 
 if TYPE_CHECKING:
+    from identification.fitting.dynamics import Dynamics
     from identification.fitting.friction_curve import FrictionCurve
     from identification.fitting.stability_selection import Structure
 
@@ -112,6 +113,10 @@ class PreparedLog:
             delay=delay,
             doubt=doubt,
         )
+
+    def believing(self, stated: Quantity | None) -> PreparedLog:
+        """This log with a delay stated that it may contradict."""
+        return PreparedLog._from_rough(self.trajectory, self.rough, stated)
 
     def widened(self, model: Model) -> PreparedLog:
         """This log with more terms: without them delay and direction may have gone astray."""
@@ -335,6 +340,7 @@ class LogFit:
         delay: read from the log; None if it was stated and the log does not contradict it.
         structure: which terms sparse regression asks for; None where nothing called for it.
         curve: friction beyond the model; None where the log shows none.
+        dynamics: lag, vibration, play or load friction that was taken out; None for none.
         findings: about this log, those allowed among them as warnings.
         reason: why this method, a sentence.
     """
@@ -348,6 +354,7 @@ class LogFit:
     reason: str
     structure: Structure | None = None
     curve: FrictionCurve | None = None
+    dynamics: Dynamics | None = None
 
     @property
     def method(self) -> str:
@@ -355,8 +362,10 @@ class LogFit:
         return self.estimate.method
 
 
-def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> LogFit:
-    """Estimate mass, damping and friction from one log."""
+def fit_log(
+    trajectory: Trajectory, hardware: Hardware | None, method: str, *, rigid: bool = False
+) -> LogFit:
+    """Estimate mass, damping and friction from one log, of a ``rigid`` device or not."""
     stated = None if hardware is None else hardware.delay
     part = most_excited(trajectory)
     prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), None
@@ -365,15 +374,33 @@ def fit_log(trajectory: Trajectory, hardware: Hardware | None, method: str) -> L
         plain = prepared
         prepared, structure = _add_paying_terms(plain)
         explained = None if prepared is plain else noise_explains(prepared)
-    regression = prepared.fit("least-squares")
-    chosen, reason = choose(prepared, method, explained)
-    chosen = _drop_noise_terms(prepared, over_cut_offs(prepared, chosen))
-    curve = None
-    if explained is None and regression.value("mass") > 0:
+    regression, curve = prepared.fit("least-squares"), None
+    plausible = regression.value("mass") > 0
+    if explained is None and plausible:
         from identification.fitting.friction_curve import friction_curve
 
         # What the residual holds beside noise, where noise does not explain it.
         curve = friction_curve(prepared.table, prepared.delay)
+    # A lag looks like a delay that contradicts the one stated.
+    late = stated is not None and prepared.stated is None
+    seen = prepared.believing(stated) if late else prepared
+    asked = not rigid and plausible and (explained is None or late)
+    if asked and seen.table.is_loud(seen.delay):
+        from identification.fitting.dynamics import find_dynamics
+
+        least = np.inf if curve is None or late else curve.left**2
+        found = find_dynamics(part, seen.table, seen.delay, hardware, least=least)
+        if found is not None:
+            again = fit_log(found.log, hardware, method, rigid=True)
+            return replace(
+                again,
+                trajectory=trajectory,
+                estimate=found.carried_by(again.estimate, seen.fit("least-squares")),
+                findings=(*again.findings, *found.findings),
+                dynamics=found,
+            )
+    chosen, reason = choose(prepared, method, explained)
+    chosen = _drop_noise_terms(prepared, over_cut_offs(prepared, chosen))
     beyond: tuple[Finding, ...] = ()
     if curve is not None:
         from identification.findings.friction import unmodelled

@@ -84,6 +84,10 @@ def cases(seed: int, codes: Collection[str] | None = None) -> tuple[Case, ...]:
         "heldout-misfit": lambda: tuple(map(arrays.weakened, three, (0.02, 0.35, 1.5))),
         "unmodelled-force": lambda: machines.dragged(seed),
         "not-stated": lambda: tuple(arrays.in_units(log, force=1 / 30) for log in three),
+        "drive-lag": lambda: machines.lagging(seed),
+        "vibration-mode": lambda: machines.vibrating(seed),
+        "backlash": lambda: machines.played_loose(seed),
+        "load-friction": lambda: machines.loaded(seed),
     }
     # In volts of 30 N each nothing shows. A log in mN exceeds the hardware; counts show themselves.
     units = (
@@ -96,6 +100,8 @@ def cases(seed: int, codes: Collection[str] | None = None) -> tuple[Case, ...]:
         ("not-exciting-damping", "mild"): {"value": 1e-3, "low": 0.9e-3, "high": 1.1e-3},
         ("not-exciting-damping", "plain"): {"value": 1e-3, "low": 0.0, "high": 2e-3},
         ("not-exciting-damping", "severe"): {"value": 1e-3, "low": 0.0, "high": 4e-3},
+        # Slow motion tells a lag from a delay only where the delay is known.
+        **{("drive-lag", level): {"value": 1e-3} for level in LEVELS},
     }
     found = [
         Case(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from datasets_synthetic.device import Clock, Faults, Hand, Rig
 from datasets_synthetic.law import Controller
 from datasets_synthetic.simulation import simulate
+from tests.outside_axis import Axis, Body, Drive, play
 from tests.simulated.catalogue.motions import Course, multisine
 from tests.simulated.catalogue.raw import RawLog
 from tests.simulated.friction_rigs import friction_of, record
@@ -53,6 +54,50 @@ def _three(rig: Rig, force: FloatArray, seed: int, faults: Faults = _NOISE) -> T
 def good(seed: int) -> Three:
     """Nothing wrong: three logs of one device, moved within 50 mm."""
     return _three(_RIG, np.stack([_force(_RIG, _course(seed + i)) for i in range(3)]), seed)
+
+
+def outside(seed: int, *axes: Axis) -> Three:
+    """Logs of axes that the simulator of the package has not, moved as the good ones."""
+    logs: list[RawLog] = []
+    for place, axis in enumerate(axes):
+        plan = _force(_RIG, _course(seed + place))
+        drive = Drive(sample_time=_STEP, plan=plan, delay=_STEP, count=6e-6, noise=2e-6)
+        played = play(axis, drive, np.random.default_rng(seed + place))
+        logs.append(RawLog(time=played.time, force=played.command, position=played.reading))
+    first, second, third = logs
+    return first, second, third
+
+
+def lagging(seed: int) -> Three:
+    """The current loop of the drive is slow."""
+    return outside(seed, *(replace(_AXIS, lag_hz=hertz) for hertz in (300.0, 50.0, 20.0)))
+
+
+def vibrating(seed: int) -> Three:
+    """Part of the mass hangs on a spring."""
+    return outside(seed, *(_split(hertz, 0.02) for hertz in (60.0, 20.0, 11.0)))
+
+
+def played_loose(seed: int) -> Three:
+    """Part of the mass is moved through a gap."""
+    return outside(seed, *(_split(200.0, 0.2, gap) for gap in (2e-6, 2e-4, 1e-3)))
+
+
+def loaded(seed: int) -> Three:
+    """Friction grows with the force."""
+    return outside(seed, *(replace(_AXIS, load=part) for part in (0.003, 0.1, 0.3)))
+
+
+_AXIS = Axis(mass=3.0, damping=10.0, coulomb=0.8)
+
+
+def _split(hertz: float, damped: float, gap: float = 0.0) -> Axis:
+    """The same axis, three tenths of it on a spring, which both swing on at a frequency."""
+    omega, near, load = 2 * np.pi * hertz, 2.1, 0.9
+    reduced = near * load / 3.0
+    stiffness, damping = reduced * omega**2, 2 * damped * reduced * omega
+    body = Body(mass=load, stiffness=stiffness, damping=damping, gap=gap / 2)
+    return replace(_AXIS, mass=near, body=body)
 
 
 def slow(seed: int) -> Three:

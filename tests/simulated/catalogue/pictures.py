@@ -153,6 +153,34 @@ VIEWS: dict[str, View] = {
     ),
     "constant-column": _POSITION,
     "too-short": _POSITION,
+    "vibration-mode": View(
+        abscissa=_TIME,
+        ordinate="unexplained force, N",
+        points=_unexplained_over_time,
+        seconds=2.0,
+        level="severe",
+    ),
+    "backlash": View(
+        abscissa=_TIME,
+        ordinate="unexplained force, N",
+        points=_unexplained_over_time,
+        seconds=2.0,
+        level="severe",
+    ),
+    "drive-lag": View(
+        abscissa="velocity, m/s",
+        ordinate="friction, N",
+        points=_friction,
+        style=",",
+        level="severe",
+    ),
+    "load-friction": View(
+        abscissa="velocity, m/s",
+        ordinate="friction, N",
+        points=_friction,
+        style=",",
+        level="severe",
+    ),
     "unmodelled-force": View(
         abscissa="velocity, m/s", ordinate="friction, N", points=_friction, style=","
     ),

@@ -1,0 +1,569 @@
+"""Dynamics that a rigid device lacks: a lagging drive, vibration, play, friction by load.
+
+Each kind is put to the regression of a log as what it does there: a drive of first order delays
+the low frequencies of the force and weakens the high ones; a mass on a spring follows the measured
+position through a resonance; a mass behind play coasts until its gap closes; friction that grows
+with load is a part of the force, against the motion. Their parameters are found by variable
+projection. A kind is found if it takes most of the residual away, more than a delay, a simpler kind
+or laws of friction do. The log is then given the force that a rigid device would have needed, and
+everything is estimated and judged again from that: mass and damping become those of low
+frequencies, and carry what the parameters of the kind leave in doubt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.device.hardware import Hardware, Mode
+from identification.device.quantities import Quantity, quantity
+from identification.errors import Finding
+from identification.estimators.estimate import Estimate, Solution, solve_separable, spread
+from identification.estimators.filters import LowPass, recursive
+from identification.estimators.least_squares import LEAST, LOUD, Regression, prepare
+from identification.estimators.signals import HeldColumn, Kinematics, of_rows
+from identification.trajectory import NORMAL_95, Trajectory
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Rows looked at, from the middle of the log; more add time, not truth.
+_LONGEST = 1 << 15
+#: A kind leaves at most this part of the mean square of the residual that is not noise, play, whose
+#: impacts no model follows, the second; at most these parts of what a delay and a simpler kind
+#: leave. A search begins if the best of a scan takes at least the last part away.
+_LEFT, _BY_PLAY, _THAN_DELAY, _BETTER, _HINT = 0.4, 0.7, 0.9, 0.7, 0.1
+#: Play is looked for where so much of the force is left, rms; what is left of it beyond the last
+#: part bounds nothing of what else is there.
+_FOR_PLAY, _MOST = 0.012, 0.15
+#: Time constants of a drive, s.
+_LAGS = (2e-4, 2e-2)
+#: Resonances from so many periods in the log to this multiple of the cut-off, and their damping
+#: ratios: what is damped more does not vibrate.
+_PERIODS, _ABOVE, _DAMPED = 8.0, 2.5, (2e-3, 0.3)
+#: Gaps, parts of the travel; how what is in the gap loses its speed, 1/s, and what of it impacts
+#: give back. Its course is taken at this multiple of the cut-off: impacts are fast.
+_FINER = 3.0
+_GAPS = (1e-3, 0.1)
+_COASTS = ((0.0, 0.0), (0.0, 0.4), (0.0, 0.7), (10.0, 0.0), (10.0, 0.5), (np.inf, 0.0))
+_SCAN = 9  # values of a parameter in a scan; of a resonance, which is sharp, three times as many
+_NUDGE = 1e-3  # step of numerical derivatives, of logarithms and samples
+_STATED = 1.2  # a stated lag or frequency within this factor of the one found is the one found
+_COHERENT = 0.8  # coherence of the bands that a finding names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dynamics:
+    """What one log shows between force and position beside a rigid device."""
+
+    log: Trajectory  # with the force that a rigid device would have needed
+    doubt: FloatArray  # covariance that its parameters add to those of the model, shape (p, p)
+    left: float  # part of the residual that may still move mass and damping
+    findings: tuple[Finding, ...]  # none where the hardware states it
+    current_lag: Quantity | None  # s
+    mode: Mode | None
+    near_mass: float | None  # kg (kg·m²) that moves alone while the gap is open
+
+    def response(self, rigid: ComplexArray, mass: float, frequency: FloatArray) -> ComplexArray:
+        """Acceleration per force with the lag or the mode beside the rigid one, (bands,)."""
+        turned = (2j * np.pi * frequency).astype(np.complex128)
+        if self.current_lag is not None:
+            return rigid / (1 + self.current_lag.value * turned)
+        if self.mode is None:
+            return rigid
+        omega, part = 2 * np.pi * self.mode.frequency_hz.value, self.mode.at_encoder**2
+        damped = 2 * self.mode.damping_ratio.value * omega
+        return rigid + part / mass * turned**2 / (turned**2 + damped * turned + omega**2)
+
+    def carried_by(self, estimate: Estimate, before: Estimate) -> Estimate:
+        """An estimate from ``log`` with its doubt, and the one before it, without the dynamics."""
+        values, covariance = estimate.values.copy(), estimate.covariance.copy()
+        count = min(len(covariance), len(self.doubt))
+        covariance[:count, :count] += self.doubt[:count, :count]
+        covariance[:2, :2] += np.diag((self.left * (values[:2] - before.values[:2])) ** 2)
+        if self.near_mass is not None and values[0] > self.near_mass:
+            # What a loop feels lies between the mass before the gap and all of it.
+            half = 0.5 * np.log(values[0] / self.near_mass)
+            values[0] *= np.exp(-half)
+            covariance[0, 0] += (values[0] * half / NORMAL_95) ** 2
+        return replace(estimate, values=values, covariance=covariance)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    """What the parameters of a kind say."""
+
+    seen: str
+    remedy: str
+    current_lag: Quantity | None = None
+    mode: Mode | None = None
+    near_mass: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """A delay other than the one stated; base of the kinds. θ ends with a delay if it is fitted."""
+
+    table: Regression
+    residual: FloatArray  # what the model leaves, N, shape (rows,)
+    given: float | None  # delay, s; None if it is fitted, in samples
+    late: float  # delay of the model, s
+    scanned: list[FloatArray] = field(default_factory=list[FloatArray])  # what only a scan finds
+
+    code: ClassVar[str] = ""
+
+    @property
+    def step(self) -> float:
+        return self.table.signals.step
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        delay = () if self.given is not None else ((0.0, float(self.table.known)),)
+        low, high = np.array((*self.ranges(), *delay)).reshape(-1, 2).T
+        return low, high
+
+    def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Columns of the model and beside it, and the force."""
+        return self.table.columns, self.table.force(self.delay_of(theta))
+
+    def slopes(self, theta: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
+        found, high = np.empty((theta.size, residual.size)), self.bounds[1]
+        for index, place in enumerate(theta):
+            near = theta.copy()
+            near[index] += _NUDGE if place + _NUDGE <= high[index] else -_NUDGE
+            columns, target = self.at(near)
+            found[index] = (weights @ columns - target + residual) / (near[index] - place)
+        return found
+
+    def allowed(self, theta: FloatArray) -> bool:
+        return bool(np.all(np.isfinite(theta)))
+
+    def delay_of(self, theta: FloatArray) -> float:
+        late = self.given if self.given is not None else float(theta[-1]) * self.step
+        return min(max(late, 0.0), self.table.known * self.step)
+
+    def fitted(self) -> Solution | None:
+        """The best fit; None where there is none, or none of a device."""
+        start = self.start()
+        if start is None:
+            return None
+        delay = [] if self.given is not None else [self.later(start) / self.step]
+        found = solve_separable(self, np.array([*start, *delay]))
+        return found if self.is_physical(found) else None
+
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        """Bounds of its own parameters."""
+        return ()
+
+    def start(self) -> FloatArray | None:
+        """Own parameters to start from; None where the log does not show it."""
+        return np.empty(0)
+
+    def later(self, start: FloatArray) -> float:
+        """The delay to start from, s."""
+        del start
+        return self.late
+
+    def is_physical(self, found: Solution) -> bool:
+        return bool(found.weights[0] > 0)
+
+    def corrected(self, log: Trajectory, found: Solution, table: Regression) -> FloatArray:
+        """The force column of a log that a rigid device would have needed."""
+        raise NotImplementedError
+
+    def told(self, found: Solution, around: FloatArray) -> _Told:
+        """What is found, from the covariance of weights and θ."""
+        raise NotImplementedError
+
+
+class _Lag(_Kind):
+    """A current loop of first order, θ = log of its time constant."""
+
+    __slots__ = ()
+    code = "drive-lag"
+
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        return ((float(np.log(_LAGS[0])), float(np.log(_LAGS[1]))),)
+
+    def start(self) -> FloatArray:
+        basis, costs = np.linalg.qr(self.table.columns.T)[0], list[float]()
+        places = np.linspace(*self.ranges()[0], _SCAN)[:, None]
+        for theta in places:
+            force = self._force(theta, self.later(theta) if self.given is None else self.given)
+            costs.append(float(force @ force - np.sum((force @ basis) ** 2)))
+        return places[int(np.argmin(costs))]
+
+    def later(self, start: FloatArray) -> float:
+        return max(self.late - float(np.exp(start[0])), 0.0)
+
+    def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return self.table.columns, self._force(theta, self.delay_of(theta))
+
+    def _force(self, theta: FloatArray, delay: float) -> FloatArray:
+        table, commands = self.table, self.table.signals.commands
+        value = self._lagged(commands.value, theta)
+        signals = replace(table.signals, commands=replace(commands, value=value))
+        logged = table.low_pass(value) if table.logged.size else table.logged
+        return replace(table, signals=signals, logged=logged, filtered_forces={}).force(delay)
+
+    def _lagged(self, force: FloatArray, theta: FloatArray) -> FloatArray:
+        """Mean over each interval of a held force behind the lag."""
+        lag = float(np.exp(theta[0]))
+        decay = float(np.exp(-self.step / lag))
+        begun = recursive(np.concatenate((force[:1], force[:-1] * (1 - decay))), -decay)
+        return force + (begun - force) * (1 - decay) * lag / self.step
+
+    def corrected(self, log: Trajectory, found: Solution, table: Regression) -> FloatArray:
+        del table
+        return self._lagged(log.force, found.theta)
+
+    def told(self, found: Solution, around: FloatArray) -> _Told:
+        lag = _around(found.theta[0], around[len(found.weights), len(found.weights)])
+        return _Told(
+            seen=f"a force that lags {_range(lag, 1e3)} ms behind the command, as behind a current "
+            f"loop of {1 / (2 * np.pi * lag.value):.3g} Hz",
+            remedy=f"State current_lag: {_written(lag)} in the hardware file, as it is certified "
+            "now, or make the current loop faster.",
+            current_lag=lag,
+        )
+
+
+class _Load(_Kind):
+    """Coulomb friction that grows with the force."""
+
+    __slots__ = ()
+    code = "load-friction"
+
+    def start(self) -> FloatArray | None:
+        return np.empty(0) if self.table.model.coulomb else None
+
+    def is_physical(self, found: Solution) -> bool:
+        return bool(found.weights[0] > 0 and 0 < found.weights[-1] < 1)
+
+    def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        delay, motion = self.delay_of(theta), self.table.motion
+        against = np.abs(self.table.held_force(delay).mean()) * motion.direction.mean()
+        held = HeldColumn.constant(against * motion.moving, self.step)
+        return np.vstack((self.table.columns, self.table.filtered(held))), self.table.force(delay)
+
+    def corrected(self, log: Trajectory, found: Solution, table: Regression) -> FloatArray:
+        direction = table.motion.direction.mean() * table.motion.moving
+        middle = log.time[:-1] + self.step / 2
+        sense = np.interp(log.time + self.delay_of(found.theta) + self.step / 2, middle, direction)
+        return log.force - found.weights[-1] * np.abs(log.force) * sense
+
+    def told(self, found: Solution, around: FloatArray) -> _Told:
+        half = NORMAL_95 * float(np.sqrt(np.diag(around)[len(found.weights) - 1]))
+        return _Told(
+            seen=f"friction that grows with the load, by {found.weights[-1]:.3g} ± {half:.1g} of "
+            "the force",
+            remedy="Oil or realign the gear or screw; it takes part of every force that drives the "
+            "device and holds against what it gives back, which the gain margin must bear.",
+        )
+
+
+class _Beside(_Kind):
+    """A second mass whose motion follows from the measured one; its weight stands after the p."""
+
+    __slots__ = ()
+
+    def is_physical(self, found: Solution) -> bool:
+        return bool(0 < found.weights[len(self.table.columns)] < found.weights[0])
+
+    def pick(self, columns: list[FloatArray]) -> tuple[int, float]:
+        """Which of some columns takes most of the residual with a weight above zero, what part."""
+        rows, basis = np.stack(columns), np.linalg.qr(self.table.columns.T)[0]
+        rest = rows - (rows @ basis) @ basis.T
+        sizes = np.maximum(np.einsum("ij,ij->i", rest, rest), np.finfo(float).tiny)
+        gain = np.maximum(rest @ self.residual, 0.0) ** 2 / sizes
+        best = int(np.argmax(gain))
+        return best, float(gain[best] / (self.residual @ self.residual))
+
+    def acceleration(self, position: FloatArray) -> FloatArray:
+        """Filtered rows of the acceleration of a position, nothing where the device stands."""
+        rows, moving = Kinematics.of(position, self.step).acceleration, self.table.motion.moving
+        if not np.all(moving):
+            rows = rows * of_rows(HeldColumn.constant(moving, self.step).triangle())
+        return self.table.low_pass(rows)[self.table.known :]
+
+    def beside(self, theta: FloatArray, *columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return np.vstack((self.table.columns, *columns)), self.table.force(self.delay_of(theta))
+
+    def apart(self, found: Solution, position: FloatArray) -> FloatArray:
+        """Distance of the second mass from the first, m, at each sample, less a constant."""
+        raise NotImplementedError
+
+    def corrected(self, log: Trajectory, found: Solution, table: Regression) -> FloatArray:
+        del table
+        bend = np.pad(np.diff(self.apart(found, log.position), 2) / self.step**2, 1)
+        pull = float(found.weights[len(self.table.columns)]) * bend
+        late = self.delay_of(found.theta) + self.step / 2
+        return log.force - np.interp(log.time + late, log.time, pull)
+
+
+class _Resonance(_Beside):
+    """A mass on a spring and damper, θ = logs of its frequency and damping ratio, driven."""
+
+    __slots__ = ()
+    code = "vibration-mode"
+
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        slowest = _PERIODS / (self.table.signals.position.size * self.step)
+        fastest = min(_ABOVE * self.table.cut_off.frequency, 0.2 / self.step)
+        pairs = np.log(((min(slowest, fastest), fastest), _DAMPED)).tolist()
+        return tuple((low, high) for low, high in pairs)
+
+    def start(self) -> FloatArray | None:
+        places = np.linspace(*self.ranges()[0], 3 * _SCAN)
+        tried = [np.array((place, damped)) for place in places for damped in np.log((0.02, 0.1))]
+        bend = self.table.columns[0]
+        best, gain = self.pick([self._driven(each, bend) - bend for each in tried])
+        return tried[best] if gain >= _HINT else None
+
+    def is_physical(self, found: Solution) -> bool:
+        return _Beside.is_physical(self, found) and found.theta[1] < self.ranges()[1][1]
+
+    def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        position = self.table.signals.position
+        apart = self._driven(theta, position) - position
+        courses = (apart, *self._ringing(theta, position.size))
+        return self.beside(theta, *(self.acceleration(each) for each in courses))
+
+    def apart(self, found: Solution, position: FloatArray) -> FloatArray:
+        apart = self._driven(found.theta, position) - position
+        if position.size != self.table.signals.position.size:  # of a long log a part was looked at
+            return apart
+        begun = found.weights[len(self.table.columns) :]
+        return apart + begun[1:] / begun[0] @ self._ringing(found.theta, position.size)
+
+    def _weights(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Weights of the last three of input and output (bilinear transform, exact at ω)."""
+        omega, rate = 2 / self.step * np.tan(np.pi * np.exp(theta[0]) * self.step), 2 / self.step
+        damped, square = 2 * np.exp(theta[1]) * omega * rate, omega**2
+        first = np.array([square + damped, 2 * square, square - damped])
+        last = first + rate**2 * np.array([1.0, -2.0, 1.0])
+        return first / last[0], last / last[0]
+
+    def _driven(self, theta: FloatArray, column: FloatArray) -> FloatArray:
+        """What the mass on the spring makes of the motion of its other end, from rest."""
+        first, last = self._weights(theta)
+        before = np.pad(column - column[0], (2, 0))
+        driven = first[0] * before[2:] + first[1] * before[1:-1] + first[2] * before[:-2]
+        return recursive(driven, last[1], last[2]) + column[0]
+
+    def _ringing(self, theta: FloatArray, count: int) -> FloatArray:
+        """Free motions from the first and from the second sample on, shape (2, n)."""
+        _, last = self._weights(theta)
+        return recursive(np.eye(2, count), last[1], last[2])
+
+    def told(self, found: Solution, around: FloatArray) -> _Told:
+        count, own = len(self.table.columns), len(found.weights)
+        mass, second = float(found.weights[0]), float(found.weights[count])
+        # ω² and ζ² of the mode are m/m₁ times those of the load with the motor held.
+        near = mass - second
+        slope = np.zeros((2, len(around)))
+        slope[:, 0], slope[:, count] = 0.5 / mass - 0.5 / near, 0.5 / near
+        slope[0, own], slope[1, own + 1] = 1.0, 1.0
+        places = found.theta[:2] + 0.5 * np.log(mass / near)
+        hertz, damped = map(_around, places, np.einsum("ij,jk,ik->i", slope, around, slope))
+        part = float(np.sqrt(second / near))
+        mode = None
+        if damped.high < 1:
+            mode = Mode(frequency_hz=hertz, damping_ratio=damped, at_encoder=part, at_handle=part)
+        return _Told(
+            seen=f"a vibration at {_range(hertz)} Hz, damping ratio {_range(damped)}, of "
+            f"{second / mass:.0%} of the mass",
+            remedy=f"State modes: [{{frequency_hz: {_written(hertz)}, damping_ratio: "
+            f"{_written(damped)}, at_encoder: {part:.3g}}}] in the hardware file, as it is "
+            "certified now, at_handle too where the hand grips elsewhere; or stiffen the device.",
+            mode=mode,
+        )
+
+
+class _Play(_Beside):
+    """A mass behind a gap; a scan finds the gap and the rate, for impacts make the fit jump."""
+
+    __slots__ = ()
+    code = "backlash"
+
+    def start(self) -> FloatArray | None:
+        low, high = np.log(_GAPS).tolist()
+        gaps: FloatArray = np.linspace(low, high, _SCAN, dtype=np.float64)
+        width, coasts = (high - low) / (_SCAN - 1), _COASTS
+        for _ in range(2):
+            places = [np.array((np.exp(gap), *coast)) for gap in gaps for coast in coasts]
+            courses = self._coasting(np.stack(places), self.table.signals.position)
+            tried = [self.acceleration(each) for each in courses]
+            best, gain = self.pick(tried)
+            if gain < _HINT:
+                return None
+            self.scanned[:] = [places[best], tried[best]]
+            gaps = np.log(places[best][0]) + width * np.linspace(-0.5, 0.5, _SCAN)
+            coasts = (coasts[best % len(coasts)],)
+        return np.empty(0)
+
+    def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return self.beside(theta, self.scanned[1])
+
+    def apart(self, found: Solution, position: FloatArray) -> FloatArray:
+        del found
+        return self._coasting(self.scanned[0][None], position)[0]
+
+    def _coasting(self, places: FloatArray, position: FloatArray) -> FloatArray:
+        """Distance from a mass that coasts in a gap until it closes, shape (gaps, n)."""
+        smooth = LowPass.at(_FINER * self.table.cut_off.frequency, self.step).continued(position)
+        half, kept = places[:, 0] * np.ptp(position) / 2, np.exp(-places[:, 1] * self.step)
+        second, moved, before = np.full(half.size, smooth[0]), np.zeros(half.size), smooth[0]
+        course = np.empty((smooth.size, half.size))
+        for row, place in zip(course, smooth.tolist(), strict=True):
+            free, step = second + moved, place - before
+            second = np.minimum(np.maximum(free, place - half), place + half)
+            back = step + places[:, 2] * (step - moved)
+            moved = np.where(second == free, moved * kept, back)
+            row[:], before = second, place
+        return np.ascontiguousarray((course - smooth[:, None]).T)
+
+    def told(self, found: Solution, around: FloatArray) -> _Told:
+        del around
+        mass, second = float(found.weights[0]), float(found.weights[-1])
+        gap = float(self.scanned[0][0] * np.ptp(self.table.signals.position))
+        return _Told(
+            seen=f"play of about {gap:.2g} before {second / mass:.0%} of the mass, {mass:.4g}",
+            remedy="Take the play out of the gear, belt or coupling. In the gap the actuator moves "
+            f"{mass - second:.3g} alone: the interval of the mass goes from there to all of it.",
+            near_mass=mass - second,
+        )
+
+
+def find_dynamics(
+    log: Trajectory,
+    whole: Regression,
+    late: float,
+    hardware: Hardware | None,
+    *,
+    least: float,
+) -> Dynamics | None:
+    """The kind that takes most of what the model leaves away; None if there is none.
+
+    None also where a delay other than the one stated does as well. The regression is that of the
+    log, with its delay in s; ``least`` is the part of the force that laws of friction leave,
+    mean squares.
+    """
+    table = _looked_at(log, whole, late)
+    force = table.force(late)
+    residual = force - np.linalg.lstsq(table.columns.T, force)[0] @ table.columns
+    before, power = float(residual @ residual), float(force @ force)
+    noise = force.size * table.noise_force(late) ** 2
+    given = late if hardware is not None and hardware.delay is not None else None
+    best: tuple[_Kind, Solution] | None = None
+    cost = before
+    for make in (_Kind, _Lag, _Load, _Resonance, _Play):
+        lowest = _FOR_PLAY if make is _Play else LEAST  # play takes longest to look for
+        quiet = cost < max(lowest**2 * power, LOUD * noise) and make is not _Lag
+        if quiet or (make is _Kind and given is None):
+            continue
+        kind = make(table, residual, None if make is _Kind else given, late)
+        found = kind.fitted()
+        most = noise + (_BY_PLAY if make is _Play else _LEFT) * (before - noise)
+        better = 1.0 if best is None else _THAN_DELAY if best[0].code == "" else _BETTER
+        if found is not None and found.cost < min(most, better * cost):
+            best, cost = (kind, found), found.cost
+    if best is None or best[0].code == "" or cost >= least * power:
+        return None
+    if before - cost < max(LEAST**2 * power, noise):
+        return None
+    left = max(cost - noise, 0.0) / (before - noise)
+    return _described(log, whole, *best, left, float(np.sqrt(cost / power)), hardware)
+
+
+def _looked_at(log: Trajectory, table: Regression, late: float) -> Regression:
+    """The regression of a log, or of the middle of a long one."""
+    if len(log) <= _LONGEST:
+        return table
+    first = (len(log) - _LONGEST) // 2
+    room = table.known * table.signals.step
+    part = prepare(log.part(slice(first, first + _LONGEST)), table.model, room, refine=False)
+    return part.refined(late)
+
+
+def _described(
+    log: Trajectory,
+    whole: Regression,
+    kind: _Kind,
+    found: Solution,
+    left: float,
+    share: float,
+    hardware: Hardware | None,
+) -> Dynamics:
+    count = len(kind.table.columns)
+    jacobian = np.concatenate((found.columns, found.slopes))
+    around = spread(jacobian, found.residual, len(jacobian), signal=found.target).covariance
+    shared = around[:count, count:]
+    doubt = shared @ np.linalg.pinv(around[count:, count:], hermitian=True) @ shared.T
+    told, refused = kind.told(found, around), share > _MOST
+    named = Finding(
+        code=kind.code,
+        severity="refusal" if refused else "warning",
+        seen=f"{log.source} shows {told.seen}; with it {left:.0%} is left of the mean square that "
+        f"mass, damping and friction miss of the force{_departure(kind)}",
+        needed=f"at most {_MOST:.0%} of the force explained by neither"
+        if refused
+        else "a device that moves as one mass, driven by the force as commanded",
+        remedy=told.remedy,
+    )
+    return Dynamics(
+        log=replace(log, force=kind.corrected(log, found, whole)),
+        doubt=(doubt + doubt.T) / 2,
+        left=float(np.sqrt(left)) if isinstance(kind, _Play) else left,
+        findings=(named,) if refused or not _is_stated(told, hardware or Hardware()) else (),
+        current_lag=told.current_lag,
+        mode=told.mode,
+        near_mass=told.near_mass,
+    )
+
+
+def _departure(kind: _Kind) -> str:
+    """Where most of the motion is not that of the rigid response, in words."""
+    from identification.estimators.response import response_of
+
+    values = kind.table.solve(kind.late)
+    found = response_of(kind.table, values, kind.late)
+    apart = found.gain / found.rigid(values) - 1
+    told = (found.coherence >= _COHERENT) & (np.abs(apart) > found.half_width)
+    told &= found.frequency <= kind.table.cut_off.frequency
+    worst = int(np.argmax(np.where(told, np.abs(found.gain * apart) * found.force, 0.0)))
+    if not told[worst]:
+        return ""
+    turned = float(np.degrees(np.angle(1 + apart[worst])))
+    return (
+        f". At {found.frequency[worst]:.3g} Hz force accelerates it {np.abs(1 + apart[worst]):.2f} "
+        f"times as much as a rigid device, {abs(turned):.0f}° {'late' if turned < 0 else 'early'} "
+        f"(coherence {found.coherence[worst]:.2f})"
+    )
+
+
+def _around(logarithm: float, variance: float) -> Quantity:
+    """A positive quantity from its logarithm and the variance of that, with its 95 % interval."""
+    value, ratio = np.exp(logarithm), np.exp(NORMAL_95 * min(np.sqrt(max(variance, 0.0)), 1.0))
+    return quantity(float(value), float(value / ratio), float(value * ratio), source="log")
+
+
+def _is_stated(told: _Told, hardware: Hardware) -> bool:
+    pairs = [(hardware.current_lag, told.current_lag)]
+    if told.mode is not None:
+        pairs += [(each.frequency_hz, told.mode.frequency_hz) for each in hardware.modes]
+    return any(
+        known is not None and found and known.low / _STATED <= found.value <= known.high * _STATED
+        for known, found in pairs
+    )
+
+
+def _range(number: Quantity, unit: float = 1.0) -> str:
+    return f"{number.value * unit:.3g} ± {(number.high - number.low) / 2 * unit:.1g}"
+
+
+def _written(number: Quantity) -> str:
+    return f"{{value: {number.value:.4g}, low: {number.low:.4g}, high: {number.high:.4g}}}"

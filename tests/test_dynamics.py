@@ -1,0 +1,83 @@
+"""Lag, vibration, play and load friction: named, estimated, and out of mass and damping."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification import Hardware, Identification, identified_picture, identify
+from tests.outside_logs import judged, outside_log
+from tests.simulated.catalogue.cases import Level, cases
+from tests.thinned import thinned
+
+#: Half-widths of 95 % within which an estimate of one log has to lie.
+WIDE = 2.0
+
+
+def found_in(code: str, level: Level, **stated: Any) -> Identification:
+    """What identify makes of a log of the catalogue; codes that it does not allow are not there."""
+    case = next(each for each in cases(1, {code}) if each.level == level)
+    hardware = Hardware.model_validate({"motion": "linear", "delay": 0.001, **stated})
+    found = identify(case.log.trajectory(), hardware=hardware)
+    assert abs(found.device.damping.value - 10.0) < 0.2
+    return found
+
+
+def codes_of(found: Identification) -> set[str]:
+    return {each.code for each in found.findings}
+
+
+@pytest.mark.parametrize(("level", "hertz"), [("plain", 50.0), ("severe", 20.0)])
+def test_a_lag_of_the_drive_is_measured_and_carried(level: Level, hertz: float) -> None:
+    found = found_in("drive-lag", level)
+    lag, truth = found.device.current_lag, 1 / (2 * np.pi * hertz)
+    assert "drive-lag" in codes_of(found)
+    assert lag is not None
+    assert abs(lag.value - truth) < WIDE * (lag.high - lag.low) / 2 + 0.01 * truth
+    assert abs(found.device.mass.value - 3.0) < 0.01
+    stated = found_in("drive-lag", level, current_lag=truth)
+    assert "drive-lag" not in codes_of(stated)
+    assert stated.device.current_lag is not None
+    assert stated.device.current_lag.value == pytest.approx(truth)
+
+
+def test_a_mode_is_measured_and_carried() -> None:
+    found = found_in("vibration-mode", "severe")
+    (mode,) = found.device.modes
+    assert abs(mode.frequency_hz.value - 11.0) < 0.1
+    assert abs(mode.damping_ratio.value - 0.02) < 0.005
+    assert abs(mode.at_encoder - np.sqrt(0.9 / 2.1)) < 0.02
+    assert abs(found.device.mass.value - 3.0) < 0.01
+
+
+def test_play_widens_the_mass_down_to_what_stands_before_it() -> None:
+    found = found_in("backlash", "plain")
+    assert "backlash" in codes_of(found)
+    assert found.device.mass.low < 2.2
+    assert 2.95 < found.device.mass.high < 3.3
+
+
+def test_friction_by_load_is_not_taken_for_inertia() -> None:
+    found = found_in("load-friction", "plain")
+    assert "load-friction" in codes_of(found)
+    assert abs(found.device.mass.value - 3.0) < 0.02
+
+
+@pytest.mark.parametrize("kind", ["lag", "mode", "load"])
+@pytest.mark.parametrize("seed", thinned(list(range(4)), 1))
+def test_logs_of_another_simulator_are_answered_rightly(kind: str, seed: int) -> None:
+    said = judged(outside_log(kind, seed))
+    assert not said.refusals
+    assert not said.wrong
+    assert {"drive-lag", "vibration-mode", "load-friction"} & set(said.codes)
+
+
+def test_the_picture_draws_gain_and_phase() -> None:
+    found = found_in("drive-lag", "severe")
+    figure = identified_picture(found.device, found.logs)
+    drawn = {axes.get_ylabel(): len(axes.lines) for axes in figure.axes}
+    gain = next(count for label, count in drawn.items() if label.startswith("acceleration per"))
+    assert gain >= 3  # the log, the rigid model, and the model with the lag
+    assert "phase, °" in drawn

@@ -87,7 +87,8 @@ class PreparedLog:
         shift = shift_of_delay(found.table, stated.value)
         seen = replace(shift, value=stated.value + shift.value)
         wrong = seen.value < longest_delay(step) and contradicts_delay(seen, stated, step)
-        return cls.of(trajectory, model, None) if wrong else found
+        other = cls.of(trajectory, model, None) if wrong else found
+        return found if wrong and found.left_by_friction() <= other.left_by_friction() else other
 
     @classmethod
     def _from_rough(
@@ -148,6 +149,17 @@ class PreparedLog:
     def point(self, table: Regression, method: str) -> PointEstimate:
         """The point estimate of one method from this log with other terms or another filter."""
         return _estimator(method).point(table, self.delay, fits_delay=self._fits_delay(method))
+
+    def left_by_friction(self) -> float:
+        """Rms over that of the force of what friction beyond the model leaves over at this delay.
+
+        Friction with a memory is late, as a delay is.
+        """
+        from identification.fitting.friction_curve import friction_curve
+
+        curve = friction_curve(self.table, self.delay)
+        left = max(1 - self.fit("least-squares").explained, 0.0) ** 0.5
+        return left if curve is None else curve.left
 
     def _fits_delay(self, method: str) -> bool:
         return self.stated is None and method not in GIVEN_A_DELAY

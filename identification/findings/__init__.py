@@ -95,10 +95,14 @@ def judge(
     delay: Delay | None = None,
     stated: Quantity | None = None,
     consulted: Sequence[Estimate] = (),
+    unexplained: float = 1.0,
 ) -> tuple[Finding, ...]:
-    """What the estimates say about the log."""
+    """What the estimates say about the log.
+
+    ``unexplained`` is what friction beyond the model leaves over, rms as part of the force.
+    """
     balance = balance_of(trajectory, chosen)
-    left = unlogged(trajectory, balance, chosen)
+    left = unlogged(trajectory, balance, chosen, unexplained)
     return (
         *causality(trajectory, balance, chosen),
         *excitation(trajectory, balance, regression, chosen, delay, left),

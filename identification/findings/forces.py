@@ -206,20 +206,24 @@ class Unlogged:
         return shaken or self.slow >= MOST_SLOW * self.force
 
 
-def unlogged(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -> Unlogged:
-    """Forces at the pace of a hand that mass, damping, friction and offset leave over."""
+def unlogged(
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, unexplained: float
+) -> Unlogged:
+    """Forces at the pace of a hand that mass, damping, friction and offset leave over.
+
+    ``unexplained`` is what friction beyond the model leaves over, rms as part of the force.
+    """
     steady = float(np.mean(balance.force)) if balance.one_way else 0.0
     force = float(np.hypot(np.std(balance.force), steady))
-    spring = 0.0
-    if not balance.one_way:
+    slow, spring = _slow(balance), 0.0
+    if not balance.one_way:  # there a force of position would explain one of time
+        slow = min(slow, unexplained * force)
         gain, further = _position_force(balance)
         carried = _carried_force(balance) + (further if gain >= _LEAST_GAIN else 0.0)
         spring = float(np.std(carried))
     needed = _HELD_NEEDS if spring >= _HELD * force else 1.0
     tremor, peak = _tremor(trajectory, balance, chosen, _UNDRIVEN * needed**2)
-    return Unlogged(
-        tremor=tremor, peak=peak, slow=_slow(balance), spring=spring, needed=needed, force=force
-    )
+    return Unlogged(tremor=tremor, peak=peak, slow=slow, spring=spring, needed=needed, force=force)
 
 
 def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Iterator[Finding]:

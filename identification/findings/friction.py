@@ -27,7 +27,7 @@ def unmodelled(
     forces: Sequence[UnmodelledForce],
     slope: SlopeRange,
     fastest: float,
-    left: float,
+    left: float = 1.0,
 ) -> Iterator[Finding]:
     """``unmodelled-force``: what the friction is, and the slopes that it has over speed.
 

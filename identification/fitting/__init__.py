@@ -437,7 +437,13 @@ def fit_log(
         others=others,
         delay=delay,
         findings=judge(
-            trajectory, regression, chosen, delay=delay, stated=stated, consulted=consulted
+            trajectory,
+            regression,
+            chosen,
+            delay=delay,
+            stated=stated,
+            consulted=consulted,
+            unexplained=1.0 if curve is None else curve.left,
         )
         + beyond,
         reason=reason,

@@ -179,7 +179,7 @@ def test_no_share_above_all_of_the_force_is_printed_and_no_slope_that_nothing_te
     assert told.severity == "refusal"
     assert "%" not in told.seen
     assert "e+07" not in told.seen
-    (told,) = unmodelled(plain(), chosen, forces, SlopeRange(low=9.0, high=40.0), 0.2)
+    (told,) = unmodelled(plain(), chosen, forces, SlopeRange(low=9.0, high=40.0), 0.2, 0.5)
     assert "from 9 to 40" in told.seen
 
 

@@ -417,7 +417,7 @@ def fit_log(
     if curve is not None:
         from identification.findings.friction import unmodelled
 
-        chosen = _with_mass_of(curve, chosen)
+        chosen = curve.carried_by(chosen)
         beyond = tuple(
             unmodelled(
                 trajectory, chosen, curve.found, curve.slope, fastest=curve.fastest, left=curve.left
@@ -450,25 +450,6 @@ def fit_log(
         structure=structure,
         curve=curve,
     )
-
-
-def _with_mass_of(curve: FrictionCurve, estimate: Estimate) -> Estimate:
-    """The estimate with the mass that the friction found leaves, known no better than before.
-
-    Damping stays the constant that explains the log best; its slope is the curve's.
-    """
-    if curve.mass <= 0:
-        return estimate
-    values, covariance = estimate.values.copy(), estimate.covariance.copy()
-    values[0] = curve.mass
-    before = estimate.deviation("mass")
-    deviation = max(before, curve.mass_deviation)
-    factor = deviation / before if before > 0 else 0.0
-    covariance[0, :] *= factor
-    covariance[:, 0] *= factor
-    covariance[0, 0] = deviation**2
-    note = f"mass {estimate.value('mass'):.5g} without the friction found beyond the model"
-    return replace(estimate, values=values, covariance=covariance, notes=(*estimate.notes, note))
 
 
 #: Coulomb friction can be told from an offset if at least this part of the motion goes either way.

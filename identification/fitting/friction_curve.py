@@ -16,7 +16,7 @@ counts against it in the proportion in which they themselves moved damping.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from identification.device.device import Kind, SlopeRange, UnmodelledForce
 from identification.device.quantities import LARGEST
+from identification.estimators.estimate import Estimate
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
 from identification.fitting.stability_selection import (
@@ -184,6 +185,26 @@ class FrictionCurve:
     mass: float  # kg, with the kinds in the regression
     mass_deviation: float  # standard deviation of it, kg
     left: float  # rms over that of the force of what the model and the kinds leave over
+
+    def carried_by(self, estimate: Estimate) -> Estimate:
+        """An estimate with the mass that the friction found leaves, known no better than before.
+
+        Damping stays the constant that explains the log best; its slope is the curve's.
+        """
+        if self.mass <= 0:
+            return estimate
+        values, covariance = estimate.values.copy(), estimate.covariance.copy()
+        values[0] = self.mass
+        before = estimate.deviation("mass")
+        deviation = max(before, self.mass_deviation)
+        factor = deviation / before if before > 0 else 0.0
+        covariance[0, :] *= factor
+        covariance[:, 0] *= factor
+        covariance[0, 0] = deviation**2
+        note = f"mass {estimate.value('mass'):.5g} without the friction found beyond the model"
+        return replace(
+            estimate, values=values, covariance=covariance, notes=(*estimate.notes, note)
+        )
 
 
 @dataclass(frozen=True, slots=True)

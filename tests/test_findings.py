@@ -159,6 +159,20 @@ def test_a_square_wave_that_fades_in_is_no_limit_unless_it_reaches_the_one_state
     assert saturated(Hardware(force_limit=ForceLimit(continuous=5.0, peak=5.0)))
 
 
+@pytest.mark.parametrize("step", [1e-3, 2e-4])
+def test_rows_lost_and_renumbered_are_named(step: float) -> None:
+    whole = late_by(0.0, step)
+    assert "lost-rows" not in {each.code for each in inspect(whole, None)}
+    kept = np.random.default_rng(8).random(len(whole)) >= 0.02
+    rows = np.count_nonzero(kept)
+    torn = log(whole.force[kept], whole.position[kept], step * np.arange(rows, dtype=np.float64))
+    found = [each for each in inspect(torn, None) if each.code == "lost-rows"]
+    assert [each.severity for each in found] == ["refusal"]
+    # With their own stamps the same rows are gaps.
+    gaps = log(whole.force[kept], whole.position[kept], whole.time[kept])
+    assert {each.code for each in inspect(gaps, None)} == {"dropped-samples"}
+
+
 @pytest.mark.parametrize("counts", [5.0, 20.0])
 def test_noise_on_a_fine_encoder_is_no_unit(counts: float) -> None:
     noise = counts * 1e-7 * np.random.default_rng(4).standard_normal(len(plain()))
@@ -267,7 +281,7 @@ def late_by(delay: float, step: float = STEP) -> Trajectory:
     force = multisine(generator, samples=8000, runs=1, axis=axis)
     push = 5e-3 * generator.standard_normal(force.shape)
     place = counted(positions(axis, force, disturbance=push), COUNT)
-    return log(force[:, 0], place[:, 0], step * np.arange(8000))
+    return log(force[:, 0], place[:, 0], step * np.arange(8000, dtype=np.float64))
 
 
 def test_a_delay_beyond_the_scan_is_refused_and_a_stated_one_is_not_doubted() -> None:

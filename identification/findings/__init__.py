@@ -15,7 +15,7 @@ from identification.estimators.estimate import Estimate, half_width, quantile, s
 from identification.estimators.least_squares import Delay, longest_delay
 from identification.findings.columns import (
     encoder_wrap,
-    mass_unit,
+    lost_rows,
     resolution,
     sampling,
     saturation,
@@ -39,7 +39,7 @@ from identification.findings.forces import (
     position_dependence,
     unlogged,
 )
-from identification.trajectory import NORMAL_95, Trajectory
+from identification.trajectory import NORMAL_95, Motion, Trajectory
 
 FloatArray = NDArray[np.float64]
 
@@ -70,6 +70,7 @@ CODES = (
     "vibration-mode",
     "backlash",
     "load-friction",
+    "lost-rows",
 )
 
 
@@ -80,6 +81,7 @@ def inspect(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding,
         return (*sampling(trajectory, hardware), *wrapped, *saturation(trajectory, hardware))
     return (
         *sampling(trajectory, hardware),
+        *lost_rows(trajectory),
         *units(trajectory, hardware),
         *resolution(trajectory, hardware),
         *saturation(trajectory, hardware),
@@ -401,6 +403,32 @@ def _one_way(
         seen=seen,
         needed=f"at least {ONE_WAY:.0%} of the motion the other way{speeds}",
         remedy=f"Move both ways{speeds}, to tell friction from an offset{more}{alone}.",
+    )
+
+
+#: A mass, kg, or inertia, kg·m², that is no handle's: a forging press, and a fly's wing.
+_MASS: dict[Motion | None, tuple[float, float]] = {
+    "linear": (1e-4, 1000.0),
+    "rotary": (1e-9, 100.0),
+    None: (1e-9, 1000.0),
+}
+_MASS_UNIT: dict[Motion | None, str] = {"linear": "kg", "rotary": "kg·m²", None: "kg (kg·m²)"}
+
+
+def mass_unit(trajectory: Trajectory, mass: float) -> Iterator[Finding]:
+    """``force-unit`` where the mass is none a device has."""
+    low, high = _MASS[trajectory.motion]
+    if low <= mass <= high or mass <= 0:
+        return
+    unit = _MASS_UNIT[trajectory.motion]
+    yield Finding(
+        code="force-unit",
+        severity="refusal",
+        seen=f"{trajectory.source} gives a mass of {mass:.3g} {unit}",
+        needed=f"{low:g} to {high:g} {unit}, which handles and axes have",
+        remedy="Give what one unit of each column is in SI with --force-gain (mN, volts, "
+        "amperes or counts?), --position-gain (mm or degrees?) and --time-gain (ms?), and "
+        "state force_limit and encoder_resolution in the hardware file.",
     )
 
 

@@ -43,6 +43,12 @@ def dropped(log: RawLog, part: float, seed: int, gap: float = 0.0) -> RawLog:
     return log.rows(keep & (np.abs(log.time - middle) > gap / 2))
 
 
+def renumbered(log: RawLog, part: float, seed: int) -> RawLog:
+    """Rows lost at random, the others numbered anew."""
+    kept = dropped(log, part, seed)
+    return replace(kept, time=log.time[: kept.time.size])
+
+
 def backward(log: RawLog, rows: int, by: float, seed: int) -> RawLog:
     """Stamps that go back by ``by`` s in so many rows; a clock set to 0 midway if that is none."""
     time = log.time.copy()

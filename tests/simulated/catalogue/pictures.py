@@ -64,6 +64,10 @@ def _steps(log: RawLog) -> tuple[FloatArray, FloatArray]:
     return log.time[1:], 1000 * np.diff(log.time)
 
 
+def _moves(log: RawLog) -> tuple[FloatArray, FloatArray]:
+    return log.time[1:], 1000 * np.diff(log.position)
+
+
 def _velocity(log: RawLog) -> FloatArray:
     return (log.position[2 * _SPAN :] - log.position[: -2 * _SPAN]) / (
         log.time[2 * _SPAN :] - log.time[: -2 * _SPAN]
@@ -131,6 +135,9 @@ VIEWS: dict[str, View] = {
     "force-unit": _FORCE,
     "not-stated": _FORCE,
     "dropped-samples": _STEPS,
+    "lost-rows": View(
+        abscissa=_TIME, ordinate="step of position, mm", points=_moves, style=".", seconds=0.5
+    ),
     "jitter": _STEPS,
     "clock-backward": _STEPS,
     "encoder-wrap": _POSITION,

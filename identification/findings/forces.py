@@ -173,7 +173,7 @@ SLOW = 1.0  # slow motion of a hand, Hz, and the part of the rms force it may pu
 MOST_SLOW = 0.15
 #: A force of position of this part of the force may be a spring to the body: then this part of the
 #: tremor or of the slow force is enough.
-_HELD, _HELD_NEEDS = 0.2, 1 / 2
+_HELD, _HELD_NEEDS = 0.1, 1 / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

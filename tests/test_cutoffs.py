@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import subprocess
@@ -12,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from identification import load_device, quantity
+from identification import Device, ForceLimit, as_stored, load_device, quantity
 from tests.filter_cases import DEVICES, RIPPLES, SCENES, best_of_grid, task_of, worth_of
 from tests.optimum_pairs import random_pair
 from tests.thinned import thinned
@@ -167,6 +168,47 @@ def test_a_loop_too_slow_for_any_filter_has_none() -> None:
         choose_filters(DesignTask.of(device, scene, default_table()), _never).velocity_filter_hz
         is None
     )
+
+
+@pytest.mark.parametrize(
+    ("numbers", "fixed"),
+    [
+        # The better of two hills has no velocity filter, and the first climbed is not left.
+        ((1e-3, 2e-3, 2.621, 8.055, 0.696e-6, 29.2, 60.4, 0.279, 0.133), ("none", 18.4)),
+        # Limits meet in a ridge that bends: the function is concave on neither side.
+        ((5e-4, 1e-3, 0.6285, 4.164, 4.889e-6, 37.4, 74.8, 0.7245, 0.04566), (90.4, 18.8)),
+    ],
+)
+def test_no_cutoffs_found_from_outside_are_a_percent_better(
+    numbers: tuple[float, ...], fixed: tuple[float | str, float]
+) -> None:
+    step, delay, mass, damping, count, continuous, peak, friction, ripple = numbers
+    device = Device(
+        name="drawn",
+        motion="linear",
+        sample_time=quantity(step),
+        delay=quantity(delay),
+        encoder_resolution=quantity(count),
+        force_limit=ForceLimit(continuous=continuous, peak=peak),
+        mass=quantity(mass),
+        damping=quantity(damping),
+        coulomb_friction=quantity(friction),
+    )
+    wish = dict.fromkeys(("stiffness", "damping", "mass"), "max")
+    motion = {"penetration": 0.01, "speed": 0.2, "acceleration": 2.0}
+    products: list[float] = []
+    for velocity, acceleration in (("free", "free"), fixed):
+        scene = Scene.model_validate(
+            {
+                "elements": {"all": wish | motion},
+                "margin": "conservative",
+                "ripple_limit": ripple,
+                "loop": {"velocity_filter_hz": velocity, "acceleration_filter_hz": acceleration},
+            }
+        )
+        steps = optimise(as_stored(device), scene).elements["all"].perceived_steps
+        products.append(math.prod(steps.values()))
+    assert products[0] >= 0.99 * products[1]
 
 
 def test_a_wanted_value_is_met_by_filters_that_allow_it() -> None:

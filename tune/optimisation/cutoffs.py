@@ -41,6 +41,8 @@ _DIGITS = 4
 _NEXT_RANK = 0.1
 #: Parts to which sizes that were good with other cut-offs are taken back until they are allowed.
 _RETREATS = (1.0, 0.9995, 0.98, 0.9, 0.75, 0.5, 0.25)
+#: Hills this much lower than the highest are climbed too: between first choices as much may lie.
+_LESS = 0.25
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 1e-3
 #: This little is given for less filtering.
@@ -51,11 +53,10 @@ _STEP = 1e-4
 _TIED = 1e-6
 #: Points at most; ten are usual.
 _MOST = 30
+#: Planes of points beyond so many radii of the trust region bound nothing in it.
+_AROUND = 1.5
 #: The trust region ends the search where it is this small, and shrinks or grows by so much.
 _SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
-#: Part of the rise to the best point that a plane must explain to be a bound there. Clear of 1,
-#: which rounding would decide where the function is nearly straight.
-_EXPLAINS = 0.9
 
 
 def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
@@ -134,9 +135,9 @@ class _Search:
         starts: list[list[float]] = []
         for first, then in ((1, 0), (0, 1)):
             found = self._best_whole(self._line(middle, first))
-            again = found and self._best_whole(self._line(found, then))
-            if again and again not in starts:
-                starts.append(again)
+            if found:
+                hills = self._hills(self._line(found, then))
+                starts += [each for each in hills if each not in starts]
         if starts:
             return starts
         pairs = [list(pair) for pair in product(*(axis.first[::-1] for axis in self.axes))]
@@ -153,6 +154,22 @@ class _Search:
         """The point that is worth most among the first choices of one cut-off."""
         points = self._line(point, index)
         return self._best_whole(points) or _most([(self._worth(each), each) for each in points])
+
+    def _hills(self, line: Sequence[list[float]]) -> list[list[float]]:
+        """Points of a line, the first without a filter, that are worth as much as those beside.
+
+        Nearly as much as the best of all, and every effect kept. No filter is beside no other.
+        """
+        worths = [self._whole(each) for each in line]
+        values = [-math.inf if worth is None else worth.value for worth in worths]
+        beside = [(-math.inf,), (-math.inf, *values[2:3])]
+        beside += [(before, *values[i + 3 : i + 4]) for i, before in enumerate(values[1:-1])]
+        enough = max(values) - _LESS
+        return [
+            point
+            for point, value, others in zip(line, values, beside, strict=True)
+            if math.isfinite(value) and value >= max(*others, enough)
+        ]
 
     def _best_whole(self, points: Sequence[list[float]]) -> list[float] | None:
         """The point that is worth most of those that keep every effect; None where none does."""
@@ -462,7 +479,8 @@ def _maximise(
     planes = [(best, most, np.array(slopes(best.tolist())))]
     for _ in range(_MOST):
         near = np.maximum(low, best - radius), np.minimum(high, best + radius)
-        place, promised = _highest(planes, best, most, *near)
+        seen = [each for each in planes if np.max(np.abs(each[0] - best)) <= _AROUND * radius]
+        place, promised = _highest(seen, best, most, near, gain)
         if promised < most + gain or radius < _SMALLEST:
             break
         found = value(place.tolist())
@@ -480,18 +498,19 @@ def _highest(
     planes: Sequence[tuple[FloatArray, float, FloatArray]],
     best: FloatArray,
     most: float,
-    low: FloatArray,
-    high: FloatArray,
+    corners: tuple[FloatArray, FloatArray],
+    gain: float,
 ) -> tuple[FloatArray, float]:
     """Where the lowest plane is highest between two corners, and how high.
 
-    A plane that passes below the best point is no bound there, for the function is not concave
-    everywhere and may jump: it is left out, and the trust region keeps away from where it was seen.
+    A plane that passes below the best point by more than a gain that counts is no bound there, for
+    the function is not concave everywhere and may jump: it is left out, and the trust region keeps
+    away from where it was seen.
     """
     planes = [
         (place, height, slope)
         for place, height, slope in planes
-        if slope @ (best - place) >= _EXPLAINS * (most - height)
+        if slope @ (best - place) >= most - height - gain
     ]
     rows = np.array([np.append(-slope, 1.0) for _, _, slope in planes])
     heights = np.array([height - slope @ place for place, height, slope in planes])
@@ -501,6 +520,6 @@ def _highest(
         np.append(np.zeros(best.size), -1.0),
         rows,
         (np.full(len(rows), -np.inf), heights),
-        (np.append(low, -np.inf), np.append(high, np.inf)),
+        (np.append(corners[0], -np.inf), np.append(corners[1], np.inf)),
     )
     return (best, most) if answer is None else (answer[:-1], float(answer[-1]))

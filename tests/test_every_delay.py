@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -71,3 +72,22 @@ def test_every_delay_and_known_lag_is_answered_or_refused(batch: int) -> None:
         warnings.simplefilter("error")
         answered = [_answers(seed) for seed in range(_BATCH * batch, _BATCH * (batch + 1))]
     assert 0.2 < np.mean(answered) < 1
+
+
+def test_slow_motion_lets_instruments_move_the_delay_anywhere() -> None:
+    """Their delay once left the rows that feel only logged forces."""
+    for seed in (3, 6, 20):
+        dice = np.random.default_rng(seed)
+        time = 1e-3 * np.arange(int(dice.integers(250, 1200)), dtype=np.float64)
+        force = np.sin(6.28 * dice.uniform(0.5, 3) * time + seed)
+        axis = Axis(mass=1.0, damping=dice.uniform(0.5, 20), delay=dice.uniform(0, 0.01))
+        place = counted(positions(axis, force[:, None]), 1e-5)[:, 0]
+        log = Trajectory(time=time, force=force, position=place, motion="linear")
+        with suppress(IdentificationError):
+            identify(log, method="instruments", allow=CODES)
+
+
+def test_terms_that_are_alike_leak_no_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _answers(398)

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,7 +171,9 @@ def paying_terms(whitened: FloatArray, answers: FloatArray, price: float) -> Boo
     charges = price * np.arange(count, -1, -1, dtype=np.float64)
     chosen = np.zeros((answers.shape[1], count), dtype=bool)
     # scikit-learn, on which pysindy rests, would spend half of the time on checking arguments.
-    with config_context(skip_parameter_validation=True):
+    # A warning that two terms are alike says what dropping one of them finds anyway.
+    with config_context(skip_parameter_validation=True), catch_warnings():
+        simplefilter("ignore")
         for index, answer in enumerate(anchored.T):
             search.fit(columns, answer[:, None])
             best = int(np.argmin(np.add(search.err_history_, charges)))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import Controller, Rehearsal, Rig
-from identification import ForceLimit, SlopeRange, as_stored, load_device, quantity
+from identification import ForceLimit, SlopeRange, as_stored, load_device, load_mapping, quantity
 from tests.commands import haptune
 from tests.entered_scenes import made
 from tests.exported import FADE, tuned
@@ -145,6 +145,20 @@ def test_what_does_not_settle_is_no_feasible_effect(tmp_path: Path) -> None:
     assert ended.code == 5
     assert "water: rehearsal: shakes. Ask for less of it" in " ".join(ended.err.split())
     assert not (tmp_path / "profile.yaml").exists()
+
+
+def test_less_is_asked_for_of_what_does_not_settle(tmp_path: Path) -> None:
+    scene, found = tmp_path / "scene.yaml", list[float]()
+    scene.write_text("schema: haptune/scene/1\nname: pool\nelements: {water: {damping: max}}\n")
+    shakes = CheckFailedError(("water: rehearsal: shakes.",))
+    for answers in ([None], [shakes, None]):
+        path = tmp_path / f"{len(answers)}.yaml"
+        with mock.patch("tune.cli.profiles.refuse_restless", side_effect=answers):
+            ended = haptune("tune", "homerehab", str(scene), "-o", str(path))
+        assert ended.code == 0
+        assert ("shakes; tuned again with less of it" in ended.err) == (answers[0] is shakes)
+        found.append(load_mapping(path)["elements"]["water"]["damping"])
+    assert found[1] == pytest.approx(0.7 * found[0])
 
 
 def test_a_device_without_an_effect_beside_another_is_tuned() -> None:

@@ -49,6 +49,8 @@ _IN_HARDWARE = (
 )
 #: What the demonstration leaves in the current folder.
 _FILES = ("device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png")
+#: Part of an effect that is asked for where it does not settle in simulation, and how many times.
+_LESS, _MOST_LESS = 0.7, 4
 #: What exported files end in, and how each tells its profile, within so many bytes.
 _EXPORTED = frozenset((".c", ".h", ".hpp", ".json", ".py", ".yaml"))
 _DIGEST = re.compile(rb"digest\W{1,4}(sha256:[0-9a-f]{64})")
@@ -193,7 +195,6 @@ def _tuned(
     sheet: Path | None,
 ) -> SafeProfile:
     from tune.certificate.certify import trusted_facts
-    from tune.optimisation import optimise
     from tune.presentation.tables import (
         certificate_lines,
         effects_table,
@@ -203,11 +204,10 @@ def _tuned(
 
     if compare:
         profile = _choose_candidate(session, device, wish, sheet)
-    else:
         with session.progress() as say:
-            profile = optimise(device, wish.scene, table=wish.table, progress=say)
-    with session.progress() as say:
-        refuse_restless(profile, say)
+            refuse_restless(profile, say)
+    else:
+        profile = _optimise_to_rest(session, device, wish)
     trusted = trusted_facts(profile.device)
     session.details |= {
         "profile": ident.to_mapping(profile.signed()),
@@ -225,6 +225,52 @@ def _tuned(
         "leaving and gains that change: settles",
     )
     return profile
+
+
+def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> SafeProfile:
+    """The largest effects that settle in simulation: less is asked for of what does not, and said.
+
+    Raises as `optimise`, and CheckFailedError where less of it does not settle either.
+    """
+    from tune.optimisation import optimise
+
+    scene, restless = wish.scene, tuple[str, ...]()
+    for attempt in range(_MOST_LESS + 1):
+        with session.progress() as say:
+            profile = optimise(device, scene, table=wish.table, progress=say)
+            try:
+                refuse_restless(profile, say)
+                break
+            except CheckFailedError as error:
+                less = _with_less(scene, profile, error)
+                if less is None or attempt == _MOST_LESS:
+                    raise
+                scene, restless = less, error.failures
+    else:
+        raise AssertionError("the last attempt ends or raises")
+    for sentence in restless:
+        session.warn(f"{sentence.removesuffix('.')}; tuned again with less of it")
+    return profile
+
+
+def _with_less(scene: Scene, profile: SafeProfile, error: CheckFailedError) -> Scene | None:
+    """The scene with less of the open effects of combinations that did not settle; None of none."""
+    from tune.documents.scene import Wish
+
+    names = {
+        name for each in error.failures for name in each.partition(": rehearsal")[0].split(" + ")
+    }
+    elements = dict(scene.elements)
+    for name in names & elements.keys():
+        wishes = elements[name].wishes()
+        most = {
+            effect: Wish(kind="range", low=wished.low or 0.0, high=_LESS * size)
+            for effect, wished in wishes.items()
+            if (wished.kind == "max" or (wished.kind == "range" and wished.high is not None))
+            and _LESS * (size := getattr(profile.elements[name], effect)) > (wished.low or 0.0)
+        }
+        elements[name] = elements[name].model_copy(update=most)
+    return None if elements == scene.elements else scene.model_copy(update={"elements": elements})
 
 
 def _write_profile(

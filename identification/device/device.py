@@ -54,7 +54,12 @@ _ROUNDED = 1e-9
 #: that differ is 0.36 times as wide, one of logs with few degrees of freedom or one poor log wider.
 _NARROWEST, _WIDEST = 0.2, 100.0
 #: Findings that are never warnings: what is identified all the same was allowed.
-REFUSING = frozenset({"controller-identified", "encoder-wrap", "sign-flip"})
+REFUSING = frozenset(
+    {
+        *("controller-identified", "encoder-wrap", "few-counts", "force-saturated", "force-unit"),
+        "sign-flip",
+    }
+)
 #: Where to write what is missing, unless a command knows better.
 _WHERE = (
     "State them in hardware.yaml and identify with it, or in device.yaml, without 'source: log' "

@@ -104,7 +104,8 @@ def _improved(
     solved = _solve(tests, columns, force)
     residual = force - solved @ columns
     if fits_delay:
-        delay = float(np.clip(delay + solved[-1], 0.0, longest_delay(table.signals.step)))
+        most = longest_delay(table.signals.step, table.signals.position.size)
+        delay = float(np.clip(delay + solved[-1], 0.0, most))
     moved = float(np.linalg.norm((solved - last) @ columns))
     return _Solution(
         values=solved[: values.size],

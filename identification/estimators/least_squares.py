@@ -72,8 +72,9 @@ _NUDGE = 0.05
 #: The cut-off is divided and multiplied by this to see whether the estimate leans on it; half of
 #: the difference is one more standard deviation.
 CUT_OFF_RANGE = 2.0
-#: Longest delay looked for, s, and sample times at least; a longer one is to be stated.
-_LONGEST_DELAY, _LONGEST_SAMPLES = 0.010, 4
+#: Longest delay looked for, s, part of the log at most, and sample times at least; a longer one is
+#: to be stated.
+_LONGEST_DELAY, _LONGEST_PART, _LONGEST_SAMPLES = 0.010, 0.1, 4
 #: Fastest |p| searched, per sample: there nothing of a motion is left after one, and no log tells a
 #: faster one. A bound that a device may reach would be taken for its rate.
 _FASTEST = 50.0
@@ -406,7 +407,7 @@ class Drive:
     @property
     def delays(self) -> tuple[float, float]:
         """Delays searched, s."""
-        return 0.0, longest_delay(mean_step(self.steps))
+        return 0.0, longest_delay(mean_step(self.steps), self.moving.size)
 
 
 def prepare(
@@ -499,9 +500,9 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
     )
 
 
-def longest_delay(step: float) -> float:
-    """The longest delay that is looked for in a log with a sample time, both in s."""
-    return max(_LONGEST_DELAY, _LONGEST_SAMPLES * step)
+def longest_delay(step: float, samples: int) -> float:
+    """The longest delay that is looked for in a log of so many samples, s; the step is in s."""
+    return max(min(_LONGEST_DELAY, _LONGEST_PART * samples * step), _LONGEST_SAMPLES * step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -520,7 +521,7 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
     intervals as the longest delay needs.
     """
     step = table.signals.step
-    most = longest_delay(step) / step
+    most = longest_delay(step, len(trajectory)) / step
     width = max(_SCAN_STEP / step, _SCAN_SAMPLES)
     grid = np.linspace(0, most, 1 + int(np.ceil(most / width)))
     # The rough scan needs no more than a part of a long log.
@@ -528,7 +529,7 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
     part = table
     if len(trajectory) > _ROUGH:
         middle = trajectory.part(slice(first, first + _ROUGH))
-        longest = longest_delay(middle.sample_time)
+        longest = longest_delay(middle.sample_time, len(trajectory))
         part = prepare(middle, table.model, longest, refine=False)
     best = 0.0
     for _ in range(_ROUNDS):

@@ -307,7 +307,8 @@ def excitation(
     mass, damping = chosen.value("mass"), chosen.value("damping")
     # Force that is late by d and damping b look like a mass of b·d.
     step = trajectory.sample_time
-    doubt = 0.0 if delay is None else min(NORMAL_95 * delay.deviation, longest_delay(step))
+    most = longest_delay(step, len(trajectory))
+    doubt = 0.0 if delay is None else min(NORMAL_95 * delay.deviation, most)
     spread = max(half_width(chosen, "mass"), doubt * abs(damping))
     alike = inflation["mass"] > _LARGEST_INFLATION
     mass_known = not alike and spread <= _WIDEST_MASS * abs(mass)
@@ -459,7 +460,8 @@ def _doubted_delay(
     if delay is None:
         yield from _contradicting_delays(trajectory, chosen, others)
         return
-    step, most = trajectory.sample_time, longest_delay(trajectory.sample_time)
+    step = trajectory.sample_time
+    most = longest_delay(step, len(trajectory))
     # Nothing is known beyond the scan, so no doubt is wider.
     width = min(NORMAL_95 * delay.deviation, most)
     seen = (

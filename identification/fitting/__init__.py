@@ -78,15 +78,16 @@ class PreparedLog:
     def of(cls, trajectory: Trajectory, model: Model, stated: Quantity | None) -> PreparedLog:
         """Find the direction of motion, and the delay unless it is stated and not contradicted."""
         step = trajectory.sample_time
+        longest = longest_delay(step, len(trajectory))
         # Forces from before the log are left out up to the longest delay that is looked at.
-        room = longest_delay(step) if stated is None else stated.value + _DELAY_STEP * step
+        room = longest if stated is None else stated.value + _DELAY_STEP * step
         rough = prepare(trajectory, model, room, refine=False)
         found = cls._from_rough(trajectory, rough, stated)
         if stated is None:
             return found
         shift = shift_of_delay(found.table, stated.value)
         seen = replace(shift, value=stated.value + shift.value)
-        wrong = seen.value < longest_delay(step) and contradicts_delay(seen, stated, step)
+        wrong = seen.value < longest and contradicts_delay(seen, stated, step)
         other = cls.of(trajectory, model, None) if wrong else found
         return found if wrong and found.left_by_friction() <= other.left_by_friction() else other
 
@@ -100,7 +101,7 @@ class PreparedLog:
             delay, doubt = found.value, found.deviation
             # A fitted delay may move by a sample; rows that know all forces until then are back.
             step = trajectory.sample_time
-            table = rough.with_delays_to(min(delay + step, longest_delay(step)))
+            table = rough.with_delays_to(min(delay + step, longest_delay(step, len(trajectory))))
         else:
             delay, doubt = stated.value, (stated.high - stated.low) / (2 * NORMAL_95)
             table = rough

@@ -335,7 +335,8 @@ def feasible_subsets(
         for chosen in _largest_first(mine):
             if found and len(found[0]) - len(sets[0]) > len(chosen):
                 break
-            promised = {unknown.label for unknown in mine if unknown.wish.kind == "range"}
+            ranges = (each for each in mine if each.wish.kind == "range" and each.wish.low)
+            promised = {unknown.label for unknown in ranges}
             if not promised <= chosen:
                 continue
             for before in sets:

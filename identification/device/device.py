@@ -56,7 +56,11 @@ _NARROWEST, _WIDEST = 0.2, 100.0
 #: Findings that are never warnings: what is identified all the same was allowed.
 REFUSING = frozenset(
     {
-        *("controller-identified", "encoder-wrap", "few-counts", "force-saturated", "force-unit"),
+        "controller-identified",
+        "encoder-wrap",
+        "few-counts",
+        "force-saturated",
+        "force-unit",
         "sign-flip",
     }
 )

@@ -277,20 +277,20 @@ def _tremor(
         return 0.0, 0.0
     frequency = np.fft.rfftfreq(piece, step)
 
-    def power(column: FloatArray, band: tuple[float, float]) -> float:
-        inside = (frequency >= band[0]) & (frequency <= band[1])
-        return float(np.mean(_density(column, step, piece)[inside]))
+    def power(density: FloatArray, band: tuple[float, float]) -> float:
+        return float(np.mean(density[(frequency >= band[0]) & (frequency <= band[1])]))
 
     place = rows.carried, _powers_of(rows.position)
     slopes = np.gradient(np.stack((rows.force, rows.acceleration), axis=1), step, axis=0)
     left = rows.unexplained(*place)
     more = rows.unexplained(*place, slopes, np.gradient(slopes, step, axis=0))
-    powers = [power(each, TREMOR) for each in (left, more)]
-    beside = [np.sqrt(power(each, _BELOW) * power(each, _ABOVE)) for each in (left, more)]
+    *rests, whole = (_density(each, step, piece) for each in (left, more, rows.force))
+    powers = [power(each, TREMOR) for each in rests]
+    beside = [np.sqrt(power(each, _BELOW) * power(each, _ABOVE)) for each in rests]
     rms = float(np.sqrt(powers[0] * (TREMOR[1] - TREMOR[0])))
     driven = (
         min(beside) == 0
-        or powers[0] < undriven * power(rows.force, TREMOR)
+        or powers[0] < undriven * power(whole, TREMOR)
         or powers[1] < _UNDRIVEN_BY_LAG**2 * powers[0]
     )
     return rms, 0.0 if driven else float(min(p / b for p, b in zip(powers, beside, strict=True)))

@@ -162,12 +162,11 @@ class _Search:
         """
         worths = [self._whole(each) for each in line]
         values = [-math.inf if worth is None else worth.value for worth in worths]
-        beside = [(-math.inf,), (-math.inf, *values[2:3])]
-        beside += [(before, *values[i + 3 : i + 4]) for i, before in enumerate(values[1:-1])]
         enough = max(values) - _LESS
+        before, after = [-math.inf, -math.inf, *values[1:]], [-math.inf, *values[2:], -math.inf]
         return [
             point
-            for point, value, others in zip(line, values, beside, strict=True)
+            for point, value, *others in zip(line, values, before, after, strict=False)
             if math.isfinite(value) and value >= max(*others, enough)
         ]
 

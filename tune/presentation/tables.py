@@ -70,22 +70,35 @@ def device_line(device: Device) -> str:
 
 def effects_table(profile: SafeProfile) -> Table:
     """One row an effect, as narrow as a terminal: value, steps, margins, what binds."""
-    units = UNITS[profile.device.motion]
     numbers = ("value", "steps", "gain", "delay")
-    title = f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"
-    table = headed_table(title, ("effect", *numbers, "limited by"), right=numbers)
+    table = headed_table(_placed(profile), ("effect", *numbers, "limited by"), right=numbers)
+    for label, value, unit, *margins, _, reason in _effect_rows(profile):
+        table.add_row(label, f"{_four_digits(value)} {unit}" if value else "-", *margins, reason)
+    return table
+
+
+def _placed(profile: SafeProfile) -> str:
+    """What a table of effects is headed by."""
+    return f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"
+
+
+def _effect_rows(
+    profile: SafeProfile,
+) -> Iterator[tuple[str, float, str, str, str, str, str, str]]:
+    """(effect, value, its unit, steps, gain, delay, ripple, what binds) of every effect."""
+    units = UNITS[profile.device.motion]
     for name, element in profile.elements.items():
         for effect, reason in element.limited_by.items():
-            value: float = getattr(element, effect)
-            table.add_row(
+            yield (
                 f"{name} {effect}",
-                f"{_four_digits(value)} {units[effect]}" if value else "-",
+                getattr(element, effect),
+                units[effect],
                 f"{element.perceived_steps.get(effect, 0.0):.3g}",
                 f"{element.margins.gain:.4g}",
                 f"{_further_delay(element.margins.extra_delay_samples)} T",
+                "-" if element.ripple is None else f"{element.ripple:.2g} {units['force']}",
                 reason,
             )
-    return table
 
 
 def _four_digits(value: float) -> str:
@@ -117,30 +130,19 @@ def elements_table(profile: SafeProfile) -> Table:
     """
     units = UNITS[profile.device.motion]
     numbers = ("value", "steps", "gain", "delay", "ripple")
-    place = f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"
     lines = [*_rendered_lines(profile), *_contact_lines(profile, units)]
     jitters = [each.margins.jitter for each in profile.elements.values()]
     if jitters and None not in jitters:
         least = _jitter_words(min(each or 0.0 for each in jitters))
         lines.append(f"each step of the loop may vary by {least} (assessed, not proved)")
     table = headed_table(
-        f"{place}; filters: {filters_in_words(profile.loop)}",
+        f"{_placed(profile)}; filters: {filters_in_words(profile.loop)}",
         ("effect", *numbers, "limited by"),
         right=numbers,
         caption="\n".join(lines),
     )
-    for name, element in profile.elements.items():
-        for effect, reason in element.limited_by.items():
-            value: float = getattr(element, effect)
-            table.add_row(
-                f"{name} {effect}",
-                f"{value:.6g} {units[effect]}" if value else "-",
-                f"{element.perceived_steps.get(effect, 0.0):.3g}",
-                f"{element.margins.gain:.4g}",
-                f"{_further_delay(element.margins.extra_delay_samples)} T",
-                "-" if element.ripple is None else f"{element.ripple:.2g} {units['force']}",
-                reason,
-            )
+    for label, value, unit, *rest in _effect_rows(profile):
+        table.add_row(label, f"{value:.6g} {unit}" if value else "-", *rest)
     return table
 
 

@@ -333,8 +333,8 @@ def _hands(hands: Sequence[Hand]) -> Hand:
 
 
 #: What is not at rest in the end is played again, so many times as long: what dies out slowly is
-#: told from what lasts.
-_LONGER = 3
+#: told from what lasts. What then bounces ever lower is played once more.
+_LENGTHS = 1, 3, 9
 #: What is less than the slowest motion of the linear loop leaves, at this part of its rate, is also
 #: dying out: springs may be at a thirty-second of their gain.
 _AT_LEAST = 1 / 64
@@ -410,7 +410,8 @@ def rehearse(
     and, because it may be less than thought, without any; other devices without any. Trials are
     releases, pushes, small starts and falls into a wall; elements beside the controller's own
     effects are also entered, left and scaled while they act. All of it is one run; what is not at
-    rest in the end, and only that, is judged by a longer one.
+    rest in the end, and only that, is judged by one three times as long, and what then bounces
+    ever lower off a wall by one nine times as long.
 
     Args:
         rig: the truth, one device.
@@ -419,7 +420,7 @@ def rehearse(
             are out of the way before.
         hand: that holds the handle, or None for hands off only.
         others: devices with the same modes and sample time that this one may be as well.
-        duration: of each trial, s; three times as long where anything is not at rest by then.
+        duration: of each trial, s; three or nine times as long where it is not at rest by then.
         reach: displacement of the release and height of the fall, m (rad), a number or shape
             (batch,); None for 1000 counts.
         push: the force limit that the pushes are measured by, N (N·m), a number or shape
@@ -443,7 +444,8 @@ def rehearse(
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
     ends: dict[int, Ending] = {}
     left, rates = range(len(plays)), _slowest_rates(controller, conditions, sizes.batch)
-    for samples in (sizes.samples, _LONGER * sizes.samples):
+    for length in _LENGTHS:
+        samples = length * sizes.samples
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
         seen, grown, pushes = _played(
@@ -465,7 +467,7 @@ def rehearse(
         ]
         found = endings(seen.position, seen.force, count, allowed)
         ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
-        left = [k for k in left if not ends[k].at_rest]
+        left = [k for k in left if not ends[k].at_rest and (length == 1 or ends[k].bounces)]
         if not left:
             break
     order = list(_KINDS)

@@ -9,7 +9,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from datasets_synthetic import Controller, Rehearsal, Rig
+from datasets_synthetic import Calls, Controller, Element, Rehearsal, Rig, rehearse
 from identification import ForceLimit, SlopeRange, as_stored, load_device, load_mapping, quantity
 from tests.commands import haptune
 from tests.entered_scenes import made
@@ -184,3 +184,35 @@ def test_a_device_without_an_effect_beside_another_is_tuned() -> None:
     assert profile.elements["wall"].stiffness == 0
     assert profile.elements["water"].damping > 0.5
     refuse_restless(profile, lambda _: None)
+
+
+def bounced(damping: float, *, seconds: float = 40.0) -> float:
+    """Speed that a frictionless handle keeps at a cut wall it fell into from 0.1 m, m/s."""
+    step, late, place, speed, heights = 1e-3, [0.0] * 5, -0.1, 0.0, [0.0]
+    for _ in range(round(seconds / step)):
+        pull = 1000.0 * place + damping * (place - heights[-1]) / step
+        heights.append(place)
+        late.append(min(max(pull, 0.0), 10.0))
+        speed += (2.5 - late.pop(0) - 0.1 * speed) / 0.2 * step
+        place += speed * step
+    return float(np.max(np.abs(np.diff(heights[-4000:]))) / step)
+
+
+def test_a_wall_that_is_bounced_off_longer_than_a_trial_settles() -> None:
+    """All bounces off a wall that is cut have the force of the cut: only their heights tell."""
+    rig = Rig(
+        mass=0.2,
+        damping=0.1,
+        sample_time=1e-3,
+        delay=4e-3,
+        encoder_resolution=1e-5,
+        force_limit=10.0,
+    )
+    settles = {}
+    for damping in (2.0, 5.3):
+        wall = Element(stiffness=1000.0, damping=damping, level=10.0, side=-1, place=0.0)
+        law = Controller(beside=(wall,), calls=Calls(taps=1), velocity_filter_hz=float("inf"))
+        (played,) = rehearse(rig, law, duration=1.0)
+        settles[damping] = played.settles
+    assert settles == {2.0: bounced(2.0) < 0.01, 5.3: bounced(5.3) < 0.01}
+    assert settles == {2.0: False, 5.3: True}

@@ -93,12 +93,10 @@ def _draw_over_time(
     top.plot(trajectory.time, trajectory.position, lw=1)
     top.set_ylabel(f"position, {length}")
     middle.plot(known.time, known.applied, lw=2, color="0.7", label="applied")
-    middle.plot(
-        known.time, known.explained, lw=1, color="tab:green", label="explained by the model"
-    )
+    middle.plot(known.time, known.explained, lw=1, color="#009E73", label="explained by the model")
     middle.set_ylabel(f"force, {force}")
     legend_above(middle)
-    bottom.plot(known.time, known.left, lw=0.8, color="tab:orange")
+    bottom.plot(known.time, known.left, lw=0.8, color="#D55E00")
     bottom.set_ylabel(f"unexplained, {force}")
     bottom.set_xlabel("time, s")
 
@@ -244,7 +242,7 @@ def _draw_spectrum(axes: Axes, known: Explained, force: str) -> None:
     length = max(16, known.time.size // _SEGMENTS)
     for column, color, label in (
         (known.applied, "0.6", "applied"),
-        (known.left, "tab:orange", "unexplained"),
+        (known.left, "#D55E00", "unexplained"),
     ):
         hertz, power = welch(column, 1 / step, nperseg=min(length, column.size))
         axes.loglog(hertz[1:], np.sqrt(power[1:]), color=color, lw=1, label=label)
@@ -265,13 +263,13 @@ def _draw_response(axes: Sequence[Axes], device: Device, fit: LogFit, force: str
     values = np.array([_value(device, name) for name in model.parameters])
     found = response_of(table, values, late)
     rigid = found.rigid(values)
-    lines = [("rigid model", rigid, "tab:green")]
+    lines = [("rigid model", rigid, "#009E73")]
     if fit.dynamics is not None and (fit.dynamics.current_lag or fit.dynamics.mode):
         full = fit.dynamics.response(rigid, device.mass.value, found.frequency)
-        lines.append(("with lag or mode", full, "tab:red"))
+        lines.append(("with lag or mode", full, "#D55E00"))
     told = found.coherence >= _COHERENT
     top, bottom = axes
-    for chosen, color, label in ((told, "tab:blue", "log"), (~told, "0.8", "hardly coherent")):
+    for chosen, color, label in ((told, "#0072B2", "log"), (~told, "0.8", "hardly coherent")):
         hertz, gain = found.frequency[chosen], found.gain[chosen]
         top.errorbar(
             hertz,
@@ -304,7 +302,7 @@ def _draw_correlation(axes: Axes, estimate: Estimate) -> None:
     found = autocorrelation(residual, _LAGS)
     band = NORMAL_95 / np.sqrt(residual.size)
     axes.axhspan(-band, band, color="0.85", lw=0, label="white noise, 95 %")
-    axes.vlines(np.arange(1, _LAGS + 1), 0, found[1:], color="tab:blue", lw=2)
+    axes.vlines(np.arange(1, _LAGS + 1), 0, found[1:], color="#0072B2", lw=2)
     axes.axhline(0, color="k", lw=0.6)
     most = min(1.0, max(4 * band, 1.2 * float(np.max(np.abs(found[1:])))))
     axes.set_ylim(-most, most)
@@ -349,7 +347,7 @@ def draw_friction(
         axes.plot(
             sense * speed,
             sense * (start + viscous * speed),
-            color="tab:green",
+            color="#009E73",
             lw=1.5,
             label="b·q̇ + Fc·sign(q̇)" if sense > 0 else None,
         )
@@ -359,7 +357,7 @@ def draw_friction(
                 sense * speed,
                 sense * (start + slope.low * speed),
                 sense * (start + slope.high * speed),
-                color="tab:green",
+                color="#009E73",
                 alpha=0.2,
                 lw=0,
                 label="slopes of friction" if sense > 0 else None,
@@ -381,7 +379,7 @@ def _draw_middles(axes: Axes, rows: ForceBalance, friction: np.ndarray) -> None:
             [float(np.median(rows.velocity[part])) for part in parts],
             [float(np.median(friction[part])) for part in parts],
             "o",
-            color="tab:blue",
+            color="#0072B2",
             ms=3.5,
             label="log, median by speed" if sense > 0 else None,
         )
@@ -416,7 +414,7 @@ class _Known:
 
 def _knowledge(device: Device, fits: Sequence[LogFit], before: Device | None) -> list[_Known]:
     """What is drawn, from top to bottom."""
-    lines = [_of_device(device, "now", "tab:green")]
+    lines = [_of_device(device, "now", "#009E73")]
     if before is not None:
         dated = "" if before.date is None else f", {before.date}"
         lines.append(_of_device(before, f"before{dated}", "k"))
@@ -425,7 +423,7 @@ def _knowledge(device: Device, fits: Sequence[LogFit], before: Device | None) ->
         name = name if len(name) <= _SHORT else f"{name[: _SHORT - 1]}…"
         name = f"{name}, " if len(fits) > 1 else ""
         lines += [
-            _of_estimate(each, f"{name}{each.method}", "tab:blue" if believed else "0.55")
+            _of_estimate(each, f"{name}{each.method}", "#0072B2" if believed else "0.55")
             for each, believed in ((fit.estimate, True), *((o, False) for o in fit.others))
         ]
     return lines
@@ -491,7 +489,7 @@ def excitation_picture(excitation: Excitation) -> Figure:
     for axes, (label, column, limit) in zip(every, rows, strict=True):
         axes.plot(excitation.time, column, lw=1)
         for side in (-1, 1) if limit is not None else ():
-            axes.axhline(side * (limit or 0.0), color="tab:red", lw=1, ls="--")
+            axes.axhline(side * (limit or 0.0), color="#D55E00", lw=1, ls="--")
         axes.set_ylabel(label)
     figure.axes[1].set_title(
         "\n".join(

@@ -11,21 +11,25 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any, cast
 
 from tune.documents.profile import Design, LimitedBy
+from tune.documents.scene import UNITS
 from tune.exporters import NOT_A_SAFETY_FUNCTION
 from tune.presentation.regions import Boundaries, region_surface
 from tune.presentation.tables import (
     alternatives_table,
     certificate_lines,
+    device_line,
     device_table,
     elements_table,
     filters_in_words,
+    verdict_on,
 )
+from tune.presentation.uses import effect_uses
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-    from identification import Identification
+    from identification import Identification, Quantity
     from tune.documents.profile import SafeProfile
     from tune.optimisation import Alternative
 
@@ -56,8 +60,8 @@ def report_html(
         page={
             "title": f"{safe.scene} on {safe.device.name}: haptic profile",
             "facts": list(_facts(safe, written)),
-            "gain": f"{safe.certificate.gain:g}",
-            "late": f"{safe.certificate.extra_delay_samples:g}",
+            "verdict": verdict_on(safe),
+            "used": _used(safe),
             "effects": _table(elements_table(safe)),
             "notes": safe.notes,
             "limits": _limits(safe),
@@ -66,11 +70,13 @@ def report_html(
             "log_pictures": [] if found is None else [_fit(safe, found)],
             "findings": () if found is None else found.findings,
             "log_lines": list(_log_lines(safe, found)),
-            "statements": _statements(safe),
+            "trusted": list(_trusted(safe)),
+            "record": _record(safe),
             "alternatives": alternatives and _table(alternatives_table(alternatives)),
             "day": written,
         },
         surface=region_surface(safe, boundaries),
+        running=_css_text(f"{'serial ' + _stated(safe.device.serial)}, {safe.digest}"),
         style=(own / "report.css").read_text(encoding="utf-8"),
         script=(own / "report.js").read_text(encoding="utf-8"),
         warning=NOT_A_SAFETY_FUNCTION,
@@ -93,33 +99,89 @@ def _table(table: Table) -> dict[str, object]:
     }
 
 
+def _used(design: Design) -> list[dict[str, object]]:
+    """Every effect with a bar for the limit that binds it, or else the one it uses most."""
+    return [
+        {
+            "name": each.name,
+            "value": each.value,
+            "steps": f"{each.steps:.3g}",
+            "part": f"{100 * min(each.limit.part, 1.0) if each.limit else 0.0:.1f}",
+            "words": each.words,
+            "binds": each.binds,
+        }
+        for each in effect_uses(design)
+    ]
+
+
 def _limits(design: Design) -> list[tuple[LimitedBy, str]]:
     """(limit, which effects it binds), each limit once."""
     bound: dict[LimitedBy, list[str]] = {}
-    for name, element in design.elements.items():
-        for effect, reason in element.limited_by.items():
-            bound.setdefault(reason, []).append(f"{name} {effect}")
+    for each in effect_uses(design):
+        bound.setdefault(each.reason, []).append(each.name)
     return [(reason, ", ".join(effects)) for reason, effects in bound.items()]
 
 
 def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
-    """Whose profile it is, of when, and what computed it."""
-    device = safe.device
-    yield "device", device.name
-    yield "axis", f"{device.axis}, {device.motion}"
-    stated = {"serial number": device.serial, "calibrated on": device.date}
-    for name, value in (stated | {"logs taken by": device.operator}).items():
-        yield name, "not stated" if value is None else str(value)
-    yield "scene", safe.scene
-    margin, loop = safe.margin, safe.loop
+    """Whose profile it is, of when, and every fact that a person stated for it."""
+    from matplotlib.ticker import EngFormatter
+
+    device, units, loop, hand = safe.device, UNITS[safe.device.motion], safe.loop, safe.hand
+
+    def told(quantity: Quantity | None, unit: str) -> str:
+        if quantity is None:
+            return "not stated"
+        ends = (quantity.value,) if quantity.exact else (quantity.low, quantity.high)
+        words = " to ".join(EngFormatter(unit)(end) for end in ends)
+        return words + (" (assumed)" if quantity.source == "assumed" else "")
+
+    yield "device", f"{device.name}, axis {device.axis}, {device.motion}"
+    yield "serial number", _stated(device.serial)
+    yield "calibrated on, by", f"{_stated(device.date)}, {_stated(device.operator)}"
+    yield "sample time", told(device.sample_time, "s")
+    yield "delay, command to measurement", told(device.delay, "s")
+    yield "encoder resolution", told(device.encoder_resolution, units["length"])
+    limit, force = device.force_limit, units["force"]
+    most = "not stated" if limit is None else f"{limit.continuous:g}, {limit.peak:g} {force}"
+    yield "force limit, continuous and peak", most
+    modes = ", ".join(told(mode.frequency_hz, "Hz") for mode in device.modes)
+    yield "vibration modes", modes or "none"
+    yield (
+        "lag of the drive",
+        "none" if device.current_lag is None else told(device.current_lag, "s"),
+    )
+    grip = "none" if hand is None else ", ".join(told(each, units[name]) for name, each in hand)
+    yield "hand", grip
+    yield "identified", device_line(device).partition(": ")[2]
+    margin = safe.margin
     late = f"{margin.extra_delay_samples} extra sample(s) of delay"
-    yield "margin", f"{margin.name}: gain {margin.gain:g}, {late}"
-    delay = f"delay {loop.extra_delay_samples:g} sample(s)"
-    yield "loop", f"{1 / loop.sample_time:.6g} Hz, {delay}, filters: {filters_in_words(loop)}"
+    yield "margin asked for", f"{margin.name}: gain {margin.gain:g}, {late}"
+    yield "filters", filters_in_words(loop)
+    yield "ripple allowed", f"{safe.ripple_limit:g} {force} rms"
+    for words, names in _motions(safe, units).items():
+        yield f"the hand moves in {', '.join(names)}", words
+    if safe.perception is not None:
+        yield "what a hand can tell, by", safe.perception.name
     yield "digest of the profile", safe.digest
     yield "report of", f"{written}, by haptune {version('haptune')}"
-    versions = ", ".join(f"{name} {number}" for name, number in safe.certificate.versions.items())
-    yield "certified with", versions
+
+
+def _stated(value: object) -> str:
+    return "not stated" if value is None else str(value)
+
+
+def _motions(safe: SafeProfile, units: dict[str, str]) -> dict[str, list[str]]:
+    """Elements by the motion that a scene expects in them, in words."""
+    found: dict[str, list[str]] = {}
+    for name, element in safe.elements.items():
+        motion = element.motion
+        words = (
+            f"{motion.speed:g} {units['speed']}, {motion.acceleration:g} {units['speed'][:-1]}s²"
+        )
+        if motion.penetration is not None:
+            words += f", {motion.penetration:g} {units['length']} deep"
+        found.setdefault(words, []).append(name)
+    return found
 
 
 def _picture(figure: Figure, words: str) -> dict[str, str]:
@@ -137,23 +199,21 @@ def _picture(figure: Figure, words: str) -> dict[str, str]:
 def _pictures(safe: SafeProfile, boundaries: Boundaries) -> Iterator[dict[str, str]]:
     from tune.presentation.pictures import (
         element_picture,
-        profile_picture,
+        region_picture,
         shown_elements,
         words_of_shown,
     )
 
-    shown = words_of_shown(safe)
-    words = (
-        "The region without mass with every element, and the steps a hand can tell of each effect"
+    yield _picture(
+        region_picture(safe, boundaries=boundaries), "The region without mass with every element."
     )
-    words += f"; {shown}." if shown else "."
-    yield _picture(profile_picture(safe, boundaries=boundaries), words)
-    for name in shown_elements(safe):
-        yield _picture(
-            element_picture(safe, name, boundaries=boundaries),
-            f"{name}: its place in the region of its own mass and what is left to the margin; the "
-            "part of each limit that it uses; its answers to a step of force and to an impact.",
-        )
+    told = (
+        ": its region and what is left to the margin; the part of each limit that it uses; its "
+        f"answers to a step of force and to an impact. {words_of_shown(safe)}"
+    )
+    for place, name in enumerate(shown_elements(safe)):
+        figure = element_picture(safe, name, boundaries=boundaries)
+        yield _picture(figure, name + ("." if place else told))
 
 
 def _fit(safe: SafeProfile, found: Identification) -> dict[str, str]:
@@ -187,13 +247,44 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
         yield f"identified again for this report: {now}; in the profile {before}"
 
 
-def _statements(safe: SafeProfile) -> dict[str, tuple[str, ...]]:
-    """What is proved, assumed, not assessed and taken on trust, line by line."""
-    from tune.certificate.certify import trusted_facts
-    from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST
+def _trusted(safe: SafeProfile) -> Iterator[str]:
+    """What no calculation can confirm, in plain words: seven sentences at most."""
+    device, seal = safe.device, safe.certificate
+    assumed = ", ".join(name.replace("_", " ") for name in device.assumed())
+    only = f", where the {assumed} were only assumed" if assumed else ""
+    yield f"The facts on the first page are those of this device{only}."
+    if device.logs:
+        units = UNITS[device.motion]
+        yield (
+            "The logs were taken on this device, which has not changed since, with no hand on it, "
+            f"force in {units['force']} and position in {units['length']}."
+        )
+    yield (
+        f"The controller runs the exported law with the filters named, every "
+        f"{1e3 * safe.loop.sample_time:g} ms, and is never later than the delay and its margin."
+    )
+    rigid = "vibrates in no way but those stated" if device.modes else "is rigid"
+    kinds = {force.words for log in device.logs for force in log.unmodelled_forces}
+    others = f"; the proof leaves out {', '.join(sorted(kinds))}" if kinds else ""
+    yield f"The mechanism {rigid}, and its drive lags by no more than stated{others}."
+    yield (
+        "The proof is of the device alone: what a hand adds was not asked for."
+        if seal.hand is None
+        else "Hands that hold it are within the range stated, or none holds it."
+    )
+    yield (
+        "Elements and gains change slowly against the loop, except for what the exported guard "
+        "switches, cuts or fades itself."
+    )
+    yield (
+        "Oscillation from encoder counts and friction, and periods of uneven length, were played "
+        "in simulation or computed at the ends of the intervals, not proved."
+    )
 
+
+def _record(safe: SafeProfile) -> dict[str, tuple[str, ...]]:
+    """The certificate line by line, as the profile holds it."""
     seal = safe.certificate
-    absolute = (seal.absolute_stability or {}).items()
     proved = (
         *certificate_lines(seal)[:-1],
         f"by: {seal.method}",
@@ -201,13 +292,13 @@ def _statements(safe: SafeProfile) -> dict[str, tuple[str, ...]]:
         *(
             f"{names}: absolutely stable up to gain {each.gain:.4g} with "
             f"{each.extra_delay_samples:g} more sample(s): {', '.join(each.covers)}"
-            for names, each in absolute
+            for names, each in (seal.absolute_stability or {}).items()
         ),
+        "certified with " + ", ".join(f"{name} {each}" for name, each in seal.versions.items()),
     )
-    trusted = (f"{each.key}: {each.reason}" for each in (*TAKEN_ON_TRUST, *OPINIONS))
-    return {
-        "proved": proved,
-        "assumed": seal.assumes,
-        "not_assessed": seal.not_assessed,
-        "trusted": (*trusted_facts(safe.device), *trusted),
-    }
+    return {"Proved": proved, "Assumed": seal.assumes, "Not assessed": seal.not_assessed}
+
+
+def _css_text(words: str) -> str:
+    """A string of a style sheet that no letter of it can end."""
+    return '"' + "".join(each if each.isalnum() else f"\\{ord(each):x} " for each in words) + '"'

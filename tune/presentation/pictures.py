@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,12 +17,12 @@ from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from identification import legend_above
-from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile, SafeProfile
 from tune.documents.scene import UNITS, format_number
 from tune.loop.loop import filters_of
 from tune.loop.state_space import Corner, SampledLoop, corners_of, exponential
-from tune.presentation.regions import Boundaries, draw_region, draw_slice, set_small_title
+from tune.presentation.regions import BLUE, Boundaries, draw_region, draw_slice, set_small_title
+from tune.presentation.uses import draw_effect_uses, draw_limits, short_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,114 +32,10 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-#: Of several limits of one kind those bind that are used as much as the most used, nearly.
-_NEARLY = 0.98
 #: Samples followed, at least and at most; half periods or time constants that are looked at.
 _FEWEST, _MOST, _PERIODS = 50, 3000, 5.0
 #: Corners of the box that are followed beside the best estimate.
 _CORNERS = 8
-
-
-@dataclass(frozen=True, slots=True)
-class Use:
-    """A limit, the part of it that is used (1: used up), words for it, effects that it binds."""
-
-    limit: str
-    part: float
-    words: str
-    binds: tuple[str, ...]
-
-
-#: (limit, reason as profiles name it, part, words) of a limit.
-_Found = Iterator[tuple[str, str, float, str]]
-
-
-def uses_of(design: Design, name: str, units: dict[str, str]) -> tuple[Use, ...]:
-    """Every limit of an element that has a number, in the order of the profile's margins."""
-    element = design.elements[name]
-    bound: dict[str, tuple[str, ...]] = {}
-    for effect, reason in element.limited_by.items():
-        bound[reason] = (*bound.get(reason, ()), effect)
-    found = (
-        *_margins(design, element),
-        *_forces(design, name, units["force"]),
-        *_rendered(design, element),
-    )
-    most = {why: max(part for _, other, part, _ in found if other == why) for _, why, _, _ in found}
-    return tuple(
-        Use(limit, part, words, bound.get(why, ()) if part >= _NEARLY * most[why] else ())
-        for limit, why, part, words in found
-    )
-
-
-def _margins(design: Design, element: ElementProfile) -> _Found:
-    margin, own = design.margin, element.margins
-    if own.gain > 0:
-        part = margin.gain / own.gain
-        yield "gain margin", "gain-margin", part, f"{margin.gain:g} of {own.gain:.3g}"
-    if margin.extra_delay_samples and own.extra_delay_samples > 0:
-        wanted, most = margin.extra_delay_samples, own.extra_delay_samples
-        yield "extra delay", "delay-margin", wanted / most, f"{wanted:g} of {most:g} T"
-    if own.absolute_gain:
-        part = margin.gain / own.absolute_gain
-        words = f"{margin.gain:g} of {own.absolute_gain:.3g}"
-        yield "proof of its clamp", "saturation", part, words
-    if element.lead and element.contact and element.contact.lead and element.damping:
-        part = element.contact.lead / element.lead
-        yield "met before its face", "lead", part, f"{part:.3g} of what it may be"
-
-
-def _sustained(element: ElementProfile) -> float:
-    """Force of the spring at the depth it must last to, N."""
-    return element.stiffness * (element.motion.penetration or 0.0)
-
-
-def _in_motion(element: ElementProfile) -> float:
-    """Force of the whole element in its motion, N."""
-    motion = element.motion
-    damping = 0.0 if element.one_sided and element.cut else abs(element.damping)
-    return _sustained(element) + damping * motion.speed + abs(element.mass) * motion.acceleration
-
-
-def _forces(design: Design, name: str, unit: str) -> _Found:
-    """Forces of the element, and of the moment with it whose forces are the largest."""
-    limit, element = design.device.force_limit, design.elements[name]
-    for what, force_of, most in (
-        ("sustained force", _sustained, limit.continuous if limit else 0.0),
-        ("force in motion", _in_motion, limit.peak if limit else 0.0),
-    ):
-        own = force_of(element)
-        if most <= 0 or (what == "sustained force" and not own):
-            continue
-        forces = {
-            combination: sum(force_of(design.elements[each]) for each in combination)
-            for combination in design.moments()
-            if name in combination
-        }
-        worst, total = max(forces.items(), key=lambda item: (item[1], -len(item[0])))
-        beside = [each for each in worst if each != name]
-        words = f"{own:.3g} of {most:.4g} {unit}"
-        words += f", {total:.3g} with {' and '.join(beside)}" if beside else ""
-        yield what, "force", total / most, words
-    if element.ripple is not None:
-        words = f"{element.ripple:.2g} of {design.ripple_limit:g} {unit}"
-        yield "encoder ripple", "ripple", element.ripple / design.ripple_limit, words
-
-
-def _rendered(design: Design, element: ElementProfile) -> _Found:
-    """Perceived steps from what is asked for to what is felt at 0.5 and 5 Hz; one is allowed."""
-    rendered, table, motion = element.rendered, design.perception, element.motion
-    if rendered is None or table is None or element.one_sided:
-        return
-    for effect, ends, weber, reach in (
-        ("mass", rendered.mass_at_ends, table.mass, motion.acceleration),
-        ("damping", rendered.damping_at_ends, table.damping, motion.speed),
-    ):
-        asked: float = getattr(element, effect)
-        total: float = getattr(design.device, effect).value + asked
-        scale = Scale(reference=total, weber=weber, floor=table.threshold / reach)
-        steps = max(scale.steps(end - asked) for end in ends)
-        yield f"{effect} as felt", "rendering", steps, f"off by {steps:.2g} of 1 step"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,21 +143,12 @@ _WIDTH, _HEIGHT = 11.0, 6.2
 #: Where the four pictures stand on their figure, in parts of it and of a picture.
 _GRID = {"left": 0.095, "right": 0.925, "top": 0.85, "bottom": 0.085,
          "hspace": 0.55, "wspace": 0.42}  # fmt: skip
-#: Letters of a name.
-_SHORT = 28
 #: Of the continuous force, the step that is drawn; where no limit is stated, N.
 _STEP, _WITHOUT_LIMIT = 0.1, 1.0
-#: A part of a limit beyond which more than rounding is used.
-_BEYOND = 1.001
-#: Bars are drawn up to this many times a limit.
-_LONGEST = 1.25
 #: Inches: least height of the first picture, and what each effect adds once they are many.
-_FIRST, _EFFECT = 4.6, 0.28
+_FIRST, _EFFECT = 4.6, 0.36
 #: Elements that are drawn one by one, at most: a picture of more would be read by nobody.
 _MOST_ELEMENTS = 12
-#: Reasons that have no bar, and those that are no limit, in words.
-_NO_BAR = {"wanted", "range", "stability", "not-perceptible"}
-_WHY = {"wanted": "as wanted", "not-perceptible": "not perceptible"}
 #: Offset of a label in points of a typographer, and how its text is aligned there.
 _Place = tuple[float, float, Literal["left", "right"]]
 _POINTS_PER_INCH = 72.0
@@ -276,7 +163,7 @@ _FAR = 20
 
 
 def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) -> Figure:
-    """Stable region in (B, K) with every element in it, beside the perceived steps of each effect.
+    """A bar an effect, the part of the limit that binds it, beside the stable region in (B, K).
 
     The boundaries are exact: the largest stiffness for each damping, for the best estimate of the
     device, for the worst corner of its box, and for that corner with the whole margin kept.
@@ -289,6 +176,26 @@ def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) ->
 
     figure = NotebookFigure(figsize=(_WIDTH, _overview_height(profile)))
     _draw_overview(figure, profile, boundaries or Boundaries.of(profile))
+    return figure
+
+
+def region_picture(
+    profile: Design, *, boundaries: Boundaries | None = None, ax: Axes | None = None
+) -> Figure:
+    """Stable region in (B, K) without mass, with every element of a profile in it.
+
+    Args:
+        profile: certified or not.
+        boundaries: of this profile; None computes them.
+        ax: where to draw it; None makes a figure. Names are set where the axes are now.
+    """
+    from identification import NotebookFigure
+
+    figure = NotebookFigure(figsize=(8.0, 4.2)) if ax is None else ax.get_figure(root=True)
+    assert figure is not None
+    if ax is None:
+        ax = figure.add_axes((0.1, 0.12, 0.88, 0.73))
+    _draw_places(ax, profile, boundaries or Boundaries.of(profile))
     return figure
 
 
@@ -349,15 +256,15 @@ def _draw_overview(
     """Region and perceived steps on a figure or a part of one, with a note below the title."""
     height = _overview_height(profile)
     grid = {"left": 0.075, "right": 0.985, "top": 1 - 0.85 / height, "bottom": 0.5 / height}
-    grid["wspace"] = 0.16 + 0.018 * max(map(len, _effects(profile)))
+    grid |= {"left": 0.165, "wspace": 0.2, "width_ratios": (1.25, 1.0)}
     left, right = figure.subplots(1, 2, gridspec_kw=grid)
-    title = f"{_short_name(profile.scene)} on {_short_name(profile.device.name)}"
+    title = f"{short_name(profile.scene)} on {short_name(profile.device.name)}"
     title += f": {_verdict(profile) if verdict is None else verdict}"
     figure.suptitle(title, fontsize=11, y=1 - 0.12 / height)
     if note:
         figure.text(0.5, 1 - 0.42 / height, note, fontsize=9, ha="center", va="bottom")
-    _draw_steps(right, profile)
-    _draw_places(left, profile, boundaries)
+    draw_effect_uses(left, profile)
+    _draw_places(right, profile, boundaries)
 
 
 def _verdict(profile: Design) -> str:
@@ -374,48 +281,18 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
     ends = (min(0.0, *dampings), max(0.0, *dampings))
     highest = max(element.stiffness for element in elements.values())
     draw_region(axes, boundaries, 0.0, ends, highest, units)
-    title = "region for M = 0; elements with a mass lie in other planes: open circles"
+    title = "region for M = 0; open circles: elements with a mass lie in other planes"
     set_small_title(axes, title)
     labels: list[tuple[float, float, str]] = []
     for name in _playing(profile):
         B, K, M = elements[name].damping, elements[name].stiffness, elements[name].mass
         fill = "none" if M else "black"
         axes.scatter([B], [K], s=25, facecolors=fill, edgecolors="k", clip_on=False, zorder=5)
-        labels.append((B, K, _short_name(name) + (f", M = {M:.2g} {units['mass']}" if M else "")))
+        labels.append((B, K, short_name(name) + (f", M = {M:.2g} {units['mass']}" if M else "")))
     left_out = len(labels) - len(place_labels(axes, labels))
     if left_out:
         named = "names have" if left_out > 1 else "name has"
         set_small_title(axes, f"{title}\n{left_out} {named} no room")
-
-
-def _effects(profile: Design) -> list[str]:
-    """Element and effect of everything that a scene asked for."""
-    return [
-        f"{_short_name(name)} {effect}"
-        for name, element in profile.elements.items()
-        for effect in element.limited_by
-    ]
-
-
-def _draw_steps(axes: Axes, profile: Design) -> None:
-    units = UNITS[profile.device.motion]
-    labels = _effects(profile)
-    steps: list[float] = []
-    words: list[str] = []
-    for element in profile.elements.values():
-        for effect, reason in element.limited_by.items():
-            steps.append(element.perceived_steps.get(effect, 0.0))
-            value: float = getattr(element, effect)
-            size = f"{format_number(value)} {units[effect]}" if value else "not played"
-            words.append(f" {size}, {_WHY.get(reason, f'limited by {reason}')}")
-    places = np.arange(len(labels))[::-1]
-    axes.barh(places, steps, color="tab:green", alpha=0.6)
-    axes.axvline(1, color="k", lw=0.8, ls=":")
-    axes.set_yticks(places, labels, fontsize=8)
-    for place, step, word in zip(places, steps, words, strict=True):
-        axes.text(step, float(place), word, va="center", fontsize=7)
-    axes.set_xlim(0, 2.2 * max([*steps, 1.0]))
-    axes.set_xlabel("steps a hand can tell apart")
 
 
 def element_picture(design: Design, name: str, *, boundaries: Boundaries | None = None) -> Figure:
@@ -433,7 +310,7 @@ def _draw_element(
     units, element = UNITS[design.device.motion], design.elements[name]
     (region, limits), (step, impact) = figure.subplots(2, 2, gridspec_kw=_GRID)
     draw_slice(region, boundaries, element, units)
-    _draw_limits(limits, design, name, units)
+    draw_limits(limits, design, name, units)
     _draw_step(step, design, element, units)
     _draw_impact(impact, design, element, units)
     sizes = ", ".join(
@@ -441,35 +318,7 @@ def _draw_element(
         for symbol, effect in (("K", "stiffness"), ("B", "damping"), ("M", "mass"))
         if getattr(element, effect)
     )
-    figure.suptitle(f"{_short_name(name)}: {sizes or 'nothing'}", fontsize=11, y=0.99)
-
-
-def _short_name(name: str) -> str:
-    """A name as a picture has room for it, without what matplotlib would take for a formula."""
-    plain = name.replace("$", r"\$")
-    return plain if len(plain) <= _SHORT else f"{plain[: _SHORT - 1]}…"
-
-
-def _draw_limits(axes: Axes, design: Design, name: str, units: dict[str, str]) -> None:
-    """A bar a limit, full where it is used up; those that bind are dark."""
-    uses = uses_of(design, name, units)
-    places = -np.arange(len(uses))
-    parts = [min(use.part, _LONGEST) for use in uses]
-    colors = [
-        "tab:red" if use.part > _BEYOND else "#74c476" if use.binds else "#d3e6d3" for use in uses
-    ]
-    axes.barh(places, parts, height=0.62, color=colors)
-    axes.axvline(1, color="k", lw=1)
-    for place, use in zip(places, uses, strict=True):
-        binds = f": limits {' and '.join(use.binds)}" if use.binds else ""
-        axes.text(0.01, float(place), use.words + binds, va="center", fontsize=7)
-    axes.set_yticks(places, [use.limit for use in uses], fontsize=8)
-    axes.set_xlim(0, _LONGEST)
-    axes.set_xticks([0, 0.5, 1], ["0", "half", "used up"], fontsize=7)
-    reasons = design.elements[name].limited_by.items()
-    others = ", ".join(f"{effect} {why}" for effect, why in reasons if why in _NO_BAR)
-    title = "part of each limit that is used" + (f"\nbesides: {others}" if others else "")
-    axes.set_title(title, fontsize=8, loc="left")
+    figure.suptitle(f"{short_name(name)}: {sizes or 'nothing'}", fontsize=11, y=0.99)
 
 
 def _draw_step(axes: Axes, design: Design, element: ElementProfile, units: dict[str, str]) -> None:
@@ -496,13 +345,13 @@ def _draw_impact(
             (limit.peak, "peak force", "--"),
         ):
             if level < 3 * most:
-                axes.axhline(-level, color="tab:red", lw=0.8, ls=dashes)
-                axes.axhline(level, color="tab:red", lw=0.8, ls=dashes, label=words)
+                axes.axhline(-level, color="k", lw=0.9, ls=dashes)
+                axes.axhline(level, color="k", lw=0.9, ls=dashes, label=words)
     axes.set_ylabel(f"force, {units['force']}")
     beside = axes.twinx()
-    beside.plot(found.time, found.speed[0], color="tab:blue", lw=1)
-    beside.set_ylabel(f"speed, {units['speed']}", color="tab:blue")
-    beside.tick_params(axis="y", labelcolor="tab:blue", labelsize=8)
+    beside.plot(found.time, found.speed[0], color=BLUE, lw=1)
+    beside.set_ylabel(f"speed, {units['speed']}", color=BLUE)
+    beside.tick_params(axis="y", labelcolor=BLUE, labelsize=8)
     legend_above(axes)
     title = f"impact at {element.motion.speed:g} {units['speed']}, no hand"
     set_small_title(axes, title + (", pushes only" if element.one_sided else ""))
@@ -512,7 +361,7 @@ def _draw_devices(axes: Axes, found: Response, values: np.ndarray) -> None:
     """Corners of the box light, the best estimate dark."""
     for row, line in enumerate(values[1:]):
         label = None if row else "corners of the box"
-        axes.plot(found.time, line, color="#9ecae1", lw=0.7, label=label)
+        axes.plot(found.time, line, color="#56B4E9", lw=0.7, label=label)
     axes.plot(found.time, values[0], color="k", lw=1.3, label="best estimate")
     axes.axhline(0, color="0.7", lw=0.5, zorder=0)
     axes.tick_params(labelsize=8)

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+#: Colours that colour-blind readers tell apart.
+BLUE, VERMILION = "#0072B2", "#D55E00"
+
 #: Parts of the margin's gain at which a point is judged: every gain below is to be stable too.
 _PARTS = (0.25, 0.5, 0.75, 1.0)
 #: Damping of a device that has as good as none, as a scale.
@@ -37,6 +40,8 @@ _LINES = (26, 15)
 _LIGHTER, _HEAVIER, _FURTHER = -0.3, 0.5, 1.4
 #: Of the largest stiffness that is drawn, what the highest place of the surface stands above.
 _ROOM = 1.05
+#: Heights are told up to this many times the top, above which a page cuts them.
+_OVER = 9.0
 #: Ticks of an axis of the surface, about.
 _TICKS = 5
 
@@ -145,15 +150,13 @@ def draw_region(
     axes.set_xscale("function", functions=(_root, _square))
     axes.set_yscale("function", functions=(_root, _square))
     axes.fill_between(grid, best, color="0.9", lw=0, label="stable, best estimate")
-    axes.plot(grid, worst, color="tab:orange", lw=1.2, label="worst corner of the box")
-    axes.fill_between(
-        grid, safe, color="tab:green", alpha=0.35, lw=0, label="with the whole margin"
-    )
+    axes.plot(grid, worst, color=VERMILION, lw=1.3, ls="--", label="worst corner of the box")
+    axes.fill_between(grid, safe, color=BLUE, alpha=0.35, lw=0, label="with the whole margin")
     top = _BEYOND * max(float(np.max(safe)), stiffness) or float(np.max(best))
     axes.set_xlim(least, most)
     axes.set_ylim(0, top if top > 0 else 1.0)
-    axes.set_xlabel(f"virtual damping B, {units['damping']}")
-    axes.set_ylabel(f"virtual stiffness K, {units['stiffness']}")
+    axes.set_xlabel(f"damping B, {units['damping']} (square-root scale)", fontsize=8)
+    axes.set_ylabel(f"stiffness K, {units['stiffness']} (square-root scale)", fontsize=8)
     axes.tick_params(labelsize=7)
     axes.locator_params(nbins=6)
     axes.ticklabel_format(style="plain", useOffset=False)
@@ -192,7 +195,8 @@ def region_surface(design: Design, boundaries: Boundaries) -> dict[str, object]:
     """Stiffness over damping and mass as a page draws it; all coordinates run from 0 to 1.
 
     Axes grow as the square root, so that what is played stays apart from zero. Heights, with the
-    whole margin and at the worst corner of the box (cut at the top), have one row a mass.
+    whole margin and at the worst corner of the box, have one row a mass, of
+    dampings of its own.
     """
     units, elements = UNITS[design.device.motion], list(design.elements.values())
     own = design.device.mass.value
@@ -202,17 +206,17 @@ def region_surface(design: Design, boundaries: Boundaries) -> dict[str, object]:
         _FURTHER * min(_LIGHTER * own / _FURTHER, *masses),
         _FURTHER * max(_HEAVIER * own / _FURTHER, *masses),
     )
-    most = boundaries.damping_with_margin(0.0, max(0.0, *dampings), 0.0)
-    damping_ends = (_FURTHER * min(0.0, *dampings), max(1.05 * most, 0.1 * boundaries.damping))
-    B, M = (
-        _spread(*ends, count) for ends, count in zip((damping_ends, mass_ends), _LINES, strict=True)
-    )
-    for places in (B, M):
-        if places[0] < 0 < places[-1]:
-            places[np.argmin(np.abs(places))] = 0.0
-    across, along = np.meshgrid(B, M)
-    margin = boundaries.with_margin(across, along)
-    worst = boundaries.at_worst(across, along)
+    least, scale = _FURTHER * min(0.0, *dampings), 0.1 * boundaries.damping
+    M = _spread(*mass_ends, _LINES[1])
+    if M[0] < 0 < M[-1]:
+        M[np.argmin(np.abs(M))] = 0.0
+    # Each row ends where not even a damper alone keeps the margin: there its height is zero.
+    ends = [max(boundaries.damping_with_margin(0.0, 0.0, mass), scale) for mass in M]
+    across = np.stack([_spread(least, end, _LINES[0]) for end in ends])
+    margin = boundaries.with_margin(across, M[:, None])
+    margin[:, -1] = 0.0
+    worst = boundaries.at_worst(across, M[:, None])
+    damping_ends = (least, max(*ends, *dampings))
     top = _ROOM * max(float(np.max(margin)), *(element.stiffness for element in elements)) or 1.0
     scales = (_Scale(*damping_ends), _Scale(*mass_ends), _Scale(0.0, top))
     names = ("damping", "B"), ("mass", "M"), ("stiffness", "K")
@@ -221,10 +225,10 @@ def region_surface(design: Design, boundaries: Boundaries) -> dict[str, object]:
             {"title": f"{name} {symbol}, {units[name]}", "ticks": scale.ticks()}
             for (name, symbol), scale in zip(names, scales, strict=True)
         ],
-        "damping": _rounded(scales[0].place(B)),
+        "damping": [_rounded(scales[0].place(row)) for row in across],
         "mass": _rounded(scales[1].place(M)),
         "margin": [_rounded(scales[2].place(row)) for row in margin],
-        "worst": [_rounded(scales[2].place(np.minimum(row, top))) for row in worst],
+        "worst": [_rounded(scales[2].place(np.minimum(row, _OVER * top))) for row in worst],
         "elements": [
             {
                 "name": name,

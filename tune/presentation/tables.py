@@ -64,7 +64,7 @@ def device_line(device: Device) -> str:
         known = "" if half is None else f" ± {100 * half:.2g} %"
         name = label.rpartition(" ")[0]
         parts.append(f"{name} {_with_interval(quantity)[0]} {units[kind]}{known}")
-    assumed = ", ".join(device.assumed())
+    assumed = ", ".join(device.assumed()).replace("_", " ")
     return f"{device.name}: {', '.join(parts)}" + (f"; assumed: {assumed}" if assumed else "")
 
 
@@ -73,7 +73,7 @@ def effects_table(profile: SafeProfile) -> Table:
     numbers = ("value", "steps", "gain", "delay")
     table = headed_table(_placed(profile), ("effect", *numbers, "limited by"), right=numbers)
     for label, value, unit, *margins, _, reason in _effect_rows(profile):
-        table.add_row(label, f"{_four_digits(value)} {unit}" if value else "-", *margins, reason)
+        table.add_row(label, f"{four_digits(value)} {unit}" if value else "-", *margins, reason)
     return table
 
 
@@ -101,7 +101,7 @@ def _effect_rows(
             )
 
 
-def _four_digits(value: float) -> str:
+def four_digits(value: float) -> str:
     """Four digits at least, without an exponent where people write none."""
     large = 1e4 <= abs(value) < 1e7
     return f"{value:.0f}" if large else f"{value:.4g}"
@@ -119,7 +119,7 @@ def changed_effects(before: Mapping[str, Any], profile: SafeProfile) -> str:
         for effect, unit in ((each, units[each]) for each in EFFECT_NAMES):
             then, now = had.get(effect) or 0.0, 0.0 if element is None else getattr(element, effect)
             if isinstance(then, int | float) and then != now:
-                lines.append(f"{name} {effect} {_four_digits(then)} → {_four_digits(now)} {unit}")
+                lines.append(f"{name} {effect} {four_digits(then)} → {four_digits(now)} {unit}")
     return "\n".join(lines)
 
 
@@ -323,7 +323,7 @@ def device_table(device: Device) -> Table:
         ("quantity", "value", "95 % interval", "unit", "half-width"),
         right=("value", "95 % interval", "half-width"),
         caption="\n".join(
-            f"{words}: {', '.join(names)}"
+            f"{words}: {', '.join(names)}".replace("_", " ")
             for words, names in (
                 ("missing, to be stated before anything is certified", device.missing),
                 ("assumed, not known", device.assumed()),

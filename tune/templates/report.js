@@ -20,8 +20,8 @@
 
   function colours() {
     return dark.matches && !printing
-      ? { ink: "#e4e8eb", faint: "#8b969e", wire: "#c98a3a", hue: [95, 180, 125], paper: "#1d2327" }
-      : { ink: "#1c2126", faint: "#7a858e", wire: "#c9771d", hue: [110, 180, 120], paper: "#f4f6f7" };
+      ? { ink: "#e4e8eb", faint: "#8b969e", wire: "#E69F00", hue: [86, 160, 215], paper: "#1d2327" }
+      : { ink: "#1c2126", faint: "#7a858e", wire: "#B34E00", hue: [100, 165, 215], paper: "#f4f6f7" };
   }
 
   function path(points, close) {
@@ -30,17 +30,30 @@
     if (close) context.closePath();
   }
 
+  // What of a polygon lies below the top of the picture.
+  function below(corners) {
+    return corners.flatMap((corner, index) => {
+      const next = corners[(index + 1) % corners.length];
+      const kept = corner[2] <= 1 ? [corner] : [];
+      if ((corner[2] <= 1) === (next[2] <= 1)) return kept;
+      const part = (1 - corner[2]) / (next[2] - corner[2]);
+      return [...kept, corner.map((value, axis) => value + part * (next[axis] - value))];
+    });
+  }
+
   // Every facet, line and stem with its depth.
   function parts(colour) {
     const found = [];
     const quads = (heights, draw) => {
       for (let row = 0; row + 1 < data.mass.length; row++) {
-        for (let column = 0; column + 1 < data.damping.length; column++) {
+        for (let column = 0; column + 1 < data.damping[0].length; column++) {
           const corners = [[row, column], [row, column + 1], [row + 1, column + 1], [row + 1, column]];
           const raised = corners.map(([r, c]) => heights[r][c]);
           if (Math.max(...raised) <= 0) continue;
-          const points = corners.map(([r, c]) => project(data.damping[c], data.mass[r], heights[r][c]));
-          const depth = points.reduce((sum, point) => sum + point[2], 0) / 4;
+          const whole = corners.map(([r, c]) => [data.damping[r][c], data.mass[r], heights[r][c]]);
+          const points = below(whole).map((corner) => project(...corner));
+          if (points.length < 3) continue;
+          const depth = points.reduce((sum, point) => sum + point[2], 0) / points.length;
           found.push({ depth, draw: () => draw(points, raised) });
         }
       }
@@ -55,8 +68,7 @@
       context.fill();
       context.stroke();
     });
-    quads(data.worst, (points, raised) => {
-      if (Math.min(...raised) >= 0.999) return; // cut off at the top of the picture
+    quads(data.worst, (points) => {
       path(points, true);
       context.strokeStyle = colour.wire;
       context.globalAlpha = 0.35;

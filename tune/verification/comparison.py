@@ -417,9 +417,9 @@ def _force_per_position(loop: Loop, effects: Effects, turn: FloatArray) -> Float
 #: Inches.
 _WIDTH, _HEIGHT = 12.0, 7.5
 _COLORS: dict[Verdict, str] = {
-    "agrees": "tab:green",
-    "disagrees": "tab:red",
-    "cannot tell": "tab:orange",
+    "agrees": "#009E73",
+    "disagrees": "#D55E00",
+    "cannot tell": "#E69F00",
     "not assessed": "0.5",
 }
 #: Letters of a line.
@@ -446,7 +446,7 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
     above.set_ylabel(f"position, {units['length']}")
     time, said = seen.trajectory.time, "law of the profile on the logged positions"
     below.plot(time, seen.trajectory.force, color="0.5", lw=2, label="logged")
-    below.plot(time, seen.law.predicted, color="tab:blue", lw=0.8, ls="--", label=said)
+    below.plot(time, seen.law.predicted, color="#0072B2", lw=0.8, ls="--", label=said)
     below.set_ylabel(f"force, {units['force']}")
     _residual(left, seen)
     left.set_ylabel(f"force less law, {units['force']}")
@@ -466,7 +466,7 @@ def _residual(axes: Axes, seen: Verification) -> None:
     """What the law leaves of the force, on the scale of the force where the two disagree."""
     verdict = next((each.verdict for each in seen.outcomes if each.check == "law"), "agrees")
     left = seen.trajectory.force - seen.law.predicted
-    color = "tab:red" if verdict == "disagrees" else "tab:green"
+    color = "#D55E00" if verdict == "disagrees" else "#009E73"
     axes.plot(seen.trajectory.time, left, color=color, lw=0.8, label=f"law {verdict}")
     most = float(np.nanmax(np.abs(seen.trajectory.force), initial=0.0))
     if most > 0:
@@ -480,7 +480,7 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
         return
     measured = motion.measured
     axes.plot(
-        trajectory.time[measured.rows], measured.fitted, color="tab:orange", lw=0.8, label="fitted"
+        trajectory.time[measured.rows], measured.fitted, color="#E69F00", lw=0.8, label="fitted"
     )
     prediction, effects = motion.prediction, seen.law.effects
     if motion.release is None or effects is None or not measured.frequency:
@@ -504,7 +504,7 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
         + np.sign(motion.release.deviation)
         * _envelope(start, nominal.decay, friction.value / stiffness, nominal.frequency, since)
         * np.cos(2 * np.pi * nominal.frequency * since),
-        color="tab:green",
+        color="#009E73",
         lw=0.8,
         ls="--",
         label="predicted at best",
@@ -514,7 +514,7 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
             trajectory.time[free],
             rest + side * narrow,
             rest + side * wide,
-            color="tab:green",
+            color="#009E73",
             alpha=0.4,
             lw=0.8,
             label="predicted envelope" if side > 0 else None,

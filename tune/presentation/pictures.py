@@ -281,7 +281,7 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
     ends = (min(0.0, *dampings), max(0.0, *dampings))
     highest = max(element.stiffness for element in elements.values())
     draw_region(axes, boundaries, 0.0, ends, highest, units)
-    title = "region for M = 0; open circles: elements with a mass lie in other planes"
+    title = "region for M = 0; open circles lie in planes of their own mass"
     set_small_title(axes, title)
     labels: list[tuple[float, float, str]] = []
     for name in _playing(profile):

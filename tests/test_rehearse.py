@@ -14,8 +14,8 @@ from identification import ForceLimit, SlopeRange, as_stored, load_device, load_
 from tests.commands import haptune
 from tests.entered_scenes import made
 from tests.exported import FADE, tuned
-from tune import CheckFailedError, SafeProfile, Scene, optimise
-from tune.cli.preparation import refuse_restless
+from tune import SafeProfile, Scene, optimise
+from tune.cli.preparation import RestlessError, refuse_restless
 
 
 def rehearsed(profile: SafeProfile) -> tuple[Rig, Controller, dict[str, Any]]:
@@ -139,7 +139,7 @@ def test_what_does_not_settle_is_no_feasible_effect(tmp_path: Path) -> None:
     """Exit 5 names the element; 6 is for a profile that exists."""
     scene = tmp_path / "scene.yaml"
     scene.write_text("schema: haptune/scene/1\nname: pool\nelements: {water: {damping: 10.0}}\n")
-    shakes = CheckFailedError(("water: rehearsal: shakes.",))
+    shakes = RestlessError({("water",): "shakes."})
     with mock.patch("tune.cli.profiles.refuse_restless", side_effect=shakes):
         ended = haptune("tune", "homerehab", str(scene), "-o", str(tmp_path / "profile.yaml"))
     assert ended.code == 5
@@ -150,7 +150,7 @@ def test_what_does_not_settle_is_no_feasible_effect(tmp_path: Path) -> None:
 def test_less_is_asked_for_of_what_does_not_settle(tmp_path: Path) -> None:
     scene, found = tmp_path / "scene.yaml", list[float]()
     scene.write_text("schema: haptune/scene/1\nname: pool\nelements: {water: {damping: max}}\n")
-    shakes = CheckFailedError(("water: rehearsal: shakes.",))
+    shakes = RestlessError({("water",): "shakes."})
     for answers in ([None], [shakes, None]):
         path = tmp_path / f"{len(answers)}.yaml"
         with mock.patch("tune.cli.profiles.refuse_restless", side_effect=answers):

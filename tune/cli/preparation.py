@@ -372,10 +372,19 @@ _LONGEST, _MOST_SAMPLES = 3.0, 12_000
 _ALIKE = 1e-9
 
 
+class RestlessError(CheckFailedError):
+    """Elements of a design that do not come to rest in simulation: their names, and why."""
+
+    def __init__(self, vetoes: dict[tuple[str, ...], str]) -> None:
+        said = (f"{' + '.join(names)}: rehearsal: {why}" for names, why in vetoes.items())
+        super().__init__(tuple(said))
+        self.elements = {name for names in vetoes for name in names}
+
+
 def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     """Play every combination of a design, and its transitions, in the simulator's trials.
 
-    The design is as it will be stored, its force limit and encoder stated. Raises CheckFailedError
+    The design is as it will be stored, its force limit and encoder stated. Raises RestlessError
     where some trial diverges or keeps oscillating; then nothing may be written.
     """
     from datasets_synthetic import Hand, rehearse, rig_of
@@ -395,7 +404,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     }
     combinations = [names for names in design.moments() if there.issuperset(names)]
     runs = -(-len(combinations) // _AT_ONCE)
-    vetoes: list[str] = []
+    vetoes: dict[tuple[str, ...], str] = {}
     for run in range(runs):
         part = combinations[run::runs]
         what = f"{' + '.join(part[0])}{' and others' if part[1:] else ''}"
@@ -409,9 +418,10 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
             duration=min(_LONGEST, _MOST_SAMPLES * design.device.sample_time.value),
         )
         for names, each in zip(part, found, strict=True):
-            vetoes += [f"{' + '.join(names)}: rehearsal: {t.reason}" for t in each.vetoes[:1]]
+            if each.vetoes:
+                vetoes[names] = each.vetoes[0].reason
     if vetoes:
-        raise CheckFailedError(tuple(vetoes))
+        raise RestlessError(vetoes)
 
 
 def _other_rigs(design: Design, rig: Rig) -> list[Rig]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from tune.cli.logs import (
     identify_logs,
     read_log,
 )
-from tune.cli.preparation import refuse_restless, template
+from tune.cli.preparation import RestlessError, refuse_restless, template
 from tune.cli.session import Session, command
 from tune.documents import CheckFailedError, NoFeasibleEffectError
 
@@ -230,7 +231,7 @@ def _tuned(
 def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> SafeProfile:
     """The largest effects that settle in simulation: less is asked for of what does not, and said.
 
-    Raises as `optimise`, and CheckFailedError where less of it does not settle either.
+    Raises as `optimise`, and RestlessError where less of it does not settle either.
     """
     from tune.optimisation import optimise
 
@@ -241,8 +242,8 @@ def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> 
             try:
                 refuse_restless(profile, say)
                 break
-            except CheckFailedError as error:
-                less = _with_less(scene, profile, error)
+            except RestlessError as error:
+                less = _with_less(scene, profile, error.elements)
                 if less is None or attempt == _MOST_LESS:
                     raise
                 scene, restless = less, error.failures
@@ -253,15 +254,12 @@ def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> 
     return profile
 
 
-def _with_less(scene: Scene, profile: SafeProfile, error: CheckFailedError) -> Scene | None:
-    """The scene with less of the open effects of combinations that did not settle; None of none."""
+def _with_less(scene: Scene, profile: SafeProfile, names: Collection[str]) -> Scene | None:
+    """The scene with less of the open effects of these elements, or None where none is open."""
     from tune.documents.scene import Wish
 
-    names = {
-        name for each in error.failures for name in each.partition(": rehearsal")[0].split(" + ")
-    }
     elements = dict(scene.elements)
-    for name in names & elements.keys():
+    for name in names:
         wishes = elements[name].wishes()
         most = {
             effect: Wish(kind="range", low=wished.low or 0.0, high=_LESS * size)

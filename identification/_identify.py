@@ -28,6 +28,7 @@ from identification.estimators.estimate import Estimate, quantile
 from identification.estimators.signals import LOST, position_noise
 from identification.findings import CODES, inspect
 from identification.findings.force_balance import ForceBalance, balance_of
+from identification.findings.lost_rows import restored
 from identification.fitting import LogFit, fit_log
 from identification.trajectory import (
     NORMAL_95,
@@ -123,7 +124,12 @@ def identify(
         tuple(each.of(log.source) for each in inspect(log, hardware)) for log in trajectories
     ]
     _refuse(noticed, allow)
-    fits = [fit_log(_clocked(log, hardware), hardware, method) for log in trajectories]
+    timed = [restored(_clocked(log, hardware)) for log in trajectories]
+    fits = [fit_log(each.trajectory, hardware, method) for each in timed]
+    fits = [
+        replace(fit, estimate=each.carried_by(fit.estimate))
+        for fit, each in zip(fits, timed, strict=True)
+    ]
     noticed = [
         found + tuple(each.of(fit.trajectory.source) for each in fit.findings)
         for found, fit in zip(noticed, fits, strict=True)

@@ -15,7 +15,6 @@ from identification.estimators.estimate import Estimate, half_width, quantile, s
 from identification.estimators.least_squares import Delay, longest_delay
 from identification.findings.columns import (
     encoder_wrap,
-    lost_rows,
     resolution,
     sampling,
     saturation,
@@ -39,6 +38,7 @@ from identification.findings.forces import (
     position_dependence,
     unlogged,
 )
+from identification.findings.lost_rows import lost_rows
 from identification.trajectory import NORMAL_95, Motion, Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -98,51 +98,6 @@ def _lost(trajectory: Trajectory, steps: FloatArray, long: NDArray[np.bool_]) ->
     )
 
 
-#: A step is looked at where noise moves it, less its neighbours, by this part of them at most, ...
-_CLEAR = 0.25
-#: ... and a row too long if it exceeds them by such a part of them.
-_TWICE = 0.6, 1.4
-#: Long steps that chance does not make: this many, and so many times those that are too short.
-_FEWEST_LONG, _SURE = 8, 4
-#: Part of the rows above which time, and with it the mass, is no longer that of the log.
-_MOST_RENUMBERED = 0.002
-
-
-def lost_rows(trajectory: Trajectory) -> Iterator[Finding]:
-    """``lost-rows``: steps of position that are two steps of the motion, with no gap in time.
-
-    Noise makes a step as often too short as too long, so short ones tell how many are chance.
-    """
-    middle = max(0, (len(trajectory) - _LONGEST) // 2)
-    part = slice(middle, middle + _LONGEST)
-    steps, place = np.diff(trajectory.time[part]), np.diff(trajectory.position[part])
-    beside = (place[:-2] + place[2:]) / 2
-    # Noise of one reading enters by 3/2, 3/2, 1/2 and 1/2.
-    noise = np.sqrt(5.0) * position_noise(trajectory.position, trajectory.force, trajectory.steps)
-    clear = np.minimum(np.abs(place[:-2]), np.abs(place[2:])) >= noise / _CLEAR
-    clear &= (place[:-2] * place[2:] > 0) & (steps[1:-1] <= LOST * trajectory.sample_time)
-    excess = (place[1:-1][clear] - beside[clear]) / beside[clear]
-    long, short = (
-        int(np.count_nonzero((sign * excess > _TWICE[0]) & (sign * excess < _TWICE[1])))
-        for sign in (1, -1)
-    )
-    if long < _FEWEST_LONG or long < _SURE * short:
-        return
-    share = (long - short) / excess.size
-    refused = share > _MOST_RENUMBERED
-    first = int(np.flatnonzero(clear)[np.argmax((excess > _TWICE[0]) & (excess < _TWICE[1]))]) + 1
-    yield Finding(
-        code="lost-rows",
-        severity="refusal" if refused else "warning",
-        seen=f"in {trajectory.source} position steps twice as far as before and after, with no gap "
-        f"in time, in {long} of {excess.size} clear rows ({share:.1%}), the first after "
-        f"{trajectory.time[middle + first]:g} s; {short} steps are too short by as much",
-        needed=f"at most {_MOST_RENUMBERED:.1%}: rows were lost and the others numbered anew",
-        remedy="Log the controller's own time or its counter of samples with each row, and give "
-        "it as time.",
-    )
-
-
 def _uneven(trajectory: Trajectory, even: FloatArray) -> Iterator[Finding]:
     jitter = float(np.std(even) / np.mean(even))
     if jitter <= _DOUBTED_JITTER:

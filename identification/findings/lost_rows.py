@@ -1,0 +1,181 @@
+"""Rows that were lost from a log whose others were numbered anew, and the time put back.
+
+Where a row is lost every column moves in one step as far as in two. A step is clear where it stands
+out of noise and bending beside the two before and the two after it: nearly every step of a planned
+force or a set-point, and the fast ones of a position. Clear steps are given the time of the rows
+lost in them, the others their even share of as many. Where no column is clear, jumps of position
+that cubics over more rows leave tell at least that rows are lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import Finding
+from identification.estimators.estimate import Estimate
+from identification.trajectory import Trajectory, position_noise
+
+FloatArray = NDArray[np.float64]
+
+#: A step is clear if noise moves it, less its neighbours, by this part of them at most, and the
+#: middle two of these differ by the second part at most; rows lost are whole numbers within ...
+_CLEAR, _BENT, _WHOLE = 0.25, 0.5, 0.3
+#: Steps too long that chance does not make: this many, and so many times those that are too short.
+_FEWEST_LONG, _SURE = 8, 4
+#: Position jumps where another column lost rows: by this part of its steps, and deviations, at
+#: least.
+_JUMPS, _SURELY = 0.4, 4.0
+#: Rows to either side of a cubic that a jump is told by, there and where no step is clear; then
+#: so many jumps forward are needed, and so many times those backward.
+_BESIDE, _WIDE = 6, 12
+_FEWEST_WIDE, _WIDELY_SURE = 15, 2
+_LIKE_ONE = 0.4  # such a jump is one row's step within this part
+#: Part of the rows lost up to which the log stands as it is, and up to which time is put back ...
+_HARMLESS, _MOST_LOST = 0.002, 0.2
+_DOUBTED = 0.0025  # ... if chance leaves its length in doubt by this part at most, one deviation.
+_NORMAL_MAD = 0.6745  # median of the size of a standard normal variable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Restored:
+    """A log with the time of the rows that it lost, or as it was."""
+
+    trajectory: Trajectory
+    lost: int = 0  # in steps that are clear
+    clear: int = 0
+    short: int = 0  # clear steps too short by a row, as chance makes them
+    doubt: float = 0.0  # deviation of the length of time, a part of it
+    first: float = 0.0  # first loss, s
+
+    @property
+    def share(self) -> float:
+        """Rows lost for each that is left, where steps are clear."""
+        return self.lost / max(self.clear, 1)
+
+    @property
+    def usable(self) -> bool:
+        """Whether the log stands, with its time put back if it lost any."""
+        return self.share <= _MOST_LOST and self.doubt <= _DOUBTED
+
+    def carried_by(self, estimate: Estimate) -> Estimate:
+        """An estimate with what the doubt of time adds: mass goes with its square."""
+        covariance = estimate.covariance.copy()
+        moved = self.doubt * estimate.values[:2] * (2.0, 1.0)
+        covariance[:2, :2] += np.outer(moved, moved)
+        return replace(estimate, covariance=covariance)
+
+
+def lost_rows(trajectory: Trajectory) -> Iterator[Finding]:
+    """``lost-rows``: steps that are two steps of the motion, with no gap in time."""
+    found = restored(trajectory)
+    if not found.lost:
+        return
+    refused = found.share > _HARMLESS and not found.usable
+    done = "time is put back there" if found.usable else "too few are clear to put time back"
+    yield Finding(
+        code="lost-rows",
+        severity="refusal" if refused else "warning",
+        seen=f"{trajectory.source} steps twice as far as before and after, with no gap in time, in "
+        f"{found.lost} of {found.clear} clear rows ({found.share:.1%}), the first after "
+        f"{found.first:g} s, and is too short by as much in {found.short}: rows were lost and the "
+        f"others numbered anew; {done}",
+        needed="no row lost" if found.usable else f"at most {_HARMLESS:.1%}",
+        remedy="Log the controller's own time or its counter of samples with each row, and give "
+        "it as time.",
+    )
+
+
+def restored(trajectory: Trajectory) -> Restored:
+    """A log with even stamps and the time of its lost rows, if the clearest column tells them."""
+    step, place = trajectory.steps, trajectory.position
+    if isinstance(step, np.ndarray):
+        return Restored(trajectory=trajectory)
+    noise = position_noise(place, trajectory.force, step)
+    columns = [(place, noise), (trajectory.force, _noise_of(trajectory.force))]
+    if trajectory.reference is not None:
+        columns.append((trajectory.reference, _noise_of(trajectory.reference)))
+    reads = [_read(*each) for each in columns]
+    clear = np.any([each[0] for each in reads], axis=0)
+    lost = np.max([each[1] for each in reads], axis=0)
+    short = sum(each[2] for each in reads)
+    rows = np.flatnonzero(lost)
+    count, whole = int(lost.sum()), max(int(clear.sum()), 1)
+    if rows.size >= max(_FEWEST_LONG, _SURE * short) and _jumps(place, noise, rows, lost[rows]):
+        lengths = np.where(clear, 1 + lost, 1 + count / whole)
+        time = trajectory.time[0] + np.concatenate(([0.0], np.cumsum(step * lengths)))
+        found = Restored(
+            trajectory=trajectory,
+            lost=count,
+            clear=whole,
+            short=short,
+            doubt=count / whole / np.sqrt(rows.size) * (1 - whole / clear.size),
+            first=float(trajectory.time[rows[0]]),
+        )
+        return replace(found, trajectory=replace(trajectory, time=time)) if found.usable else found
+    return _suspected(trajectory, noise)
+
+
+def _noise_of(column: FloatArray) -> float:
+    """Noise of a column that is smooth but for it, from its fourth differences."""
+    least = 1e-12 * float(np.ptp(column))
+    return max(float(np.median(np.abs(np.diff(column, 4)))) / _NORMAL_MAD / np.sqrt(70.0), least)
+
+
+def _read(column: FloatArray, noise: float) -> tuple[NDArray[np.bool_], FloatArray, int]:
+    """Which steps are clear, rows lost in each, and how many are too short by a row."""
+    steps = np.diff(column)
+    near = np.sort(np.lib.stride_tricks.sliding_window_view(steps, 5)[:, (0, 1, 3, 4)], axis=1)
+    usual, bend = (near[:, 1] + near[:, 2]) / 2, near[:, 2] - near[:, 1]
+    # Noise of one reading enters by about 3/2, 3/2, 1/2 and 1/2.
+    clear = (np.abs(usual) >= np.sqrt(5.0) * noise / _CLEAR) & (bend <= _BENT * np.abs(usual))
+    clear &= near[:, 0] * near[:, 3] > 0
+    excess = np.divide(steps[2:-2], usual, out=np.ones(usual.size), where=clear) - 1
+    whole = np.where(np.abs(excess - np.rint(excess)) <= _WHOLE, np.rint(excess), 0.0)
+    return np.pad(clear, 2), np.pad(np.maximum(whole, 0.0), 2), int(np.sum(whole < 0))
+
+
+def _jump_and_step(place: FloatArray, beside: int) -> tuple[FloatArray, FloatArray, float]:
+    """Jumps that a cubic leaves between two rows, the cubic's steps there, and noise of a jump.
+
+    The first is between rows ``beside`` - 1 and ``beside``. Noise is in noise of a reading.
+    """
+    row = np.arange(2 * beside) - beside + 0.5
+    cubic = (row / beside) ** np.arange(4)[:, None]
+    jump = np.linalg.pinv(np.vstack((cubic, np.sign(row) / 2)))[:, -1]
+    step = np.linalg.pinv(cubic)[:, 1] / beside
+    size = float(np.sqrt(jump @ jump))
+    return np.correlate(place, jump), np.correlate(place, step), size
+
+
+def _jumps(place: FloatArray, noise: float, rows: NDArray[np.intp], lost: FloatArray) -> bool:
+    """Whether position jumps on average where rows seem lost: a force has steps of its own."""
+    jump, step, size = _jump_and_step(place, _BESIDE)
+    index = rows - _BESIDE + 1
+    inside = (index >= 0) & (index < jump.size)
+    expected, seen = (lost * step[index % jump.size])[inside], jump[index[inside]]
+    total = float(np.sqrt(np.sum(expected**2)))
+    return float(expected @ seen) > max(_JUMPS * total, _SURELY * noise * size) * total
+
+
+def _suspected(trajectory: Trajectory, noise: float) -> Restored:
+    """Losses where no step is clear by itself, with no time put back."""
+    jump, step, size = _jump_and_step(trajectory.position, _WIDE)
+    clear = np.abs(step) >= noise * size / _CLEAR
+    excess = np.divide(jump, step, out=np.zeros(step.size), where=clear)
+    long, short = (np.flatnonzero(np.abs(sign * excess - 1) < _LIKE_ONE) for sign in (1, -1))
+    # Rows beside a loss see it too; one of them counts.
+    counts = [int(np.sum(np.diff(each, prepend=-_WIDE) >= _WIDE)) for each in (long, short)]
+    if counts[0] < max(_FEWEST_WIDE, _WIDELY_SURE * counts[1]):
+        return Restored(trajectory=trajectory)
+    return Restored(
+        trajectory=trajectory,
+        lost=counts[0],
+        clear=int(clear.sum()),
+        short=counts[1],
+        doubt=np.inf,
+        first=float(trajectory.time[long[0] + _WIDE - 1]),
+    )

@@ -19,7 +19,6 @@ import numpy as np
 
 from identification.errors import Finding, InvalidInputError, LogRefusedError, printable
 from identification.readers.columns import LogColumns, Reading, conversion_of, quote
-from identification.readers.isolated import read_isolated
 from identification.trajectory import Motion, Trajectory, refuse_sizes
 
 __all__ = ["LogColumns", "load_trajectory"]
@@ -126,6 +125,8 @@ def _reader_for(path: Path) -> Callable[[Path, bytes, LogColumns], Reading]:
         remedy = _INSTEAD.get(ending, f"Give a log that ends in {', '.join(some)} or {last}")
         raise InvalidInputError(path, problem, remedy)
     if ending in _ISOLATED:
+        from identification.readers.isolated import read_isolated
+
         return partial(read_isolated, _READERS[ending])
     module, _, function = _READERS[ending].partition(".")
     reader: Any = getattr(import_module(f"{__name__}.{module}"), function)

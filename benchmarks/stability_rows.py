@@ -10,7 +10,7 @@ import numpy as np
 from flint import arb
 
 from benchmarks.row import Row, best_seconds
-from tests.reference import boundary_gains, reference_loop, stable_by_roots
+from tests.reference import crossings, reference_loop, stable_by_jury
 from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import ModeNumbers
@@ -159,11 +159,11 @@ def _near_the_boundary() -> tuple[int, int, int]:
         delta = float(10 ** rng.uniform(-9, 0))
         ray = rng.uniform(0.01, 2, 3) * np.array([10 ** rng.uniform(-8, 0), 1, 1])
         reference = reference_loop(delta, *(float(x) for x in ray))
-        for gain in boundary_gains(reference):
+        for gain in crossings(reference):
             for sign in (1, -1):
                 s = float(gain.mid()) * (1 + sign * 1e-9)
                 exact = reference.at(arb(s))
-                truth = stable_by_roots(exact)
+                truth = stable_by_jury(exact)
                 effects = Effects(stiffness=s * ray[0], damping=s * ray[1], mass=s * ray[2])
                 ours += int(verdict(Loop.dimensionless(delta), effects)) != (1 if truth else -1)
                 printed = _printed(delta, s * ray[0], s * ray[1], s * ray[2])

@@ -15,7 +15,7 @@ from benchmarks.limited import answers
 from benchmarks.row import Row, best_seconds
 from benchmarks.section import Cell, Section
 from benchmarks.stability_rows import rows
-from tests.reference import boundary_gains, reference_loop
+from tests.reference import crossings, reference_loop
 from tune.documents.scene import Effects
 from tune.loop.loop import Loop
 from tune.stability.verdict import largest, verdict
@@ -52,7 +52,7 @@ def measure() -> Section:
     cells: list[Cell] = []
     methods = _methods()
     for delta in _DELTAS:
-        truth = float(boundary_gains(reference_loop(delta, 1.0, 0.0, 0.0))[0].mid())
+        truth = float(crossings(reference_loop(delta, 1.0, 0.0, 0.0))[0].mid())
         for name, method in methods.items():
             cells.append(_cell(delta, truth, name, method))
     many = np.repeat(_DELTAS, 10_000)
@@ -60,7 +60,7 @@ def measure() -> Section:
     seconds = best_seconds(lambda: largest(loops, "stiffness"), 2) / many.size
     found = np.asarray(largest(loops, "stiffness"))[::10_000]
     for delta, value in zip(_DELTAS, found, strict=True):
-        truth = float(boundary_gains(reference_loop(delta, 1.0, 0.0, 0.0))[0].mid())
+        truth = float(crossings(reference_loop(delta, 1.0, 0.0, 0.0))[0].mid())
         cells.append(
             Cell(
                 case=_case(delta),

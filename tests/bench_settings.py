@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic import named_rig
 from tests.sampled_bench import SampledBench
 from tune import Filters, Loop
 from tune.loop.plant import HandNumbers, ModeNumbers
@@ -16,7 +15,6 @@ FloatArray = NDArray[np.float64]
 
 T = 0.001
 DEVICE: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": T}
-DEVICES = ("homerehab", "stylus", "knob", "emps")
 #: Along each effect alone, and along the paper's own setting.
 RAYS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1000.0, 10.0, 1.0]])
 FARTHEST = (3e5, 3e4, 300.0, 300.0)
@@ -101,8 +99,3 @@ def loop_of(setting: dict[str, Any], device: dict[str, float] = DEVICE) -> Loop:
         ),
         current_lag=of["current_lag"],
     )
-
-
-def column(name: str) -> FloatArray:
-    """Of the four named devices."""
-    return np.concatenate([getattr(named_rig(each), name) for each in DEVICES])

@@ -208,7 +208,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/certificate/certify.py",
-        "tests/test_certificate_designs.py -k not_proved",
+        f"{_EDGES} -k not_proved",
         (
             "a proof that was not found",
             "        if proof.proved:\n            continue\n",
@@ -261,7 +261,7 @@ FAULTS: tuple[Fault, ...] = (
     # What `check` compares.
     *_of(
         "tune/certificate/time_domain.py",
-        f"{_EDGES} tests/test_conditions.py -k 'told or its_lag_takes'",
+        f"{_EDGES} -k told",
         ("damping that is less than the lag takes", "if least < -_AGREE * B:", "if least < -9e9:"),
         ("what is met before a face", "if lead > most * (1 + _AGREE):", "if lead > 9e9:"),
         (
@@ -302,7 +302,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/certificate/check.py",
-        "tests/test_certificate_designs.py -k worst",
+        f"{_EDGES} -k false_word_is",
         (
             "a worse point than is stated",
             "elif 1 - seen > (1 + _SEARCH) *",
@@ -311,7 +311,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/certificate/check.py",
-        "tests/test_conditions.py",
+        f"{_EDGES} -k every_false_word",
         (
             "a limit that does not bind",
             'if word not in {"wanted", "range"} and',
@@ -335,7 +335,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/documents/profile.py",
-        "tests/test_conditions.py -k 'false_word or digest'",
+        f"{_EDGES} -k every_false_word",
         ("a profile of another law", "    if law != LAW and str", "    if not content and str"),
     ),
     *_of(

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from flint import arb
 
-from tests.reference import ReferenceLoop, crossings, stable_by_jury
-from tests.sampled_loops import Case, loop_along
+from tests.reference import Case, ReferenceLoop, crossings, loop_along, stable_by_jury
 from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import HandNumbers, ModeNumbers
@@ -187,10 +185,3 @@ def _compare_intervals(
     tally["wrong intervals"] += not right
     tally["unstable rays"] += not truths
     tally["several intervals"] += len(truths) > 1
-
-
-def without_filters(case: Case) -> Case:
-    """The same plant behind plain differences."""
-    return replace(
-        case, velocity_filter_hz=None, velocity_window_samples=None, acceleration_filter_hz=None
-    )

@@ -7,7 +7,7 @@ import numpy as np
 from tests.optimum_loops import Corner
 from tests.optimum_pairs import Pair
 from tests.optimum_reference import Reference
-from tests.sampled_loops import Case
+from tests.reference import Case
 from tune.documents.perception import default_table
 from tune.optimisation.nash import Solution
 from tune.optimisation.problem import DesignTask

@@ -3,7 +3,7 @@
 No characteristic polynomial is formed: a loop is stable for every gain below the first one at which
 s·L(z) passes through -1 on the unit circle (Nyquist). What is measured of the plant comes from
 matrix exponentials. Fast enough for a search; its crossings are compared with those of the
-characteristic polynomial (`tests.sampled_loops`).
+characteristic polynomial (`tests.reference`).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The equations of mechanism, actuator, delay, filters and controller are run once more, on unit
 vectors: one sample of the closed loop is a matrix, its continuous part scipy's exponential. Nothing
-of the simulator, of ``tune`` or of `tests.sampled_loops` is used, with which it is compared.
+of the simulator, of ``tune`` or of `tests.reference` is used, with which it is compared.
 """
 
 from __future__ import annotations

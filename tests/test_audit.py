@@ -7,7 +7,7 @@ from flint import arb
 
 from identification import load_device
 from tests.commands import haptune
-from tests.reference import reference_loop, stable_by_roots
+from tests.reference import reference_loop, stable_by_jury
 from tune.documents.scene import Effects
 from tune.judging import audit
 from tune.loop.loop import Filters
@@ -68,7 +68,7 @@ def test_the_gain_margin_is_that_of_the_roots() -> None:
     T = device.sample_time.value
     for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
         corners = [
-            stable_by_roots(
+            stable_by_jury(
                 reference_loop(b * T / m, 2000.0 * T * T / m, 0, 0, delay=1).at(
                     arb(found.gain * share)
                 )

@@ -10,7 +10,7 @@ import pytest
 
 from identification import Device, ForceLimit, load_device, quantity, to_mapping, to_yaml
 from tests.commands import Ended, haptune
-from tests.reference import boundary_gains, reference_loop
+from tests.reference import crossings, reference_loop
 from tune import Scene, load_profile, optimise
 
 FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
@@ -84,7 +84,7 @@ def test_a_mass_known_to_a_decade_is_tuned_for_its_worst() -> None:
     for mass in (*box.mass, 3.0):
         for damping in box.damping:
             for delay in (1, 2):
-                gains = boundary_gains(
+                gains = crossings(
                     reference_loop(
                         damping * 1e-3 / mass,
                         block.stiffness * 1e-6 / mass,

@@ -22,11 +22,10 @@ from scipy.stats import chi2, norm
 
 from identification import Device, load_device, round_to_digits, to_mapping, to_yaml
 from tests.commands import digest_of
-from tests.reference import crossings
-from tests.sampled_loops import Case, loop_along
-from tests.sampled_reference import Sampled
-from tune import CheckFailedError, Effects, Filters, Scene, audit, check, optimise
+from tests.reference import Case, Sampled, crossings, loop_along
+from tune import CheckFailedError, Effects, Filters, SafeProfile, Scene, audit, check, optimise
 from tune.certificate.certify import certify
+from tune.certificate.time_domain import contact_failures
 from tune.documents.profile import (
     AbsoluteStability,
     Channel,
@@ -677,6 +676,36 @@ def test_a_device_that_may_have_no_damping_has_no_walls() -> None:
     assert "no damping" in said(beyond, stated)
 
 
+def test_hand_mode_lag_and_part_of_a_sample_are_certified_and_said() -> None:
+    mode = {**MODE, "frequency_hz": interval(60.0, low=57.0, high=63.0)}
+    axis = {
+        "modes": [mode],
+        "current_lag": interval(2e-4, low=1e-4, high=3e-4),
+        "delay": interval(STEP, low=0.8 * STEP, high=1.2 * STEP),
+    }
+    grip = GRIP | {"damping": interval(5.0, low=2.0, high=20.0)}
+    seal = certify(design({"a": element(1000.0, 20.0)}, device=axis, hand=grip, loop=FILTERS))
+    assert seal.interior == {"a": "proved"}
+    assert seal.hand is not None
+    assert seal.hand.stiffness == (100.0, 20000.0)
+    assert seal.modes[0].frequency_hz == (57.0, 63.0)
+    assert (seal.current_lag, seal.delay_samples) == ((1e-4, 3e-4), (0.8, 1.2))
+    assert 0.8 - 1e-9 <= seal.worst.delay_samples <= 2.2 + 1e-9
+    assert len(seal.worst.modes) == 1
+
+
+def test_what_is_not_proved_is_not_certified() -> None:
+    """A claim a part in 10⁴ below the limit: true, but a hundred cells are too few to prove it."""
+    reach = limit(replace(AXIS, mass=3.0 * 0.8**WIDER), (0.0, 0.0, 0.5))
+    claim = {"gain": reach * (1 - 1e-4)}
+    made = design(
+        {"a": element(0.0, 0.0, 0.5, margins=claim)}, device={"mass": interval(3.0, low=2.4)}
+    )
+    assert said(made) == ""
+    with pytest.raises(CheckFailedError, match="a: not proved for every device"):
+        certify(made, 100)
+
+
 STATED_AXIS = {
     "motion": "linear",
     "encoder_resolution": 6e-6,
@@ -776,9 +805,13 @@ def content() -> dict[str, Any]:
     return to_mapping(optimise(load_device("homerehab"), wanted))
 
 
-def checked(folder: Path, change: Callable[[dict[str, Any]], None] = lambda _: None) -> str:
-    """What `check` says against the profile after a change, signed anew."""
-    changed = copy.deepcopy(content())
+def checked(
+    folder: Path,
+    change: Callable[[dict[str, Any]], None] = lambda _: None,
+    made: Callable[[], dict[str, Any]] = content,
+) -> str:
+    """What `check` says against a profile after a change, signed anew."""
+    changed = copy.deepcopy(made())
     changed.pop("digest")
     change(changed)
     path = folder / "profile.yaml"
@@ -849,9 +882,25 @@ def _worst(**update: Any) -> Callable[[dict[str, Any]], None]:
     return lambda profile: profile["certificate"]["worst"].update(update)
 
 
+def _harmless(profile: dict[str, Any]) -> None:
+    """A point of the box where less is felt, with its true radius: a worse one is there."""
+    worst, wall = profile["certificate"]["worst"], profile["elements"]["wall"]
+    case = Case(
+        **{name: worst[name] for name in ("mass", "damping", "sample_time", "delay_samples")},
+        stiffness=wall["stiffness"] * worst["gain"],
+        added_damping=wall["damping"] * worst["gain"],
+        velocity_filter_hz=60.0,
+    )
+    radius = max(float(abs(pole).mid()) for pole in Sampled(case).poles)
+    worst.update(elements=["wall"], pole_radius=round_to_digits(radius, 12))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (_harmless, "a worse one was found"),
+        (_worst(elements=["door"]), "which is not felt"),
+        (_worst(hand={"mass": 0.1, "damping": 5.0, "stiffness": 300.0}), "not a point of the box"),
         (lambda p: p["certificate"]["interior"].pop("wall + cup"), "does not say that wall + cup"),
         (lambda p: p["certificate"]["interior"].update(air="proved"), "has no such moment"),
         (lambda p: p["certificate"]["absolute_stability"].pop("wall + cup"), "no multiplier is"),
@@ -868,9 +917,85 @@ def test_a_false_word_is_told(
     assert words in checked(tmp_path, change)
 
 
+def test_a_wall_that_damps_less_than_its_lag_takes_is_told() -> None:
+    """Beyond what the linear loop bears, which is told first."""
+    said_of: list[str] = []
+    for part in (1 + OFF, 1 - OFF):
+        changed = copy.deepcopy(content())
+        wall = changed["elements"]["wall"]
+        wall["damping"] = round_to_digits(0.0025 * wall["stiffness"] * part, 12)
+        said_of.append("\n".join(contact_failures(SafeProfile.model_validate(changed), "wall")))
+    assert "less than the lag" not in said_of[0]
+    assert "less than the lag" in said_of[1]
+
+
 def test_a_profile_that_was_changed_after_it_was_signed_is_refused(tmp_path: Path) -> None:
     changed = copy.deepcopy(content()) | {"scene": "another"}
     path = tmp_path / "profile.yaml"
     path.write_text(to_yaml(changed | {"digest": digest_of(content())}), encoding="utf-8")
     with pytest.raises(CheckFailedError, match="changed after it was certified"):
         check(path)
+
+
+@cache
+def several() -> dict[str, Any]:
+    """A wall, a spring that must last as deep as is stated, something heavy, something wet."""
+    elements = {
+        "wall": {"stiffness": "max", "damping": "max", "one_sided": True},
+        "spring": {"stiffness": 500.0, "damping": 5.0, "penetration": 0.01},
+        "cup": {"mass": "max", "damping": 30.0},
+        "water": {"damping": 10.0},
+    }
+    scene = Scene.model_validate(
+        {
+            "elements": elements,
+            "together": [["spring", "water"]],
+            "apart": [["wall", "spring"], ["wall", "cup"]],
+            "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+        }
+    )
+    return to_mapping(optimise(load_device("homerehab"), scene))
+
+
+def _set(*keys: str, value: object) -> Callable[[dict[str, Any]], None]:
+    def change(content: dict[str, Any]) -> None:
+        place = content
+        for key in keys[:-1]:
+            place = place[key]
+        if value is None:
+            del place[keys[-1]]
+        else:
+            place[keys[-1]] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_set("law", value=None), "an earlier law of walls"),
+        (_set("law", value="gated"), "the law 'gated'"),
+        (
+            _set("elements", "wall", "margins", "absolute_gain", value=3.0),
+            "margins.absolute_gain says 3.0",
+        ),
+        (_set("elements", "wall", "margins", "gain", value=2.6), "more than the"),
+        (_set("certificate", "mass", value=[1.0, 2.0]), "certificate.mass says"),
+        (_set("elements", "water", "limited_by", "damping", value="ripple"), "limited by ripple"),
+        (_set("elements", "cup", "limited_by", "mass", value="stability"), "limited by stability"),
+        (_set("elements", "cup", "limited_by", "mass", value="delay-margin"), "by delay-margin"),
+        (_set("elements", "wall", "limited_by", "stiffness", value="rendering"), "by rendering"),
+        (_set("elements", "spring", "limited_by", "damping", value="lead"), "limited by lead"),
+        (_set("elements", "wall", "limited_by", "stiffness", value="saturation"), "by saturation"),
+        (_set("elements", "water", "limited_by", value={}), "acts, limited_by says nothing"),
+        (_set("elements", "water", "as_commanded", value=False), "says it is not"),
+        (_set("elements", "water", "perceived_steps", value={}), "perceived_steps has nothing"),
+        (_set("elements", "water", "margins", "gain", value=1.5), "margins.gain says 1.5"),
+        (_set("elements", "water", "margins", "jitter", value=7.0), "margins.jitter says 7"),
+        (_set("elements", "spring", "force_level", value=0.5), "force_level says 0.5"),
+    ],
+)
+def test_check_refuses_every_false_word(
+    tmp_path: Path, change: Callable[[dict[str, Any]], None], words: str
+) -> None:
+    assert words in checked(tmp_path, change, several)

@@ -1,29 +1,118 @@
-"""Margins against the loop in z at 60 digits and more, on random loops, and known answers."""
+"""Margins, passivity and ripple against the loop in z at 60 digits, and known answers."""
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from math import exp, pi
 
 import numpy as np
 import pytest
 from flint import acb, arb
+from scipy.signal import lfilter
 
 from identification import Device, quantity
-from tests.margin_cases import draw, effects_of, loop_of
-from tests.sampled_loops import Case
-from tests.sampled_reference import Sampled
+from tests import general_loops
+from tests.reference import Case, Sampled
 from tests.thinned import thinned
 from tune.documents.scene import Effects, Hand
 from tune.loop.loop import Filters, Loop
 from tune.margins import (
+    delay_margin,
     disk_margin,
     least_damping_ratio,
     margins_of,
     phase_margin,
     slowest_decay,
 )
-from tune.stability.verdict import safe_gain
+from tune.rendering import count_jump, force_ripple, handle_vibration
+from tune.stability.criterion import damping_needed, passivity
+from tune.stability.verdict import largest, safe_gain
+
+
+def draw(rng: np.random.Generator, *, plain: bool = False) -> Case:
+    """A stable case at a random part of its gain limit; plain: rigid, held, whole samples."""
+    while True:
+        case = _drawn(rng, plain=plain)
+        limit = Sampled(case).safe_gain()
+        if limit == 0:
+            continue
+        gain = rng.uniform(0.03, 0.9) * limit if np.isfinite(limit) else 1.0
+        return replace(
+            case,
+            stiffness=gain * case.stiffness,
+            added_damping=gain * case.added_damping,
+            added_mass=gain * case.added_mass,
+        )
+
+
+def _drawn(rng: np.random.Generator, *, plain: bool) -> Case:
+    mass, step = 10 ** rng.uniform(-1.3, 1.3), 10 ** rng.uniform(-3.7, -2.5)
+    damping = mass / 10 ** rng.uniform(-2, 0.5)
+    there = rng.random(3) < 0.6
+    there[rng.integers(3)] = True
+
+    def chance(probability: float) -> bool:
+        return bool(rng.random() < probability)
+
+    def cutoff() -> float | None:
+        return float(np.exp(rng.uniform(np.log(5), np.log(0.5 / step)))) if chance(0.6) else None
+
+    modes: tuple[tuple[float, float, float, float], ...] = ()
+    hand = (0.0, 0.0, 0.0)
+    if not plain and chance(0.5):
+        hertz = 10 ** rng.uniform(1.3, np.log10(0.7 / step))
+        ratio = 10 ** rng.uniform(-0.7, 0.7)  # of the masses at handle and motor
+        modes = ((hertz, 10 ** rng.uniform(-2.3, -0.7), ratio**0.5, -(ratio**-0.5)),)
+    if not plain and chance(0.5):
+        hand = (mass * rng.uniform(0, 0.3), 10 ** rng.uniform(-1, 1.3), 10 ** rng.uniform(0.5, 3))
+    window = int(rng.integers(2, 9)) if not plain and chance(0.2) else None
+    return Case(
+        mass=mass,
+        damping=damping,
+        sample_time=step,
+        delay_samples=float(rng.integers(0, 4)) if plain or chance(0.3) else rng.uniform(0, 5),
+        stiffness=0.2 * damping / step * there[0],
+        added_damping=damping * there[1],
+        added_mass=0.3 * mass * there[2],
+        velocity_filter_hz=None if window else cutoff(),
+        velocity_filter_order=int(rng.integers(1, 3)),
+        velocity_window_samples=window,
+        acceleration_filter_hz=cutoff(),
+        acceleration_filter_order=int(rng.integers(1, 3)),
+        filter_damping_ratio=float(rng.uniform(0.5, 1)) if chance(0.5) else 1.0,
+        modes=modes,
+        hand=hand,
+        current_lag=step * 10 ** rng.uniform(-1, 0.5) if not plain and chance(0.3) else 0.0,
+    )
+
+
+def felt_only(case: Case) -> Case:
+    """Without the filters of effects that are not there."""
+    return replace(
+        case,
+        velocity_filter_hz=case.velocity_filter_hz if case.added_damping else None,
+        velocity_window_samples=case.velocity_window_samples if case.added_damping else None,
+        acceleration_filter_hz=case.acceleration_filter_hz if case.added_mass else None,
+    )
+
+
+def filters_of(case: Case) -> Filters:
+    """The filters of the effects that are there."""
+    return general_loops.filters_of(felt_only(case))
+
+
+def loop_of(case: Case) -> Loop:
+    return general_loops.loop_of(felt_only(case))
+
+
+def effects_of(case: Case) -> Effects:
+    return Effects(
+        stiffness=case.stiffness or None,
+        damping=case.added_damping or None,
+        mass=case.added_mass or None,
+    )
+
 
 #: What every margin must agree to, relative.
 AGREEMENT = 1e-9
@@ -130,33 +219,12 @@ def test_poles_of_a_slow_loop_are_those_of_the_spring_in_continuous_time() -> No
     assert float(least_damping_ratio(loop, effects)) == pytest.approx(decay / frequency, rel=1e-4)
 
 
-def test_free_motion_is_not_a_slow_pole() -> None:
-    """A damper alone leaves the position free; what decays is the velocity, at (b + B)/m."""
-    loop = Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-5)
-    decay = float(slowest_decay(loop, Effects(damping=20.0)))
-    assert decay == pytest.approx(30.0 / 3.0, rel=1e-3)
-
-
 def test_an_unstable_loop_has_no_margins_but_a_growth() -> None:
     found = margins_of(_device(), Effects(stiffness=30_000.0))
     assert (found.gain < 1, found.phase, found.disk.balanced) == (True, 0.0, 0.0)
     assert (found.delay.every_gain, found.delay.full_gain) == (0.0, 0.0)
     assert found.decay < 0
     assert np.isnan(found.time_constant)
-
-
-def test_all_margins_of_the_papers_setting() -> None:
-    """K = 1000, B = 10, M = 1 with 30 Hz filters and one sample of delay: fit, but not passive."""
-    filters = Filters(velocity_filter_hz=30.0, acceleration_filter_hz=30.0)
-    effects = Effects(stiffness=1000.0, damping=10.0, mass=1.0)
-    found = margins_of(_device(), effects, filters)
-    assert found.gain > 2
-    assert found.delay.every_gain > 1
-    assert 0 < found.damping_ratio < 1
-    assert found.time_constant == pytest.approx(1 / found.decay)
-    assert 0 < found.disk.balanced < 2
-    assert 1 < found.critical_frequency_hz < 50
-    assert found.passivity.passive is False
 
 
 def test_filters_of_absent_effects_are_left_out() -> None:
@@ -176,3 +244,293 @@ def test_margins_of_a_device_that_vibrates_in_a_hand() -> None:
     assert found.gain != bare.gain
     assert found.passivity.passive is None
     assert "vibrates" in found.passivity.reason
+
+
+#: Samples looked for; random loops that bear more are many.
+MOST = 5.0
+#: The crossing lies within this, relative.
+
+
+def _delay_compare(count: int, seed: int, *, between: int, plain: bool = False) -> int:
+    """Check random loops; how many of them turn unstable within MOST."""
+    rng = np.random.default_rng(seed)
+    crossings = 0
+    for _ in range(count):
+        case = draw(rng, plain=plain)
+        margin = delay_margin(
+            lambda further, case=case: loop_of(case.later(further)), effects_of(case), most=MOST
+        )
+        assert margin.every_gain <= margin.full_gain
+
+        def every(further: float, case: Case = case) -> bool:
+            return Sampled(case.later(further)).safe_gain() > 1
+
+        def full(further: float, case: Case = case) -> bool:
+            return Sampled(case.later(further)).stable()
+
+        for found, stable in ((margin.every_gain, every), (margin.full_gain, full)):
+            assert all(stable(float(x)) for x in np.linspace(0, found, between + 2)[:-1]), case
+            if found < MOST:
+                crossings += 1
+                assert stable(found * (1 - AGREEMENT)), case
+                assert not stable(found * (1 + AGREEMENT)), case
+    return crossings
+
+
+@pytest.mark.long
+def test_delay_margins_of_random_loops() -> None:
+    assert _delay_compare(3, seed=3, between=8) >= 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(10))
+def test_delay_margins_of_random_loops_long(seed: int) -> None:
+    assert _delay_compare(200, seed=100 + seed, between=40, plain=bool(seed % 2)) >= 100
+
+
+@pytest.mark.parametrize(
+    ("effect", "tables"),
+    [
+        # docs/theory.md, 5: limits with one and two samples of delay, m = 3 kg, b = 10, 1 ms.
+        ("stiffness", (6673.0, 4006.0)),
+        ("damping", (2493.0, 1615.0)),
+        pytest.param("mass", (3.71, 3.33), marks=pytest.mark.long),
+    ],
+)
+def test_a_limit_with_delay_has_that_delay_as_its_margin(
+    effect: str, tables: tuple[float, float]
+) -> None:
+    def at(samples: float) -> Loop:
+        return Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-3, delay_samples=samples)
+
+    for samples, printed in zip((1, 2), tables, strict=True):
+        limit = float(largest(at(samples), effect))  # type: ignore[arg-type]
+        assert limit == pytest.approx(printed, rel=2e-3)
+        margin = delay_margin(at, Effects(**{effect: limit}))
+        # A delay within 1e-9 samples of a whole number is taken for that number.
+        assert margin.every_gain == pytest.approx(samples, abs=2e-9)
+
+
+def test_small_spring_bears_the_delay_that_its_damping_pays_for() -> None:
+    """K < b/(T/2 + delay) within 2 % (theory.md, 5): 10 ms less half a sample at K = 1000."""
+
+    def at(samples: float) -> Loop:
+        return Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-3, delay_samples=samples)
+
+    margin = delay_margin(at, Effects(stiffness=1000.0))
+    assert margin.full_gain == pytest.approx(9.5, rel=0.02)
+    assert margin.every_gain == margin.full_gain
+
+
+def test_lower_gains_can_be_what_delay_destabilises() -> None:
+    """Stable at full gain and not below: the two margins differ (theory.md, 4, two intervals)."""
+
+    def at(samples: float) -> Loop:
+        # In units of the mass and the sample time.
+        return Loop.from_numbers(mass=1.0, damping=0.0057, sample_time=1.0, delay_samples=samples)
+
+    effects = Effects(stiffness=0.752, damping=0.211, mass=0.576)
+    margin = delay_margin(at, effects)
+    assert margin.every_gain == 0.0
+    assert 0.0 < margin.full_gain < 0.5
+
+
+def test_an_unstable_island_between_two_stable_half_samples_is_found() -> None:
+    """A damper on a 350 Hz mode, 0.1 % beyond its least limit: unstable for 0.04 samples only."""
+    case = Case(
+        mass=3.0,
+        damping=10.0,
+        sample_time=1e-3,
+        added_damping=201.66 * 1.001,
+        modes=((350.0, 0.01, 1.0, -1.0),),
+    )
+    stable = [Sampled(case.later(delay)).stable() for delay in (0.0, 0.39, 0.418, 0.45, 0.5, 1.0)]
+    assert stable == [True, True, False, True, True, True]
+    margin = delay_margin(lambda further: loop_of(case.later(further)), effects_of(case), most=1.0)
+    for found in (margin.every_gain, margin.full_gain):
+        assert Sampled(case.later(found * (1 - AGREEMENT))).stable()
+        assert not Sampled(case.later(found * (1 + AGREEMENT))).stable()
+
+
+def test_nothing_to_look_for_is_refused() -> None:
+    with pytest.raises(ValueError, match="most must be positive"):
+        delay_margin(lambda _: Loop.dimensionless(0.1), Effects(damping=0.1), most=0.0)
+
+
+def test_spring_and_damper() -> None:
+    """b > KT/2 + |B|."""
+    assert damping_needed(1000.0, 10.0, 0.0, 1e-3) == pytest.approx(10.5, rel=1e-12)
+    assert damping_needed(1000.0, -10.0, 0.0, 1e-3) == pytest.approx(10.5, rel=1e-12)
+    assert damping_needed(0.0, 0.0, 0.0, 1e-3) == 0.0
+
+
+def test_virtual_mass_without_a_filter_is_far_from_passive() -> None:
+    """docs/theory.md, 4: K = 1000, B = 10, M = 1 at 1 ms needs 2010.5, not 10.5."""
+    assert damping_needed(1000.0, 10.0, 1.0, 1e-3) == pytest.approx(2010.5, rel=1e-12)
+
+
+def _needed(case: Case) -> float:
+    """sup over ω of (T/2)·Re{(1 - e^-jωT)·C}/(1 - cos ωT) as it is written, at 60 digits."""
+    reference = Sampled(case)
+    numerator, denominator = reference.law
+
+    def at(z: acb) -> arb:
+        late = z ** -int(case.delay_samples)
+        law = late * numerator(z) / denominator(z)
+        return arb(case.sample_time) / 2 * ((acb(1) - 1 / z) * law).real / (1 - z.real)
+
+    return reference.largest(at)[0]
+
+
+@pytest.mark.parametrize("seed", thinned(range(12), 6))
+def test_any_filter_and_delay_against_the_definition(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    case = draw(rng, plain=True)
+    if rng.random() < 0.3:
+        case = replace(case, added_mass=-case.added_mass / 3)
+    ours = damping_needed(
+        case.stiffness,
+        case.added_damping,
+        case.added_mass,
+        case.sample_time,
+        filters_of(case),
+        delay_samples=int(case.delay_samples),
+    )
+    assert ours == pytest.approx(_needed(case), rel=1e-9)
+
+
+def _passive_device(**changes: object) -> Device:
+    return Device.model_validate(
+        {
+            "schema": "haptune/device/1",
+            "name": "test",
+            "axis": "x",
+            "motion": "linear",
+            "mass": 3.0,
+            "damping": 10.0,
+            "sample_time": 1e-3,
+            "coulomb_friction": 0.0,
+            "force_offset": 0.0,
+            "delay": 0.0,
+            **changes,
+        }
+    )
+
+
+def test_verdict_of_a_device() -> None:
+    passive = passivity(_passive_device(), Effects(stiffness=1000.0, damping=9.0))
+    assert passive.passive is True
+    assert passive.damping_needed == pytest.approx(9.5)
+    assert passivity(_passive_device(), Effects(stiffness=1000.0, damping=9.6)).passive is False
+    # A sample of delay asks a spring for KT more: (KT/2)·(1 + 2).
+    late = passivity(_passive_device(), Effects(stiffness=1000.0), extra_delay_samples=1)
+    assert late.damping_needed == pytest.approx(1.5, rel=1e-12)
+
+
+def test_where_the_theorem_does_not_reach() -> None:
+    effects = Effects(stiffness=1000.0)
+    mode = {"frequency_hz": 50.0, "damping_ratio": 0.02, "at_encoder": 1.0}
+    for device, extra, word in (
+        (_passive_device(), 0.5, "whole samples"),
+        (_passive_device(modes=[mode]), 0.0, "vibrates"),
+        (_passive_device(current_lag=1e-3), 0.0, "lags"),
+    ):
+        answer = passivity(device, effects, Filters(), extra_delay_samples=extra)
+        assert (answer.passive, answer.damping_needed) == (None, None)
+        assert word in answer.reason
+
+
+def _ripple_homerehab(delay: int, cutoff: float | None) -> Loop:
+    return Loop.from_numbers(
+        mass=3.0,
+        damping=10.0,
+        sample_time=1e-3,
+        delay_samples=delay,
+        filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
+    )
+
+
+@pytest.mark.parametrize(
+    ("delay", "cutoff", "printed"),
+    [
+        (0, None, "4.6"),
+        (1, None, "4.2"),
+        (2, None, "4.3"),
+        (0, 50.0, "0.15"),
+        (1, 50.0, "0.15"),
+        (1, 20.0, "0.026"),
+    ],
+)
+def test_known_ripple_of_one_kilogram(delay: int, cutoff: float | None, printed: str) -> None:
+    """m = 3 kg, b = 10 N·s/m, T = 1 ms, M = 1 kg, 6 µm encoder, to the digits printed."""
+    ripple = float(force_ripple(_ripple_homerehab(delay, cutoff), Effects(mass=1.0), 6e-6))
+    assert f"{ripple:.2g}" == printed
+
+
+def _compare_with_the_reference(count: int, seed: int) -> None:
+    """Force ripple and handle vibration of random loops with all that a mechanism may have."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        case = draw(rng)
+        reference = Sampled(case)
+        loop, effects = loop_of(case), effects_of(case)
+        noise = 6e-6 / 12**0.5
+        force = reference.noise_gain(reference.force_numerator) * noise
+        handle = reference.noise_gain(reference.handle_numerator) * noise
+        assert float(force_ripple(loop, effects, 6e-6)) == pytest.approx(force, rel=1e-9), case
+        assert float(handle_vibration(loop, effects, 6e-6)) == pytest.approx(handle, rel=1e-9), case
+
+
+def test_random_loops_against_a_60_digit_solution() -> None:
+    _compare_with_the_reference(25, seed=1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(10))
+def test_random_loops_against_a_60_digit_solution_long(seed: int) -> None:
+    _compare_with_the_reference(200, seed=100 + seed)
+
+
+def test_ripple_broadcasts_and_nothing_moves_without_effects() -> None:
+    loop = Loop.from_numbers(mass=np.array([[1.0], [3.0]]), damping=10.0, sample_time=1e-3)
+    effects = Effects(stiffness=np.array([100.0, 1000.0]), damping=5.0)
+    for measure in (force_ripple, handle_vibration):
+        together = measure(loop, effects, 6e-6)
+        assert together.shape == (2, 2)
+        alone = measure(_ripple_homerehab(0, None), Effects(stiffness=1000.0, damping=5.0), 6e-6)
+        assert together[1, 1] == pytest.approx(float(alone), rel=1e-12)
+        assert np.all(measure(loop, Effects(), 6e-6) == 0)
+
+
+def test_one_count_commands() -> None:
+    """docs/theory.md, 7: 6 mN at K = 1000, 0.06 N at B = 10, 6 N at M = 1 kg on 6 µm and 1 ms."""
+    effects = Effects(stiffness=1000.0, damping=10.0, mass=-1.0)
+    jump = count_jump(effects, 1e-3, 6e-6)
+    found = (jump.stiffness, jump.damping, jump.mass)
+    assert found == pytest.approx((6e-3, 0.06, 6.0), rel=1e-12)
+    alone = count_jump(Effects(damping=10.0), 1e-3, 6e-6)
+    assert (alone.stiffness, alone.mass) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("cutoff", [5.0, 50.0, 400.0])
+def test_one_count_through_first_order_filters(cutoff: float) -> None:
+    """The estimators run as difference equations on a step of one count."""
+    step, count = 1e-3, 6e-6
+    a = np.exp(-2 * np.pi * cutoff * step)
+    position = np.full(2000, count)
+    velocity = lfilter([(1 - a) / step, -(1 - a) / step], [1, -a], position)
+    acceleration = lfilter([(1 - a) / step, -(1 - a) / step], [1, -a], velocity)
+    jump = count_jump(
+        Effects(damping=10.0, mass=1.0),
+        step,
+        count,
+        Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
+    )
+    assert jump.damping == pytest.approx(10 * np.max(np.abs(velocity)), rel=1e-9)
+    assert jump.mass == pytest.approx(np.max(np.abs(acceleration)), rel=1e-9)
+
+
+def test_one_count_through_a_moving_window() -> None:
+    """A window of n samples spreads the count over n: B·Δ/(n·T)."""
+    jump = count_jump(Effects(damping=10.0), 1e-3, 6e-6, Filters(velocity_window_samples=15))
+    assert jump.damping == pytest.approx(10 * 6e-6 / 15e-3, rel=1e-9)

@@ -20,8 +20,7 @@ from tests.optimum_answers import (
 from tests.optimum_pairs import Pair, random_pair
 from tests.optimum_reference import Reference
 from tests.optimum_search import any_place, gaps, local
-from tests.reference import crossings
-from tests.sampled_loops import loop_along
+from tests.reference import crossings, loop_along
 from tests.thinned import thinned
 from tests.unlimited import stated
 from tune.certificate.check import check

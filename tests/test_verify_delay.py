@@ -14,7 +14,7 @@ from datasets_synthetic import Faults, log_text
 from identification import Trajectory, load_device
 from tests.closed_loop_logs import Bench, T
 from tests.commands import haptune
-from tests.reference import boundary_gains, reference_loop, stable_by_roots
+from tests.reference import crossings, reference_loop, stable_by_jury
 from tests.thinned import thinned
 from tune import Scene, optimise
 from tune.verification import Verification, advise, margins_of_others, verify
@@ -68,8 +68,8 @@ def _margin_is_kept(element: str, delay: int, mass: float = 3.0, damping: float 
             velocity_pole=float(poles[0]),
             acceleration_pole=float(poles[1]),
         )
-        first = min((float(each.mid()) for each in boundary_gains(loop)), default=np.inf)
-        return first > gain and stable_by_roots(loop.at(arb(min(first, 1.0) / 2)))
+        first = min((float(each.mid()) for each in crossings(loop)), default=np.inf)
+        return first > gain and stable_by_jury(loop.at(arb(min(first, 1.0) / 2)))
 
     margin = PROFILE.margin
     return safe(0, margin.gain) and safe(int(margin.extra_delay_samples), 1.0)

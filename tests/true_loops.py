@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from flint import arb
 
-from tests.reference import boundary_gains, reference_loop, stable_by_roots
+from tests.reference import crossings, reference_loop, stable_by_jury
 from tune.documents.profile import SafeProfile
 
 
@@ -35,9 +35,9 @@ def safe_gain(
         velocity_pole=poles[0],
         acceleration_pole=poles[1],
     )
-    gains = [float(gain.mid()) for gain in boundary_gains(loop)]
+    gains = [float(gain.mid()) for gain in crossings(loop)]
     first = min(gains, default=np.inf)
-    return first if stable_by_roots(loop.at(arb(min(first, 1.0) / 2))) else 0.0
+    return first if stable_by_jury(loop.at(arb(min(first, 1.0) / 2))) else 0.0
 
 
 def judged(profile: SafeProfile, device: tuple[float, float, float], delay: int) -> str:

@@ -10,40 +10,6 @@ from tune import SafeProfile
 from tune.documents.profile import AbsoluteStability, Channel, ElementProfile, Multiplier, Tap
 from tune.documents.scene import DEFAULT_MOTION
 
-#: Sizes (K, B, M) of elements by name; those named wall push only. The first is the demo's scene.
-SCENES: dict[str, dict[str, tuple[float, float, float]]] = {
-    "homerehab": {
-        "wall": (20_000.0, 90.0, 0.0),
-        "water": (0.0, 10.0, 0.0),
-        "cup": (0.0, 0.0, 1.475),
-        "rubber": (1400.0, 0.0, 0.0),
-        "feather": (0.0, 0.0, -1.2),
-    },
-    "stylus": {
-        "wall": (1000.0, 4.5, 0.0),
-        "thing": (26.0, 0.37, 0.11),
-        "free": (0.0, -0.058, 0.0),
-        "feather": (0.0, 0.0, -0.0236),
-    },
-    "knob": {
-        "wall": (1.3, 5.5e-3, 0.0),
-        "thing": (0.124, 8.8e-4, 1.4e-4),
-        "free": (0.0, -1.4e-4, 0.0),
-        "feather": (0.0, 0.0, -3.1e-5),
-    },
-    "emps": {
-        "wall": (1e6, 4500.0, 0.0),
-        "thing": (4470.0, 320.0, 121.0),
-        "free": (0.0, -91.0, 0.0),
-        "feather": (0.0, 0.0, -46.0),
-    },
-}
-
-
-def scene_on(name: str) -> SafeProfile:
-    """A profile with the elements of one device; what is played depends on no certificate."""
-    return made(name, SCENES[name])
-
 
 def made(
     name: str,
@@ -93,23 +59,3 @@ def made(
     seal = tuned().certificate.model_copy(update={"absolute_stability": {"any": proof}})
     new = {"device": device, "elements": elements, "loop": loop, "certificate": seal}
     return tuned().model_copy(update={**new, "together": together, "apart": apart})
-
-
-def depth_of(profile: SafeProfile, name: str) -> float:
-    """How deep a hand goes: as stated, else where the spring takes the peak force; m (rad)."""
-    element, limit = profile.elements[name], profile.device.force_limit
-    if element.motion.penetration is not None:
-        return element.motion.penetration
-    assert limit is not None
-    return limit.peak / element.stiffness
-
-
-def stated_sum(profile: SafeProfile, name: str) -> float:
-    """|K|·depth + |B|·speed + |M|·acceleration, N (N·m)."""
-    element = profile.elements[name]
-    motion = element.motion
-    return (
-        abs(element.stiffness) * depth_of(profile, name)
-        + abs(element.damping) * motion.speed
-        + abs(element.mass) * motion.acceleration
-    )

@@ -19,15 +19,10 @@ from identification import (
     InvalidInputError,
     LogColumns,
     LogRefusedError,
-    load_device,
     load_trajectory,
-    to_mapping,
-    to_yaml,
 )
 from tests.bombs import BOMBS
-from tests.commands import digest_of, haptune
 from tests.thinned import thinned
-from tune import Scene, optimise
 
 resource = pytest.importorskip("resource")
 _UNIT = 1 if sys.platform == "darwin" else 1024
@@ -52,19 +47,6 @@ def test_what_unfolds_ends_in_time(tmp_path: Path, name: str) -> None:
     ended, size = _used()
     assert ended - began < 10
     assert size < 1_000_000_000
-
-
-def test_a_multiplier_of_three_thousand_taps_is_refused_unproved(tmp_path: Path) -> None:
-    scene: dict[str, Any] = {"elements": {"wall": {"stiffness": "max", "one_sided": True}}}
-    content = to_mapping(optimise(load_device("homerehab"), Scene.model_validate(scene)).signed())
-    channel = content["certificate"]["absolute_stability"]["wall"]["free"]["channels"][0]
-    channel["taps"] = [{"samples": k + 1, "weight": 0.001} for k in range(3000)]
-    content["digest"] = digest_of(content)
-    path = tmp_path / "profile.yaml"
-    path.write_text(to_yaml(content), encoding="utf-8")
-    ended = haptune("check", str(path))
-    assert ended.code == 3
-    assert "taps: has 3000 entries, and may have 32" in ended.err
 
 
 @pytest.mark.long

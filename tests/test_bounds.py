@@ -14,16 +14,13 @@ from collections.abc import Callable, Iterable, Sequence
 from io import BytesIO
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from identification import InvalidInputError, load_device, load_trajectory
+from identification import InvalidInputError, load_trajectory
 from identification.documents import load_mapping
 from tests.thinned import thinned
-from tune.documents.profile import load_profile
-from tune.documents.scene import Scene, load_scene
-from tune.optimisation import optimise
+from tune.documents.scene import load_scene
 
 #: Limits as documented: bytes of a YAML file, its keys and values, columns, letters of a header.
 LARGEST_FILE, MOST_EVENTS, MOST_COLUMNS, LONGEST_HEADER = 1_000_000, 20_000, 10_000, 5_000_000
@@ -82,16 +79,6 @@ def test_wide_headers_are_not_parsed(tmp_path: Path, before: bytes) -> None:
     assert "quote in its header line" in _refusal(load_trajectory, path)
 
 
-def test_wide_and_packed_lines_below_a_title_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_bytes(b"A title\n" + TABLE.replace(b"\n", b"," * MOST_COLUMNS + b"\n", 1))
-    assert f"has {MOST_COLUMNS + 3} columns" in _refusal(load_trajectory, path)
-    path.write_bytes(b"A title\nnote,time,force,position\n" + b"x^,0,0,0\n" * 300)
-    assert "is a packed file (zlib)" in _refusal(load_trajectory, path)
-    path.write_bytes(b"A title\nnote,time,force,position\n" + b"a\0,0,0,0\n" * 300)
-    assert "holds 300 NUL bytes" in _refusal(load_trajectory, path)
-
-
 #: Each as long as a file may be.
 YAML = {
     "flat list": "1, ",
@@ -109,13 +96,6 @@ def test_lists_without_end(tmp_path: Path, name: str) -> None:
     assert f"holds more than {MOST_EVENTS} keys" in _refusal(load_mapping, path)
 
 
-@pytest.mark.long
-def test_keys_without_end(tmp_path: Path) -> None:
-    path = tmp_path / "keys.yaml"
-    path.write_text("".join(f"k{i}: 1\n" for i in range(90_000)), encoding="utf-8")
-    assert f"holds more than {MOST_EVENTS} keys" in _refusal(load_mapping, path)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes have no names in folders there")
 @pytest.mark.parametrize("name", ["scene.yaml", "log.csv"])
 def test_a_pipe_nobody_writes_to(tmp_path: Path, name: str) -> None:
@@ -130,10 +110,6 @@ _GROUPS = [
     *([f"e{5 * i + k}" for k in range(5)] for i in range(38)),
     *([f"e{190 + 3 * i + k}" for k in range(3)] for i in range(3)),
 ]
-_FULL: dict[str, Any] = {
-    "elements": {"cup": {"stiffness": 100.0, "damping": 5.0, "mass": 0.5}},
-    "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
-}
 
 
 def _scene(elements: int, groups: Iterable[Sequence[str]]) -> str:
@@ -163,26 +139,3 @@ def test_the_largest_scene_is_no_offence(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(_scene(MOST_ELEMENTS, _GROUPS), encoding="utf-8")
     assert len(load_scene(path).subsets()) == MOST_ELEMENTS + MOST_SUMS
-
-
-@pytest.mark.long
-def test_a_profile_of_the_largest_scene_is_read(tmp_path: Path) -> None:
-    """With every key that an element can have, and every moment named where moments are named."""
-    profile = optimise(load_device("homerehab"), Scene.model_validate(_FULL))
-    elements = {f"e{i}": profile.elements["cup"] for i in range(MOST_ELEMENTS)}
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(_scene(MOST_ELEMENTS, _GROUPS), encoding="utf-8")
-    subsets = load_scene(scene).subsets()
-    interior = dict.fromkeys(
-        map(" + ".join, subsets), next(iter(profile.certificate.interior.values()))
-    )
-    many = profile.model_copy(
-        update={
-            "elements": elements,
-            "together": tuple(tuple(group) for group in _GROUPS),
-            "certificate": profile.certificate.model_copy(update={"interior": interior}),
-        }
-    )
-    path = tmp_path / "profile.yaml"
-    path.write_text(many.to_yaml(), encoding="utf-8")
-    assert len(load_profile(path).elements) == MOST_ELEMENTS

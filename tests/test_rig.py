@@ -90,38 +90,3 @@ def test_force_turns_a_moving_device_round_inside_a_sample() -> None:
     np.testing.assert_allclose(
         position, np.where(time < turn, before, after), rtol=1e-11, atol=1e-15
     )
-
-
-def test_reversal_is_found_to_the_last_digits_on_a_heavily_damped_device() -> None:
-    """v = (v0 + c)·e^(-pt) - c with c = (F + Fc)/b up to rest, then from rest with F - Fc."""
-    mass, damping, friction, push = 0.5, 9.0, 0.3, 1.0
-    speeds = np.linspace(0.01, 0.02, 40)
-    position = simulate(
-        Rig(mass=mass, damping=damping, sample_time=T, coulomb_friction=friction),
-        np.full(200, -push),
-        velocity=speeds,
-    ).position
-    rate, ends = damping / mass, (push + friction) / damping
-    turn = np.log1p(speeds / ends) / rate
-    place = speeds / rate - ends * turn
-    after = clock(200)[None, :] - turn[:, None]
-    back = place[:, None] - (push - friction) * step_response(after, mass, damping)
-    late = after > 0
-    np.testing.assert_allclose(position[late], back[late], rtol=2e-9, atol=2e-9 * 0.02 / rate)
-
-
-def test_finer_steps_change_no_more_than_the_stated_error() -> None:
-    """|h·p|⁴/120 of the motion, and of fourth order, on a device as fast as its sampling."""
-    fast = Rig(mass=0.05, damping=10.0, sample_time=0.002, delay=0.0007)
-    force = np.random.default_rng(5).uniform(-1, 1, 500)
-    finest = simulate(fast, force, largest_step=0.0025).position
-
-    def error(largest_step: float) -> float:
-        return float(
-            np.max(np.abs(simulate(fast, force, largest_step=largest_step).position - finest))
-        ) / float(np.max(np.abs(finest)))
-
-    assert error(0.02) < 0.02**4 / 120
-    assert error(0.26) / error(0.13) == pytest.approx(16, rel=0.3)
-    default = simulate(fast, force).position
-    np.testing.assert_array_equal(default, simulate(fast, force, largest_step=0.02).position)

@@ -83,12 +83,6 @@ def test_servo_force_is_the_stated_difference_equation() -> None:
     np.testing.assert_allclose(log.force, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_servo_is_limited_by_the_actuator() -> None:
-    servo = Servo(reference=np.full(300, 1.0), stiffness=900.0)
-    recording = simulate(rig(force_limit=2.0), np.zeros(300), controller=servo)
-    np.testing.assert_array_equal(recording.force, 2.0)
-
-
 def test_batch_equals_singles_whatever_is_switched_on() -> None:
     """To rounding: the fastest member of a batch sets the integration steps of all."""
     several = Rig(

@@ -60,13 +60,6 @@ def test_second_order_filters_have_the_stated_poles_and_gain_one(ratio: float) -
     np.testing.assert_allclose(-turn.real / np.abs(turn), ratio, rtol=1e-6)
 
 
-def test_moving_window_is_the_mean_slope() -> None:
-    q, force = heard(Controller(stiffness=10.0, damping=7.0, velocity_window_samples=15))
-    before = np.concatenate([np.full(15, q[0]), q[:-15]])
-    expected = -10.0 * q - 7.0 * (q - before) / (15 * T)
-    np.testing.assert_allclose(force, expected, rtol=1e-12, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

@@ -127,34 +127,6 @@ def test_tremor_is_between_8_and_12_hz_and_of_the_stated_size() -> None:
     assert np.max(np.abs(together)) < 0.6  # 80 values each: 5 sigma
 
 
-def test_coloured_force_forgets_exponentially() -> None:
-    free = Rig(mass=1.0, damping=0.0, sample_time=T)
-    faults = Faults(coloured_force=0.3, correlation_time=0.02)
-    force = felt(simulate(free, np.zeros((20, 10_000)), faults=faults, seed=1), 1.0)
-    # 200 s hold 5 000 independent values: 1 % of sampling error, 4 of which are allowed.
-    assert np.std(force) == pytest.approx(0.3, rel=0.04)
-    for lag in (5, 20, 40):
-        seen = np.mean(force[:, lag:] * force[:, :-lag]) / np.mean(force**2)
-        assert seen == pytest.approx(np.exp(-lag / 20), abs=0.06)
-
-
-def test_voluntary_motion_carries_the_device_slowly() -> None:
-    """A stiff hand takes the device where it goes; 12 times 20 s hold 430 independent places."""
-    hand = Hand(damping=60.0, stiffness=2000.0, wander=0.01)
-    slow = rig(mass=1.0, sample_time=0.005)
-    position = simulate(slow, np.zeros((12, 4000)), hand=hand, seed=2).position
-    assert np.std(position) == pytest.approx(0.01, rel=0.14)
-    frequency, power = welch(position[:, 200:], fs=200.0, nperseg=3800)
-    assert np.sum(power[:, frequency < 1.1]) > 0.99 * np.sum(power)
-
-
-def test_start_spread_scatters_the_start_only() -> None:
-    starts = simulate(rig(), np.zeros((400, 10)), faults=Faults(start_spread=1e-3)).position
-    assert np.all(starts == starts[:, :1])
-    assert -1e-3 <= np.min(starts) < -9e-4
-    assert 9e-4 < np.max(starts) <= 1e-3
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [

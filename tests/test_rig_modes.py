@@ -7,13 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from datasets_synthetic import (
-    Clock,
-    Controller,
-    Faults,
     Hand,
     Rig,
     Vibration,
@@ -25,25 +20,8 @@ from identification import Device
 from tests.integrated_mechanism import integrated
 from tests.plain_rigs import M, T, rig
 
-FloatArray = NDArray[np.float64]
-
-#: What the maps promise, 1.3e-13 of the motion a rate, with a margin for a few hundred samples.
-MAP_ERROR = 1e-10
-
 SOFT = Vibration(frequency_hz=35.0, damping_ratio=0.02, at_encoder=0.6, at_handle=-1.4)
-STIFF = Vibration(frequency_hz=260.0, damping_ratio=0.01, at_encoder=-0.3, at_handle=0.5)
 GRIP = Hand(mass=0.4, damping=6.0, stiffness=300.0, rest=0.002)
-
-
-@pytest.mark.long
-def test_modes_hand_lag_and_fractional_delay_match_an_adaptive_integrator() -> None:
-    device = rig(
-        delay=1.37 * T, current_lag=0.4 * T, force_offset=0.7, modes=(SOFT, STIFF), damping=4.0
-    )
-    force = np.random.default_rng(0).uniform(-5, 5, 250)
-    expected, _ = integrated(device, GRIP, force, 0.001, 0.05)
-    read = simulate(device, force, hand=GRIP, position=0.001, velocity=0.05).position[0]
-    np.testing.assert_allclose(read, expected, rtol=0, atol=1e-9 * np.ptp(expected))
 
 
 def test_stick_and_slip_of_a_vibrating_mechanism_match_an_adaptive_integrator() -> None:
@@ -55,48 +33,6 @@ def test_stick_and_slip_of_a_vibrating_mechanism_match_an_adaptive_integrator() 
     assert 20 < np.count_nonzero(speed == 0) < 280
     assert np.min(speed) < 0 < np.max(speed)
     np.testing.assert_allclose(read, expected, rtol=0, atol=1e-7 * np.ptp(expected))
-
-
-def test_two_bodies_on_a_spring_are_one_mode() -> None:
-    """Motor m1 and handle m2, integrated as two bodies: e = √(m2/m1), h = -√(m1/m2)."""
-    m1, m2, spring, loss = 0.5, 0.2, 900.0, 0.3
-    reduced = m1 * m2 / (m1 + m2)
-    w = np.sqrt(spring / reduced)
-    ratio = loss / (2 * np.sqrt(spring * reduced))
-    device = Rig(
-        mass=m1 + m2,
-        damping=0.0,
-        sample_time=T,
-        modes=(
-            Vibration(
-                frequency_hz=w / (2 * np.pi),
-                damping_ratio=ratio,
-                at_encoder=np.sqrt(m2 / m1),
-                at_handle=-np.sqrt(m1 / m2),
-            ),
-        ),
-    )
-    hand = Hand(mass=0.1, damping=2.0, stiffness=50.0)
-
-    def slope(_: float, s: FloatArray, force: float) -> list[float]:
-        coupling = spring * (s[0] - s[1]) + loss * (s[2] - s[3])
-        grip = 2.0 * s[3] + 50.0 * s[1]
-        return [s[2], s[3], (force - coupling) / m1, (coupling - grip) / (m2 + 0.1)]
-
-    force = np.random.default_rng(2).uniform(-1, 1, 150)
-    state, motor, handle = np.zeros(4), np.empty(150), np.empty(150)
-    for k, pull in enumerate(force):
-        motor[k], handle[k] = state[0], state[1]
-        found = solve_ivp(
-            slope, (0.0, T), state, args=(float(pull),), method="DOP853", rtol=1e-12, atol=1e-16
-        )
-        state = np.array(found.y[:, -1])
-    recording = simulate(device, force, hand=hand, watch=True)
-    assert recording.truth is not None
-    np.testing.assert_allclose(recording.position[0], motor, rtol=0, atol=1e-10 * np.ptp(motor))
-    np.testing.assert_allclose(
-        recording.truth.handle[0], handle, rtol=0, atol=1e-10 * np.ptp(handle)
-    )
 
 
 @pytest.mark.parametrize("turn", [0.05, 1.0, 10.0])
@@ -123,31 +59,6 @@ def test_current_lag_is_an_exponential() -> None:
     np.testing.assert_allclose(read, exact, rtol=1e-11, atol=1e-18)
 
 
-def test_batch_of_mechanisms_equals_singles() -> None:
-    several = rig(
-        mass=[3.0, 0.5],
-        coulomb_friction=[0.8, 0.0],
-        current_lag=[0.0, 0.3 * T],
-        delay=[0.0, 1.3 * T],
-        modes=(replace(SOFT, frequency_hz=np.array([35.0, 90.0])),),
-    )
-    hand = Hand(mass=np.array([0.2, 0.0]), stiffness=100.0)
-    gains = Controller(stiffness=np.array([200.0, 50.0]), velocity_filter_hz=30.0, damping=2.0)
-    together = simulate(several, np.zeros(400), controller=gains, hand=hand, velocity=0.1)
-    for member in (0, 1):
-        which = np.array([member])
-        alone = simulate(
-            several.members(which),
-            np.zeros(400),
-            controller=gains.members(which),
-            hand=hand.members(which),
-            velocity=0.1,
-        )
-        np.testing.assert_allclose(
-            together.position[member], alone.position[0], rtol=0, atol=MAP_ERROR * 0.1
-        )
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -168,40 +79,6 @@ def test_batch_of_mechanisms_equals_singles() -> None:
 def test_impossible_mechanisms_are_refused(make: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
-
-
-def test_a_mode_that_nobody_feels_changes_nothing() -> None:
-    """The mechanism's own path then is the rigid device, stick-slip, hand and jitter included."""
-    silent = Vibration(frequency_hz=40.0, damping_ratio=0.1, at_encoder=0.0, at_handle=0.0)
-    plain = rig(
-        mass=[3.0, 0.4],
-        coulomb_friction=[0.8, 0.0],
-        coulomb_asymmetry=[0.2, 0.0],
-        damping_asymmetry=[2.0, 0.5],
-        stiffness=50.0,
-        delay=[0.0004, 0.0017],
-    )
-    force = np.repeat(np.random.default_rng(3).uniform(-6, 6, (2, 20)), 20, axis=1)
-    controller = Controller(stiffness=200.0, damping=3.0, velocity_filter_hz=50.0)
-    for clock in (Clock(), Clock(jitter=2e-4)):
-        one, other = (
-            simulate(
-                device,
-                force,
-                hand=replace(GRIP, tremor=0.1),
-                controller=controller,
-                faults=Faults(force_noise=0.05, position_noise=1e-6),
-                clock=clock,
-                seed=4,
-                watch=True,
-            )
-            for device in (plain, replace(plain, modes=(silent,)))
-        )
-        size = np.ptp(one.position)
-        np.testing.assert_allclose(other.position, one.position, rtol=0, atol=2e-8 * size)
-        assert one.truth is not None
-        assert other.truth is not None
-        np.testing.assert_allclose(other.truth.energy, one.truth.energy, rtol=1e-6, atol=1e-12)
 
 
 def test_a_device_with_modes_becomes_a_rig_with_modes() -> None:

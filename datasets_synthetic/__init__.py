@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from datasets_synthetic.rehearsal import Rehearsal, Trial, rehearse
     from datasets_synthetic.scenarios import (
         SCENARIOS,
-        Excitation,
+        ForceSignal,
         Scenario,
         bundled_path,
         fit_to_limits,
@@ -32,8 +32,8 @@ __all__ = [
     "Clock",
     "Controller",
     "Element",
-    "Excitation",
     "Faults",
+    "ForceSignal",
     "Hand",
     "Recording",
     "Rehearsal",
@@ -60,7 +60,7 @@ _HOMES = {
     "device": "Clock Faults Hand Rig Vibration named_rig rig_of",
     "law": "Calls Controller Element Servo",
     "rehearsal": "Rehearsal Trial rehearse",
-    "scenarios": "SCENARIOS Excitation Scenario bundled_path fit_to_limits log_text multisine run"
+    "scenarios": "SCENARIOS ForceSignal Scenario bundled_path fit_to_limits log_text multisine run"
     " run_batch scenario_named",
     "simulation": "Recording Truth simulate",
 }

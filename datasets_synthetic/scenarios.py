@@ -38,7 +38,7 @@ _TRIES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Excitation:
+class ForceSignal:
     """What to play on a batch of devices, and from where.
 
     Attributes:
@@ -85,7 +85,7 @@ def multisine(rig: Rig, samples: int, *, fade: float = 1.0) -> FloatArray:
 
 def fit_to_limits(
     rig: Rig, shape: FloatArray, *, travel: ArrayLike, force: ArrayLike
-) -> Excitation:
+) -> ForceSignal:
     """Scale a force shape until the device just reaches its travel or its force limit.
 
     False position on noise-free simulations of the rig itself, friction included, between the
@@ -134,7 +134,7 @@ def fit_to_limits(
         scale = low + part * (high - low)
     if not np.all(reached > 0):
         raise ValueError(f"{rig.name} leaves its travel of {np.min(travel):g} at every force tried")
-    return Excitation(force=_command(shape, low, rig), start=-centre, reach=reached)
+    return ForceSignal(force=_command(shape, low, rig), start=-centre, reach=reached)
 
 
 def _command(shape: FloatArray, scale: FloatArray, rig: Rig) -> FloatArray:
@@ -188,7 +188,7 @@ class Scenario:
             return rig
         return replace(rig, coulomb_friction=self.coulomb_friction)
 
-    def excitation(self) -> Excitation:
+    def excitation(self) -> ForceSignal:
         """The force played (the same for every seed), shape (1, n), and where it starts."""
         return _excitation(self)
 
@@ -236,11 +236,11 @@ def run_batch(scenario: str | Scenario, seeds: Sequence[int]) -> Recording:
 
 
 @lru_cache(maxsize=32)
-def _excitation(scenario: Scenario) -> Excitation:
+def _excitation(scenario: Scenario) -> ForceSignal:
     rig = scenario.rig()
     samples = round(scenario.duration / float(rig.sample_time[0]))
     if scenario.force == 0:
-        return Excitation(force=np.zeros((1, samples)), start=np.zeros(1), reach=np.zeros(1))
+        return ForceSignal(force=np.zeros((1, samples)), start=np.zeros(1), reach=np.zeros(1))
     found = fit_to_limits(
         rig, multisine(rig, samples), travel=scenario.travel, force=scenario.force
     )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.device import Faults, Rig
-from datasets_synthetic.scenarios import Excitation, fit_to_limits, multisine
+from datasets_synthetic.scenarios import ForceSignal, fit_to_limits, multisine
 from datasets_synthetic.simulation import Recording, simulate
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Fleet:
     """
 
     rig: Rig
-    excitation: Excitation
+    excitation: ForceSignal
 
     def logs(self, *, faults: Faults | None = None, seed: int = 0) -> Recording:
         """One open-loop log of n samples for each device."""

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         InvalidInputError,
         LogRefusedError,
         NotWrittenError,
+        QuestionError,
         Unstated,
         UnstatedError,
         UsageError,
@@ -80,8 +81,8 @@ _HOMES = {
         "round_to_digits to_mapping to_yaml write_bytes write_files write_text"
     ),
     "errors": (
-        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError Unstated "
-        "UnstatedError UsageError printable"
+        "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError "
+        "QuestionError Unstated UnstatedError UsageError printable"
     ),
     "estimators": "METHODS Method",
     "fitting": "LogFit",
@@ -126,6 +127,7 @@ __all__ = [
     "NotebookFigure",
     "Plant",
     "Quantity",
+    "QuestionError",
     "Replaced",
     "SlopeRange",
     "Trajectory",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -61,6 +62,29 @@ class InvalidInputError(_GivenError):
         problem: what is wrong, with the value seen.
         remedy: what to do about it.
     """
+
+
+class QuestionError(InvalidInputError):
+    """A file that one fact from a person makes readable.
+
+    Attributes:
+        question: for that fact.
+        option: the field of `LogColumns` that takes it.
+        choices: what it may be; none for a number.
+    """
+
+    def __init__(
+        self,
+        subject: str | PathLike[str],
+        problem: str,
+        remedy: str,
+        *,
+        question: str,
+        option: str,
+        choices: Sequence[str] = (),
+    ) -> None:
+        self.question, self.option, self.choices = question, option, tuple(choices)
+        super().__init__(subject, problem, remedy)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

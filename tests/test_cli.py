@@ -17,11 +17,12 @@ COMMANDS = {
     "--axis --decimal --hardware --allow --picture --json --quiet --verbose",
     "identify": "--output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --picture --dry-run "
-    "--json --quiet --verbose",
-    "tune": "--output --margin --candidates --what-if --picture --dry-run --json --quiet --verbose",
+    "--json --quiet --verbose --no-input",
+    "tune": "--output --margin --candidates --what-if --picture --dry-run --json --quiet "
+    "--verbose --no-input",
     "calibrate": "--scene --output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --margin --candidates "
-    "--picture --dry-run --json --quiet --verbose",
+    "--picture --dry-run --json --quiet --verbose --no-input",
     "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
     "--acceleration-filter --margin --picture --json --quiet --verbose",
     "check": "--device --picture --json --quiet --verbose",
@@ -54,7 +55,7 @@ def test_help_names_every_command_and_every_exit_code() -> None:
     ended = haptune("--help")
     assert ended.code == 0
     listed = re.findall(r"^  ([a-z]+)  +\w", ended.out.partition("Commands:")[2], re.MULTILINE)
-    assert listed == list(COMMANDS)
+    assert listed == [*COMMANDS, "help"]
     assert "..." not in ended.out.partition("Commands:")[2], "a summary was cut off"
     codes = re.findall(r"\b(\d+) [a-z]", ended.out.partition("Exit codes:")[2])
     assert codes == ["0", "1", "2", "3", "4", "5", "6", "7", "130"]

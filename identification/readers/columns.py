@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import InvalidInputError, printable
+from identification.errors import InvalidInputError, QuestionError, printable
 from identification.trajectory import Motion
 
 FloatArray = NDArray[np.float64]
@@ -170,12 +170,16 @@ def column_names(
         named = ", ".join(f"'{quote(name)}'" for name in missing.values())
         listed = ", ".join(quote(name) for name in present[:_MOST_NAMED])
         more = f" and {len(present) - _MOST_NAMED} more" if len(present) > _MOST_NAMED else ""
-        raise InvalidInputError(
+        left = [name for name in present if name not in wanted.values()]
+        raise QuestionError(
             path,
             f"has no column {named}; it has: {listed or 'none'}{more}",
             "Name the right column with "
             + ", ".join(f"--{role}" for role in missing)
-            + _suggested([name for name in present if name not in wanted.values()], tuple(missing)),
+            + _suggested(left, tuple(missing)),
+            question=f"Which column is the {next(iter(missing))}",
+            option=next(iter(missing)),
+            choices=tuple(left[:_MOST_NAMED]),
         )
     return wanted
 
@@ -205,11 +209,14 @@ def _column_for(
     if not found and words and asked == role and role != "reference":
         found = [name for name, stem in stems.items() if stem.casefold() in _WORDS[role]]
     if len(found) > 1:
-        raise InvalidInputError(
+        raise QuestionError(
             path,
             f"has several columns that may be the {role}: "
             + ", ".join(f"'{quote(name)}'" for name in found[:10]),
             f'Name the right one, such as --{role} "{quote(found[0])}"',
+            question=f"Which column is the {role}",
+            option=role,
+            choices=tuple(found[:_MOST_NAMED]),
         )
     return found[0] if found else None
 
@@ -360,7 +367,9 @@ def _unit_of(path: Path, role: str, name: str, columns: LogColumns) -> _Unit | N
         how = ", torque constant times transmission"
     problem = f"column '{quote(name)}' states its unit as '{quote(text)}', which {kind}"
     remedy = f"Add {gain_option(role)} X: {_si(role)} per unit of the column{how}"
-    raise InvalidInputError(path, problem, remedy)
+    question = f"{_si(role)} per unit of that column{how}"
+    option = gain_option(role).removeprefix("--").replace("-", "_")
+    raise QuestionError(path, problem, remedy, question=question, option=option)
 
 
 def _refuse_contradiction(

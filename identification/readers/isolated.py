@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.errors import InvalidInputError
+from identification.errors import InvalidInputError, QuestionError
 from identification.readers.columns import FloatArray, LogColumns, Reading
 
 #: s of the processor, and those for each byte of a larger file: a workbook of a million rows takes
@@ -76,7 +76,9 @@ def read_isolated(reader: str, path: Path, content: bytes, columns: LogColumns) 
         raise InvalidInputError(path, late if code == _OVERTIME else ended, _REMEDY)
     said: dict[str, Any] = json.loads(header)
     if "problem" in said:
-        raise InvalidInputError(path, said["problem"], said["remedy"])
+        if "question" in said:
+            raise QuestionError(path, **said)
+        raise InvalidInputError(path, **said)
     rows: dict[str, int] = said.pop("rows")
     found = np.split(np.frombuffer(numbers), np.cumsum(list(rows.values()))[:-1])
     values: dict[str, FloatArray] = dict(zip(rows, found, strict=True))
@@ -95,7 +97,9 @@ def serve() -> None:
         try:
             reading: Reading = read(Path(job["path"]), sys.stdin.buffer.read(), columns)
         except InvalidInputError as error:
-            said = {"problem": error.problem, "remedy": error.remedy}
+            said: dict[str, object] = {"problem": error.problem, "remedy": error.remedy}
+            if isinstance(error, QuestionError):
+                said |= {name: getattr(error, name) for name in ("question", "option", "choices")}
             out.write(json.dumps(said).encode() + b"\n")
             return
         rows = {role: column.size for role, column in reading.values.items()}

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from tune.cli import judging, logs, preparation, profiles
 from tune.cli.process import ignore_signals
@@ -13,6 +15,9 @@ from tune.cli.session import Exit, Session, finish_interrupted
 
 #: What every complaint about options and arguments derives from; typer does not export it.
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
+
+#: An argument in a list of them, and the type that typer shows behind it.
+_TYPE = re.compile(r"^(  [A-Z]+)( <[^>|]*>)", re.MULTILINE)
 
 app = typer.Typer(
     name="haptune",
@@ -22,27 +27,78 @@ app = typer.Typer(
     epilog="Exit codes: 0 done, 1 internal error, 2 usage, 3 unreadable or invalid input, 4 log "
     "refused, 5 no feasible effect, 6 check failed, 7 not written, 130 interrupted.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for _name, _command, _summary in (
-    ("demo", profiles.demo_command, "Try it: bundled log to profile, with pictures."),
-    ("new", preparation.new_command, "Write a template of a file."),
-    ("doctor", logs.doctor_command, "What logs can and cannot support."),
-    ("identify", logs.identify_command, "Logs to device.yaml."),
-    ("tune", profiles.tune_command, "Device and scene to profile.yaml."),
-    ("calibrate", profiles.calibrate_command, "Logs and scene to profile.yaml: the main job."),
-    ("audit", judging.audit_command, "Are these gains safe on a device, and if not, why."),
-    ("check", judging.check_command, "Re-compute a profile by another path."),
-    ("verify", judging.verify_command, "A low-gain log of the device against its profile."),
-    ("compare", judging.compare_command, "What changed between two devices or two profiles."),
-    ("export", profiles.export_command, "A profile as files for a controller."),
-    ("report", profiles.report_command, "A profile as one page to read, print and sign."),
-    ("excite", preparation.excite_command, "Plan a force that tells mass and damping best."),
-    ("simulate", preparation.simulate_command, "Rehearse: a simulated log of a known device."),
+
+
+class _Command(TyperCommand):
+    """A command whose help tells its arguments by words alone, not by types of Python too."""
+
+    def get_help(self, ctx: Any) -> str:
+        return _TYPE.sub(lambda found: found[1] + " " * len(found[2]), super().get_help(ctx))
+
+
+_KNOWN = "--hardware hardware.yaml"
+for _name, _command, _summary, _example in (
+    ("demo", profiles.demo_command, "Try it: bundled log to profile, with pictures.", ""),
+    ("new", preparation.new_command, "Write a template of a file.", "hardware"),
+    ("doctor", logs.doctor_command, "What logs can and cannot support.", "log.csv"),
+    ("identify", logs.identify_command, "Logs to device.yaml.", f"log.csv {_KNOWN}"),
+    ("tune", profiles.tune_command, "Device and scene to profile.yaml.", "device.yaml scene.yaml"),
+    (
+        "calibrate",
+        profiles.calibrate_command,
+        "Logs and scene to profile.yaml: the main job.",
+        f"log.csv --scene scene.yaml {_KNOWN}",
+    ),
+    (
+        "audit",
+        judging.audit_command,
+        "Are these gains safe on a device, and if not, why.",
+        "homerehab --stiffness 800",
+    ),
+    ("check", judging.check_command, "Re-compute a profile by another path.", "profile.yaml"),
+    (
+        "verify",
+        judging.verify_command,
+        "A low-gain log of the device against its profile.",
+        "profile.yaml played.csv",
+    ),
+    (
+        "compare",
+        judging.compare_command,
+        "What changed between two devices or two profiles.",
+        "old.yaml new.yaml",
+    ),
+    (
+        "export",
+        profiles.export_command,
+        "A profile as files for a controller.",
+        "profile.yaml --to c",
+    ),
+    (
+        "report",
+        profiles.report_command,
+        "A profile as one page to read, print and sign.",
+        "profile.yaml log.csv",
+    ),
+    (
+        "excite",
+        preparation.excite_command,
+        "Plan a force that tells mass and damping best.",
+        "excitation.yaml",
+    ),
+    (
+        "simulate",
+        preparation.simulate_command,
+        "Rehearse: a simulated log of a known device.",
+        "homerehab",
+    ),
 ):
-    app.command(_name, short_help=_summary)(_command)
+    _line = f"Example: haptune {_name} {_example}".rstrip()
+    app.command(_name, cls=_Command, short_help=_summary, epilog=_line)(_command)
 
 
 def _version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it with the flag
@@ -51,6 +107,28 @@ def _version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it with the fl
 
         typer.echo(f"haptune {version('haptune')}")
         raise typer.Exit
+
+
+@app.command(
+    "help",
+    cls=_Command,
+    short_help="The help of a command, or this.",
+    epilog="Example: haptune help tune",
+)
+def help_command(
+    context: typer.Context,
+    command: Annotated[str | None, typer.Argument(metavar="COMMAND", help="Its name.")] = None,
+) -> None:
+    """The help of a command, or of haptune."""
+    parent: Any = context.parent
+    if command is None:
+        typer.echo(parent.get_help())
+        return
+    found = parent.command.get_command(parent, command)
+    if found is None:
+        raise typer.BadParameter(f"there is no command {command!r}")
+    with found.make_context(command, [], parent=parent, resilient_parsing=True) as asked:
+        typer.echo(found.get_help(asked))
 
 
 @app.callback()

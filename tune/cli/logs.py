@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 import identification as ident
 from identification import IdentificationError, LogRefusedError
 from tune.cli import session as opt
+from tune.cli.asking import HARDWARE, ask_columns, ask_facts, own_hardware, write_hardware
 from tune.cli.session import Session, command
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
 
 
-@command()
+@command(asks=True)
 def identify_command(
     session: Session,
     logs: opt.Logs,
@@ -47,7 +48,7 @@ def identify_command(
     session.target(output, *logs, hardware)
     session.target(picture, *logs, hardware, output)
     columns = options.columns()
-    result = identify_logs(session, logs, columns, hardware, method, allow or [])
+    result = identify_logs(session, logs, columns, hardware, method, allow or [], dry_run=dry_run)
     if result.device.position_stiffness is not None or result.device.gravity is not None:
         from tune.certificate.certify import refusal_of
 
@@ -89,18 +90,34 @@ def identify_logs(
     allow: list[str],
     *,
     brief: bool = False,
+    dry_run: bool = False,
 ) -> Identification:
-    """Read logs, identify and show the result, in a line if it is only a part of the work."""
+    """Read logs, identify and show the result, in a line if it is only a part of the work.
+
+    On a terminal, what the logs leave open is asked for.
+    """
     from tune.presentation.tables import device_line, device_table
 
+    def read(columns: LogColumns, known: Hardware | None) -> list[Trajectory]:
+        with session.progress() as say:
+            say("reading logs")
+            return [read_log(path, columns, known) for path in logs]
+
+    def identified(known: Hardware | None) -> Identification:
+        with session.progress() as say:
+            say("identifying")
+            return ident.identify(trajectories, hardware=known, method=method, allow=allow)
+
+    hardware = own_hardware(session, hardware)
     known = None if hardware is None else ident.load_document(ident.Hardware, hardware)
-    with session.progress() as say:
-        say("reading logs")
-        trajectories = [read_log(path, columns, known) for path in logs]
+    columns, trajectories = ask_columns(session, columns, lambda columns: read(columns, known))
+    result = identified(known)
+    stated = ask_facts(session, result.device, known) if session.asks else None
+    if stated is not None:
+        write_hardware(session, hardware or HARDWARE, stated, dry_run=dry_run)
+        trajectories = read(columns, stated)
+        result = identified(stated)
     tell_reading(session, *trajectories)
-    with session.progress() as say:
-        say("identifying")
-        result = ident.identify(trajectories, hardware=known, method=method, allow=allow)
     session.add_findings(result.findings)
     session.details |= identification_details(result)
     short = brief and not session.verbose

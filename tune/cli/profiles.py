@@ -15,6 +15,7 @@ from typer import Argument, Option
 import identification as ident
 from identification import IdentificationError, InvalidInputError, NotWrittenError, UsageError
 from tune.cli import session as opt
+from tune.cli.asking import HARDWARE, ask_facts, device_stating, write_hardware
 from tune.cli.logs import (
     DEVICE_COMMENT,
     device_in,
@@ -58,7 +59,7 @@ _DIGEST = re.compile(rb"digest\W{1,4}(sha256:[0-9a-f]{64})")
 _HEADING = 4096
 
 
-@command()
+@command(asks=True)
 def tune_command(
     session: Session,
     device: Annotated[str, Argument(help="device.yaml, or the name of a known device.")],
@@ -76,6 +77,12 @@ def tune_command(
     sheet = picture and _further_picture(picture, "candidates") if candidates else None
     session.target(sheet, scene, Path(device), output)
     known = ident.load_device(device)
+    stated = ask_facts(session, known, None) if session.asks else None
+    if stated is not None:
+        known = device_stating(known, stated)
+        write_hardware(session, HARDWARE, stated, dry_run=dry_run)
+        text = ident.to_yaml(ident.to_mapping(known), DEVICE_COMMENT)
+        session.write(Path(device), text, dry_run=dry_run, changes="facts stated")
     known.require_stated(subject=device, where=IN_DEVICE)
     wish = read_request(scene, margin)
     profile = tune_device(session, known, wish, compare=candidates, sheet=sheet)
@@ -85,7 +92,7 @@ def tune_command(
     draw_profile(session, picture, profile)
 
 
-@command()
+@command(asks=True)
 def calibrate_command(
     session: Session,
     logs: opt.Logs,
@@ -110,7 +117,9 @@ def calibrate_command(
     session.target(sheet, *inputs)
     columns = options.columns()
     wish = read_request(scene, margin)
-    found = identify_logs(session, logs, columns, hardware, method, allow or [], brief=True)
+    found = identify_logs(
+        session, logs, columns, hardware, method, allow or [], brief=True, dry_run=dry_run
+    )
     found.device.require_stated(
         subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
     )

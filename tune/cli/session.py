@@ -15,9 +15,10 @@ from enum import IntEnum
 from functools import cache, wraps
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args, get_type_hints
 
 from typer import Argument, Option
+from typer.models import ArgumentInfo
 
 import identification as ident
 from identification import (
@@ -64,6 +65,8 @@ _WIDE = 200
 _VECTORS = {".svg": "svg", ".pdf": "pdf"}
 #: Counted parts of the work end a sentence so, which is what an estimate is made of.
 _COUNT = re.compile(r"\((\d+) of (\d+)\)$")
+#: What options take, by the name of the type, as help shows it.
+_WORDS = {"Path": "FILE", "str": "NAME", "int": "N", "float": "X"}
 #: Less than this needs no clock, s.
 _SHORT = 1.0
 
@@ -82,6 +85,7 @@ class Session:
     as_json: bool
     quiet: bool
     verbose: bool = False
+    no_input: bool = False
     findings: list[dict[str, str]] = field(default_factory=list[dict[str, str]])
     targets: list[str] = field(default_factory=list[str])
     outputs: list[str] = field(default_factory=list[str])
@@ -115,6 +119,23 @@ class Session:
         """Print texts for who asks for everything (``--verbose``)."""
         if self.verbose:
             self.say_each(texts)
+
+    @property
+    def asks(self) -> bool:
+        """Whether a person at a terminal can be asked."""
+        silent = self.as_json or self.quiet or self.no_input
+        return not silent and sys.stdin.isatty() and sys.stderr.isatty()
+
+    def tell(self, text: str) -> None:
+        """Print on standard error what a question is about."""
+        _print_error(text)
+
+    def ask(self, question: str) -> str:
+        """A line that a person types; "" where there is none, or no more input."""
+        sys.stderr.write(f"{printable(question)}: ")
+        sys.stderr.flush()
+        line = sys.stdin.readline()
+        return line.strip()
 
     def add_findings(self, findings: tuple[Finding, ...]) -> None:
         """Keep findings for the JSON result and warn on standard error."""
@@ -285,11 +306,13 @@ def run_command(
     as_json: bool,
     quiet: bool,
     verbose: bool = False,
+    no_input: bool = False,
 ) -> None:
     """Run a command; raises typer.Exit always, with the contract's code of what happened."""
     import typer
 
     session = Session(command=command, as_json=as_json, quiet=quiet, verbose=verbose)
+    session.no_input = no_input
     try:
         action(session)
         ignore_signals()
@@ -429,6 +452,7 @@ Picture = Annotated[
 DryRun = Annotated[bool, Option("--dry-run", help="Show what would be written.")]
 _Json = Annotated[bool, Option("--json", help="One JSON object on standard output.")]
 _Quiet = Annotated[bool, Option("--quiet", help="Only errors.")]
+_NoInput = Annotated[bool, Option("--no-input", help="Ask nothing, also on a terminal.")]
 _Verbose = Annotated[bool, Option("--verbose", help="Everything that was found and proved.")]
 DeviceOut = Annotated[Path, Option("-o", "--output", help="Where to write the device.")]
 ProfileOut = Annotated[Path, Option("-o", "--output", help="Where to write the profile.")]
@@ -475,12 +499,13 @@ class LogOptions:
 
 
 def command(
-    *, without: Collection[str] = ()
+    *, without: Collection[str] = (), asks: bool = False
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """A command as typer reads it, made of a function ``name_command`` with its session.
 
     It offers ``--json``, ``--quiet`` and ``--verbose``, and in the place of ``options``, a
-    LogOptions, an option for each field but those it goes without.
+    LogOptions, an option for each field but those it goes without; one that ``asks`` offers
+    ``--no-input``.
     """
 
     def offering(body: Callable[..., None]) -> Callable[..., None]:
@@ -492,10 +517,12 @@ def command(
             if name == "options":
                 offered += common
             elif name != "session":
-                offered.append(parameter)
+                offered.append(_in_words(parameter))
         offered.append(_keyword("json", _Json, default=False))
         offered.append(_keyword("quiet", _Quiet, default=False))
         offered.append(_keyword("verbose", _Verbose, default=False))
+        if asks:
+            offered.append(_keyword("no_input", _NoInput, default=False))
 
         @wraps(body)
         def run(**given: Any) -> None:
@@ -503,6 +530,7 @@ def command(
                 "as_json": given.pop("json"),
                 "quiet": given.pop("quiet"),
                 "verbose": given.pop("verbose"),
+                "no_input": given.pop("no_input", False),
             }
             if reads_logs:
                 given["options"] = LogOptions(
@@ -515,6 +543,19 @@ def command(
         return run
 
     return offering
+
+
+def _in_words(parameter: inspect.Parameter) -> inspect.Parameter:
+    """A parameter whose help shows a word for what it takes, where none was chosen."""
+    kind, *told = get_args(parameter.annotation)
+    if "Literal" in str(kind) or kind is bool:
+        return parameter  # its choices are the words; a flag takes nothing
+    name = parameter.name.upper().removesuffix("S" if "list[" in str(kind) else "")
+    word = next((word for type_, word in _WORDS.items() if type_ in str(kind)), name)
+    for each in told:
+        if each.metavar is None:
+            each.metavar = name if isinstance(each, ArgumentInfo) else word
+    return parameter
 
 
 @cache

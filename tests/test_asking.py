@@ -1,0 +1,115 @@
+"""On a terminal haptune asks for what only a person knows, and never fills in a hint."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+from datasets_synthetic import bundled_path
+from identification import Hardware, load_document
+from tests.commands import FLUID, Ended, haptune
+from tune.cli.session import Session
+
+LOG = bundled_path("homerehab.csv")
+#: Motion, sample time, (delay is told by the log), one count, force for long and for a moment.
+FACTS = ("linear", "0.001", "6e-6", "14", "28")
+
+
+@pytest.fixture(autouse=True)
+def _bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with a log of other names than haptune's, and a quick scene."""
+    monkeypatch.chdir(tmp_path)
+    rows = LOG.read_text(encoding="utf-8").splitlines()[1:4001]
+    text = "\n".join(["clock,motor,handle", *rows])
+    Path("log.csv").write_text(text + "\n", encoding="utf-8")
+    Path("scene.yaml").write_text(FLUID, encoding="utf-8")
+    monkeypatch.setattr(Session, "asks", property(_asks))
+
+
+def _asks(session: Session) -> bool:
+    return not (session.as_json or session.quiet or session.no_input)
+
+
+def _typed(monkeypatch: pytest.MonkeyPatch, lines: tuple[str, ...], *arguments: str) -> Ended:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
+    return haptune(*arguments)
+
+
+def test_calibrate_asks_for_columns_and_facts_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = _typed(
+        monkeypatch,
+        ("1", "9", "motor", "1", *FACTS),
+        *("calibrate", "log.csv", "--scene", "scene.yaml"),
+    )
+    assert ended.code == 0, ended.err
+    assert "Which column is the time" in ended.err
+    assert "a hint, which is not used" in ended.err
+    stated = load_document(Hardware, Path("hardware.yaml"))
+    assert stated.encoder_resolution is not None
+    assert stated.encoder_resolution.value == 6e-6
+    assert stated.force_limit is not None
+    assert stated.force_limit.peak == 28
+    # What was stated is taken the next time, if a person says so.
+    columns = ("--time", "clock", "--force", "motor", "--position", "handle")
+    again = _typed(monkeypatch, ("yes",), "calibrate", "log.csv", "--scene", "scene.yaml", *columns)
+    assert again.code == 0, again.err
+    assert "encoder" not in again.err
+
+
+def test_tune_asks_for_what_a_device_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = haptune("identify", str(LOG), "--no-input")
+    assert ended.code == 0, ended.err
+    wrong = ("linear", "fast", "0.001", "6e-6", "14", "2", "14", "28")
+    ended = _typed(monkeypatch, wrong, "tune", "device.yaml", "scene.yaml")
+    assert ended.code == 0, ended.err
+    assert ended.err.count("Please answer again") == 2
+    assert haptune("tune", "device.yaml", "scene.yaml", "--no-input").code == 0
+    assert Path("hardware.yaml").is_file()
+
+
+@pytest.mark.parametrize("option", ["--no-input", "--json", "--quiet"])
+def test_without_a_person_it_ends_as_before(option: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = ("calibrate", str(LOG), "--scene", "scene.yaml")
+    ended = _typed(monkeypatch, FACTS, *arguments, option)
+    assert ended.code == 3
+    assert "does not state motion" in ended.err
+    assert not Path("hardware.yaml").exists()
+
+
+def test_nothing_answered_leaves_a_fact_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = ("calibrate", str(LOG), "--scene", "scene.yaml")
+    ended = _typed(monkeypatch, ("linear", ""), *arguments)
+    assert ended.code == 3
+    assert "does not state sample_time" in ended.err
+    known = load_document(Hardware, Path("hardware.yaml"))
+    assert known.motion == "linear"
+    assert known.sample_time is None
+
+
+def test_a_column_in_amperes_asks_for_its_gain(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = Path("log.csv").read_text(encoding="utf-8")
+    Path("log.csv").write_text(text.replace("clock,motor,handle", "t,force [A],pos"), "utf-8")
+    ended = _typed(monkeypatch, ("many", "1.0", *FACTS), "identify", "log.csv")
+    assert ended.code == 0, ended.err
+    assert "N (N·m) per unit of that column, torque constant times transmission" in ended.err
+    assert "could not convert" not in ended.err
+
+
+def test_help_is_found_by_every_convention() -> None:
+    for arguments in (("help", "tune"), ("tune", "-h"), ("tune", "--help")):
+        ended = haptune(*arguments)
+        assert ended.code == 0
+        assert "Example: haptune tune device.yaml scene.yaml" in ended.out
+        assert "<" not in ended.out.partition("Options:")[0]
+    assert "Commands:" in haptune("help").out
+    assert haptune("help", "tuna").code == 2
+
+
+def test_a_number_with_its_unit_is_told_to_leave_it_out() -> None:
+    Path("hardware.yaml").write_text("sample_time: 1 ms\n", encoding="utf-8")
+    ended = haptune("doctor", str(LOG), "--hardware", "hardware.yaml")
+    assert ended.code == 3
+    assert "the number alone, in seconds (seen: '1 ms')" in ended.err

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import difflib
 import os
-import re
 import secrets
 import shutil
 import stat
@@ -44,9 +43,6 @@ _DIGITS = 12
 #: Gives files their names, two arguments each; nothing is imported that takes time.
 _RENAME = "import os, sys\nfor k in range(1, len(sys.argv), 2): os.replace(*sys.argv[k : k + 2])"
 
-#: A number with its unit, and keys of what is given in seconds.
-_WITH_UNIT = re.compile(r"\s*[-+]?[\d.,]+(?:[eE][-+]?\d+)?\s*[^\W\d]\S*\s*")
-_IN_SECONDS = re.compile(r"(time|delay|lag|duration)$")
 #: What a value has to be, and the validator's names of what it is not.
 _RULES = {
     "give a mapping of keys": "model_type dict_type",
@@ -167,8 +163,8 @@ def _sentence(item: dict[str, Any], names: tuple[str, ...]) -> str:
         return f"{where}: is blank; fill it in ({message})"
     # What is wrong with a mapping or a list as a whole is said with its numbers.
     if not isinstance(given, Mapping | list | tuple | BaseModel):
-        if isinstance(given, str) and _WITH_UNIT.fullmatch(given):
-            seconds = _IN_SECONDS.search(where)
+        if message.startswith("give a number") and str(given)[:1].isdigit():
+            seconds = where.endswith(("time", "delay", "lag", "duration"))
             message += f": the number alone, in {'seconds' if seconds else 'SI units'}"
         message += f" (seen: {repr(given)[:80]})"
     return f"{where or 'file'}: {message}"

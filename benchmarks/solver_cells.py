@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.optimum_reference import Reference
+from benchmarks.optimum_search import highest
 from benchmarks.row import timed
 from benchmarks.scenes import Case, case, proposal
 from benchmarks.section import Cell
 from benchmarks.solvers import SOLVERS, Task
-from tests.optimum_reference import Reference
-from tests.optimum_search import highest
 from tune.optimisation.backends import Rank, program_of
 from tune.optimisation.feasibility import initial_points_of, least_margin_loops
 from tune.optimisation.nash import largest_product, single_unknown_optimum

@@ -1,11 +1,13 @@
 """Ripple of the force, summed over the steps since a reading was wrong."""
 
+# pyright: standard
+
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.optimum_loops import Loops
+from benchmarks.optimum_loops import Loops
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +42,9 @@ def force_ripple(
     return np.sqrt(found / 12) * resolution
 
 
-def _response_energy(loops: Loops, totals: FloatArray, *, spring: bool) -> FloatArray:
+def _response_energy(  # noqa: PLR0915 - one recursion
+    loops: Loops, totals: FloatArray, *, spring: bool
+) -> FloatArray:
     """Sum of squared forces after one reading is wrong by one."""
     K, B, M = totals.T
     step, whole = loops.step[0], int(loops.whole[0])

@@ -1,5 +1,7 @@
 """The largest product of steps of elements that share moments, by search from many places."""
 
+# pyright: standard
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
@@ -11,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from tests.optimum_reference import Reference
+from benchmarks.optimum_reference import Reference
 
 FloatArray = NDArray[np.float64]
 
@@ -23,8 +25,6 @@ _AGAIN = 4
 _FEW = 3
 #: Log-offsets of that grid.
 _OFFSETS = (1e-4, 1e-2, 0.2)
-#: How far inside all limits is far enough, in log-sizes.
-_INSIDE = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +38,7 @@ class Gap:
 
     @property
     def more(self) -> float:
+        """How much larger it is."""
         return self.best - self.reached
 
 
@@ -158,6 +159,7 @@ def highest(
     """The largest product found by searches from many starts, the best of them gone over again.
 
     Args:
+        reference: what bounds the effects.
         raised: whose steps are multiplied.
         lower: least log-sizes.
         upper: largest log-sizes; those that stay have both alike.
@@ -182,49 +184,6 @@ def highest(
             if answer is not None and answer[0] > best[0]:
                 best = answer
     return best
-
-
-def any_place(reference: Reference, *, starts: int, rng: np.random.Generator) -> FloatArray | None:
-    """Log-sizes that keep every limit with one step of each effect, looked for from many starts.
-
-    The least room to any limit is made as large as can be.
-    """
-    bounds = [*zip(reference.low, reference.high, strict=True), (None, _INSIDE)]
-
-    known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
-
-    def limits(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        key = x.tobytes()
-        if key not in known:
-            known.clear()
-            known[key] = reference.rows(np.clip(x[:-1], reference.low, reference.high))
-        return known[key]
-
-    def room(x: FloatArray) -> FloatArray:
-        return limits(x)[0] - x[-1]
-
-    def slopes(x: FloatArray) -> FloatArray:
-        rows = limits(x)[1]
-        return np.hstack([rows, -np.ones((len(rows), 1))])
-
-    search: Any = minimize
-    upwards = np.append(np.zeros(reference.count), -1.0)
-    for number in range(starts):
-        start = reference.low if number == 0 else _anywhere(reference, rng)
-        start = np.clip(start, reference.low, reference.high)
-        answer = search(
-            lambda x: (-x[-1], upwards),
-            np.append(start, min(float(np.min(reference.rows(start)[0])), 0.0)),
-            jac=True,
-            method="SLSQP",
-            bounds=bounds,
-            constraints={"type": "ineq", "fun": room, "jac": slopes},
-            options={"ftol": 1e-9, "maxiter": 60},
-        )
-        place = np.clip(answer.x[:-1], reference.low, reference.high)
-        if np.all(np.isfinite(place)) and np.min(reference.rows(place)[0]) >= 0:
-            return place
-    return None
 
 
 def _anywhere(reference: Reference, rng: np.random.Generator) -> FloatArray:

@@ -1,9 +1,11 @@
 """What bounds the effects of elements that share moments, and how many steps they are.
 
 Written down anew from the documented meaning of device and scene; boundaries are those of
-`tests.optimum_loops`, ripple that of `tests.optimum_ripple`, sizes and steps those of
-`tests.optimum_wishes`.
+`benchmarks.optimum_loops`, ripple that of `benchmarks.optimum_ripple`, sizes and steps those of
+`benchmarks.optimum_wishes`.
 """
+
+# pyright: standard
 
 from __future__ import annotations
 
@@ -13,10 +15,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.optimum_loops import Corner, Loops
+from benchmarks.optimum_ripple import force_ripple
+from benchmarks.optimum_wishes import MARGINS, MOTION, NOTICED, felt_ends, wanted_of
 from identification import Device, Quantity
-from tests.optimum_loops import Corner, Loops
-from tests.optimum_ripple import force_ripple
-from tests.optimum_wishes import MARGINS, MOTION, NOTICED, felt_ends, wanted_of
 from tune.documents.scene import Hand, Scene
 
 FloatArray = NDArray[np.float64]
@@ -96,6 +98,7 @@ class Reference:
         return np.array(sums), both[:, 0], both[:, 1]
 
     def steps(self, sizes: FloatArray) -> FloatArray:
+        """Steps of each effect."""
         return np.array([w.steps(float(s)) for w, s in zip(self.wanted, sizes, strict=True)])
 
     def product(self, place: FloatArray, raised: Sequence[int]) -> float:

@@ -6,6 +6,8 @@ matrix exponentials. Fast enough for a search; its crossings are compared with t
 characteristic polynomial (`tests.reference`).
 """
 
+# pyright: standard
+
 from __future__ import annotations
 
 from dataclasses import dataclass

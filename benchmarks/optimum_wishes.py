@@ -3,6 +3,8 @@
 Written down anew from the documented meaning of device and scene.
 """
 
+# pyright: standard
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
@@ -55,6 +57,7 @@ class Wanted:
 
     @property
     def label(self) -> str:
+        """Element and effect."""
         return f"{self.element}.{EFFECTS[self.effect]}"
 
     @property

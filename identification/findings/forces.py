@@ -174,6 +174,9 @@ MOST_SLOW = 0.15
 #: A force of position of this part of the force may be a spring to the body: then this part of the
 #: tremor or of the slow force is enough.
 _HELD, _HELD_NEEDS = 0.1, 1 / 2
+#: ... and the rest has to stand out by so much, whatever else may explain it: springs without a
+#: hand stay below 2, hands lie above 4.
+_HELD_PEAK = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,7 +184,9 @@ class Unlogged:
     """Forces that the log does not know, at the pace of a hand."""
 
     tremor: float  # rms at TREMOR, N
-    peak: float  # power there against that beside it, 0 where the logged force may have left it
+    #: power there against that beside it; 0 where the logged force may have left it and no spring
+    #: is there
+    peak: float
     slow: float  # rms below 1 Hz, a force of position taken out, N
     spring: float  # rms of a force of position, N; 0 in motion one way
     needed: float  # part of the usual evidence that is enough, beside that force
@@ -192,7 +197,8 @@ class Unlogged:
     @property
     def shaking(self) -> bool:
         """Whether the tremor stands out and is more than a trace of the force."""
-        return self.peak >= _PEAK and self.tremor >= _LEAST_TREMOR * self.needed * self.force
+        peak = _PEAK if self.needed == 1 else _HELD_PEAK
+        return self.peak >= peak and self.tremor >= _LEAST_TREMOR * self.needed * self.force
 
     @property
     def pushing(self) -> bool:
@@ -221,8 +227,9 @@ def unlogged(
         gain, further = _position_force(balance)
         carried = _carried_force(balance) + (further if gain >= _LEAST_GAIN else 0.0)
         spring = float(np.std(carried))
-    needed = _HELD_NEEDS if spring >= _HELD * force else 1.0
-    tremor, peak = _tremor(trajectory, balance, chosen, _UNDRIVEN * needed**2)
+    held = spring >= _HELD * force
+    tremor, peak = _tremor(trajectory, balance, chosen, held=held)
+    tremor, needed = min(tremor, unexplained * force), _HELD_NEEDS if held else 1.0
     return Unlogged(tremor=tremor, peak=peak, slow=slow, spring=spring, needed=needed, force=force)
 
 
@@ -259,13 +266,13 @@ def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Itera
 
 
 def _tremor(
-    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, undriven: float
+    trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, *, held: bool
 ) -> tuple[float, float]:
     """Rms of the rest in the band of tremor, N, and its power there against that beside it.
 
-    The latter is 0 where the rest has less than the ``undriven`` part of the power of the force,
-    or where derivatives of force and acceleration explain it: a lag, a spring or play between motor
-    and load show there.
+    Unless a spring holds the device, the latter is 0 where the rest has little of the power of the
+    force, or where derivatives of force and acceleration explain it: a lag, a spring or play
+    between motor and load show there.
     """
     shortest = _PIECE / 2
     if trajectory.sample_time > _SLOWEST or np.ptp(trajectory.time) < shortest:
@@ -288,12 +295,13 @@ def _tremor(
     powers = [power(each, TREMOR) for each in rests]
     beside = [np.sqrt(power(each, _BELOW) * power(each, _ABOVE)) for each in rests]
     rms = float(np.sqrt(powers[0] * (TREMOR[1] - TREMOR[0])))
+    if min(beside) == 0:
+        return rms, 0.0
+    peaks = [each / near for each, near in zip(powers, beside, strict=True)]
     driven = (
-        min(beside) == 0
-        or powers[0] < undriven * power(whole, TREMOR)
-        or powers[1] < _UNDRIVEN_BY_LAG**2 * powers[0]
+        powers[0] < _UNDRIVEN * power(whole, TREMOR) or powers[1] < _UNDRIVEN_BY_LAG**2 * powers[0]
     )
-    return rms, 0.0 if driven else float(min(p / b for p, b in zip(powers, beside, strict=True)))
+    return rms, peaks[0] if held else 0.0 if driven else min(peaks)
 
 
 def _density(column: FloatArray, step: float, piece: int) -> FloatArray:

@@ -15,7 +15,7 @@ from identification.trajectory import Trajectory
 #: remembers, may make up this part of the force, both rms, ...
 _MOST_SHARE = 0.15
 #: ... or this, where it leaves so little of the force over that mass and damping are told.
-_MOST_EXPLAINED, _LITTLE_LEFT = 0.5, 0.02
+_MOST_EXPLAINED, _LITTLE_LEFT = 0.5, 0.04
 _NAMED_SHARE = 0.01  # a kind named in a finding makes up at least this part of the force
 #: A slope over the speeds seen that would take this many times the largest force is not told.
 _STEEPEST = 10.0

@@ -36,9 +36,9 @@ _LONGEST = 1 << 15
 #: impacts no model follows, the second; at most these parts of what a delay and a simpler kind
 #: leave. A search begins if the best of a scan takes at least the last part away.
 _LEFT, _BY_PLAY, _THAN_DELAY, _BETTER, _HINT = 0.4, 0.7, 0.9, 0.7, 0.1
-#: Play is looked for where so much of the force is left, rms; what is left of it beyond the last
-#: part bounds nothing of what else is there.
-_FOR_PLAY, _MOST = 0.012, 0.15
+#: Play is looked for where so much of the force is left, rms; what is left of it beyond the next
+#: part bounds nothing of what else is there, beside the impacts of play the last.
+_FOR_PLAY, _MOST, _MOST_BY_PLAY = 0.012, 0.15, 0.3
 #: Time constants of a drive, s.
 _LAGS = (2e-4, 2e-2)
 #: Resonances from so many periods in the log to this multiple of the cut-off, and their damping
@@ -62,6 +62,7 @@ class Dynamics:
     log: Trajectory  # with the force that a rigid device would have needed
     doubt: FloatArray  # covariance that its parameters add to those of the model, shape (p, p)
     left: float  # part of the residual that may still move mass and damping
+    share: float  # of the force that it leaves, rms
     findings: tuple[Finding, ...]  # none where the hardware states it
     current_lag: Quantity | None  # s
     mode: Mode | None
@@ -89,6 +90,8 @@ class Dynamics:
             half = 0.5 * np.log(values[0] / self.near_mass)
             values[0] *= np.exp(-half)
             covariance[0, 0] += (values[0] * half / NORMAL_95) ** 2
+            # Impacts take energy, as damping does.
+            covariance[1, 1] += (values[1] * self.share / NORMAL_95) ** 2
         return replace(estimate, values=values, covariance=covariance)
 
 
@@ -503,13 +506,14 @@ def _described(
     around = spread(jacobian, found.residual, len(jacobian), signal=found.target).covariance
     shared = around[:count, count:]
     doubt = shared @ np.linalg.pinv(around[count:, count:], hermitian=True) @ shared.T
-    told, refused = kind.told(found, around), share > _MOST
+    most = _MOST_BY_PLAY if isinstance(kind, _Play) else _MOST
+    told, refused = kind.told(found, around), share > most
     named = Finding(
         code=kind.code,
         severity="refusal" if refused else "warning",
         seen=f"{log.source} shows {told.seen}; with it {left:.0%} is left of the mean square that "
         f"mass, damping and friction miss of the force{_departure(kind)}",
-        needed=f"at most {_MOST:.0%} of the force explained by neither"
+        needed=f"at most {most:.0%} of the force explained by neither"
         if refused
         else "a device that moves as one mass, driven by the force as commanded",
         remedy=told.remedy,
@@ -518,6 +522,7 @@ def _described(
         log=replace(log, force=kind.corrected(log, found, whole)),
         doubt=(doubt + doubt.T) / 2,
         left=float(np.sqrt(left)) if isinstance(kind, _Play) else left,
+        share=share,
         findings=(named,) if refused or not _is_stated(told, hardware or Hardware()) else (),
         current_lag=told.current_lag,
         mode=told.mode,

@@ -1,7 +1,4 @@
-"""A motor under a position controller, with friction that no sign of the velocity describes.
-
-Integrated in ten small steps a sample, by nothing that the estimators share.
-"""
+"""A motor under a position controller, with friction that no sign of the velocity describes."""
 
 from __future__ import annotations
 
@@ -42,21 +39,7 @@ def servo_log(
     lag: float = 0.0,
     told: bool = False,
 ) -> Trajectory:
-    """A log, one sample late.
-
-    Args:
-        reference: set-points, rad.
-        coulomb: friction however slow, N·m.
-        viscous: N·m·s/rad.
-        bent: friction more at rest, or at high speed if ``saturating``, N·m.
-        over: speed over which it fades or comes, rad/s.
-        saturating: which of the two.
-        stiffness: of the controller, N·m/rad; its damping is 0.7 of critical.
-        noise: of a reading, rad rms.
-        push: torques nobody logs, N·m rms, white.
-        lag: time constant of the drive, s.
-        told: whether the log holds the reference.
-    """
+    """A log, one sample late."""
     generator = np.random.default_rng(1)
     pushes = (push * generator.standard_normal(SAMPLES)).tolist()
     errors = (noise * generator.standard_normal(SAMPLES)).tolist()

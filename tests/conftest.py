@@ -1,9 +1,4 @@
-"""One thread of linear algebra a worker, and no deadline for examples.
-
-The workers already take every core, and arrays here are small. With a thread a core each, the
-workers wait for one another, which costs a third more processor time. Set before numpy is first
-imported; what is set already stays.
-"""
+"""One thread of linear algebra a worker, and no deadline for examples."""
 
 from __future__ import annotations
 

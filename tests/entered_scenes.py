@@ -20,16 +20,7 @@ def made(
     taps: int = 7,
     **motion: float,
 ) -> SafeProfile:
-    """A profile of hand-made elements, those whose names begin with wall pushing only.
-
-    Args:
-        name: of the device.
-        scene: (K, B, M) by name.
-        together: groups of names.
-        apart: pairs of names.
-        taps: that the multiplier of the proof looks back.
-        motion: what differs from the usual one.
-    """
+    """A profile of hand-made elements, those whose names begin with wall pushing only."""
     device = load_device(name)
     assert device.force_limit is not None
     some = tuned().elements["wall"]

@@ -1,7 +1,4 @@
-"""A small exact axis for tests: mass, viscous and Coulomb friction under a held force.
-
-Closed forms between events, so there is no step size. It shares nothing with the code it judges.
-"""
+"""A small exact axis for tests: mass, viscous and Coulomb friction under a held force."""
 
 from __future__ import annotations
 
@@ -68,11 +65,7 @@ def advance(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, 
 def positions(
     axis: Axis, force: Array, *, disturbance: Array | None = None, speed: float | Array = 0.0
 ) -> Array:
-    """Position at the start of each row, shape (samples, runs), starting at zero.
-
-    ``force`` of shape (samples, runs) is held from row to row and arrives ``axis.delay`` later;
-    before the first row the first force acted. ``disturbance`` is held without delay.
-    """
+    """Position at the start of each row, shape (samples, runs), starting at zero."""
 
     def law(row: int, place: Array) -> Array:
         return force[row]
@@ -121,10 +114,7 @@ def multisine(
     peak: float = 14.0,
     lines: tuple[float, ...] = (0.2, 0.35, 0.55, 0.9, 1.4, 2.3, 3.7, 5.9, 9.5),
 ) -> Array:
-    """Forces (samples, runs) that move a frictionless axis within ±travel and ±peak, per run.
-
-    Every line asks for the same speed, bounded by the travel at the slow end.
-    """
+    """Forces (samples, runs) that move a frictionless axis within ±travel and ±peak, per run."""
     time = np.arange(samples)[:, None] * axis.sample_time
     motion = np.zeros((samples, runs))
     force = np.zeros((samples, runs))

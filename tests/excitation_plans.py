@@ -49,7 +49,6 @@ LIMITS: dict[str, dict[str, Any]] = {
         "position_noise": 3.9e-4,
     },
 }
-FRICTION = {"homerehab": 0.8, "stylus": 0.03, "knob": 0.002}
 #: Hz; what one would try by hand: slow, usual, wide, and about a corner of a hertz or so.
 RANGES = ((0.1, 2.0), (0.1, 10.0), (0.2, 20.0), (0.5, 10.0), (1.0, 5.0))
 
@@ -72,9 +71,3 @@ def rig_of(plan: ExcitationSpec, **others: Any) -> Rig:
         "sample_time": plan.sample_time,
     }
     return Rig(**(given | others))
-
-
-def wave(samples: int, force: float = 4.0) -> Array:
-    time = np.arange(samples) * STEP
-    swing = np.sin(2 * np.pi * 1.3 * time) + 0.6 * np.cos(2 * np.pi * 3.1 * time)
-    return np.asarray(force * np.minimum(time / 0.2, 1.0) * swing, dtype=np.float64)

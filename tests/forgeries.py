@@ -16,13 +16,7 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Field:
-    """One key of a profile.
-
-    Attributes:
-        path: with the keys and places in lists above it.
-        value: what stands there, None for nothing.
-        schema: what may stand there.
-    """
+    """One key of a profile."""
 
     path: Path
     value: Any

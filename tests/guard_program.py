@@ -1,8 +1,4 @@
-"""A whole program around the exported C guard, built with any compiler, standard and flags.
-
-It reads calls and writes replies as bits, so that no number is computed with on the way; 120 plays
-with one fault each, and what each has to come to.
-"""
+"""A whole program around the exported C guard, built with any compiler, standard and flags."""
 
 from __future__ import annotations
 

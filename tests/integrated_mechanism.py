@@ -1,7 +1,4 @@
-"""A mechanism's equations written out once more, for scipy's adaptive integrator.
-
-It shares the description of a device with the simulator, and nothing that moves one.
-"""
+"""A mechanism's equations written out once more, for scipy's adaptive integrator."""
 
 from __future__ import annotations
 

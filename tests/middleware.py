@@ -24,10 +24,7 @@ def module_of(folder: Path, name: str, patch: pytest.MonkeyPatch) -> Any:
 
 
 class Middleware:
-    """One node from the files of a folder, its timers and what it publishes.
-
-    ``now`` is the steady clock, ns; ``sent`` is when what was published; ``said`` are warnings.
-    """
+    """One node from the files of a folder, its timers and what it publishes."""
 
     def __init__(
         self, folder: Path, parameters: Mapping[str, Any], patch: pytest.MonkeyPatch

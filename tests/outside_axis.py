@@ -1,9 +1,4 @@
-"""An axis in continuous time, written for the bench of outside logs; it shares no code with any.
-
-Position Verlet at some 20 kHz: half a drift, a kick, half a drift. Dry friction is an implicit
-impulse that stops the axis but never turns it; bristles (LuGre, Dahl) go to their steady
-deflection by the exponential of the step.
-"""
+"""An axis in continuous time, written for the bench of outside logs; it shares no code with any."""
 
 from __future__ import annotations
 

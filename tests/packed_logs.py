@@ -90,10 +90,7 @@ def assert_damage_is_refused(whole: bytes, torn: Path, ends: Sequence[int], **as
 def assert_extra_is_named(
     monkeypatch: pytest.MonkeyPatch, path: Path, module: str, missing: str, extra: str
 ) -> None:
-    """Without a module the refusal says what is not installed, and the extra that brings it.
-
-    What the module prints meanwhile is for nobody.
-    """
+    """Without a module the refusal says what is not installed, and the extra that brings it."""
     empty = path.parent / "empty"
     (empty / module).mkdir(parents=True)
     (empty / module / "__init__.py").write_text(

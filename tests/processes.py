@@ -40,10 +40,7 @@ def redirected(redirection: str, *arguments: str) -> subprocess.CompletedProcess
 
 
 def started(*arguments: str, before: str = "pass") -> subprocess.Popen[str]:
-    """Start ``haptune ARGUMENTS`` after a statement of the test's; return once signals are caught.
-
-    What comes before is Python's own start, in which signals do what Python does.
-    """
+    """Start ``haptune ARGUMENTS`` after a statement of the test's."""
     code = _MAIN.format(before=before, ready=r"os.write(1, b'ready\n')")
     process = subprocess.Popen(
         [sys.executable, "-c", code, *arguments],

@@ -29,10 +29,7 @@ def around(value: float, spread: float) -> tuple[float, float]:
 
 
 def draw(seed: int, spread: float, *, with_everything: bool) -> tuple[Region, Setting]:
-    """A device of 0.05 to 95 kg at 0.2 to 2 ms and a mix of effects; T is known to 1 %.
-
-    ``with_everything`` adds an interval of the delay, one uncertain mode and a box of hands.
-    """
+    """A device of 0.05 to 95 kg at 0.2 to 2 ms and a mix of effects; T is known to 1 %."""
     rng = np.random.default_rng([seed, 7])
     mass = 10 ** rng.uniform(np.log10(0.05), np.log10(95))
     step = 10 ** rng.uniform(np.log10(2e-4), np.log10(2e-3))

@@ -62,11 +62,7 @@ def reference_loop(
 
 
 def crossings(loop: ReferenceLoop) -> list[arb]:
-    """Every s > 0 at which a root of P(z; s) lies on the unit circle.
-
-    On the circle fixed(z)·varied(1/z) is real: its imaginary part, a polynomial in cos of the
-    angle times the sine, is zero there; z = ±1 stand for themselves.
-    """
+    """Every s > 0 at which a root of P(z; s) lies on the unit circle."""
     degree = max(loop.fixed.degree(), loop.varied.degree())
     fixed = [arb(c) for c in loop.fixed.coeffs()]
     varied = [arb(c) for c in loop.varied.coeffs()]
@@ -172,10 +168,7 @@ def loop_along(
 
 
 def loop_with(case: Case) -> ReferenceLoop:
-    """P(z; s) along s times the effects of a case.
-
-    Without any spring the root z = 1 of free motion is left out.
-    """
+    """P(z; s) along s times the effects of a case."""
     measured, _, denominator = plant(case)
     numerator, poles = law(case)
     fixed, varied = denominator * poles, measured * numerator
@@ -401,10 +394,7 @@ class Sampled:
         return angles[(angles > _LOWEST) & (angles <= np.pi)]
 
     def noise_gain(self, numerator: arb_poly) -> float:
-        """H2 norm of H = N/D, D the closed loop: H·H~ = A/D + A~/D~, of mean 2·a0/d0.
-
-        ~ turns q = 1/z into 1/q; A solves D·A~ + A·D~ = N·N~ power by power of q.
-        """
+        """H2 norm of H = N/D, D the closed loop: H·H~ = A/D + A~/D~, of mean 2·a0/d0."""
         count = self.closed.degree() + 1
         d = [self.closed[count - 1 - k] for k in range(count)]
         n = [numerator[count - 1 - k] for k in range(count)]

@@ -12,17 +12,7 @@ from tests.exact_axis import Axis, advance, counted
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """What goes wrong, and from which sample on; by default nothing ever does.
-
-    Attributes:
-        nan_from: readings are not numbers.
-        read_fails_from: reading raises.
-        write_fails_from: writing raises ...
-        write_fails_times: ... this many times.
-        stop_from: the emergency stop is pressed.
-        late_at: the sample before which the computer sleeps for ``late`` seconds.
-        late: s.
-    """
+    """What goes wrong, and from which sample on; by default nothing ever does."""
 
     nan_from: int = 10**9
     read_fails_from: int = 10**9
@@ -34,10 +24,7 @@ class Fault:
 
 
 class SteppedDevice:
-    """One rigid device; its clock stands still but for ``wait_until``.
-
-    A force acts, delayed as the rig says, until another is written, however long that takes.
-    """
+    """One rigid device; its clock stands still but for ``wait_until``."""
 
     def __init__(self, rig: Rig, fault: Fault | None = None) -> None:
         self._rig, self._fault = rig, fault or Fault()

@@ -1,9 +1,4 @@
-"""Tables 2 and 3 of the paper, and table 3 as filled by people who follow the perception model.
-
-The model has its two numbers an effect from table 3 itself, so a replay shows what else the model
-implies: that the device gave the hands what table 2 says, how far counts of twenty people scatter,
-and nothing about people that table 3 does not say.
-"""
+"""Tables 2 and 3 of the paper, and table 3 as filled by people who follow the perception model."""
 
 from __future__ import annotations
 
@@ -31,12 +26,7 @@ TABLE_3: dict[EffectName, tuple[int, int]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """One row of table 3.
-
-    Attributes:
-        trials: how many answers were given.
-        success: how many were right.
-    """
+    """One row of table 3."""
 
     trials: int
     success: int
@@ -93,17 +83,7 @@ def study_of(table: PerceptionTable, effect: EffectName) -> Study:
 def answer(
     study: Study, ratios: FloatArray, lot: np.random.Generator, replays: int = 1
 ) -> IntArray:
-    """Answers of people who feel ln(ratio) through noise: +1 higher, 0 equal, -1 lower.
-
-    Args:
-        study: of the people's caution (criterion) and keenness (d' of the pair shown).
-        ratios: of area 2 to area 1, shape (trials, people).
-        lot: of the noise.
-        replays: how often the whole study is done.
-
-    Returns:
-        Shape (replays, trials, people).
-    """
+    """Answers of people who feel ln(ratio) through noise: +1 higher, 0 equal, -1 lower."""
     apart = study.sensitivity() * np.log(ratios) / np.log(study.ratio)
     felt = apart + lot.standard_normal((replays, *ratios.shape))
     return np.where(np.abs(felt) <= study.criterion(), 0, np.sign(felt)).astype(np.int64)

@@ -1,8 +1,4 @@
-"""The plan of each package, computed from its imports: rooms, floors, circles.
-
-A room is a file or a folder at the top of a package; its floor is the length of the longest chain
-of imports from it down. The package's own __init__ only hands on names and is not counted.
-"""
+"""The plan of each package, computed from its imports: rooms, floors, circles."""
 
 from __future__ import annotations
 
@@ -157,3 +153,12 @@ def test_every_file_that_the_plan_names_is_there() -> None:
     )
     assert len(named) > 10
     assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_the_tables_have_every_room_on_its_floor() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    for package in ("identification", "tune"):
+        (section,) = re.findall(rf"## The rooms of `{package}`\n(.*?)(?=\n## |\Z)", text, re.DOTALL)
+        rows = re.findall(r"^\| (\d+) \| (`.+?`) \|", section, re.MULTILINE)
+        told = {room: int(floor) for floor, names in rows for room in re.findall(r"`(.+?)`", names)}
+        assert told == floors(room_graph(file_graph(package)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -52,20 +51,6 @@ def test_every_named_device_is_judged_at_and_beyond_its_limit(
     name: str, gains: dict[str, float]
 ) -> None:
     _judged(name, gains)
-
-
-@pytest.mark.long
-def test_every_named_device_is_judged_on_a_dense_grid() -> None:
-    for name, gains in _each(np.geomspace(0.5, 10.0, 60).tolist()):
-        _judged(name, gains)
-    shares = (0.0, 0.5, 0.99, 1.01, 10.0)
-    filters = (None, Filters(velocity_filter_hz=30.0, acceleration_filter_hz=30.0))
-    for name in named_devices():
-        limits = _limits(name)
-        for parts in itertools.product(shares, repeat=3):
-            gains = {e: s * limits[e] for e, s in zip(EFFECTS, parts, strict=True) if s}
-            for chosen in filters if gains else ():
-                _judged(name, gains, chosen)
 
 
 @pytest.mark.parametrize(

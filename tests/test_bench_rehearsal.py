@@ -126,11 +126,7 @@ def test_modes_and_lag_are_rehearsed_too() -> None:
 def test_a_damper_switched_against_it_shakes_a_wall_beyond_its_proof_only(
     delay: int, quiet: float, loud: float
 ) -> None:
-    """A wall of so many times 1154 N/m beside a fluid of 82 N·s/m; linear it is stable beyond 15.
-
-    A gate destabilises from 5.59 with one sample of delay and from 3.41 with two; up to 4.25 and
-    2.84 it is proved that none does.
-    """
+    """A wall of so many times 1154 N/m beside a fluid of 82 N·s/m."""
     gain = np.array([quiet, loud])
     beside = Element(stiffness=1154.0 * gain, side=-1), Element(damping=82.0 * gain)
     rig = replace(HOMEREHAB, delay=delay * T, coulomb_friction=0.0)

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 
-from benchmarks.long_log import DAMPING, DELAY, MASS, long_log
-from benchmarks.other_methods import OTHERS, arriving
+from benchmarks.long_log import DAMPING, DELAY, MASS
+from benchmarks.other_methods import OTHERS
 from benchmarks.servo_peers import multiple_shooting, one_filter, output_error, srivc
 from benchmarks.servo_section import Method, servo_family
-from benchmarks.situations import DELAY as LATE
-from benchmarks.situations import SITUATIONS, TRUTH, bound_of, logs_of
 from datasets_synthetic import Rig, multisine, simulate
-from identification import Trajectory
 from identification.estimators.estimate import Model
-from tests.estimates import estimate_by
-from tests.thinned import thinned
 
 
 @pytest.mark.parametrize(
@@ -51,30 +44,6 @@ def test_without_noise_every_method_finds_the_truth(
     np.testing.assert_allclose(found, [MASS, DAMPING], rtol=tolerance)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("uneven", thinned([True, False], 1))
-def test_a_long_log_is_what_the_simulator_gives(uneven: bool) -> None:
-    log = long_log(12_000, uneven=uneven)
-    assert len(log) == 12_000
-    steps = np.diff(log.time)
-    assert bool(np.ptp(steps) > 1e-4) is uneven
-    np.testing.assert_allclose(log.force[5_000:10_000], log.force[:5_000])
-    # One period on, the device has moved as before, to the noise of two readings of 5 um.
-    again = log.position[5_000:10_000] - log.position[:5_000]
-    assert np.std(again) == pytest.approx(5e-6 * np.sqrt(2), rel=0.05)
-    found = estimate_by("least-squares", log, Model(), DELAY)
-    assert found.value("mass") == pytest.approx(MASS, rel=2e-3)
-    assert found.value("damping") == pytest.approx(DAMPING, rel=2e-2)
-
-
-def test_a_delayed_force_does_not_come_round() -> None:
-    """A force moved by whole samples: the first rows repeat the first value, none comes round."""
-    rows = np.arange(300.0)
-    log = Trajectory(time=rows * 1e-3, force=rows + 5, position=np.sin(rows / 9))
-    np.testing.assert_array_equal(arriving(log, 2e-3)[:4], [5, 5, 5, 6])
-    assert arriving(log, 2e-3)[-1] == 302
-
-
 @pytest.mark.parametrize("peer", [output_error, srivc, multiple_shooting])
 def test_peers_on_a_servo_agree_with_each_other_and_with_the_truth(peer: Method) -> None:
     """Three fits of the simulated position, of nothing in common, to a hundredth of the error."""
@@ -89,33 +58,3 @@ def test_one_filter_on_both_sides_finds_the_truth_roughly() -> None:
     family = servo_family(4_000)
     found = one_filter(family.logs([0])[0], family.truth["delay"], 10.0)
     np.testing.assert_allclose(found, [family.truth["mass"], family.truth["damping"]], rtol=1e-2)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="a process is copied and its time limited")
-def test_a_method_is_ended_after_its_time_and_keeps_its_answers() -> None:
-    from benchmarks.limited import answers
-
-    def count(turns: int) -> int:
-        return sum(range(turns))
-
-    found = answers(count, [10, 10**10], budget=0.5, least=2, longest=1.0)
-    assert found.values == (45,)
-    assert answers(count, [10**10], budget=0.5, longest=1.0).trouble == "did not finish in 1 s"
-    assert "TypeError" in answers(len, [3], budget=0.5).trouble
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("situation", SITUATIONS, ids=lambda each: each.name)
-def test_an_efficient_method_reaches_the_bound_of_the_benchmark(situation: object) -> None:
-    """Output error under white noise of readings; the innovations fit under forces."""
-    assert situation in SITUATIONS
-    chosen = SITUATIONS[SITUATIONS.index(situation)]  # type: ignore[arg-type]
-    logs = logs_of(chosen, 5_000, range(60))
-    bound = bound_of(chosen, logs[0])
-    method = "innovations" if chosen.push else "output-error"
-    found = [estimate_by(method, log, Model(coulomb=False), LATE).values[:2] for log in logs]
-    ratios = np.sqrt(np.mean((np.array(found) - TRUTH) ** 2, axis=0)) / bound
-    # 60 seeds leave each ratio open by 9 %, thrice; exact rounding tells more than white noise.
-    least = 0.5 if chosen.count else 0.73
-    assert np.all(ratios > least)
-    assert np.all(ratios < 1.27)

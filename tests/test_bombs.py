@@ -1,7 +1,4 @@
-"""A file that unfolds to much ends within 10 s of the processor and 1 GB; a long log is read.
-
-The processes that read are measured, each by the system.
-"""
+"""A file that unfolds to much ends within 10 s of the processor and 1 GB; a long log is read."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Scatter of the estimators against the Cramér–Rao bound, in clean open loop.
-
-The logs are exact event by event simulations (exact_axis.py) with white noise and rounding; the
-bound comes from finite differences of the same noise-free simulation. Neither knows the estimators.
-"""
+"""Scatter of the estimators against the Cramér–Rao bound, in clean open loop."""
 
 from __future__ import annotations
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
 
-from datasets_synthetic import bundled_path
 from identification import Device, load_device, quantity
 from tests.commands import haptune
 from tests.unlimited import UNLIMITED
@@ -160,28 +159,3 @@ def test_tune_shows_all_and_writes_the_margin_chosen() -> None:
     alone = haptune("tune", "homerehab", "scene.yaml", "--margin", "firm", "-o", "b.yaml", "--json")
     assert "candidates" not in alone.result.get("details", {})
     assert load_profile(Path("b.yaml")).digest == written.digest
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("here")
-def test_calibrate_compares_too() -> None:
-    log, hardware = (str(bundled_path(f"homerehab.{kind}")) for kind in ("csv", "hardware.yaml"))
-    ended = haptune(
-        "calibrate", log, "--hardware", hardware, "--scene", "scene.yaml",
-        "--method", "least-squares", "--candidates", "--json",
-    )  # fmt: skip
-    assert ended.code == 0
-    assert len(ended.result["details"]["candidates"]) == 3
-    assert load_profile(Path("profile.yaml")).margin.name == "balanced"
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("here")
-def test_candidates_are_drawn_beside_the_profile() -> None:
-    ended = haptune(
-        "tune", "homerehab", "scene.yaml", "--candidates", "--picture", "seen.svg", "--json"
-    )
-    assert ended.code == 0
-    assert set(ended.result["outputs"]) == {"profile.yaml", "seen.svg", "seen-candidates.svg"}
-    drawn = Path("seen-candidates.svg").read_text(encoding="utf-8")
-    assert drawn.startswith("<?xml")

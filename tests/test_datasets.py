@@ -13,12 +13,10 @@ from datasets_synthetic import (
 from datasets_synthetic.scenarios import bundle_texts
 from identification import (
     Hardware,
-    InvalidInputError,
     load_device,
     load_document,
     load_mapping,
 )
-from tests.simulated.fleet import random_devices
 from tests.thinned import thinned
 
 
@@ -40,14 +38,6 @@ def test_emps_is_the_published_model() -> None:
     assert device.force_limit is not None
     assert device.force_limit.peak == pytest.approx(35.1507 * 10)
     assert device.force_limit.source == "assumed"
-
-
-@pytest.mark.parametrize("name", ["stylus", "knob"])
-def test_illustrative_devices_say_that_nothing_was_measured(name: str) -> None:
-    device = load_device(name)
-    assert device.force_limit is not None
-    sources = {device.mass.source, device.damping.source, device.force_limit.source}
-    assert sources == {"assumed"}
 
 
 @pytest.mark.parametrize("name", thinned(SCENARIOS, 2))
@@ -84,27 +74,6 @@ def test_excitation_reaches_a_limit_and_tells_mass_from_damping(name: str) -> No
     assert 0.02 < slow < 0.98
 
 
-def test_random_devices_differ_and_stay_within_their_limits() -> None:
-    fleet = random_devices(60, 1, samples=3000)
-    rig, logs = fleet.rig, fleet.logs()
-    assert rig.batch == logs.batch == 60
-    assert rig.mass.min() < 0.2
-    assert rig.mass.max() > 5
-    assert np.all((rig.mass >= 0.05) & (rig.mass <= 20))
-    time_constant = rig.mass / rig.damping
-    assert np.all((time_constant > 0.0499) & (time_constant < 5.001))
-    assert set(rig.sample_time) == {0.0005, 0.001, 0.002}
-    np.testing.assert_array_equal(np.unique(np.rint(rig.delay / rig.sample_time)), [0, 1, 2])
-    assert 10 < np.count_nonzero(rig.coulomb_friction) < 50
-    half_range = np.ptp(logs.position, axis=1) / 2
-    assert np.all(half_range <= 0.2 + rig.encoder_resolution)
-    assert np.all(half_range >= 900 * rig.encoder_resolution)
-    assert np.all(np.abs(logs.force) <= rig.force_limit[:, None])
-    for member in range(60):
-        step = logs.trajectory(member).sample_time
-        assert step == pytest.approx(float(rig.sample_time[member]))
-
-
 def test_bundled_files_are_what_their_scenario_makes() -> None:
     texts = bundle_texts(SCENARIOS["homerehab"])
     assert sorted(texts) == ["homerehab.csv", "homerehab.hardware.yaml", "homerehab.truth.yaml"]
@@ -134,8 +103,3 @@ def test_bundled_log_is_small_exact_and_beside_its_truth() -> None:
     assert hardware.encoder_resolution.value == 6e-6
     assert hardware.force_limit is not None
     assert (hardware.force_limit.continuous, hardware.force_limit.peak) == (14.0, 28.0)
-
-
-def test_an_unknown_bundled_file_is_refused() -> None:
-    with pytest.raises(InvalidInputError, match=r"homerehab\.csv"):
-        bundled_path("../device.py")

@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from identification import Device, ForceLimit, load_device, quantity, to_mapping, to_yaml
 from tests.commands import Ended, haptune
-from tests.reference import crossings, reference_loop
-from tune import Scene, load_profile, optimise
+from tune import load_profile
 
 FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
 WALL = "elements: {wall: {stiffness: max}}\n"
@@ -72,32 +70,6 @@ def test_a_device_without_any_interval_is_certified_as_it_is() -> None:
 # The mass of the device may be anything within a decade.
 
 
-@pytest.mark.long
-def test_a_mass_known_to_a_decade_is_tuned_for_its_worst() -> None:
-    device = _device(mass=quantity(3.0, 0.95, 9.5))
-    ended = _tuned(device, BLOCK)
-    assert ended.code == 0, ended.err
-    assert haptune("check", "profile.yaml").code == 0
-    block = load_profile(Path("profile.yaml")).elements["block"]
-    box = device.simultaneous_box()
-    assert box.mass[1] > 9 * box.mass[0]
-    for mass in (*box.mass, 3.0):
-        for damping in box.damping:
-            for delay in (1, 2):
-                gains = crossings(
-                    reference_loop(
-                        damping * 1e-3 / mass,
-                        block.stiffness * 1e-6 / mass,
-                        block.damping * 1e-3 / mass,
-                        block.mass / mass,
-                        delay=delay,
-                        velocity_pole=np.exp(-2 * np.pi * 0.05),
-                        acceleration_pole=np.exp(-2 * np.pi * 0.03),
-                    )
-                )
-                assert min(float(gain.mid()) for gain in gains) > 2 * (1 - 1e-9)
-
-
 # Nothing can be played.
 
 
@@ -138,30 +110,3 @@ def test_ranges_that_are_each_possible_but_not_at_once() -> None:
 
 
 # Very many things.
-
-
-def _many(count: int) -> dict[str, dict[str, Any]]:
-    kinds: tuple[dict[str, Any], ...] = (
-        {"stiffness": "max"},
-        {"damping": 20.0},
-        {"mass": "max"},
-        {"stiffness": "max", "damping": "max"},
-    )
-    return {
-        f"thing{k}": {**kinds[k % 4], "penetration": 0.002 + 0.0001 * k, "speed": 0.1 + 0.001 * k}
-        for k in range(count)
-    }
-
-
-def _scene(elements: dict[str, dict[str, Any]]) -> Scene:
-    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
-    return Scene.model_validate({"elements": elements, "loop": loop})
-
-
-@pytest.mark.long
-def test_two_hundred_things_are_certified() -> None:
-    profile = optimise(_device(), _scene(_many(200)))
-    assert len(profile.elements) == 200
-    dropped = {note.partition(".mass dropped")[0] for note in profile.notes}
-    assert dropped == {name for name, wanted in _many(200).items() if "mass" in wanted}
-    assert set(profile.certificate.interior) == set(_many(200)) - dropped

@@ -1,9 +1,4 @@
-"""Every shell and Python block of the README and the documentation runs as printed, in order.
-
-What a reader brings along is provided here: a log of the device (``log.csv``), one of the gentle
-force (``gentle_log.csv``), and one of an element of the profile played at a reduced gain
-(``played.csv``).
-"""
+"""Every shell and Python block of the README and the documentation runs as printed, in order."""
 
 from __future__ import annotations
 

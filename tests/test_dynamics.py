@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from identification import Hardware, Identification, identified_picture, identify
-from tests.outside_logs import judged, outside_log
 from tests.simulated.catalogue.cases import Level, cases
-from tests.thinned import thinned
 
 #: Half-widths of 95 % within which an estimate of one log has to lie.
 WIDE = 2.0
@@ -63,15 +61,6 @@ def test_friction_by_load_is_not_taken_for_inertia() -> None:
     found = found_in("load-friction", "plain")
     assert "load-friction" in codes_of(found)
     assert abs(found.device.mass.value - 3.0) < 0.02
-
-
-@pytest.mark.parametrize("kind", ["lag", "mode", "load"])
-@pytest.mark.parametrize("seed", thinned(list(range(4)), 1))
-def test_logs_of_another_simulator_are_answered_rightly(kind: str, seed: int) -> None:
-    said = judged(outside_log(kind, seed))
-    assert not said.refusals
-    assert not said.wrong
-    assert {"drive-lag", "vibration-mode", "load-friction"} & set(said.codes)
 
 
 def test_the_picture_draws_gain_and_phase() -> None:

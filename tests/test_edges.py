@@ -1,7 +1,4 @@
-"""A design half a per cent beyond a condition of the certificate is refused, one within it passes.
-
-Where an edge is, others say: loops in z with 360 digits, and responses written out.
-"""
+"""A design half a per cent beyond a condition of the certificate is refused."""
 
 from __future__ import annotations
 

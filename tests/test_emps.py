@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 
 from identification import (
-    Hardware,
     Identification,
     LogColumns,
     Trajectory,
     identify,
     load_trajectory,
-    quantity,
 )
 from identification.estimators import least_squares
-from identification.estimators.estimate import Model, half_width
+from identification.estimators.estimate import Model
 from identification.estimators.least_squares import prepare
 
 LOG = Path(__file__).parents[2] / "shared/data/emps/DATA_EMPS.mat"
@@ -121,33 +119,3 @@ def test_what_hardware_does_not_say_is_missing_and_the_log_suggests_it() -> None
     assert device.force_limit.peak == pytest.approx(152.05, rel=1e-4)
     assert device.missing == ("motion", "sample_time", "encoder_resolution", "force_limit")
     assert device.logs[0].digest == log().digest
-
-
-@pytest.mark.long
-def test_a_stated_delay_of_zero_is_honoured() -> None:
-    device = identify(log(), hardware=Hardware(delay=quantity(0.0))).device
-    assert (device.delay.value, device.delay.source) == (0.0, "hardware")
-    assert device.mass.value == pytest.approx(MASS, rel=0.01)
-
-
-@pytest.mark.long
-def test_the_wrong_sign_is_noticed() -> None:
-    from identification import LogRefusedError
-
-    turned = Trajectory(time=log().time, force=-log().force, position=log().position)
-    with pytest.raises(LogRefusedError) as caught:
-        identify(turned)
-    assert "sign-flip" in {finding.code for finding in caught.value.findings}
-
-
-@pytest.mark.long
-def test_half_widths_do_not_depend_on_the_units() -> None:
-    """Gram and millimetre: the same log, the same relative answer."""
-    scaled = Trajectory(time=log().time, force=log().force * 1e6, position=log().position * 1e3)
-    estimate = identify(scaled, allow=["force-unit"]).estimates[0]
-    reference = found().estimates[0]
-    for name in ("mass", "damping"):
-        assert estimate.value(name) == pytest.approx(1e3 * reference.value(name), rel=1e-6)
-        assert half_width(estimate, name) == pytest.approx(
-            1e3 * half_width(reference, name), rel=1e-3
-        )

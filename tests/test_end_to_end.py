@@ -85,10 +85,7 @@ def _calibrate(
     corners: int = 0,
     taken: int | None = None,
 ) -> Counter[str]:
-    """Devices calibrated from their logs, scenes in turn; corners of the first boxes looked at.
-
-    Of so many devices that are drawn all are calibrated, or only the first that are ``taken``.
-    """
+    """Devices calibrated from their logs, scenes in turn; corners of the first boxes looked at."""
     tally: Counter[str] = Counter()
     fleet = random_devices(count, seed, samples=samples)
     # Force noise of a thousandth of the peak and half a count of measurement noise.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from time import process_time
 
 import numpy as np
 import pytest
@@ -83,16 +82,6 @@ def test_friction_with_stick_and_slip(coulomb: float) -> None:
     assert found.value("damping") == pytest.approx(10.0, rel=1e-2)
     assert found.value("coulomb_friction") == pytest.approx(coulomb, rel=5e-3)
     assert found.value("force_offset") == pytest.approx(-0.3, abs=5e-3)
-
-
-@pytest.mark.parametrize("method", ESTIMATORS)
-def test_estimators_are_fast(method: str) -> None:
-    """20 ms of a core, preparation included; the limit leaves room for a slow one."""
-    trajectory = noise_free(10.0, 0.0, uneven=False)
-    estimate_by(method, trajectory, Model(), 0.0)
-    start = process_time()
-    estimate_by(method, trajectory, Model(), 0.0)
-    assert process_time() - start < 0.5
 
 
 def test_the_covariance_survives_colour() -> None:

@@ -97,10 +97,7 @@ def _proofs_are_kept() -> Iterator[None]:
 
 
 def _accepted(profile: SafeProfile, *, one_in: int) -> tuple[list[str], int]:
-    """Forgeries that pass though they are not named as trusted, and how many were tried.
-
-    One in so many of those of keys that are not trusted is tried, or all forgeries of all keys.
-    """
+    """Forgeries that pass though they are not named as trusted, and how many were tried."""
     content = to_mapping(profile)
     passed: list[str] = []
     tried, chance = 0, np.random.default_rng(6)

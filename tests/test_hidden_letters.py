@@ -1,8 +1,4 @@
-"""Letters that steer a terminal or turn the direction of writing come out nowhere.
-
-They are put into every text that a document can hold, from the JSON Schemas, and into all that a
-log names; looked at are terminal, JSON, HTML, SVG and every file that is written.
-"""
+"""Letters that steer a terminal or turn the direction of writing come out nowhere."""
 
 from __future__ import annotations
 

@@ -105,24 +105,6 @@ def test_the_simultaneous_box_holds_devices_of_every_size() -> None:
     check_fleet(runs=8, seed=2)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(10))
-def test_the_simultaneous_box_holds_hundreds_of_devices(seed: int) -> None:
-    check_fleet(runs=60, seed=100 + seed)
-
-
-@pytest.mark.long
-def test_coarse_encoders_and_short_logs() -> None:
-    trajectory = homerehab(0.8, disturbance=5e-3)[0]
-    coarse = log(trajectory.force, counted(trajectory.position, 1e-4))
-    known = HARDWARE.model_copy(update={"encoder_resolution": quantity(1e-4)})
-    found = identify(coarse, hardware=known)
-    assert found.device.mass.value == pytest.approx(3.0, rel=3e-3)
-    assert found.device.damping.value == pytest.approx(10.0, rel=2e-2)
-    short = log(trajectory.force[:3000], trajectory.position[:3000])
-    assert identify(short, hardware=HARDWARE).device.damping.value == pytest.approx(10, rel=2e-2)
-
-
 @pytest.mark.parametrize("shape", thinned(["square", "chirp", "prbs", "sine"], 1))
 def test_no_usual_excitation_is_refused(shape: str) -> None:
     time = np.arange(12000) * STEP
@@ -215,15 +197,6 @@ CHANGED = given(
 @settings(max_examples=4)
 @CHANGED
 def test_units_shifts_and_direction_change_nothing(
-    force: float, length: float, time: float, shift: float, turn: float
-) -> None:
-    _nothing_changes(force, length, time, shift, turn)
-
-
-@pytest.mark.long
-@settings(max_examples=40)
-@CHANGED
-def test_units_shifts_and_direction_change_nothing_in_many_logs(
     force: float, length: float, time: float, shift: float, turn: float
 ) -> None:
     _nothing_changes(force, length, time, shift, turn)

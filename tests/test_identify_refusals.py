@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,23 +23,6 @@ from tests.axis_logs import COUNT, HARDWARE, STEP, codes, homerehab, log, refuse
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.simulated.families import FAMILIES
 from tests.thinned import thinned
-
-
-@pytest.mark.long
-def test_jitter_is_doubted_and_then_refused() -> None:
-    plain = homerehab()[0]
-    generator = np.random.default_rng(7)
-    for share, severity in ((0.015, "warning"), (0.1, "refusal")):
-        stamps = plain.time + share * STEP * generator.uniform(-1.3, 1.3, len(plain)) / 1.06
-        shaken = replace(plain, time=stamps)
-        if severity == "refusal":
-            assert refused(shaken, hardware=HARDWARE) == {"jitter"}
-            allowed = identify(shaken, hardware=HARDWARE, allow=["jitter"])
-            assert allowed.device.logs[0].allowed == ("jitter",)
-            assert codes(allowed) == {"jitter"}
-            assert all(finding.severity == "warning" for finding in allowed.findings)
-        else:
-            assert codes(identify(shaken, hardware=HARDWARE)) == {"jitter"}
 
 
 def test_alternating_steps_are_taken_as_they_are() -> None:
@@ -85,37 +67,6 @@ def test_a_force_of_the_wrong_sign() -> None:
     assert "sign-flip" in refused(turned, hardware=HARDWARE)
     # A negative mass is no device, whatever is allowed.
     assert "sign-flip" in refused(turned, hardware=HARDWARE, allow=CODES)
-
-
-@pytest.mark.long
-def test_a_hand_against_a_virtual_damper_shows_the_controller() -> None:
-    """F = -K·q - B·q̇ fits perfectly with damping -B."""
-    time = np.arange(12000) * STEP
-    place = counted(0.05 * np.sin(5 * time) + 0.03 * np.sin(11 * time), COUNT)
-    velocity = np.diff(place, prepend=place[0]) / STEP
-    assert "controller-identified" in refused(log(-300 * place - 20 * velocity, place))
-
-
-@pytest.mark.long
-def test_a_slow_log_does_not_tell_the_mass() -> None:
-    time = np.arange(20000) * STEP
-    axis = Axis(mass=0.005, damping=10.0)
-    force = (2 * np.sin(0.7 * time))[:, None]
-    push = 0.05 * np.random.default_rng(8).standard_normal(force.shape)
-    place = counted(positions(axis, force, disturbance=push), 1e-4)[:, 0]
-    hardware = Hardware(delay=quantity(0.0))
-    assert "not-exciting-mass" in refused(log(force[:, 0], place), hardware=hardware)
-
-
-@pytest.mark.long
-def test_a_fast_log_does_not_tell_the_damping() -> None:
-    time = np.arange(20000) * STEP
-    axis = Axis(mass=3.0, damping=1.0)
-    force = (12 * np.sin(130 * time))[:, None]
-    push = 3.0 * np.random.default_rng(9).standard_normal(force.shape)
-    place = counted(positions(axis, force, disturbance=push), COUNT)[:, 0]
-    found = refused(log(force[:, 0], place), hardware=Hardware(delay=quantity(STEP * 0, 0.0, 2e-3)))
-    assert found == {"not-exciting-damping"}
 
 
 def test_a_device_without_damping_is_not_refused() -> None:

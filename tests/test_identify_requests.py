@@ -44,23 +44,6 @@ def test_delay_stated_assumed_or_read(samples: float) -> None:
     assert "delay" not in stated.findings[0].seen
 
 
-@pytest.mark.long
-def test_doubt_about_the_delay_widens_the_damping() -> None:
-    """A delay of d reads as -m·ω²·d of damping."""
-    trajectory = homerehab()[0]
-    late = Hardware(delay=quantity(1.5 * STEP))
-    wide = Hardware(delay=quantity(STEP, 0.5 * STEP, 1.5 * STEP))
-    for method in ("least-squares", "output-error"):
-        right = identify(trajectory, hardware=HARDWARE, method=method).device.damping
-        wrong = identify(trajectory, hardware=late, method=method).device.damping
-        doubted = identify(trajectory, hardware=wide, method=method).device.damping
-        assert doubted.low <= 10 <= doubted.high
-        # The doubt is carried on by the slope at the value stated.
-        assert (doubted.high - doubted.low) / 2 > 0.8 * abs(wrong.value - right.value)
-        # Output error leans on slow motion, where a delay hardly matters.
-        assert method == "output-error" or not wrong.low <= 10 <= wrong.high
-
-
 def test_hardware_is_kept_and_what_it_leaves_open_is_read() -> None:
     trajectory = homerehab()[0]
     device = identify(trajectory, hardware=HARDWARE).device

@@ -46,20 +46,6 @@ def _files(package: str) -> list[Path]:
     return files
 
 
-def _modules(package: str) -> dict[str, set[str]]:
-    """Every module of a package by its dotted name, with those of the package it imports."""
-    paths = {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
-        for path in _files(package)
-    }
-    found: dict[str, set[str]] = {}
-    for module, path in paths.items():
-        named = set(_imports(path))
-        named |= {name.rpartition(".")[0] for name in named}
-        found[module] = (named & paths.keys()) - {module}
-    return found
-
-
 def _ours(path: Path) -> set[str]:
     return {name for name in _imports(path) if name.split(".")[0] in PACKAGES}
 
@@ -96,44 +82,6 @@ def test_the_simulator_shares_no_algebra(path: Path) -> None:
     }
     outside = {n for n in _ours(path) if not n.startswith("datasets_synthetic")}
     assert outside <= allowed
-
-
-@pytest.mark.parametrize("path", _files("tests/simulated"), ids=str)
-def test_what_plays_the_simulator_in_tests_takes_nothing_else_of_them(path: Path) -> None:
-    found = {name for name in _imports(path) if name.startswith(("tests.", "benchmarks."))}
-    assert all(name.startswith(("tests.simulated.", "tests.outside_axis")) for name in found)
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_nothing_that_is_installed_imports_tests_or_benchmarks(package: str) -> None:
-    for path in _files(package):
-        for name in _imports(path):
-            assert name.split(".")[0] not in {"tests", "benchmarks"}, f"{path} imports {name}"
-
-
-def test_no_module_of_the_simulator_is_for_tests_alone() -> None:
-    """The commands need every file of it that is installed."""
-    import datasets_synthetic
-
-    names = _modules("datasets_synthetic")
-    used = {name for path in _files("tune") for name in _ours(path)}
-    used = {name.partition(".")[2] for name in used if name.startswith("datasets_synthetic.")}
-    waiting: set[str] = {getattr(datasets_synthetic, name).__module__ for name in used}
-    reached: set[str] = set()
-    while waiting:
-        reached |= waiting
-        waiting = set().union(*(names[name] for name in waiting)) - reached
-    assert reached == names.keys() - {"datasets_synthetic"}
-
-
-@pytest.mark.parametrize("package", ["datasets_synthetic", "tests/simulated"])
-def test_the_simulator_has_no_circle(package: str) -> None:
-    left = {name: set(needed) for name, needed in _modules(package).items()}
-    left.pop("datasets_synthetic", None)  # loads the others when a name of them is used
-    while left:
-        free = {name for name, needed in left.items() if not needed & left.keys()}
-        assert free, f"circle among {sorted(left)}"
-        left = {name: needed for name, needed in left.items() if name not in free}
 
 
 @pytest.mark.parametrize("path", _files("tune/certificate"), ids=str)

@@ -65,12 +65,7 @@ def one_step(
     acceleration: float | None,
     length: float = 1.0,
 ) -> FloatArray:
-    """The loop's states after one step of so many sample times, by playing it from unit states.
-
-    States are the position and speed, the commands on their way, the last reading, the filtered
-    velocity, the last difference, and the two stages of the filtered acceleration. Positions are
-    taken from that at the beginning of the step.
-    """
+    """The loop's states after one step of so many sample times, by playing it from unit states."""
     K, B, M = values
     rate, time = damping / mass, length * T
     poles = [math.exp(-2 * math.pi * f * T) if f else 0.0 for f in (velocity, acceleration)]
@@ -164,10 +159,7 @@ def _tuned(**fade: float) -> float:
 
 
 def _pumped(seconds: float) -> float:
-    """Largest growth of a period in which a hand waits out of the mass, and then in it.
-
-    At twice the gain, one sample late, over all waits up to a swing of either.
-    """
+    """Largest growth of a period in which a hand waits out of the mass, and then in it."""
     steps = [one_step(3.0, 10.0, 1, (2 * SOFT, 0.0, 2 * HEAVY * at), None, 5.0) for at in LEVELS]
     samples = round(seconds * 1e3 / (LEVELS.size - 1))
     rise = fall = np.eye(len(steps[0]))

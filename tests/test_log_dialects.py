@@ -1,7 +1,4 @@
-"""Logs as loggers and spreadsheets write them give what the plain CSV gives, and say how.
-
-Every file is written here from the numbers of the plain log, by formatting them otherwise.
-"""
+"""Logs as loggers and spreadsheets write them give what the plain CSV gives, and say how."""
 
 from __future__ import annotations
 

@@ -2,38 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from identification import Trajectory, examine, identify
-from tests.mutations import peak_bytes
 
 MASS, DAMPING, STEP = 3.0, 10.0, 1e-3
-
-#: Run by itself, so that the memory is its own: doctor on the log, numpy.load of the same data.
-_MEASURED = """
-import json, sys, time
-import numpy as np
-from tests.commands import haptune
-from tests.mutations import peak_bytes
-
-started = time.process_time()
-with np.load("log.npz") as stored:
-    columns = [stored[name] for name in stored.files]
-loaded = time.process_time() - started
-del columns
-started = time.process_time()
-ended = haptune("doctor", "log.npz", "--json")
-print(json.dumps({"loaded": loaded, "examined": time.process_time() - started,
-                  "peak": peak_bytes(), "code": ended.code, "said": ended.err}))
-"""
 
 
 def _log(rows: int, *, still: slice = slice(0)) -> dict[str, Any]:
@@ -85,26 +61,3 @@ def test_columns_that_nobody_can_change_are_not_copied() -> None:
     assert log.position is not columns["position"]
     columns["position"][0] = 7.0
     assert log.position[0] != 7.0
-
-
-@pytest.mark.long
-def test_doctor_on_ten_million_rows(tmp_path: Path) -> None:
-    if not peak_bytes():
-        pytest.skip("the system does not tell the memory of a process")
-    np.savez(tmp_path / "log.npz", **_log(10_000_000))
-    ended = subprocess.run(
-        [sys.executable, "-c", _MEASURED],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-        env=_environment(),
-    )
-    measured = json.loads(ended.stdout)
-    assert measured["code"] == 0, measured
-    assert measured["peak"] < 1_000_000_000
-    assert measured["examined"] < 100 * measured["loaded"]
-
-
-def _environment() -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}

@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import named_rig
-from identification import ExcitationSpec, load_device, load_document
+from identification import load_device
 from tests.commands import haptune
 from tests.guard import FLAGS
 from tests.player import Play, compiler, play_in_c, play_in_python
 from tests.stepped_device import Fault, SteppedDevice
-from tune import load_profile
 
 STEP = 1e-3
 #: Forces of a push and a pull that fade in and out, N: 0.08 m and 0.4 m/s on a device of 3 kg.
@@ -89,35 +88,6 @@ def test_a_plan_that_is_played_and_logged_tells_mass_and_damping(
     ended = haptune("identify", "c.csv", "--hardware", "hardware.yaml")
     assert ended.code == 0, ended.err
     device = load_device("device.yaml")
-    assert device.mass.low <= float(rig.mass[0]) <= device.mass.high
-    assert device.damping.low <= float(rig.damping[0]) <= device.damping.high
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["homerehab", "knob", "stylus"])
-def test_from_a_plan_to_a_profile_on_three_devices(
-    players: dict[str, Play], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    """The templates as they are; the log goes through calibrate without an option of its own."""
-    monkeypatch.chdir(tmp_path)
-    assert haptune("new", "excitation", "--device", name).code == 0
-    assert haptune("excite", "excitation.yaml", "-o", "force.csv").code == 0
-    assert haptune("new", "hardware", "--device", name).code == 0
-    Path("scene.yaml").write_text("elements:\n  oil:\n    damping: max\n", encoding="utf-8")
-    rig, spec = named_rig(name), load_document(ExcitationSpec, "excitation.yaml")
-    assert spec.travel is not None
-    limits = {"force": spec.force, "travel": spec.travel, "speed": 100.0}
-    log, end = players["python"](SteppedDevice(rig), Path("force.csv"), limits)
-    assert end == "played to the end"
-    rows = rows_of(log)
-    assert np.abs(rows[:, 1]).max() <= spec.force
-    assert np.abs(rows[:, 2] - rows[0, 2]).max() <= spec.travel
-    Path("played.csv").write_text(log, encoding="utf-8")
-    ended = haptune(
-        "calibrate", "played.csv", "--hardware", "hardware.yaml", "--scene", "scene.yaml"
-    )
-    assert ended.code == 0, ended.err
-    device = load_profile("profile.yaml").device
     assert device.mass.low <= float(rig.mass[0]) <= device.mass.high
     assert device.damping.low <= float(rig.damping[0]) <= device.damping.high
 

@@ -60,16 +60,6 @@ def test_every_sixth_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -
     assert guarded > (300 if rich else 200)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("rich", [False, True])
-def test_every_digit_changed_to_every_other_is_noticed(tmp_path: Path, rich: bool) -> None:
-    def all_others(digit: str) -> str:
-        return "0123456789".replace(digit, "")
-
-    text = _profile(rich=rich).to_yaml()
-    _digits_are_guarded(text, tmp_path / "profile.yaml", all_others, every=1)
-
-
 @pytest.mark.parametrize(
     "pattern",
     thinned(

@@ -153,11 +153,7 @@ def _bounce(
     one_sided: bool,
     samples: float,
 ) -> float:
-    """Speed out over speed in of a rigid device, sample by sample, its motion in closed form.
-
-    The law passes zero ``phase`` of a step before a reading, B/K before the face; the speed out is
-    that with which free motion would have left that place.
-    """
+    """Speed out over speed in of a rigid device, sample by sample, its motion in closed form."""
     (K, B, cutoff), T = wall, device.sample_time.value
     m, b = device.mass.value, device.damping.value
     whole, rate = round(samples), b / m

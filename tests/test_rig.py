@@ -18,11 +18,7 @@ def test_constant_force_matches_the_closed_form() -> None:
 
 
 def test_sine_matches_the_closed_form() -> None:
-    """m·q̈ + b·q̇ = A·sin(ωt) from rest.
-
-    Held from the middle of each step h the force differs from the sine in the order h², which two
-    runs, h and h/2, extrapolate away.
-    """
+    """m·q̈ + b·q̇ = A·sin(ωt) from rest."""
     omega, amplitude = 2 * np.pi * 2.0, 6.0
 
     def held(step: float) -> FloatArray:

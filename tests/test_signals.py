@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
 import signal
 import subprocess
 import sys
@@ -19,18 +18,6 @@ from tests.thinned import thinned
 from tune.cli.session import Session, run_command
 
 pytestmark = needs_posix
-
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-
-#: Commands that begin, read, think, print and write in different measure.
-_COMMANDS = (
-    "--help",
-    "new hardware -o new.yaml --json",
-    "tune homerehab scene.yaml",
-    "audit homerehab --stiffness 500 --json",
-    "simulate knob -o other.csv --json",
-    "doctor log.csv",
-)
 
 
 @pytest.fixture(autouse=True)
@@ -81,13 +68,6 @@ def _ended_in_order(arguments: str, name: str, delay: float) -> None:
 )
 def test_a_signal_ends_a_command_in_order(arguments: str, name: str, delay: float) -> None:
     _ended_in_order(arguments, name, delay)
-
-
-@pytest.mark.long
-def test_a_hundred_signals_in_the_first_second() -> None:
-    rng = random.Random(12)  # noqa: S311
-    for _ in range(100):
-        _ended_in_order(rng.choice(_COMMANDS), rng.choice(_SIGNALS), rng.random())
 
 
 #: Puts a signal in the middle of writing: the disk takes its time, and the signal comes meanwhile.

@@ -72,11 +72,6 @@ def test_a_backup_outlives_killed_writers() -> None:
     _kill(8, seed=1)
 
 
-@pytest.mark.long
-def test_a_backup_outlives_two_hundred_kills() -> None:
-    _kill(200, seed=2)
-
-
 @pytest.mark.parametrize("step", ["os.link", "pathlib.Path.replace"])
 def test_an_interruption_at_any_step_leaves_everything_readable(
     step: str, monkeypatch: pytest.MonkeyPatch

@@ -12,10 +12,7 @@ from tune.documents.profile import SafeProfile
 def safe_gain(
     profile: SafeProfile, moment: tuple[str, ...], device: tuple[float, float, float], delay: int
 ) -> float:
-    """The first gain at which the moment is unstable on a device (m, b, T); inf if none is.
-
-    0 where it is unstable at gains near nothing.
-    """
+    """The first gain at which the moment is unstable on a device (m, b, T); inf if none is."""
     m, b, T = device
     loop_ = profile.loop
     poles = [

@@ -22,10 +22,6 @@ T = 0.001
 SUBSTEPS = 8
 COUNT = 6e-6
 PEAK = 28.0
-#: Kinds of friction outside the model, and how large each is: rms over the rms of the force, about.
-KINDS: tuple[Kind, ...] = (
-    "quadratic", "cubic", "stribeck", "place", "cogging", "cable", "presliding",
-)  # fmt: skip
 SHARES = {"weak": 0.03, "middle": 0.08, "strong": 0.25}
 #: rms force and speed of the motions below, from which strengths are made; N, m/s, m.
 _FORCE, _SPEED, _TRAVEL = 3.6, 0.12, 0.08

@@ -51,7 +51,7 @@ def test_the_simulated_device_keeps_the_limits_and_comes_back_to_rest(name: str)
 
 
 def sweeps(plan: ExcitationSpec) -> Array:
-    """Ten swept sines, each from two phases, at the same limits and with the same ramps, (20."""
+    """Ten swept sines, each from two phases, at the same limits and with the same ramps."""
     time = np.arange(plan.samples) * plan.sample_time
     nearer = np.minimum(time, plan.duration - time) / plan.ramp
     fade = np.sin(np.pi / 2 * np.minimum(nearer, 1.0)) ** 2

@@ -1,26 +1,90 @@
-"""Files and options as chance and malice leave them: each from a seed, each always the same.
-
-As a program: ``python -m tests.mutations KIND FIRST LAST`` runs the cases of some seeds in the
-current folder, in this process, and prints a line of JSON for each; a case that ends the process
-is the one after the last line.
-"""
+"""Files and options as chance and malice leave them: each from a seed, each always the same."""
 
 from __future__ import annotations
 
-import json
 import shutil
-import sys
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from datasets_synthetic import bundled_path, log_text
+from identification import load_trajectory
 from tests.commands import haptune
-from tests.mutated_tables import TABLE_MUTATIONS, WRITERS, csv, motion
-from tests.mutated_text import BYTE_MUTATIONS, TEXT_MUTATIONS, one_of
+
+#: What stands in place of a number or a name.
+SCALARS = (
+    *("", "~", "null", "true", "no", ".nan", ".inf", "-.inf", "nan", "0", "-0.0", "1", "-1", "2.5"),
+    *("1e-300", "1e-12", "1e-9", "1e-6", "1e6", "1e9", "1e12", "1e300", "1e308", "-1e308", "1e999"),
+    *("9" * 30, "0x1F", "0o17", "1_000", "1:30:00", "2024-01-01", "'0.001'", '"\\0"', "'ü ☃'"),
+    *("[]", "{}", "[1, 2]", "{value: 1, low: 2, high: 0}", "{value: 1, low: 0.5, high: 2}"),
+    *("{min: 1, max: 2}", "max", "min", "free", "none", "linear", "rotary", "x" * 300, "!!str 3"),
+    *("&a 1", "*a", "|\n  text", "? 1", "- 1", "#", "@", "`", "%", "%A", "{", "]", ":", "\t"),
+)
+
+
+def one_of(rng: np.random.Generator, choices: Any) -> Any:
+    """One of several, by chance."""
+    return choices[int(rng.integers(len(choices)))]
+
+
+def _flipped(content: bytes, rng: np.random.Generator) -> bytes:
+    changed = bytearray(content or b"?")
+    for place in rng.integers(0, len(changed), int(rng.integers(1, 5))):
+        changed[place] = int(rng.integers(256))
+    return bytes(changed)
+
+
+def _cut(content: bytes, rng: np.random.Generator) -> bytes:
+    return content[: int(rng.integers(0, len(content) + 1))]
+
+
+def _doubled(content: bytes, rng: np.random.Generator) -> bytes:
+    first, last = sorted(int(each) for each in rng.integers(0, len(content) + 1, 2))
+    return content[:last] + content[first:]
+
+
+def _lines(change: Callable[[list[bytes], int, np.random.Generator], None]) -> Any:
+    def changed(content: bytes, rng: np.random.Generator) -> bytes:
+        lines = content.split(b"\n")
+        change(lines, int(rng.integers(len(lines))), rng)
+        return b"\n".join(lines)
+
+    return changed
+
+
+def _gone(lines: list[bytes], place: int, rng: np.random.Generator) -> None:
+    del lines[place]
+
+
+def _again(lines: list[bytes], place: int, rng: np.random.Generator) -> None:
+    lines.insert(int(rng.integers(len(lines) + 1)), lines[place])
+
+
+def _indented(lines: list[bytes], place: int, rng: np.random.Generator) -> None:
+    lines[place] = b" " * int(rng.integers(1, 4)) + lines[place]
+
+
+def _another_value(lines: list[bytes], place: int, rng: np.random.Generator) -> None:
+    """A word of the line becomes a hostile one."""
+    line = lines[place].decode("utf-8", "replace")
+    marks = [i for i, letter in enumerate(line) if letter in " ,:{}[]"]
+    first = one_of(rng, marks) + 1 if marks else 0
+    ends = [mark for mark in marks if mark > first]
+    last = ends[0] if ends and rng.random() < 0.7 else len(line)
+    lines[place] = (line[:first] + " " + one_of(rng, SCALARS) + line[last:]).encode()
+
+
+BYTE_MUTATIONS: Any = (_flipped, _cut, _doubled)
+TEXT_MUTATIONS: Any = (
+    *BYTE_MUTATIONS,
+    *(_lines(change) for change in (_gone, _again, _indented, *[_another_value] * 6)),
+)
+
 
 #: What stands in place of the value of an option.
 VALUES = (
@@ -157,7 +221,8 @@ def prepare() -> None:
     """
     for name, text in (*DOCUMENTS.items(), ("fluid", _FLUID)):
         Path(f"{name}.yaml").write_text(text, encoding="utf-8")
-    Path("log.csv").write_bytes(csv(motion(1000, np.random.default_rng(0))))
+    log = load_trajectory(bundled_path("homerehab.csv")).part(slice(0, 1000))
+    Path("log.csv").write_text(log_text(log), encoding="utf-8")
     made = haptune("tune", "device.yaml", "fluid.yaml", "-o", "profile.yaml", "--quiet")
     assert made.code == 0, made.err
     Path("good").mkdir()
@@ -179,20 +244,13 @@ def run_yaml(seed: int) -> Outcome:
 
 
 def run_log(seed: int) -> Outcome:
-    """A command on a log of any format with values, columns or bytes changed."""
+    """A command on a table of text with a few places changed."""
     rng = np.random.default_rng((2, seed))
-    table = motion(int(rng.choice([150, 200, 400, 2000])), rng)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what the table is made of
-        for _ in range(int(rng.integers(0, 3))):
-            one_of(rng, TABLE_MUTATIONS)(table, rng)
-        ending = one_of(rng, tuple(WRITERS))
-        content = WRITERS[ending](table)
-    for _ in range(int(rng.choice([0, 1, 3]))):
-        mutations = TEXT_MUTATIONS if ending == "csv" else BYTE_MUTATIONS
-        content = one_of(rng, mutations)(content, rng)
-    Path(f"hostile.{ending}").write_bytes(content)
-    return ended((*one_of(rng, READERS["log"]), f"hostile.{ending}"))
+    content = Path("log.csv").read_bytes()
+    for _ in range(int(rng.integers(1, 4))):
+        content = one_of(rng, TEXT_MUTATIONS)(content, rng)
+    Path("hostile.csv").write_bytes(content)
+    return ended((*one_of(rng, READERS["log"]), "hostile.csv"))
 
 
 def run_options(seed: int) -> Outcome:
@@ -248,27 +306,3 @@ def fault(outcome: Outcome) -> str:
     if outcome.code and not outcome.said.strip():
         return "nothing was said"
     return "an internal error" if "internal error" in outcome.said else ""
-
-
-def peak_bytes() -> int:
-    """Largest memory that this process has held; 0 where the system does not tell."""
-    try:
-        import resource
-    except ImportError:
-        return 0
-    unit = 1 if sys.platform == "darwin" else 1024
-    return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-def main() -> None:
-    """Run some cases as a program."""
-    kind, first, last = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-    prepare()
-    for seed in range(first, last):
-        outcome = KINDS[kind](seed)
-        print(json.dumps({"seed": seed, "fault": fault(outcome)} | asdict(outcome)), flush=True)
-    print(json.dumps({"peak": peak_bytes()}), flush=True)
-
-
-if __name__ == "__main__":
-    main()

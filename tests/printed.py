@@ -53,11 +53,6 @@ def equation_4(s: Setting, z: Number) -> Number:
     return 1 + s.K * held_plant(s, z)
 
 
-def equation_5(s: Setting, z: Number) -> Number:
-    e = mpmath.exp(-equation_2(s))
-    return (z - 1) * (z - e) * s.b**2 / s.m + s.K * _held(s, z)
-
-
 def equation_6(s: Setting) -> Number:
     """Upper limit of K."""
     e = mpmath.exp(equation_2(s))
@@ -74,11 +69,6 @@ def equation_11_as_printed(s: Setting, z: Number) -> Number:
     """(11) as the text at hand has it: dividing by a z - 1 that the difference cancels."""
     e = mpmath.exp(-equation_2(s))
     return 1 + s.B * _held(s, z) / (s.T * z * (z - 1) * (z - e) * s.b**2 / s.m)
-
-
-def equation_12(s: Setting, z: Number) -> Number:
-    e = mpmath.exp(-equation_2(s))
-    return s.T * z * (z - e) * s.b**2 / s.m + s.B * _held(s, z)
 
 
 def equation_13(s: Setting) -> Number:
@@ -102,11 +92,6 @@ def equation_17_as_printed(s: Setting, z: Number) -> Number:
     return 1 + s.M * above / (s.T**2 * z**2 * (z - 1) * (z - e) * s.b**2 / s.m)
 
 
-def equation_18(s: Setting, z: Number) -> Number:
-    e = mpmath.exp(-equation_2(s))
-    return s.T**2 * z**2 * (z - e) * s.b**2 / s.m + s.M * (z - 1) * _held(s, z)
-
-
 def equation_19(s: Setting) -> Number:
     """Positive where stable."""
     e, x = mpmath.exp(equation_2(s)), mpmath.expm1(equation_2(s))
@@ -118,12 +103,6 @@ def equation_19(s: Setting) -> Number:
 def equation_23(s: Setting, z: Number) -> Number:
     """Spring and damper."""
     return 1 + (s.K + s.B * (z - 1) / (s.T * z)) * held_plant(s, z)
-
-
-def equation_24(s: Setting, z: Number) -> Number:
-    e = mpmath.exp(-equation_2(s))
-    free = s.T * z * (z - 1) * (z - e) * s.b**2 / s.m
-    return free + ((s.K * s.T + s.B) * z - s.B) * _held(s, z)
 
 
 def equation_25(s: Setting) -> Number:
@@ -141,12 +120,6 @@ def equation_26(s: Setting, z: Number) -> Number:
     return 1 + law * held_plant(s, z)
 
 
-def equation_27(s: Setting, z: Number) -> Number:
-    e = mpmath.exp(-equation_2(s))
-    free = s.T**2 * z**2 * (z - e) * s.b**2 / s.m
-    return free + ((s.B * s.T + s.M) * z - s.M) * _held(s, z)
-
-
 def equation_28(s: Setting) -> Number:
     """Upper limit of B beside M."""
     e, x = mpmath.exp(equation_2(s)), mpmath.expm1(equation_2(s))
@@ -159,12 +132,6 @@ def equation_28(s: Setting) -> Number:
 def equation_29(s: Setting, z: Number) -> Number:
     """Spring and mass."""
     return 1 + (s.K + s.M * (z - 1) ** 2 / (s.T**2 * z**2)) * held_plant(s, z)
-
-
-def equation_30(s: Setting, z: Number) -> Number:
-    e = mpmath.exp(-equation_2(s))
-    free = s.T**2 * z**2 * (z - 1) * (z - e) * s.b**2 / s.m
-    return free + (s.K * s.T**2 * z**2 + s.M * (z - 1) ** 2) * _held(s, z)
 
 
 def equations_31_to_35(s: Setting) -> tuple[Number, ...]:
@@ -225,16 +192,3 @@ def _last_condition(c0: Number, c1: Number, c2: Number, c3: Number, c4: Number) 
 
 
 Characteristic = Callable[[Setting, Number], Number]
-#: Fraction and polynomial of each combination, with the denominator that was cleared.
-FRACTION_AND_POLYNOMIAL: dict[str, tuple[Characteristic, Characteristic, Characteristic]] = {
-    "(4), (5)": (equation_4, equation_5, lambda s, z: (z - 1) * _pole(s, z)),
-    "(11), (12)": (equation_11, equation_12, lambda s, z: s.T * z * _pole(s, z)),
-    "(17), (18)": (equation_17, equation_18, lambda s, z: s.T**2 * z**2 * _pole(s, z)),
-    "(23), (24)": (equation_23, equation_24, lambda s, z: s.T * z * (z - 1) * _pole(s, z)),
-    "(26), (27)": (equation_26, equation_27, lambda s, z: s.T**2 * z**2 * _pole(s, z)),
-    "(29), (30)": (equation_29, equation_30, lambda s, z: s.T**2 * z**2 * (z - 1) * _pole(s, z)),
-}
-
-
-def _pole(s: Setting, z: Number) -> Number:
-    return (z - mpmath.exp(-equation_2(s))) * s.b**2 / s.m

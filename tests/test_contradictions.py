@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import ast
-from collections import defaultdict
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-import identification
 from identification import InvalidInputError, parse_document
-from identification.device.device import REFUSING, Device
-from identification.device.hardware import Hardware
+from identification.device.device import Device
 from tests.bare_device import BARE
 
 LOG: dict[str, Any] = {
@@ -106,21 +101,3 @@ def test_what_agrees_is_read() -> None:
     # What a log suggests of the actuator is a hint, and no limit.
     hint = {"continuous": 1.0, "peak": 1.0, "source": "log"}
     parse_document(Device, KNOWN | {"force_offset": 27.0, "force_limit": hint}, "device.yaml")
-
-
-def test_a_count_of_nothing_is_no_hardware() -> None:
-    with pytest.raises(InvalidInputError, match="1e-15 or more over its interval, not 1e-300"):
-        parse_document(Hardware, {"encoder_resolution": 1e-300}, "hardware.yaml")
-
-
-def test_findings_that_always_refuse_are_those_that_never_warn() -> None:
-    """As the findings are written; what a log itself is refused for has no device."""
-    severities: defaultdict[str, set[str]] = defaultdict(set)
-    for path in Path(identification.__path__[0]).rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Call):
-                stated = {each.arg: each.value for each in node.keywords}
-                code = stated.get("code")
-                if "severity" in stated and isinstance(code, ast.Constant):
-                    severities[str(code.value)].add(ast.unparse(stated["severity"]))
-    assert {code for code, each in severities.items() if each == {"'refusal'"}} == REFUSING

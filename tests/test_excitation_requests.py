@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from datasets_synthetic import simulate
 from identification import (
     InvalidInputError,
     force_text,
@@ -17,7 +16,7 @@ from identification import (
     plan_excitation,
 )
 from tests.commands import files, form, haptune
-from tests.excitation_plans import LIMITS, STEP, planned, rig_of, spec
+from tests.excitation_plans import LIMITS, STEP, planned, spec
 
 
 def test_the_same_limits_give_the_same_force() -> None:
@@ -66,35 +65,6 @@ def test_drift_that_no_force_can_prevent_is_a_sentence() -> None:
         plan_excitation(spec(force_offset={"value": 0.0, "low": -1.0, "high": 1.0}))
     assert "some device within the guesses moves" in str(caught.value)
     assert "narrow the ranges of coulomb_friction and force_offset" in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"damping": 0.0},
-        pytest.param({"speed": None}, marks=pytest.mark.long),
-        pytest.param({"ramp": 0.0}, marks=pytest.mark.long),
-        pytest.param({"duration": 0.2, "ramp": 0.05}, marks=pytest.mark.long),
-        pytest.param({"damping": 3000.0}, marks=pytest.mark.long),
-        pytest.param({"travel": 1e-4}, marks=pytest.mark.long),
-        pytest.param({"travel": 100.0}, marks=pytest.mark.long),
-        {"delay": "unknown"},
-        pytest.param({"force_noise": 0.1}, marks=pytest.mark.long),
-    ],
-    ids=str,
-)
-def test_unusual_devices_are_planned_for(change: dict[str, Any]) -> None:
-    given: dict[str, Any] = {"duration": 1.2} | change
-    plan = plan_excitation(spec(**given))
-    limits = plan.spec
-    force = plan.best.force
-    assert np.all(np.isfinite(force))
-    assert 0 < plan.mass < np.inf
-    assert 0 < plan.damping < np.inf
-    position = simulate(rig_of(limits), force).position[0]
-    assert np.max(np.abs(position)) <= limits.travel
-    assert np.max(np.abs(force)) <= limits.force
-    assert plan.best.used.most > 0.95
 
 
 @pytest.fixture

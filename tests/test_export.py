@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from identification import InvalidInputError, UnstatedError
-from tests.entered_scenes import made
 from tests.exported import FADE, LOOPS, changed, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
-from tune.documents.profile import AbsoluteStability, Channel, Multiplier, Tap
 from tune.exporters import TARGETS, Target, export
 from tune.exporters.law import identifiers
 
@@ -68,52 +65,6 @@ def _ros2(text: str) -> dict[str, Any]:
     assert list(content) == ["haptune"]
     assert list(content["haptune"]) == ["ros__parameters"]
     return content["haptune"]["ros__parameters"]
-
-
-def _leaves(content: Any) -> Iterator[Any]:
-    if isinstance(content, dict):
-        for item in content.values():
-            yield from _leaves(item)
-    else:
-        yield content
-
-
-@pytest.mark.parametrize("name", LOOPS)
-def test_ros2_parameters_are_what_they_seem(name: str) -> None:
-    profile = changed(**LOOPS[name])
-    tiny = profile.elements["cup"].model_copy(update={"mass": 1e-5, "damping": -2e22})
-    profile = profile.model_copy(update={"elements": {**profile.elements, "cup": tiny}})
-    text = export(profile, "ros2")["haptune_params.yaml"]
-    parameters = _ros2(text)
-    for leaf in _leaves(parameters):
-        assert type(leaf) in {bool, int, float, str, list}
-        if isinstance(leaf, list):
-            assert leaf
-            assert {type(item) for item in leaf} == {str}  # pyright: ignore[reportUnknownVariableType]
-    # ROS 2 reads plain scalars by strtol, strtod and a list of words: no text may stay plain.
-    for line in text.splitlines():
-        value = line.partition(": ")[2]
-        if value and not line.startswith("#"):
-            assert re.fullmatch(
-                r'"[^"]*"|\[("[^"]*"(, )?)+\]|\d+|-?\d+\.\d+(e[+-]\d+)?|true|false', value
-            )
-    for element, stored in parameters["elements"].items():
-        told = profile.elements[element]
-        assert stored == {
-            "name": element,
-            "stiffness": told.stiffness,
-            "damping": told.damping,
-            "mass": told.mass,
-            "one_sided": False,
-            "force_level": told.force_level,
-            "speed": 0.2,
-            "fade_time": FADE if element == "cup" else 0.0,
-        }
-        assert all(type(stored[effect]) is float for effect in ("stiffness", "damping", "mass"))
-    assert parameters["digest"] == profile.digest
-    assert parameters["sample_time"] == 0.001
-    assert parameters["force_limit"] == {"continuous": 14.0, "peak": 28.0}
-    assert parameters["together"] == {"group_1": ["wall", "cup"]}
 
 
 @pytest.mark.parametrize("name", LOOPS)
@@ -250,39 +201,6 @@ def test_a_limit_that_nobody_stated_is_not_exported(target: Target) -> None:
     with pytest.raises(UnstatedError, match="force_limit") as caught:
         export(tuned().model_copy(update={"device": device}), target)
     assert [fact.key for fact in caught.value.missing] == ["force_limit"]
-
-
-def test_taps_are_the_longest_of_all_multipliers() -> None:
-    """One where nothing is proved with a multiplier."""
-    profile = made("homerehab", {"wall": (500.0, 10.0, 0.0)}, taps=12, apart=(("a", "b"),))
-    channels = [
-        Channel(name="wall", taps=tuple(Tap(samples=k, weight=1.0) for k in samples))
-        for samples in ((1, 12), (3, 41), ())
-    ]
-    proof = AbsoluteStability(
-        gain=2.0,
-        extra_delay_samples=1.0,
-        free=Multiplier(channels=(channels[0],)),
-        held=Multiplier(channels=(channels[2], channels[1])),
-        covers=(),
-    )
-    seal = profile.certificate.model_copy(update={"absolute_stability": {"wall": proof}})
-    for changed_seal, taps in ((profile.certificate, 12), (seal, 41), (tuned().certificate, 1)):
-        texts = export(profile.model_copy(update={"certificate": changed_seal}), "json")
-        content = json.loads(texts["haptune_profile.json"])
-        assert content["taps"] == taps
-        assert content["apart"] == [["a", "b"]]
-
-
-def test_a_name_that_is_an_identifier_keeps_it() -> None:
-    assert identifiers(["A wall", "a_wall", "cup_2", "if", "If", "7"]) == {
-        "A wall": "a_wall_2",
-        "a_wall": "a_wall",
-        "cup_2": "cup_2",
-        "if": "element_if",
-        "If": "element_if_2",
-        "7": "element_7",
-    }
 
 
 def test_more_elements_than_bits_are_refused() -> None:

@@ -17,7 +17,6 @@ from identification import (
     plan_excitation,
 )
 from identification.planning.limits import spec_from_device
-from tests.commands import form, haptune
 from tests.exact_axis import Axis, positions
 from tests.excitation_plans import LIMITS, STEP, planned, spec
 from tests.first_plays import Unknown, stored
@@ -187,28 +186,3 @@ def test_what_a_device_file_says_stands_in_for_the_guesses(tmp_path: Path) -> No
     path.write_text(text + "\ndevice: first.yaml\ngentle: true\n", encoding="utf-8")
     with pytest.raises(InvalidInputError, match="leave out gentle, or device"):
         load_excitation(path)
-
-
-@pytest.mark.long
-def test_the_command_warns_with_numbers_and_says_the_next_step(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    text = form("excitation", "--device", "homerehab").replace("duration: 10.0", "duration: 2.0")
-    Path("excitation.yaml").write_text(text, encoding="utf-8")
-    ended = haptune("excite", "excitation.yaml")
-    assert ended.code == 0
-    assert ended.err.count("\n") == 1
-    for words in ("warning: ", "end stops", "2% of the limit, 0.28 N: ", "gentle: true"):
-        assert words in ended.err
-    assert "farthest and fastest" in ended.out
-    Path("excitation.yaml").write_text(text.replace("gentle: false", "gentle: true"), "utf-8")
-    ended = haptune("excite", "excitation.yaml", "--json")
-    assert ended.err == ""
-    told = ended.result["details"]
-    assert told["duration"] < 2.0
-    assert [each["device"] for each in told["worst"]] == list(SETS)
-    assert not any(each["beyond"] for each in told["worst"])
-    assert all(each["travel"] <= told["limits"]["travel"] for each in told["worst"])
-    force = np.loadtxt("force.csv", delimiter=",", skiprows=1)[:, 1]
-    assert np.max(np.abs(force)) <= 0.5 * 14.0 + 1e-9

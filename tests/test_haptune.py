@@ -59,20 +59,3 @@ def test_a_tune_of_another_project_is_told(tmp_path: Path) -> None:
         assert done.returncode == 1
         assert "belongs to another project" in done.stderr
         assert "virtual environment of its own" in done.stderr
-
-
-def test_results_are_shown_in_a_sentence() -> None:
-    from identification import load_trajectory
-    from tune import Loop
-
-    device = haptune.load_device("homerehab")
-    scene = haptune.Scene.model_validate({"elements": {"wall": {"stiffness": "max"}}})
-    found = haptune.audit(device, haptune.Effects(stiffness=100.0))
-    log = load_trajectory(ROOT / "datasets_synthetic" / "logs" / "homerehab.csv")
-    shown = [repr(each) for each in (haptune.optimise(device, scene), found, log)]
-    shown.append(repr(Loop.from_parts(device)))
-    assert max(len(each) for each in shown) < 300
-    assert shown[0].startswith("SafeProfile(scene on homerehab, margin balanced, 1 moment")
-    assert shown[1].startswith("Audit(safe: gain ")
-    assert "8000 samples" in shown[2]
-    assert len(repr(device)) < 1000

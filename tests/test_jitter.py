@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic import Clock, Controller, Rig, simulate
 from identification import InvalidInputError, load_device, quantity
 from tune import Effects, Filters, Scene, audit, optimise
 
@@ -120,23 +119,6 @@ def test_beyond_it_some_sequence_does(name: str, beyond: float) -> None:
 
 def test_a_loop_that_is_unstable_at_even_steps_has_none() -> None:
     assert _jitter(T, (7000.0, 0.0, 0.0), Filters()) == 0
-
-
-def test_the_simulator_settles_with_steps_by_chance_within_the_margin() -> None:
-    """Without a delay, which the simulator counts in seconds."""
-    values = (8000.0, 150.0, 0.0)
-    margin = _jitter(0.0, values, Filters(velocity_filter_hz=60.0))
-    chance = np.random.default_rng(5)
-    steps = T * (1 + margin * chance.uniform(-1, 1, 400))
-    steps += T - np.mean(steps)
-    log = simulate(
-        Rig(mass=3.0, damping=10.0, sample_time=T),
-        np.zeros(800),
-        controller=Controller(stiffness=values[0], damping=values[1], velocity_filter_hz=60.0),
-        clock=Clock(steps=tuple(steps.tolist())),
-        position=0.01,
-    )
-    assert np.abs(log.position[0, -100:]).max() < 0.05 * 0.01
 
 
 #: N/m and kg behind 5 Hz on HomeRehab, where they still have the margin's gain of two.

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,18 +53,6 @@ def test_numbers_are_read_to_the_last_bit(tmp_path: Path, name: str, end: str) -
     log = load_trajectory(written(tmp_path, end.join([f"{name},force,position", *rows, ""])))
     np.testing.assert_array_equal(log.force, [float(text) for text in texts])
     np.testing.assert_array_equal(log.position, [1 / (k + 3) for k in range(ROWS)])
-
-
-def test_plain_numbers_load_no_table_library(tmp_path: Path) -> None:
-    path = written(tmp_path, table())
-    code = "import sys; from identification import load_trajectory as load; load(sys.argv[1]); "
-    done = subprocess.run(
-        [sys.executable, "-c", code + "print('polars' in sys.modules)", str(path)],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.strip() == "False"
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
@@ -198,22 +184,6 @@ def test_reads_matlab(tmp_path: Path, shape: tuple[int, int]) -> None:
     assert log.reference is None
     asked = load_trajectory(path, LogColumns(reference="reference"))
     assert asked.reference is not None
-
-
-@pytest.mark.parametrize(
-    ("value", "part"),
-    [
-        (1.0, "1 x 1"),
-        (np.ones((ROWS, 2)), "300 x 2"),
-        (np.ones(ROWS) * 1j, "real numbers"),
-        ("text", "real numbers"),
-        ({"a": 1.0}, "real numbers"),
-        (np.ones(ROWS - 1), "different lengths"),
-    ],
-)
-def test_matlab_variables_that_are_no_columns(tmp_path: Path, value: Any, part: str) -> None:
-    with pytest.raises(InvalidInputError, match=part):
-        load_trajectory(mat(tmp_path, force=value))
 
 
 def test_matlab_missing_variable(tmp_path: Path) -> None:

@@ -164,17 +164,6 @@ def test_a_reference_frees_from_noise_that_the_force_carries() -> None:
     assert abs(np.mean(found["instruments"])) < 2 * error
 
 
-def test_a_reference_finds_the_delay_in_closed_loop() -> None:
-    """Unlogged force comes back through the controller and looks like another delay."""
-    family = family_named("closed-loop-force-noise")
-    for log in family.logs(range(6)):
-        found = estimate_by("instruments", log, Model(coulomb=False), None)
-        assert found.delay_deviation is not None
-        assert abs(found.delay - family.truth["delay"]) < 3 * found.delay_deviation
-        assert abs(found.value("damping") - 10.0) < 3 * found.deviation("damping")
-        assert found.delay_deviation < 0.25 * STEP
-
-
 def test_without_a_moving_reference_instruments_are_simulated() -> None:
     log = logs("even", 0.4 * STEP)[0]
     for reference in (None, np.full(len(log), 0.1)):

@@ -90,20 +90,6 @@ def test_moments_carry_their_unit(tmp_path: Path, unit: str, kind: str) -> None:
     np.testing.assert_allclose(load_trajectory(npz(tmp_path, time=stamps)).time, TIME, rtol=1e-15)
 
 
-def test_a_missing_moment_is_a_missing_value(tmp_path: Path) -> None:
-    stamps = np.arange(ROWS).astype("datetime64[ms]")
-    stamps[5] = np.datetime64("NaT")
-    for path in (npz(tmp_path, time=stamps), parquet(tmp_path, time=stamps)):
-        with pytest.raises(LogRefusedError, match=r"1 of 300 values of time.*sample 5"):
-            load_trajectory(path)
-
-
-def test_decimals_are_numbers(tmp_path: Path) -> None:
-    exact = pl.Series(np.rint(FORCE * 1000).tolist()).cast(pl.Decimal(12, 3)) / 1000
-    log = load_trajectory(parquet(tmp_path, force=exact.cast(pl.Decimal(12, 3))))
-    np.testing.assert_allclose(log.force, np.round(FORCE, 3), atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("column", "values", "kind"),
     [

@@ -11,14 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification import InvalidInputError, load_device, load_document, quantity
-from tests.simulated.experiment import EFFECTS
 from tune.documents.perception import (
     PerceptionTable,
     Scale,
     WeberFraction,
     chance_to_tell_apart,
     default_table,
-    published_fractions,
 )
 from tune.documents.scene import DEFAULT_MOTION
 
@@ -151,18 +149,3 @@ def test_what_no_table_can_be(tmp_path: Path, words: str, old: str, new: str) ->
     path.write_text(TABLE.replace(old, new), encoding="utf-8")
     with pytest.raises(InvalidInputError, match=words):
         load_document(PerceptionTable, path)
-
-
-def test_the_literature_says_how_it_is_known() -> None:
-    entries = published_fractions()
-    assert {entry.quantity for entry in entries} >= {"force", "stiffness", "damping", "mass"}
-    assert all(entry.low <= entry.high < 1 for entry in entries)
-    # Where other people measured the same quantity, the study's interval meets theirs.
-    for effect in EFFECTS:
-        weber = default_table().fraction(effect).estimate()
-        published = [entry for entry in entries if entry.quantity == effect]
-        assert weber.low is not None
-        assert weber.high is not None
-        assert min(entry.low for entry in published) <= weber.high
-        assert max(entry.high for entry in published) >= weber.low * 0.8
-    assert "not a tested prediction" in default_table().note

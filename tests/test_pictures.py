@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -10,11 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.text import Annotation
 
-from datasets_synthetic import bundled_path, named_rig, simulate
-from identification import Device, Hardware, identify, load_device, load_document, load_trajectory
-from identification.pictures import draw_friction, identified_picture
+from identification import load_device
 from tests.commands import haptune, log_text
 from tune import (
     Effects,
@@ -28,9 +24,6 @@ from tune import (
     profile_sheet,
 )
 from tune.cli.session import Session
-from tune.presentation.pictures import (
-    place_labels,
-)
 from tune.presentation.regions import Boundaries
 
 DEVICE = load_device("homerehab")
@@ -103,21 +96,6 @@ def _overlaps(figure: Figure) -> list[tuple[str, str]]:
     return found
 
 
-def test_a_label_without_room_is_left_out_and_no_line_crosses_a_label() -> None:
-    figure = Figure(figsize=(2.5, 2))
-    axes = figure.add_subplot()
-    points = [(0.5 + 0.002 * k, 0.5, f"thing {k}") for k in range(40)]
-    labels = place_labels(axes, points)
-    assert 0 < len(labels) < 40
-    assert _overlaps(figure) == []
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    boxes = [label.get_window_extent(renderer) for label in labels]
-    arrows = [text.arrow_patch for text in axes.texts if isinstance(text, Annotation)]
-    paths = [arrow.get_path() for arrow in arrows if arrow is not None]
-    crossed = [sum(path.intersects_bbox(box, filled=False) for box in boxes) for path in paths]
-    assert max(crossed, default=0) <= 1
-
-
 def test_no_text_of_a_profile_falls_on_another(profile: SafeProfile) -> None:
     assert _overlaps(profile_picture(profile)) == []
 
@@ -141,22 +119,6 @@ def _title(figure: Figure) -> str:
     return title
 
 
-@pytest.mark.long
-def test_an_identification_is_drawn_with_the_interval_of_before() -> None:
-    log = load_trajectory(bundled_path("homerehab.csv")).part(slice(0, 2000))
-    hardware = load_document(Hardware, bundled_path("homerehab.hardware.yaml"))
-    found = identify(log, hardware=hardware, method="least-squares")
-    figure = identified_picture(found.device, found.logs, before=DEVICE)
-    words = [label.get_text() for axes in figure.get_axes() for label in axes.get_yticklabels()]
-    assert {"now", "before", "least-squares"} <= set(words)
-    lines = [line for axes in figure.get_axes() for line in axes.get_lines()]
-    green = next(line for line in lines if line.get_label() == "b·q̇ + Fc·sign(q̇)")
-    speed, force = np.asarray(green.get_xdata()), np.asarray(green.get_ydata())
-    device = found.device
-    expected = device.coulomb_friction.value + device.damping.value * speed
-    np.testing.assert_allclose(force, expected)
-
-
 def test_a_log_that_is_refused_is_drawn_all_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -166,24 +128,3 @@ def test_a_log_that_is_refused_is_drawn_all_the_same(
         assert haptune("doctor", "noise.csv", "--picture", name).code == 4
         assert Path(name).read_bytes().startswith(begins)
     assert haptune("doctor", "noise.csv", "--picture", "noise.csv").code == 2
-
-
-def test_friction_by_direction_lies_where_the_log_shows_it() -> None:
-    """Damping of 14 and 6 N·s/m by direction with an offset of 2 N, which the pair holds."""
-    rig = replace(named_rig("homerehab"), damping_asymmetry=4.0, force_offset=2.0)
-    sweep = 2.0 + 10.0 * np.sin(2 * np.pi * 0.7 * np.arange(8000) * 1e-3)
-    log = simulate(rig, sweep).trajectory()
-    pairs = {
-        "damping_by_direction": {"forward": 14.0, "backward": 6.0},
-        "friction_by_direction": {"forward": 2.8, "backward": 0.0},
-    }
-    # The offset of a fit about the mean speed is another than that at rest.
-    device = Device.model_validate({**dict(DEVICE), **pairs, "force_offset": 3.1})
-    axes = Figure().add_subplot()
-    draw_friction(axes, log, device, None, "N")
-    middles = [line for line in axes.lines if line.get_marker() == "o"]
-    assert len(middles) == 2
-    for line in middles:
-        speed, seen = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
-        told = np.where(speed > 0, 2.8 + 14.0 * speed, 1.2 + 6.0 * speed)
-        assert np.median(np.abs(seen - told)) < 0.1

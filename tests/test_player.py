@@ -145,49 +145,6 @@ def test_an_amplifier_that_takes_no_zero_is_told_at_once(
     assert len(rows_of(log)) == 300
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_a_ramp_fades_in_and_out(players: dict[str, Play], tmp_path: Path, language: str) -> None:
-    device = SteppedDevice(named_rig("homerehab"))
-    constant = plan_file(tmp_path, np.full(401, 2.0))
-    log, end = players[language](device, constant, WIDE | {"ramp": 0.1})
-    assert end == "played to the end"
-    force = rows_of(log)[:, 1]
-    np.testing.assert_allclose(force[:101], 2.0 * np.arange(101) / 100, atol=1e-9)
-    np.testing.assert_allclose(force[101:300], 2.0)
-    np.testing.assert_allclose(force[300:401], 2.0 * np.arange(100, -1, -1) / 100, atol=1e-9)
-    assert force[401] == 0.0
-
-
-#: The file, the limits and what is said of it; nothing is played.
-BAD: dict[str, tuple[str, dict[str, float], str]] = {
-    "another header": ("t,F\n0,0\n1,0\n", WIDE, "time,force"),
-    "words": ("time,force\n0,0\n0.001,x\n0.002,0\n", WIDE, "two numbers|could not convert"),
-    "not finite": ("time,force\n0,0\n0.001,nan\n0.002,0\n", WIDE, "two numbers"),
-    "one row": ("time,force\n0,0\n", WIDE, "two"),
-    "uneven": ("time,force\n0,0\n0.001,1\n0.003,0\n", WIDE, "not evenly spaced"),
-    "backward": ("time,force\n0.002,0\n0.001,1\n0,0\n", WIDE, "not evenly spaced"),
-    "too strong": ("time,force\n0,0\n0.001,15\n0.002,0\n", WIDE, "beyond --force"),
-    "no fade": ("time,force\n0,1\n0.001,1\n0.002,1\n", WIDE, "add --ramp SECONDS"),
-}
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("case", BAD)
-def test_a_plan_that_cannot_be_played_is_not(
-    players: dict[str, Play], tmp_path: Path, case: str, language: str
-) -> None:
-    text, limits, words = BAD[case]
-    path = tmp_path / "force.csv"
-    path.write_text(text, encoding="utf-8")
-    device = SteppedDevice(named_rig("homerehab"))
-    try:
-        _, said = players[language](device, path, limits)
-    except ValueError as error:
-        said = str(error)
-    assert re.search(words, said)
-    assert device.readings == []
-
-
 #: What fills in the C program: a device that stands still, and one more sample of its clock.
 _STILL_C = {
     "    *position = 0.0;\n    return -1; /* fill in */": "    *position = 0.25;\n    return 0;",

@@ -11,7 +11,7 @@ import pytest
 from tests import printed
 from tests.printed import Characteristic, Number, Setting
 from tests.simulated.experiment import EFFECTS, EffectName
-from tune import Effects, Filters, Loop, is_stable, largest, least_damping_ratio
+from tune import Effects, Loop, largest
 from tune.stability.verdict import stable_values
 
 #: HomeRehab and the paper's setting.
@@ -64,16 +64,6 @@ def test_delta_2_and_the_dimensionless_effects_10_16_22() -> None:
         for each, (a, b, m) in ((loop, tuple(EVERYTHING.values())), (twin, (alpha, beta, gamma)))
     ]
     np.testing.assert_allclose(coefficients[0], coefficients[1], rtol=1e-12)
-
-
-@pytest.mark.parametrize("numbers", printed.FRACTION_AND_POLYNOMIAL)
-def test_fraction_and_polynomial_are_one_equation(numbers: str) -> None:
-    fraction, polynomial, denominator = printed.FRACTION_AND_POLYNOMIAL[numbers]
-    s = _setting()
-    with mpmath.workdps(printed.DIGITS):
-        for z in POINTS:
-            cleared = fraction(s, z) * denominator(s, z)
-            assert abs(polynomial(s, z) / cleared - 1) < mpmath.mpf("1e-45")
 
 
 def test_misprints_of_11_and_17_are_no_such_equation() -> None:
@@ -165,92 +155,3 @@ def test_lower_limits_13_is_exact_and_20_low_by_five_sixths_of_delta() -> None:
         low = {name: float(stable_values(loop, name, sign=-1).high[0]) for name in EFFECTS[1:]}
         assert low["damping"] == pytest.approx(delta, rel=1e-12)
         assert (low["mass"] - 1) / delta == pytest.approx(5 / 6, abs=delta)
-
-
-@pytest.mark.parametrize("delta", [1e-3, 1e-2, 0.1, 0.5])
-def test_figures_2_to_4_meet_on_their_axes(delta: float) -> None:
-    """Each boundary of two effects ends on an axis where the limit of one effect alone is."""
-    loop = Loop.dimensionless(delta)
-    alone = {name: float(largest(loop, name)) for name in EFFECTS}
-    tiny = 1e-9
-    assert float(largest(loop, "stiffness", Effects(damping=0.0))) == pytest.approx(
-        alone["stiffness"], rel=1e-12
-    )
-    for name, other in (("damping", "stiffness"), ("mass", "stiffness"), ("mass", "damping")):
-        inside, outside = (
-            bool(is_stable(loop, Effects(**{name: alone[name] * factor, other: tiny})))
-            for factor in (1 - 1e-3, 1 + 1e-3)
-        )
-        # Beside next to no spring a mass or a damper has the boundary it has alone: figure 2's
-        # abscissa meets (15), figure 4's (21), figure 3's ordinate (21).
-        assert (inside, outside) == (True, False)
-
-
-@pytest.mark.parametrize(
-    ("delta", "side"), [(0.01, 2.013), (0.5, 2.83)], ids=["figure 6", "large delta"]
-)
-def test_the_cube_of_side_two_is_one_for_small_delta_only(delta: float, side: float) -> None:
-    """How far the stable region of positive α, β, γ reaches, over a grid of the two others."""
-    loop, grid = Loop.dimensionless(delta), np.linspace(0, 1.2 * side, 61)
-    reach = 0.0
-    for name in EFFECTS:
-        others = [other for other in EFFECTS if other != name]
-        first, second = np.meshgrid(grid, grid)
-        ends = stable_values(loop, name, Effects(**dict(zip(others, (first, second), strict=True))))
-        reach = max(reach, float(np.nanmax(ends.high)))
-    assert reach == pytest.approx(side, abs=5e-4 if delta == 0.01 else 5e-3)
-
-
-def test_the_influence_of_small_delta_on_figure_2_is_barely_noticeable() -> None:
-    """Section 2.4: from 0.001 to 0.01 the boundary moves by a fortieth of its height."""
-    beta = np.linspace(0, 2, 200)
-    low, high = (
-        largest(Loop.dimensionless(delta), "stiffness", Effects(damping=beta))
-        for delta in (1e-3, 1e-2)
-    )
-    assert np.max(np.abs(high - low)) < np.max(high) / 35
-
-
-class TestRecommendations:
-    """Section 2.8, on HomeRehab without filter and delay, as the paper judges it."""
-
-    loop = Loop.from_numbers(**DEVICE)
-
-    def test_virtual_mass_is_at_most_double_and_less_beside_damping(self) -> None:
-        damping = np.linspace(0.0, 6000.0, 50)
-        limits = largest(self.loop, "mass", Effects(damping=damping))
-        assert float(largest(self.loop, "mass")) == pytest.approx(2 * 3.0, rel=3e-3)
-        assert np.all(np.diff(limits) < 0)
-
-    def test_filters_lift_the_limit_of_mass_which_the_paper_does_not_consider(self) -> None:
-        filters = Filters(acceleration_filter_hz=50.0)
-        filtered = Loop.from_numbers(**DEVICE, filters=filters)
-        assert float(largest(filtered, "mass")) > 6 * float(largest(self.loop, "mass"))
-
-    def test_a_mass_like_the_devices_own_is_free_of_oscillations_and_near_double_is_not(
-        self,
-    ) -> None:
-        """Least damping ratio 0.18 at M = m, below 0.01 at 1.97 m."""
-        assert 0.17 < self.least_ratio(3.0) < 0.18
-        assert self.least_ratio(5.9) < 0.01
-
-    def test_mass_near_minus_the_devices_own_rings(self) -> None:
-        """Section 2.3: what is left of the inertia is next to nothing, but damped by 0.02."""
-        assert self.least_ratio(-1.5) > 0.2
-        assert self.least_ratio(-3.0) < 0.02
-
-    def least_ratio(self, mass: float) -> float:
-        """By the roots of (18); the code under test must find the same."""
-        delta = 1 / 300
-        e, z = np.exp(-delta), np.poly1d([1.0, 0.0])
-        held = np.poly1d([e - 1 + delta, 1 - (1 + delta) * e]) / delta**2
-        roots = np.asarray((z**2 * (z - e) + mass / 3 * (z - 1) * held).roots, dtype=complex)
-        s = np.log(roots)
-        ratio = float(np.min(-np.real(s) / np.abs(s)))
-        found = float(least_damping_ratio(self.loop, Effects(mass=mass)))
-        assert found == pytest.approx(ratio, rel=1e-6)
-        return ratio
-
-    def test_moderate_damping_and_stiffness_are_far_within_their_limits(self) -> None:
-        assert float(largest(self.loop, "damping")) > 500 * 10.0
-        assert float(largest(self.loop, "stiffness")) > 20 * 1000.0

@@ -114,45 +114,6 @@ def test_a_signal_that_was_ignored_at_the_start_stays_ignored() -> None:
     assert process.returncode == 0
 
 
-_DROPPED = """
-import signal, sys, time, weakref
-from tune.cli import process
-process.unwind_on_signals()
-thing = {1}
-called = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGTERM))
-try:
-    del thing
-    print("dropped")
-    for _ in range(600):
-        time.sleep(0.1)
-except process.Interruption:
-    print("raised")
-"""
-
-
-def test_an_interruption_that_python_drops_is_raised_again() -> None:
-    """Imports run callbacks of weak references, in which nothing can be raised."""
-    done = subprocess.run(
-        [sys.executable, "-c", _DROPPED], capture_output=True, text=True, check=False
-    )
-    assert (done.stdout, done.stderr) == ("dropped\nraised\n", "")
-
-
-def test_an_interruption_that_becomes_another_error_is_still_one() -> None:
-    """As in the body of a class, where Python makes it a RuntimeError."""
-    turning = (
-        "class Turned:\n"
-        "    def __getattr__(self, name):\n"
-        "        import signal\n"
-        "        try: signal.raise_signal(signal.SIGINT)\n"
-        "        except BaseException as error: raise RuntimeError from error\n"
-        "sys.modules['tune.cli.app'] = Turned()"
-    )
-    process = started("new", "hardware", before=f"exec({turning!r})")
-    _, err = process.communicate()
-    assert (process.returncode, err) == (130, "haptune: interrupted; no file was written\n")
-
-
 def test_nothing_is_loaded_before_the_first_line() -> None:
     """A signal during an import that comes before would end in Python's traceback."""
     code = (

@@ -111,23 +111,6 @@ def test_a_delay_that_a_log_tells_within_a_sample_counts() -> None:
     assert _device(delay=told, sample_time=5e-4).missing == ("delay",)
 
 
-@pytest.mark.parametrize(
-    ("listed", "words"), [(["colour"], "'colour'"), (5, "missing"), ([["motion"]], "missing")]
-)
-def test_a_list_of_other_things_is_refused(listed: Any, words: str) -> None:
-    with pytest.raises(InvalidInputError, match=words):
-        _device(missing=listed)
-    assert _device(missing=None).missing == ()
-
-
-def test_a_file_from_before_facts_were_marked_is_asked_for_its_motion_too() -> None:
-    log = {"source": "log.csv", "digest": "", "samples": 8000, "method": "innovations"}
-    old = {"encoder_resolution": {"value": 6e-6, "source": "log"}, "logs": [log]}
-    assert _device(**old).missing == ("motion", "encoder_resolution")
-    assert _device(**old, missing=[]).missing == ("encoder_resolution",)
-    assert _device(logs=[log]).missing == ()
-
-
 def test_nothing_is_solved_before_all_is_stated() -> None:
     bare = _device(motion=..., force_limit=..., encoder_resolution=..., delay=...)
     with (

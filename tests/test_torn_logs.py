@@ -11,18 +11,15 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-import scipy.io
 
 from identification import InvalidInputError, LogRefusedError, load_trajectory
 from identification.readers.columns import MOST_SAMPLES
 from tests.packed_logs import (
     FORCE,
-    GOOD,
     POSITION,
     ROWS,
     TIME,
     Writer,
-    mat,
     npz,
     parquet,
     refusal,
@@ -90,13 +87,6 @@ def test_what_is_packed_behind_an_array_is_not_unpacked(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
-@pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_two_arrays_of_one_name(tmp_path: Path) -> None:
-    members = [(f"{name}.npy", _column(values)) for name, values in GOOD.items()]
-    path = _archive(tmp_path / "log.npz", [*members, ("force.npy", _column(FORCE))])
-    assert "two arrays named 'force'" in refusal(path)
-
-
 def test_a_table_of_too_many_rows_is_refused_unread(tmp_path: Path) -> None:
     """Run lengths make thirty million rows a few kilobytes."""
     path = tmp_path / "log.parquet"
@@ -106,18 +96,6 @@ def test_a_table_of_too_many_rows_is_refused_unread(tmp_path: Path) -> None:
     rows.write_parquet(path)
     assert path.stat().st_size < 1_000_000
     assert "more than the 20000000" in refusal(path)
-
-
-def test_a_variable_of_too_many_samples_is_refused_unread(tmp_path: Path) -> None:
-    whole = mat(tmp_path)
-    scipy.io.savemat(whole, GOOD)
-    content = whole.read_bytes()
-    # The shape of the first variable, (1, 300) as two int32, made (70000, 70000).
-    shape = np.array([1, ROWS], dtype="<i4").tobytes()
-    assert shape in content
-    huge = np.array([70_000, 70_000], dtype="<i4").tobytes()
-    whole.write_bytes(content.replace(shape, huge, 1))
-    assert "claims 4900000000 samples" in refusal(whole)
 
 
 @pytest.mark.parametrize("write", [parquet, npz])

@@ -122,21 +122,6 @@ def test_saturated_rows_are_set_apart() -> None:
     assert verdicts(again)["law"] == "agrees"
 
 
-def test_other_force_in_the_log_is_no_law() -> None:
-    log = STYLUS.log("wall", 0.5, samples=1500)
-    seen = verify(STYLUS.profile, replace(log, force=log.force + 0.1 * np.sin(9 * log.time)))
-    assert "no other filter, shift or scaling" in said(seen, "law")
-    assert verdicts(seen)["frequency"] == "not assessed"
-
-
-def test_printed_digits_are_no_misfit() -> None:
-    log = STYLUS.log("wall", 0.5)
-    printed = replace(log, force=np.round(log.force, 3), position=np.round(log.position, 5))
-    seen = verify(STYLUS.profile, printed)
-    assert not seen.disagreements
-    assert "logged to 0.001" in said(seen, "ripple")
-
-
 @pytest.mark.parametrize(
     ("loop", "run"),
     thinned(

@@ -15,7 +15,7 @@ from typing import NoReturn
 import pytest
 
 from identification import NotWrittenError, write_text
-from tests.commands import files, haptune
+from tests.commands import files
 from tests.processes import needs_posix
 
 _SIZE = 20_000
@@ -106,21 +106,6 @@ def test_file_systems_without_links_get_a_copy(monkeypatch: pytest.MonkeyPatch) 
     assert files() == {"a.yaml", "a.yaml.bak", "a.yaml.bak2"}
 
 
-def test_two_writers_at_once_both_succeed() -> None:
-    """The file and its backup are whole at every moment; the last to write wins."""
-    write_text(Path("a.yaml"), "0\n" * (_SIZE // 8))
-    writers = [_writer(10_000_000 * k) for k in (1, 2)]
-    for _ in range(100):
-        _version("a.yaml")
-        _version("a.yaml.bak")
-    newest = max(files(), key=lambda name: (name.startswith("a.yaml.bak"), len(name), name))
-    _version(newest)
-    for process in writers:
-        assert process.poll() is None, process.communicate()[1]
-        process.kill()
-        process.communicate()
-
-
 def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -136,21 +121,6 @@ def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed(
         write_text(Path("a.yaml"), "two\n")
     assert Path("a.yaml").read_text(encoding="utf-8") == "one\n"
     assert files() == {"a.yaml", "a.yaml.bak"}
-
-
-@needs_posix
-def test_the_folder_is_forced_to_the_disk_after_the_file_has_its_name(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    synced: list[tuple[bool, bool]] = []
-
-    def sync(handle: int) -> None:
-        is_folder = stat.S_ISDIR(os.fstat(handle).st_mode)
-        synced.append((is_folder, Path("a.yaml").exists()))
-
-    monkeypatch.setattr("os.fsync", sync)
-    write_text(Path("a.yaml"), "one\n")
-    assert synced == [(False, False), (True, True)]
 
 
 @needs_posix
@@ -185,23 +155,3 @@ def test_a_file_rewritten_by_root_stays_its_owners() -> None:
     status = Path("a.yaml").stat()
     assert (status.st_uid, status.st_gid) == (12345, 23456)
     assert stat.S_IMODE(status.st_mode) == 0o640
-
-
-@needs_posix
-def test_a_file_that_changes_hands_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another user may replace a file in a shared folder, but not in its owner's name."""
-
-    def forbidden(*_: object) -> NoReturn:
-        raise PermissionError(1, "Operation not permitted")
-
-    give = os.chown
-    monkeypatch.setattr("os.chown", forbidden)
-    Path("scene.yaml").write_text("before\n", encoding="utf-8")
-    assert haptune("new", "scene").err == ""
-    if os.geteuid() == 0:
-        Path("scene.yaml").write_text("before\n", encoding="utf-8")
-        give("scene.yaml", 12345, 23456)
-        assert haptune("new", "scene").err == (
-            "warning: scene.yaml belongs to user 0, group 0 now and belonged to user 12345, group "
-            "23456 before, which this user may not keep\n"
-        )

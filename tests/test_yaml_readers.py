@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identification import InvalidInputError, load_mapping, to_yaml
-from tune.documents.scene import moments_of
 
 WORDS = "wall water cup rubber feather honey sponge door lever knob stone spring".split()  # noqa: SIM905
 #: What some reader takes for no text, for a mark, or for the end of a line.
@@ -81,24 +79,3 @@ def test_random_names_read_back(
     tmp_path_factory: pytest.TempPathFactory, value: dict[str, Any]
 ) -> None:
     read_back({"value": value}, tmp_path_factory.mktemp("yaml"))
-
-
-@pytest.mark.parametrize(
-    "parts", [1, pytest.param(4, marks=pytest.mark.long)], ids=["a quarter", "all"]
-)
-def test_triples_of_ordinary_names_read_back(tmp_path: Path, parts: int) -> None:
-    """Keys of moments are long: 222 of these were once broken in the middle of a key."""
-    triples = list(itertools.permutations(WORDS, 3))
-    assert len(triples) == 1320
-    texts: list[str] = []
-    for part in range(parts):  # a file holds at most 20 000 keys, values and brackets
-        content: dict[str, Any] = {
-            "-".join(triple): {
-                "together": [list(triple)],
-                "method": {", ".join(triple): "slsqp"},
-                "interior": {" + ".join(each): "proved" for each in moments_of(triple, [triple])},
-            }
-            for triple in triples[part::4]
-        }
-        texts.append(read_back(content, tmp_path))
-    assert any("\n    water + feather + wall: proved\n" in text for text in texts)

@@ -44,12 +44,12 @@ CASES: dict[str, tuple[str, str, bytes]] = {
     "a comment above another header": (
         "begins with a comment, '# rig 7', where the names of the columns should be",
         "Delete the lines above the header",
-        f"# rig 7\n{TEXT.replace('time', 'zeit')}".encode(),
+        f"# rig 7\n{TEXT.replace('time', 'uhr')}".encode(),
     ),
     "names and units": (
         "holds 'clock', 'motor', 'handle' in row 2",
         "Delete rows 2 to 3",
-        UNITS.replace("s,N,m", "clock,motor,handle\n[s],[N],[m]").encode(),
+        UNITS.replace("s,N,m", "clock,motor,handle\n[T],[U],[W]").encode(),
     ),
     "a mean at the end": (
         "ends with 'Mean' in row 302, below the samples: a summary",
@@ -90,8 +90,8 @@ def test_a_command_says_so_in_one_line(tmp_path: Path, monkeypatch: pytest.Monke
         (TEXT.replace(".", ","), "commas stood between columns and before decimals"),
         (TEXT.replace(",", ";").replace("0.15", "0,15"), "'0,150' in row 152 .* commas and points"),
         (TEXT.replace("0.150,", "late,", 1), "'late' in row 152, which is not a number"),
-        (TEXT.replace("time", "zeit"), "has no column 'time'; it has: zeit, force, position"),
-        ("# " + TEXT.replace("time", "zeit"), "has no column 'time'; it has: zeit, force"),
+        (TEXT.replace("time", "uhr"), "has no column 'time'; it has: uhr, force, position"),
+        ("# " + TEXT.replace("time", "uhr"), "has no column 'time'; it has: uhr, force"),
     ],
 )
 def test_nothing_else_is_taken_for_it(tmp_path: Path, text: str, said: str) -> None:

@@ -165,9 +165,9 @@ def test_missing_files_folders_and_other_endings(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="cannot be read"):
         load_trajectory(tmp_path / "folder.csv")
     with pytest.raises(
-        InvalidInputError, match=r"\.csv, \.txt, \.tsv, \.parquet, \.mat, \.npz, \.xlsx or \.mcap"
+        InvalidInputError, match=r"\.csv, \.txt, \.tsv, .*\.parquet, \.mat, \.npz, \.xlsx or \.mcap"
     ):
-        load_trajectory(written(tmp_path, table(), "log.dat"))
+        load_trajectory(written(tmp_path, table(), "log.foo"))
 
 
 def mat(folder: Path, **variables: Any) -> Path:

@@ -28,18 +28,22 @@ _LONGEST_QUOTE = 40
 _DEFAULT_REFERENCE = "reference"
 #: A gain this part off the unit in the name contradicts it: 0.0174533 is degrees, 0.0175 is not.
 _SAME = 1e-4
-#: A unit in brackets, or behind a slash between spaces; digits alone count elements of an array.
+#: A unit in brackets, or behind a slash or "in"; digits alone count elements of an array.
 _BRACKETED = re.compile(r"^(?P<stem>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
-_SLASHED = re.compile(r"^(?P<stem>.*\S)\s+/\s+(?P<unit>\S+)$")
+_SLASHED = re.compile(r"^(?P<stem>.*\S)(?:\s*/\s*|\s+in\s+)(?P<unit>\S+)$")
 _SUFFIXED = re.compile(r"^(?P<stem>.+?)[_ ](?P<unit>[^_ ]+)$")
 #: Characters; nobody writes a unit behind more.
 _LONGEST_NAME = 200
 #: Words for the columns besides their own names.
 _WORDS = {
-    "time": frozenset({"time", "t", "timestamp"}),
-    "force": frozenset({"force", "torque"}),
-    "position": frozenset({"position", "pos", "angle"}),
-    "reference": frozenset({"reference"}),
+    role: frozenset(words.split())
+    for role, words in {
+        "time": "time t timestamp zeit zeitstempel temps tiempo tempo elapsed clock stamp x_value",
+        "force": "force f torque tau effort kraft drehmoment moment fuerza forza coppia",
+        "position": "position pos angle x q weg winkel lage displacement déplacement posición "
+        "posizione phi theta encoder",
+        "reference": "reference",
+    }.items()
 }
 #: What says nothing in SI without a number of the device.
 _OF_DEVICE = "A mA amp amps ampere amperes V mV volt volts count counts tick ticks inc digit digits"
@@ -47,7 +51,7 @@ _OF_DEVICE = "A mA amp amps ampere amperes V mV volt volts count counts tick tic
 _SIZES: dict[str, dict[Motion | None, dict[float | None, str]]] = {
     "time": {
         None: {
-            1.0: "s sec second seconds",
+            1.0: "s sec second seconds sek sekunde sekunden",
             1e-3: "ms msec millisecond milliseconds",
             1e-6: "us usec microsecond microseconds",
             1e-9: "ns nsec nanosecond nanoseconds",
@@ -70,7 +74,7 @@ _SIZES: dict[str, dict[Motion | None, dict[float | None, str]]] = {
         "rotary": {
             1.0: "rad radian radians",
             1e-3: "mrad",
-            math.pi / 180: "deg degree degrees °",
+            math.pi / 180: "deg degree degrees ° º",
             2 * math.pi: "rev revs turn turns revolutions",
         },
     },
@@ -201,9 +205,14 @@ def _suggested(present: Sequence[str], missing: Sequence[str]) -> str:
 def _column_for(
     path: Path, role: str, asked: str, present: Sequence[str], *, words: bool
 ) -> str | None:
-    """The column of the name asked for, of that with a unit, or of another word for the role."""
+    """The column of the name asked for, of that with a unit, or of another word for the role.
+
+    A number that is no name takes the column of that place, counted from one.
+    """
     if asked in present:
         return asked
+    if asked.isdecimal() and 1 <= int(asked[:6]) <= len(present):
+        return present[int(asked) - 1]
     stems = {name: split_name(role, name)[0] for name in present}
     found = [name for name, stem in stems.items() if stem == asked]
     if not found and words and asked == role and role != "reference":
@@ -273,8 +282,10 @@ def unit_named(role: str, text: str) -> _Unit | None:
     """The unit of a role that a text means, brackets or none; None where it is no known one."""
     plain = re.sub(r"[\s·⋅*.^\[\]()-]", "", text).replace("µ", "u").replace("μ", "u")
     known = _UNITS[role]
-    # Case tells mN from MN; words may begin with a capital letter.
-    return known.get(plain) or (known.get(plain.lower()) if len(plain) > 3 else None)
+    # Case tells mN from MN; other units and words may have capital letters.
+    return known.get(plain) or (
+        known.get(plain.lower()) if role != "force" or len(plain) > 3 else None
+    )
 
 
 def split_name(role: str, name: str) -> tuple[str, str | None]:
@@ -285,13 +296,17 @@ def split_name(role: str, name: str) -> tuple[str, str | None]:
     """
     if len(name) > _LONGEST_NAME:
         return name, None
+    bare = name.strip("[]() ")
+    if role != "reference" and bare.casefold() not in _WORDS[role] and unit_named(role, bare):
+        return role, bare  # a header that is only its unit
     found = _BRACKETED.match(name)
     if found:
         text = found["square"] if found["square"] is not None else found["round"]
         text = text.strip()
         return (name, None) if not text or text.isdigit() else (found["stem"], text)
-    found = _SLASHED.match(name) or _SUFFIXED.match(name)
-    if found is None or unit_named(role, found["unit"]) is None:
+    both = (_SLASHED.match(name), _SUFFIXED.match(name))
+    found = next((each for each in both if each and unit_named(role, each["unit"])), None)
+    if found is None:
         return name, None
     if len(found["unit"]) == 1 and found["stem"].casefold() not in _WORDS[role]:
         return name, None

@@ -34,12 +34,17 @@ MOST_BETWEEN = 10
 _MOST_BELOW = 5000
 _BEGINNING = 200_000
 #: What marks a line as a comment.
-_COMMENT = ("#", "%", "//")
+COMMENT = ("#", "%", "//")
 #: Characters around a name that do not belong to it.
 _AROUND = " \t\"'#%/\ufeff"
 #: A number, with a decimal point or comma; digits may be grouped.
 _NUMBER = re.compile(
     r"[+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
+)
+#: Hours, minutes and seconds at the end of a cell, with a day before them or none.
+CLOCK = re.compile(
+    r"(?:^|[ T])(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,:]\d+)?) ?(?:([AaPp])[Mm])?"
+    r"(?:Z|[+-]\d\d:?\d\d)?$"
 )
 #: Separators in the order tried; spaces last, as names and other tables may hold them.
 _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
@@ -179,8 +184,9 @@ def find_layout(
     )
 
 
-def _is_number(cell: str) -> bool:
-    return _NUMBER.fullmatch(cell.strip()) is not None
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, or a time of day that time is told by."""
+    return (_NUMBER.fullmatch(cell.strip()) or CLOCK.search(cell)) is not None
 
 
 def _is_sample(row: Row, places: Iterable[int]) -> bool:
@@ -189,13 +195,13 @@ def _is_sample(row: Row, places: Iterable[int]) -> bool:
     return (
         len(cells) >= FEWEST_COLUMNS
         and cells.count("") <= 1
-        and all(_is_number(cell) for cell in cells if cell)
+        and all(is_number(cell) for cell in cells if cell)
     )
 
 
 def _is_comment(row: Row) -> bool:
     text = "".join(row).strip()
-    return not text or text.startswith(_COMMENT)
+    return not text or text.startswith(COMMENT)
 
 
 def _units_in(
@@ -209,7 +215,7 @@ def _units_in(
     texts = {role: cells[place] for role, place in places.items() if place < len(cells)}
     texts = {role: text.strip("[]()") for role, text in texts.items() if text.strip("[]()-")}
     known = {role for role, text in texts.items() if unit_named(role, text) is not None}
-    if not known or any(_is_number(text) for text in texts.values()):
+    if not known or any(is_number(text) for text in texts.values()):
         return None
     for role, text in texts.items():
         if role not in known and gain_given(role, columns) is None:
@@ -240,12 +246,12 @@ def recognise(path: Path, content: bytes, columns: LogColumns) -> Dialect | None
     lines = list(_beginning(content))
     for header, line in enumerate(lines[:MOST_ABOVE]):
         written = line.encode()
-        if not any(lines[:header]) and not line.startswith(_COMMENT):
+        if not any(lines[:header]) and not line.startswith(COMMENT):
             refuse_open_quote(path, written)
         # Runs of spaces stand between two columns, not around columns of their own.
         refuse_wide(path, written, max(len(line.split()), *(line.count(c) + 1 for c in ",;\t")))
         for separator in _SEPARATORS:
-            if roles_of(path, _cells_of(line, separator), columns) is None:
+            if roles_of(path, split_line(line, separator), columns) is None:
                 continue
             found = _below(path, lines, header, separator, columns)
             if found is not None:
@@ -266,12 +272,12 @@ def _beginning(content: bytes) -> Iterator[str]:
         yield text.rstrip("\r\n").replace("\0", "")
 
 
-def _cells_of(line: str, separator: str) -> list[str]:
+def split_line(line: str, separator: str) -> list[str]:
     """Cells of one line; quotes around them are taken off."""
     if separator == " ":
         cells = [cell.strip('"') for cell in _SPACED.findall(line)]
         # The mark of a comment is no cell of its own.
-        return ["".join(cells[:2]), *cells[2:]] if cells[:1] and cells[0] in _COMMENT else cells
+        return ["".join(cells[:2]), *cells[2:]] if cells[:1] and cells[0] in COMMENT else cells
     rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
     try:
         return list(next(rows, ()))
@@ -283,14 +289,14 @@ def _below(
     path: Path, lines: Sequence[str], header: int, separator: str, columns: LogColumns
 ) -> Dialect | None:
     """The dialect of the samples below a header, whose separator may be another."""
-    above = [_cells_of(line, separator) for line in lines[: header + 1]]
+    above = [split_line(line, separator) for line in lines[: header + 1]]
     for each in (separator, *(other for other in _SEPARATORS if other != separator)):
-        below = [_cells_of(line, each) for line in lines[header + 1 : header + 2 + MOST_BETWEEN]]
+        below = [split_line(line, each) for line in lines[header + 1 : header + 2 + MOST_BETWEEN]]
         layout = find_layout(path, above, below, columns)
         if layout is None:
             continue
         rows = lines[layout.first :]
-        cells = len(_cells_of(rows[0], each))
+        cells = len(split_line(rows[0], each))
         if cells <= len(above[header]):
             decimal = _decimal_of(path, each, layout, rows, columns)
             return Dialect(separator=each, decimal=decimal, layout=layout)
@@ -314,9 +320,11 @@ def _decimal_of(
     places = sorted(layout.places.values())
     doubtful = comma = point = ""
     for number, line in enumerate(rows, layout.first + 1):
-        row = _cells_of(line, separator)
+        row = split_line(line, separator)
         for place in (place for place in places if place < len(row)):
             cell = row[place].strip()
+            if CLOCK.search(cell):
+                continue
             name = quote(layout.names[place])
             seen = f"column '{name}' holds '{quote(cell)}' in row {number}"
             if _GROUPED.fullmatch(cell):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identification.errors import InvalidInputError
+from identification.errors import InvalidInputError, QuestionError
 from identification.readers.columns import (
     FloatArray,
     LogColumns,
@@ -25,13 +25,17 @@ from identification.readers.columns import (
     refuse_long,
 )
 from identification.readers.tables import (
+    CLOCK,
+    COMMENT,
     FEWEST_COLUMNS,
     MOST_ABOVE,
     Decimal,
     Dialect,
+    is_number,
     recognise,
     refuse_open_quote,
     refuse_wide,
+    split_line,
 )
 
 if TYPE_CHECKING:
@@ -51,6 +55,10 @@ _RUNS = (b"  ", b"\t", b"\n ", b" \n", b" \r")
 #: Rows that units may take below the header, and a summary at the end.
 _MOST_UNITS = 3
 _MOST_SUMMARY = 10
+#: How a header that counts columns begins.
+_COUNTED = (b"1,2,3", b"1;2;3", b"1\t2\t3")
+#: What the table library adds to the name of another column of one name.
+_SECOND = re.compile(r"_duplicated_\d+$")
 #: How packed streams begin; a reader of text would unpack some of them by itself.
 _PACKED = {
     b"\x1f\x8b": "gzip",
@@ -84,17 +92,56 @@ def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
     _refuse_packed(path, content)
     content, notes = _as_utf8(path, content)
     _refuse_zeros(path, content)
+    alone = _table_alone(content)
+    asked = {columns.time, columns.force, columns.position}
+    headless = alone is not None and alone[:5] in _COUNTED
+    counted = headless and any(map(str.isdecimal, asked))
+    try:
+        reading = _read_table(path, alone if alone and counted else content, columns)
+    except InvalidInputError as error:
+        below_comment = headless and content.startswith(b"#")
+        if alone is None or not (below_comment or isinstance(error, QuestionError)):
+            raise
+        reading = _read_table(path, alone, columns)
+    return replace(reading, notes=(*notes, *reading.notes)) if notes else reading
+
+
+def _read_table(path: Path, content: bytes, columns: LogColumns) -> Reading:
+    """Columns by role of text in UTF-8 with line feeds."""
     if columns.decimal != "comma" and _is_plain(path, content, columns):
         try:
-            reading = read_csv(path, content, columns)
+            return read_csv(path, content, columns)
         except InvalidInputError:
             other = _read_recognised(path, content, columns)
             if other is None:
                 raise
-            reading = other
-    else:
-        reading = _read_recognised(path, content, columns) or read_csv(path, content, columns)
-    return replace(reading, notes=(*notes, *reading.notes)) if notes else reading
+            return other
+    return _read_recognised(path, content, columns) or read_csv(path, content, columns)
+
+
+def _table_alone(content: bytes) -> bytes | None:
+    """A table from the line that seems to name its columns on; None where that is the first.
+
+    Above one that begins with samples is put a line that counts its columns.
+    """
+    start, above = 0, list[tuple[int, str]]()
+    for line in BytesIO(content[:_BEGINNING]):
+        text = line.decode("utf-8-sig", "replace").strip("\r\n")
+        for separator in "\t;, ":
+            cells = split_line(text, separator)
+            if sum(map(is_number, cells)) < max(FEWEST_COLUMNS, len(cells) - 1):
+                continue
+            begins = [at for at, each in above if len(split_line(each, separator)) >= len(cells)]
+            if not begins and all(each.startswith(COMMENT) for _, each in above):
+                names = ("\t" if separator == " " else separator).join(
+                    str(place) for place in range(1, len(cells) + 1)
+                )
+                return f"{names}\n".encode() + content[start:].removeprefix(_MARK)
+            return content[begins[-1] :] if begins and begins[-1] else None
+        if text.strip():
+            above.append((start, text))
+        start += len(line)
+    return None
 
 
 def _refuse_packed(path: Path, content: bytes) -> None:
@@ -172,7 +219,7 @@ def _is_plain(path: Path, content: bytes, columns: LogColumns) -> bool:
     try:
         header, *others = (line.decode("utf-8-sig").strip("\r\n") for line in lines)
         separator = max(_SEPARATORS, key=header.count)
-        names = [name.strip(' \t"#') for name in header.split(separator)]
+        names = [name.strip(' \t"#%') for name in header.split(separator)]
         wanted = column_names(path, columns, names, table=True)
         places = [names.index(name) for name in wanted.values()]
         for line in others:
@@ -214,7 +261,7 @@ def read_plain_numbers(
     if not body or b'"' in header or _OTHER.search(body):
         return None
     try:
-        names = [name.strip("# ") for name in header.decode().strip("\r").split(separator)]
+        names = [name.strip("#% ") for name in header.decode().strip("\r").split(separator)]
         wanted = column_names(path, columns, names, table=True)
         cells = {line.count(separator.encode()) + 1 for line in body.split(b"\n")}
         if len(set(names)) < len(names) or cells != {len(names)}:
@@ -233,20 +280,21 @@ def _read_cells(
     """Columns by role of plain CSV whose cells may be quoted, empty or no numbers."""
     stored = _text_table(path, header, separator, n_rows=0).columns
     # A header line that begins with # comes from loggers that mark it as a comment.
-    shown = [name.strip("# ") for name in stored]
+    # The second is the reader's own name for another column of one name.
+    own = b"_duplicated_" in header
+    shown = [(name if own else _SECOND.sub("", name)).strip("#% ") for name in stored]
     if not {columns.time, columns.force, columns.position} <= set(shown):
         _refuse_preamble(path, content, separator, columns)
     wanted = column_names(path, columns, shown, table=True)
     for name in wanted.values():
-        # The second is the reader's own name for another column of one name.
-        if shown.count(name) > 1 or f"{name}_duplicated_0" in shown:
+        if shown.count(name) > 1:
             raise InvalidInputError(
                 path, f"has two columns named '{quote(name)}'", "Rename one of them"
             )
     stored_as = dict(zip(shown, stored, strict=True))
     names = list(dict.fromkeys(stored_as[name] for name in wanted.values()))
-    values = _numbers(path, content, separator, wanted, stored_as, columns=names)
-    return Reading(values=values, names=wanted)
+    values, clock = _numbers(path, content, separator, wanted, stored_as, columns=names)
+    return Reading(values=values, names=wanted, in_seconds=clock)
 
 
 def _read_recognised(path: Path, content: bytes, columns: LogColumns) -> Reading | None:
@@ -273,7 +321,7 @@ def _read_delimited(path: Path, content: bytes, dialect: Dialect) -> Reading:
         body, separator = re.sub(rb"[ \t]+", b"\t", body), "\t"
     places = sorted(set(layout.places.values()))
     names = [layout.names[place] for place in places]
-    values = _numbers(
+    values, clock = _numbers(
         path,
         body,
         separator,
@@ -286,7 +334,7 @@ def _read_delimited(path: Path, content: bytes, dialect: Dialect) -> Reading:
         columns=places,
         new_columns=names,
     )
-    return Reading(values=values, names=layout.wanted, notes=dialect.notes)
+    return Reading(values=values, names=layout.wanted, notes=dialect.notes, in_seconds=clock)
 
 
 def _numbers(
@@ -300,8 +348,10 @@ def _numbers(
     decimal: Decimal = "point",
     where: str = "",
     **options: Any,
-) -> dict[str, FloatArray]:
-    """Columns by role, an empty cell NaN; a cell that is no number is refused by its row.
+) -> tuple[dict[str, FloatArray], bool]:
+    """Columns by role, an empty cell NaN, and whether time is told by a clock, in seconds.
+
+    A cell that is no number is refused by its row.
 
     Columns ``wanted`` have the names by which they are ``stored`` in the table; its first row is
     row ``first`` of the file.
@@ -317,10 +367,34 @@ def _numbers(
         # Ten times slower and larger, but it tells spaces from words and names the cell.
         table = _text_table(path, content, separator, where, **options)
         _refuse_other_rows(path, table.with_columns(_as_pointed(pl.all(), decimal)), first)
-    return {
-        role: _column(path, name, table[stored[name]], first, decimal)
-        for role, name in wanted.items()
-    }
+    values: dict[str, FloatArray] = {}
+    clock = False
+    for role, name in wanted.items():
+        cells = table[stored[name]]
+        clock = clock or (role == "time" and _is_clock(cells))
+        told = _seconds(cells) if clock and role == "time" else cells
+        values[role] = _column(path, name, told, first, decimal)
+    return values, clock
+
+
+def _is_clock(cells: polars.Series) -> bool:
+    """Whether the first cell is a time of day."""
+    return bool(len(cells)) and isinstance(cells[0], str) and CLOCK.search(cells[0]) is not None
+
+
+def _seconds(cells: polars.Series) -> polars.Series:
+    """Seconds of times of day, counted on past midnight; any day before them tells nothing more."""
+    import polars as pl
+
+    parts = cells.str.strip_chars().str.extract_groups(CLOCK.pattern).struct.unnest()
+    hour, minute, second, half = (parts[name] for name in parts.columns)
+    hours = hour.fill_null("0").cast(pl.Float64)
+    late = half.fill_null("").str.to_lowercase()
+    twelve = hours % 12 + 12 * (late == "p").cast(pl.Float64)
+    hours = twelve.zip_with(late != "", hours)
+    seconds = second.str.replace("[,:]", ".").cast(pl.Float64)
+    told = 3600 * hours + 60 * minute.cast(pl.Float64) + seconds
+    return told + 86400 * (told.diff() < -43200).fill_null(value=False).cum_sum().cast(pl.Float64)
 
 
 def _damaged() -> tuple[type[BaseException], ...]:
@@ -415,6 +489,7 @@ def _refuse_other_rows(path: Path, table: polars.DataFrame, first: int) -> None:
 
     cells = pl.all().str.strip_chars()
     is_word = cells.cast(pl.Float64, strict=False).is_null() & cells.str.contains("[[:alpha:]]")
+    is_word = is_word & ~cells.str.contains(CLOCK.pattern)
     words = table.select(pl.any_horizontal(is_word.fill_null(value=False))).to_series()
     rows = len(words)
     top = next((row for row in range(min(rows, _MOST_UNITS + 1)) if not words[row]), rows)

@@ -8,9 +8,9 @@ import numpy as np
 
 from datasets_synthetic import Controller, Rig, simulate
 from identification import Device, Trajectory, quantity
+from tune import Verification
 from tune.documents.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
 from tune.documents.scene import Motion
-from tune.verification import Verification
 
 T = 0.001
 Sizes = tuple[float, float, float]

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from identification import (
-    Finding,
-    Hardware,
-    Identification,
-    LogRefusedError,
-    Trajectory,
-    identify,
-)
+from identification import Finding, Hardware, Identification, LogRefusedError, Trajectory, identify
 from identification.findings import CODES
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tests.commands import digest_of
-from tune.documents.profile import SafeProfile
+from tune import SafeProfile
 
 Path = tuple[str | int, ...]
 

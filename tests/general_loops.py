@@ -10,10 +10,8 @@ import numpy as np
 from flint import arb
 
 from tests.reference import Case, ReferenceLoop, crossings, loop_along, stable_by_jury
-from tune.documents.scene import Effects
-from tune.loop.loop import Filters, Loop
+from tune import Effects, Filters, Loop, safe_gain, stable_gains, verdict
 from tune.loop.plant import HandNumbers, ModeNumbers
-from tune.stability.verdict import safe_gain, stable_gains, verdict
 
 #: A mode, a hand and a device to begin from.
 MODE = ModeNumbers(frequency_hz=80.0, damping_ratio=0.02, at_encoder=0.5, at_handle=-2.0)

@@ -15,8 +15,7 @@ from typing import Any
 import pytest
 import yaml
 
-from tune import SafeProfile
-from tune.exporters import export
+from tune import SafeProfile, export
 
 STATUS = (
     "OK",

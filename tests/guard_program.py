@@ -13,8 +13,7 @@ from pathlib import Path
 
 from tests.exported import tuned
 from tests.guard import STATUS, Enter, Push, Reply, enter, push, write
-from tune import SafeProfile
-from tune.exporters import export
+from tune import SafeProfile, export
 
 WALL, CUP = 1, 2
 #: What no reading, gain or face is: NaN of every kind, infinity, and nearly so.

@@ -9,11 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from identification import (
-    LogColumns,
-    Trajectory,
-    load_trajectory,
-)
+from identification import LogColumns, Trajectory, load_trajectory
 
 ROWS = 300
 TIME = np.arange(ROWS) * 1e-3

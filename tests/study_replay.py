@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tests.simulated.experiment import EFFECTS, EffectName
 from tests.simulated.user_study import AREA_1, AREA_2, Given
-from tune.documents.perception import PerceptionTable, Study
+from tune import PerceptionTable, Study
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

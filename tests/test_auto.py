@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification import Trajectory, identify
+from identification import LogFit, Trajectory, identify
 from identification.estimators.estimate import quantile
-from identification.fitting import LogFit, fit_log
+from identification.fitting import fit_log
 from tests.simulated.families import FAMILIES, POSE_FACTORS, family_named, poses
 from tests.thinned import thinned
 

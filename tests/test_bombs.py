@@ -12,12 +12,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from identification import (
-    InvalidInputError,
-    LogColumns,
-    LogRefusedError,
-    load_trajectory,
-)
+from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
 from tests.bombs import BOMBS
 from tests.thinned import thinned
 

@@ -17,10 +17,9 @@ from pathlib import Path
 
 import pytest
 
-from identification import InvalidInputError, load_trajectory
-from identification.documents import load_mapping
+from identification import InvalidInputError, load_mapping, load_trajectory
 from tests.thinned import thinned
-from tune.documents.scene import load_scene
+from tune import load_scene
 
 #: Limits as documented: bytes of a YAML file, its keys and values, columns, letters of a header.
 LARGEST_FILE, MOST_EVENTS, MOST_COLUMNS, LONGEST_HEADER = 1_000_000, 20_000, 10_000, 5_000_000

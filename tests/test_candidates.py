@@ -14,15 +14,16 @@ from matplotlib.patches import Rectangle
 from identification import Device, load_device, quantity
 from tests.commands import haptune
 from tests.unlimited import UNLIMITED
-from tune.documents import NoFeasibleEffectError
-from tune.documents.profile import load_profile
-from tune.documents.scene import MarginName, Scene
-from tune.optimisation import (
-    Candidate,
+from tune import (
+    NoFeasibleEffectError,
+    Scene,
     candidates,
     candidates_picture,
     compare_candidates,
+    load_profile,
 )
+from tune.documents.scene import MarginName
+from tune.optimisation import Candidate
 
 #: gain and further samples of delay, as the README promises them
 PROMISED: dict[MarginName, tuple[float, int]] = {

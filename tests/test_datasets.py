@@ -5,18 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from datasets_synthetic import (
-    SCENARIOS,
-    bundled_path,
-    run,
-)
+from datasets_synthetic import SCENARIOS, bundled_path, run
 from datasets_synthetic.scenarios import bundle_texts
-from identification import (
-    Hardware,
-    load_device,
-    load_document,
-    load_mapping,
-)
+from identification import Hardware, load_device, load_document, load_mapping
 from tests.thinned import thinned
 
 

@@ -1,14 +1,27 @@
-"""Inputs at the edge of sense: a right answer, or a sentence and its exit code."""
+"""Inputs, logs and devices at the edge of sense: a right answer, or a sentence."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from identification import Device, ForceLimit, load_device, quantity, to_mapping, to_yaml
+from identification import (
+    Device,
+    ForceLimit,
+    LogRefusedError,
+    Trajectory,
+    as_stored,
+    load_device,
+    quantity,
+    to_mapping,
+    to_yaml,
+)
 from tests.commands import Ended, haptune
+from tests.thinned import thinned
 from tune import load_profile
 
 FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
@@ -110,3 +123,145 @@ def test_ranges_that_are_each_possible_but_not_at_once() -> None:
 
 
 # Very many things.
+
+
+FloatArray = NDArray[np.float64]
+
+
+def _pushed(rows: int = 400) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Time, force and position of 3 kg and 10 N·s/m at 1 kHz."""
+    step = 1e-3
+    time: FloatArray = np.arange(rows, dtype=np.float64) * step
+    force: FloatArray = 5 * np.sign(np.sin(2 * np.pi * 3 * time)) + 2 * np.sin(
+        2 * np.pi * 11 * time
+    )
+    speed, position = np.zeros(rows), np.zeros(rows)
+    for row in range(rows - 1):
+        speed[row + 1] = speed[row] + (force[row] - 10 * speed[row]) / 3 * step
+        position[row + 1] = position[row] + speed[row + 1] * step
+    counts = np.rint(position / 6e-6)
+    return time, force, np.asarray(counts * 6e-6, dtype=np.float64)
+
+
+def _doctor(folder: Path, time: FloatArray, force: FloatArray, position: FloatArray) -> int:
+    path = folder / "log.npz"
+    np.savez(path, time=time, force=force, position=position)
+    ended = haptune("doctor", str(path))
+    assert "internal error" not in ended.err
+    return ended.code
+
+
+@pytest.mark.parametrize(("rows", "span"), [(200, 0.059), (300, 0.01), (400, 1e-9)])
+def test_a_log_shorter_than_the_windows_of_a_tremor_is_judged(
+    tmp_path: Path, rows: int, span: float
+) -> None:
+    time, force, position = _pushed(rows)
+    assert _doctor(tmp_path, time / time[-1] * span, force, position) in {0, 3, 4}
+
+
+@pytest.mark.parametrize("sign", thinned([1.0, -1.0], 1))
+def test_a_force_that_is_the_position_is_refused(tmp_path: Path, sign: float) -> None:
+    """Least squares then finds next to no mass, and a rate b/m that no exponential holds."""
+    time, _, position = _pushed(2000)
+    assert _doctor(tmp_path, time, sign * position, position) == 4
+
+
+@pytest.mark.parametrize("scale", [1e300, 1e150, 1e-150, 1e-310])
+@pytest.mark.parametrize("column", ["time", "force", "position"])
+def test_columns_out_of_all_proportion_end_in_a_sentence(
+    tmp_path: Path, column: str, scale: float
+) -> None:
+    time, force, position = _pushed()
+    columns = {"time": time, "force": force, "position": position}
+    columns[column] = columns[column] * scale
+    assert _doctor(tmp_path, **columns) in {0, 3, 4}
+
+
+def test_a_position_that_rounds_to_minus_nothing_is_called_zero() -> None:
+    time, force, _ = _pushed(200)
+    with pytest.raises(LogRefusedError, match=r"position in trajectory is 0 in every row"):
+        Trajectory(time=time, force=force, position=np.full(200, -0.0))
+
+
+_WISHES: dict[str, dict[str, Any]] = {
+    "water": {"damping": "max"},
+    "cup": {"mass": "max", "damping": "max"},
+    "rubber": {"stiffness": "max"},
+    "feather": {"mass": "min"},
+    "thing": {"stiffness": "max", "damping": "max"},
+    "wall": {"stiffness": "max", "damping": "max", "one_sided": True},
+}
+#: Where a range ended before any limit, restitution was 1e-12, a dropped element was clamped, or
+#: spring and damper of a wall stepped back together; then all the others.
+_NAMED = [175, 106, 193, 251, 7]
+_SEEDS = [*_NAMED, *(seed for seed in range(300) if seed not in _NAMED)]
+
+
+def _between(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _devices_device(rng: np.random.Generator) -> Device:
+    """Mass from 1e-6 to 1e3, sample times from 1e-5 to 1e-2 s, delays of up to eight samples."""
+    step, mass = _between(rng, 1e-5, 1e-2), _between(rng, 1e-6, 1e3)
+    usual = rng.uniform() < 0.8
+    damping = mass / _between(rng, 0.3 * step, 3e4 * step) if usual else _between(rng, 1e-6, 1e4)
+    wide, peak = float(rng.choice([0, 1e-3, 0.05, 0.2])), _between(rng, 1e-2, 1e4)
+    drawn = {
+        "motion": "linear" if rng.uniform() < 0.7 else "rotary",
+        "delay": quantity(float(rng.choice([0, 1, 1, 2, 3, 5, 8, rng.uniform(0, 8)])) * step),
+        "encoder_resolution": quantity(_between(rng, 1e-9, 1e-3)),
+        "coulomb_friction": quantity(
+            0.0 if rng.uniform() < 0.4 else _between(rng, 1e-4 * peak, 0.1 * peak)
+        ),
+    }
+    device = Device(
+        name="drawn",
+        sample_time=quantity(step),
+        force_limit=ForceLimit(continuous=peak / 2, peak=peak),
+        mass=quantity(mass, mass * (1 - wide), mass * (1 + wide)),
+        damping=quantity(damping, damping * (1 - wide), damping * (1 + wide)),
+        **drawn,  # pyright: ignore[reportArgumentType]
+    )
+    return as_stored(device)
+
+
+def _scene(rng: np.random.Generator, device: Device) -> dict[str, Any]:
+    """One to three elements with any margin, filters and grip."""
+    names = [str(name) for name in rng.permutation(list(_WISHES))[: rng.integers(1, 4)]]
+    scene: dict[str, Any] = {
+        "schema": "haptune/scene/1",
+        "name": "drawn",
+        "elements": {name: _WISHES[name] for name in names},
+        "margin": str(rng.choice(["conservative", "balanced", "firm"])),
+        "hand": "none",
+    }
+    two = [name for name in names if name != "wall"]
+    if len(two) > 1 and rng.uniform() < 0.5:
+        scene["together"] = [two[:2]]
+    kind, step = rng.uniform(), device.sample_time.value
+    keys = "velocity_filter_hz", "acceleration_filter_hz"
+    if kind < 0.5:
+        scene["loop"] = {key: _between(rng, 0.001, 0.3) / step for key in keys}
+    elif kind < 0.8:
+        scene["loop"] = dict.fromkeys(keys, "none")
+    if rng.uniform() < 0.25:
+        scene["hand"] = "free-to-rigid"
+    if rng.uniform() < 0.5 and device.force_limit is not None:
+        scene["ripple_limit"] = device.force_limit.continuous * _between(rng, 1e-3, 0.1)
+    return scene
+
+
+@pytest.mark.parametrize("seed", thinned(_SEEDS, 5))
+def test_what_is_tuned_passes_the_check(seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(77000 + seed)
+    device, profile = _devices_device(rng), str(tmp_path / "profile.yaml")
+    files = {"device": to_mapping(device), "scene": _scene(rng, device)}
+    for name, content in files.items():
+        (tmp_path / f"{name}.yaml").write_text(to_yaml(content), encoding="utf-8")
+    tuned = haptune("tune", *(str(tmp_path / f"{name}.yaml") for name in files), "-o", profile)
+    # Where nothing can be rendered or nothing is proved, that is said and nothing is written.
+    assert tuned.code in {0, 5}, tuned.err
+    if tuned.code == 0:
+        checked = haptune("check", profile)
+        assert checked.code == 0, checked.err

@@ -8,13 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification import (
-    Identification,
-    LogColumns,
-    Trajectory,
-    identify,
-    load_trajectory,
-)
+from identification import Identification, LogColumns, Trajectory, identify, load_trajectory
 from identification.estimators import least_squares
 from identification.estimators.estimate import Model
 from identification.estimators.least_squares import prepare

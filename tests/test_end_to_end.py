@@ -1,29 +1,47 @@
-"""Simulated device → log → calibrate → how safe is the *true* device with its profile?"""
+"""Simulated device, log, calibrate: how safe is the true device with its profile?"""
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from itertools import product
 
 import pytest
 
-from datasets_synthetic import Faults
+from datasets_synthetic import Faults, Recording
 from identification import (
     Device,
+    ForceLimit,
+    Hardware,
     LogRefusedError,
+    Trajectory,
     identify,
+    quantity,
 )
-from tests.fleet_hardware import data_sheet, log_of
 from tests.simulated.fleet import Fleet, random_devices
 from tests.thinned import thinned
 from tests.true_loops import judged, safe_gain
+from tune import NoFeasibleEffectError, SafeProfile, Scene, optimise
 from tune.certificate.region import regions_of, setting_of
 from tune.certificate.worst_point import worst_points
 from tune.certificate.zero_exclusion import Claim
-from tune.documents import NoFeasibleEffectError
-from tune.documents.profile import SafeProfile
-from tune.documents.scene import Scene
-from tune.optimisation import optimise
+
+
+def data_sheet(fleet: Fleet, member: int) -> Hardware:
+    """What a data sheet would say; a force limit so large that stability is what binds."""
+    rig = fleet.rig
+    return Hardware(
+        motion="linear",
+        sample_time=quantity(float(rig.sample_time[member])),
+        delay=quantity(float(rig.delay[member])),
+        encoder_resolution=quantity(float(rig.encoder_resolution[member])),
+        force_limit=ForceLimit(continuous=1e6, peak=1e6),
+    )
+
+
+def log_of(recording: Recording, member: int) -> Trajectory:
+    """One log, said to be in newtons: the limit of the data sheet is larger than any of them."""
+    return replace(recording.trajectory(member), stated_units=frozenset({"force"}))
 
 
 def _scene(elements: dict[str, dict[str, str]], *together: list[str]) -> Scene:

@@ -8,8 +8,15 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from identification import Hardware, IdentificationError, Method, Trajectory, identify, quantity
-from identification.estimators import METHODS
+from identification import (
+    METHODS,
+    Hardware,
+    IdentificationError,
+    Method,
+    Trajectory,
+    identify,
+    quantity,
+)
 from identification.findings import CODES
 from tests.exact_axis import Axis, counted, positions
 from tests.thinned import thinned

@@ -15,7 +15,8 @@ from ruamel.yaml import YAML
 from identification import InvalidInputError, UnstatedError
 from tests.exported import FADE, LOOPS, changed, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
-from tune.exporters import TARGETS, Target, export
+from tune import export
+from tune.exporters import TARGETS, Target
 from tune.exporters.law import identifiers
 
 HOSTILE = (
@@ -184,15 +185,6 @@ def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -
     assert force == pytest.approx([0, -0.07, 0, 0])
     assert "NOT certified" in texts["haptune_chai3d.hpp"]
     assert {**export(tuned(), "c")}.items() <= texts.items()
-
-
-def test_a_rotary_axis_has_its_units_and_no_linear_materials() -> None:
-    device = tuned().device.model_copy(update={"motion": "rotary"})
-    profile = tuned().model_copy(update={"device": device})
-    texts = export(profile, "chai3d")
-    assert "case HAPTUNE" not in texts["haptune_chai3d.hpp"]
-    assert "std::min(info.m_maxAngularTorque, peak_force)" in texts["haptune_chai3d.hpp"]
-    assert "The force (N*m)" in texts["haptune_guard.h"]
 
 
 @pytest.mark.parametrize("target", TARGETS)

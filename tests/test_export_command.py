@@ -11,7 +11,8 @@ import pytest
 from identification import to_mapping, to_yaml
 from tests.commands import digest_of, files, haptune
 from tests.exported import tuned
-from tune.exporters import TARGETS, export
+from tune import export
+from tune.exporters import TARGETS
 
 ALL = {
     "haptune_guard.c",

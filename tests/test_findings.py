@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from identification import (
     ForceLimit,
     Hardware,
+    SlopeRange,
     Trajectory,
+    UnmodelledForce,
     identify,
     quantity,
 )
-from identification.device.device import SlopeRange, UnmodelledForce
 from identification.findings import inspect
 from identification.findings.friction import unmodelled
 from tests.exact_axis import Axis, counted, multisine, positions

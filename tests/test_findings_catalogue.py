@@ -6,12 +6,7 @@ from collections.abc import Collection
 
 import pytest
 
-from identification import (
-    Hardware,
-    LogRefusedError,
-    identify,
-    quantity,
-)
+from identification import Hardware, LogRefusedError, identify, quantity
 from identification.findings import CODES
 from tests.findings import findings_of, refusals
 from tests.simulated.catalogue.cases import LEVELS, Case, cases

@@ -6,19 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from identification import (
-    SlopeRange,
-    identify,
-    load_device,
-)
-from tests.simulated.friction_rigs import (
-    SHARES,
-    Friction,
-    Kind,
-    friction_of,
-    hardware,
-    record,
-)
+from identification import SlopeRange, identify, load_device
+from tests.simulated.friction_rigs import SHARES, Friction, Kind, friction_of, hardware, record
 from tests.thinned import thinned
 
 #: Of the scene, as it must be with the device as it is.

@@ -15,8 +15,7 @@ from tests.entered_scenes import made
 from tests.exported import FADE, LOOPS, STEP, Array, changed, poles, tuned
 from tests.guard import FLAGS, Guard, built, compiler, compiles, enter, push, write
 from tests.unlimited import BOUNDLESS
-from tune import SafeProfile
-from tune.exporters import export
+from tune import SafeProfile, export
 
 WALL, CUP, RUBBER = 1, 2, 4
 

@@ -8,8 +8,8 @@ import pytest
 from identification import InvalidInputError
 from tests.exported import changed, tuned
 from tests.guard import Enter, Guard, Push, Reply, built, enter, push
+from tune import export
 from tune.certificate.check import inconsistent
-from tune.exporters import export
 from tune.exporters.law import largest_change
 
 WALL, CUP, RUBBER = 1, 2, 4

@@ -9,8 +9,7 @@ import pytest
 
 from tests.entered_scenes import made
 from tests.guard import Guard, InPython, Reply, built, enter, push
-from tune import SafeProfile
-from tune.exporters import export
+from tune import SafeProfile, export
 
 TAPS = 7
 SIZES = {

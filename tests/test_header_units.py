@@ -8,20 +8,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from identification import (
-    InvalidInputError,
-    LogColumns,
-    load_device,
-    load_trajectory,
-)
+from identification import InvalidInputError, LogColumns, load_device, load_trajectory
 from tests.commands import haptune
-from tests.plain_table import (
-    FORCE,
-    POSITION,
-    TIME,
-    assert_is_the_plain_log,
-    table,
-)
+from tests.plain_table import FORCE, POSITION, TIME, assert_is_the_plain_log, table
 
 
 def test_a_linear_axis_needs_a_gain_for_an_angle(tmp_path: Path) -> None:

@@ -9,15 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification import (
-    Device,
-    Hardware,
-    Method,
-    Trajectory,
-    as_stored,
-    identify,
-    quantity,
-)
+from identification import Device, Hardware, Method, Trajectory, as_stored, identify, quantity
 from tests.axis_logs import COUNT, HARDWARE, STEP, Array, holds, homerehab, log
 from tests.exact_axis import Axis, closed_loop, counted, multisine, positions
 from tests.thinned import thinned

@@ -11,12 +11,13 @@ import pytest
 from identification import (
     Hardware,
     InvalidInputError,
+    Method,
     Trajectory,
     UsageError,
     identify,
     quantity,
 )
-from identification.estimators import ESTIMATORS, Method
+from identification.estimators import ESTIMATORS
 from tests.axis_logs import COUNT, HARDWARE, NAMES, STEP, codes, homerehab, log, refused
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.thinned import thinned

@@ -20,10 +20,10 @@ from datasets_synthetic import Controller, bundled_path, log_text, named_rig, si
 from identification import load_trajectory
 from tests.commands import FLUID, SCHEMAS, Ended, form, haptune
 from tests.exported import LOOPS, changed
+from tune import export
 from tune.cli.app import app
 from tune.cli.session import Session
 from tune.documents.results import DETAILS
-from tune.exporters import export
 
 #: A fluid settles at once; the wall has all that a profile can say.
 SCENES = {

@@ -9,16 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import (
-    InvalidInputError,
-)
-from tests.plain_table import (
-    ROWS,
-    TEXT,
-    in_lines,
-    load,
-    table,
-)
+from identification import InvalidInputError
+from tests.plain_table import ROWS, TEXT, in_lines, load, table
 
 THOUSANDS = "time;force;position\n" + "\n".join(
     f"{k};{k % 7 + 1},{100 + k};{k % 5 + 1},{300 + k}" for k in range(ROWS)

@@ -24,11 +24,9 @@ from tests.general_loops import (
 from tests.reference import Case, crossings, loop_along
 from tests.simulated.experiment import EFFECTS
 from tests.thinned import thinned
-from tune.documents import LoopError
-from tune.documents.scene import FREE_TO_RIGID, Effects
-from tune.loop.loop import Filters, Loop
+from tune import Effects, Filters, Loop, LoopError, is_stable, largest, safe_gain, verdict
+from tune.documents.scene import FREE_TO_RIGID
 from tune.loop.plant import HandNumbers, ModeNumbers
-from tune.stability.verdict import is_stable, largest, safe_gain, verdict
 
 
 @pytest.mark.parametrize(

@@ -15,19 +15,25 @@ from identification import Device, quantity
 from tests import general_loops
 from tests.reference import Case, Sampled
 from tests.thinned import thinned
-from tune.documents.scene import Effects, Hand
-from tune.loop.loop import Filters, Loop
-from tune.margins import (
+from tune import (
+    Effects,
+    Filters,
+    Loop,
+    count_jump,
+    damping_needed,
     delay_margin,
     disk_margin,
+    force_ripple,
+    handle_vibration,
+    largest,
     least_damping_ratio,
     margins_of,
     phase_margin,
+    safe_gain,
     slowest_decay,
 )
-from tune.rendering import count_jump, force_ripple, handle_vibration
-from tune.stability.criterion import damping_needed, passivity
-from tune.stability.verdict import largest, safe_gain
+from tune.documents.scene import Hand
+from tune.stability.criterion import passivity
 
 
 def draw(rng: np.random.Generator, *, plain: bool = False) -> Case:

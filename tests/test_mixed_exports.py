@@ -21,8 +21,7 @@ from tests.exported import tuned
 from tests.guard import compiler, write
 from tests.processes import needs_posix
 from tests.test_export import STUB
-from tune import SafeProfile
-from tune.exporters import export
+from tune import SafeProfile, export
 
 _USER = """\
 #include "haptune_guard.h"

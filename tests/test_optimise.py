@@ -13,12 +13,18 @@ from tests.reference import Case, crossings, loop_along
 from tests.simulated.experiment import EFFECTS, EffectName
 from tests.thinned import thinned
 from tests.unlimited import BOUNDLESS, UNLIMITED
-from tune import Filters, Scale, audit, default_table
-from tune.documents.profile import SafeProfile
-from tune.documents.scene import Effects, Scene
-from tune.loop.loop import Loop
-from tune.optimisation import optimise
-from tune.stability.verdict import largest
+from tune import (
+    Effects,
+    Filters,
+    Loop,
+    SafeProfile,
+    Scale,
+    Scene,
+    audit,
+    default_table,
+    largest,
+    optimise,
+)
 
 #: A spring that acts at once takes little of the damping away, so that stability limits it.
 PROMPT = {"delay": quantity(0.0)}

@@ -12,11 +12,17 @@ from datasets_synthetic import log_text
 from identification import Device, load_device, parse_document, to_mapping, to_yaml
 from tests.commands import haptune
 from tests.simulated.families import family_named
-from tune import CheckFailedError, NoFeasibleEffectError, SafeProfile, Scene, optimise
+from tune import (
+    CheckFailedError,
+    Effects,
+    NoFeasibleEffectError,
+    SafeProfile,
+    Scene,
+    audit,
+    optimise,
+)
 from tune.certificate.certify import certify
 from tune.certificate.check import check_content
-from tune.documents.scene import Effects
-from tune.judging import audit
 from tune.verification import advise
 
 PUSHED: dict[str, Any] = {"position_stiffness": -500.0}

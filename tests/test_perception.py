@@ -1,24 +1,43 @@
-"""Steps and chances built on the study, and tables of one's own."""
+"""Steps, chances and studies of perception, with a floor of Weber's law, and own tables."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 from statistics import NormalDist
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification import InvalidInputError, load_device, load_document, quantity
-from tune.documents.perception import (
-    PerceptionTable,
-    Scale,
-    WeberFraction,
-    chance_to_tell_apart,
-    default_table,
+from identification import (
+    InvalidInputError,
+    load_device,
+    load_document,
+    quantity,
+    to_mapping,
+    to_yaml,
 )
-from tune.documents.scene import DEFAULT_MOTION
+from tests.commands import digest_of
+from tests.simulated.experiment import EFFECTS, EffectName
+from tests.simulated.user_study import AREA_1, AREA_2, PEOPLE
+from tests.study_replay import COLUMN, TABLE_3, equal_trials, study_of
+from tune import (
+    CheckFailedError,
+    PerceptionTable,
+    SafeProfile,
+    Scale,
+    Scene,
+    Study,
+    chance_to_tell_apart,
+    check,
+    default_table,
+    optimise,
+)
+from tune.documents.perception import WeberFraction
+from tune.documents.scene import DEFAULT_MOTION, Motion
 
 MOTION = DEFAULT_MOTION["linear"]
 
@@ -149,3 +168,193 @@ def test_what_no_table_can_be(tmp_path: Path, words: str, old: str, new: str) ->
     path.write_text(TABLE.replace(old, new), encoding="utf-8")
     with pytest.raises(InvalidInputError, match=words):
         load_document(PerceptionTable, path)
+
+
+#: Smallest forces that are noticed, N and N·m, over depth, speed and acceleration.
+FLOORS = {
+    "stylus": {"stiffness": 0.1 / 0.01, "damping": 0.1 / 0.2, "mass": 0.1 / 2.0},
+    "knob": {"stiffness": 0.005 / 0.1, "damping": 0.005 / 2.0, "mass": 0.005 / 20.0},
+}
+
+
+def _scale(name: str, effect: EffectName) -> Scale:
+    device = load_device(name)
+    return Scale.of(effect, device, default_table(), DEFAULT_MOTION[device.motion])
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_on_the_papers_device_steps_are_logarithms_to_the_last_bit(effect: EffectName) -> None:
+    scale = _scale("homerehab", effect)
+    printed = {"stiffness": 34.3, "damping": 2.11, "mass": 0.246}
+    assert scale.corner == pytest.approx(printed[effect], rel=2e-3)
+    for part in (-0.7, -0.4, 1e-6, 0.3, 1.0, 7.0, 1e4):
+        # A tenth of the device is above the corner of each effect but stiffness.
+        value = part * scale.reference * (0.5 if effect == "stiffness" else 1.0)
+        expected = abs(np.log(1 + value / scale.reference)) / np.log1p(scale.weber)
+        assert scale.steps(value) == expected
+        again = scale.reference * np.expm1(np.sign(value) * np.log1p(scale.weber) * expected)
+        assert scale.value_at(expected, int(np.sign(value))) == pytest.approx(again, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", FLOORS)
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_on_light_devices_a_step_is_the_smallest_force(name: str, effect: EffectName) -> None:
+    scale, floor = _scale(name, effect), FLOORS[name][effect]
+    assert scale.reference < scale.corner
+    for part in (0.1, 0.5, 1.0):
+        assert scale.steps(part * floor) == pytest.approx(part)
+    telling = chance_to_tell_apart(
+        effect, scale.reference, scale.reference + floor, device=load_device(name)
+    )
+    assert telling.steps.value == pytest.approx(1.0)
+
+
+def test_a_hand_that_is_slow_feels_less_of_a_damper() -> None:
+    device = load_device("stylus")
+    found = [
+        chance_to_tell_apart(
+            "damping", 0.0, 0.05, device=device, motion=Motion(speed=speed, acceleration=2.0)
+        ).steps.value
+        for speed in (0.02, 0.2, 2.0)
+    ]
+    assert found[:2] == pytest.approx([0.01, 0.1])
+    assert 0.9 < found[2] < np.log(0.25 / 0.2) / np.log1p(0.267)
+
+
+def _tuned(**element: Any) -> SafeProfile:
+    scene = {
+        "elements": {"it": element},
+        "loop": {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 20.0},
+    }
+    return optimise(load_device("stylus"), Scene.model_validate(scene))
+
+
+def test_a_spring_takes_the_damping_that_the_smallest_force_is_not_felt_of() -> None:
+    """A lag of 1.5 ms: K is 0.5 N·s/m over it, where a quarter of 0.2 + 1.2 N·s/m was allowed."""
+    it = _tuned(stiffness="max", damping={"min": 0.0, "max": 1.2}).elements["it"]
+    assert it.limited_by == {"stiffness": "rendering", "damping": "range"}
+    assert it.rendered is not None
+    missing = max(1.2 - end for end in it.rendered.damping_at_ends)
+    assert 0.99 * 0.5 < missing <= 0.5
+
+
+@pytest.mark.parametrize("effect", ["damping", "mass"])
+def test_check_counts_steps_with_the_floor_and_refuses_others(
+    tmp_path: Path, effect: EffectName
+) -> None:
+    profile = _tuned(damping="max", mass="max")
+    path = tmp_path / "profile.yaml"
+    path.write_text(profile.to_yaml(), encoding="utf-8")
+    check(path)
+    said = profile.elements["it"].perceived_steps[effect]
+    device, it = load_device("stylus"), profile.elements["it"]
+    own = {"damping": device.damping.value, "mass": device.mass.value}[effect]
+    plain = np.log1p(getattr(it, effect) / own) / np.log1p(_scale("stylus", effect).weber)
+    assert plain > 1.3 * said
+    for wrong in (1.003 * said, 0.997 * said, float(plain)):
+        content: dict[str, Any] = to_mapping(profile)
+        content["elements"]["it"]["perceived_steps"][effect] = float(wrong)
+        content["digest"] = digest_of(content)
+        path.write_text(to_yaml(content, "forged"), encoding="utf-8")
+        with pytest.raises(CheckFailedError, match=f"perceived_steps.{effect} says"):
+            check(path)
+
+
+#: Table 3: the success rates with equal and with different settings as printed, %.
+PRINTED: dict[EffectName, tuple[float, float]] = {
+    "stiffness": (45.0, 96.25),
+    "damping": (75.0, 96.25),
+    "mass": (51.67, 76.25),
+}
+#: What the device itself adds to what is felt (section 3: m ≈ 3 kg, b almost 10 N·s/m).
+OWN: dict[EffectName, float] = {"stiffness": 0, "mass": 3, "damping": 10}
+
+
+def _study(effect: EffectName) -> Study:
+    return study_of(default_table(), effect)
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_the_shipped_counts_are_those_of_tables_2_and_3(effect: EffectName) -> None:
+    study, column = _study(effect), COLUMN[effect]
+    equal = int(np.sum(equal_trials(effect)))
+    right_equal, right_different = TABLE_3[effect]
+    percent_equal, percent_different = PRINTED[effect]
+    assert study.equal_trials == equal * PEOPLE
+    assert study.different_trials == (len(AREA_2) - equal) * PEOPLE
+    assert (study.equal_right, study.different_right) == (right_equal, right_different)
+    assert 100 * right_equal / study.equal_trials == pytest.approx(percent_equal, abs=0.005)
+    assert 100 * right_different / study.different_trials == pytest.approx(percent_different)
+    settings = sorted(OWN[effect] + area[column] for area in (AREA_1, AREA_2[-1]))
+    assert [study.lower, study.upper] == settings
+    assert default_table().fraction(effect).people == PEOPLE
+
+
+@pytest.mark.parametrize(
+    ("effect", "sensitivity", "percent"),
+    [("stiffness", 2.378, 33.8), ("damping", 2.931, 26.7), ("mass", 1.415, 22.5)],
+)
+def test_weber_fractions_of_the_paper(
+    effect: EffectName, sensitivity: float, percent: float
+) -> None:
+    """d' and w from the printed rates by the mpmath quantile, and as the theory states them."""
+    import mpmath
+
+    equal, different = (rate / 100 for rate in PRINTED[effect])
+    c = math.sqrt(2) * float(mpmath.erfinv(equal))
+    exact = c + math.sqrt(2) * float(mpmath.erfinv(2 * different - 1))
+    study = _study(effect)
+    assert study.sensitivity() == pytest.approx(exact, abs=2e-4)  # rates are printed to 0.01 %
+    assert study.sensitivity() == pytest.approx(sensitivity, abs=5e-4)
+    assert 100 * default_table().fraction(effect).value == pytest.approx(percent, abs=0.05)
+
+
+def test_the_paper_calls_damping_best_and_mass_least_discriminated() -> None:
+    """Section 5, though mass was shown at a smaller ratio: its Weber fraction is the least."""
+    order = sorted(EFFECTS, key=lambda effect: _study(effect).sensitivity())
+    assert order == ["mass", "stiffness", "damping"]
+    assert default_table().mass.value < default_table().damping.value
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_the_prediction_gives_back_the_rates_of_the_study(effect: EffectName) -> None:
+    device = load_device("homerehab")
+    low, high = (area[COLUMN[effect]] for area in (AREA_1, AREA_2[-1]))
+    different = chance_to_tell_apart(effect, low, high, device=device).answers
+    same = chance_to_tell_apart(effect, high, high, device=device).answers
+    assert different is not None
+    assert same is not None
+    equal_share, different_share = (rate / 100 for rate in PRINTED[effect])
+    assert different.right.value == pytest.approx(different_share, abs=1e-4)
+    assert same.equal.value == pytest.approx(equal_share, abs=1e-4)
+    assert same.right.value == pytest.approx(same.wrong.value)
+
+
+@pytest.mark.parametrize(
+    ("effect", "low", "high"),
+    [("stiffness", 25, 43), ("damping", 21, 32), ("mass", 17, 31)],
+)
+def test_intervals_lie_where_resampling_puts_them(effect: EffectName, low: int, high: int) -> None:
+    """The theory's ranges, percentiles of resampled counts; these cover up to 2 % more above."""
+    found = default_table().fraction(effect).estimate()
+    assert found.low is not None
+    assert found.high is not None
+    assert 100 * found.low == pytest.approx(low, abs=2)
+    assert 100 * found.high == pytest.approx(high, abs=2.1)
+
+
+#: what the refusal must say, changed counts
+REFUSED: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("80 of 80 right bounds no threshold", {"different_right": 80}),
+    ("60 of 60 right", {"equal_right": 60}),
+    ("greater than 0", {"equal_right": 0}),
+    ("hardly better than by guessing", {"different_right": 8}),
+    ("must exceed lower", {"lower": 4.0, "upper": 3.0}),
+)
+
+
+@pytest.mark.parametrize(("words", "change"), REFUSED, ids=str)
+def test_counts_that_bound_no_threshold_are_refused(words: str, change: dict[str, Any]) -> None:
+    content = _study("mass").model_dump() | change
+    with pytest.raises(ValueError, match=words):
+        Study.model_validate(content)

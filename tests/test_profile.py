@@ -14,8 +14,7 @@ import pytest
 from identification import Device, load_device, load_mapping, quantity, to_mapping, to_yaml
 from tests.commands import digest_of, haptune
 from tests.thinned import thinned
-from tune import CheckFailedError, Scene, load_profile, optimise
-from tune.documents.profile import SafeProfile
+from tune import CheckFailedError, SafeProfile, Scene, load_profile, optimise
 
 #: The digit in a name is in a key, those of the device are in numbers, text and exponents. The
 #: depth is stated, so that the limit of force binds and is not where the force is cut.

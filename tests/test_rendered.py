@@ -12,8 +12,7 @@ from datasets_synthetic import Controller, Rig, simulate
 from identification import load_device, parse_document, quantity, to_mapping
 from tests.commands import digest_of, haptune
 from tests.unlimited import UNLIMITED
-from tune import Scene, load_profile, optimise
-from tune.documents.profile import SafeProfile
+from tune import SafeProfile, Scene, load_profile, optimise
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

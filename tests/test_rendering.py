@@ -13,15 +13,18 @@ from pydantic import ValidationError
 from scipy.linalg import expm
 
 from identification import Device, InvalidInputError, load_device, load_document, quantity
-from tune import SafeProfile, Scene, optimise
-from tune.documents.scene import Effects
-from tune.loop.loop import Filters, Loop
-from tune.rendering import (
+from tune import (
+    Effects,
+    Filters,
+    Loop,
+    SafeProfile,
+    Scene,
     ThresholdCurve,
-    contact,
     handle_vibration,
+    optimise,
     vibration_in_thresholds,
 )
+from tune.rendering import contact
 
 COUNT = 6e-6
 MASS = Effects(mass=1.0)

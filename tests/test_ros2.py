@@ -14,8 +14,7 @@ from tests.commands import haptune
 from tests.exported import LOOPS, STEP, changed, tuned
 from tests.guard import STATUS, Guard, built, enter, parameters_of, push, write
 from tests.middleware import Middleware, module_of
-from tune import SafeProfile
-from tune.exporters import export
+from tune import SafeProfile, export
 
 #: Sets that a hand may touch, some of them not certified.
 TOUCHED = (
@@ -127,22 +126,6 @@ def test_the_law_in_python_keeps_to_the_forces_of_the_guard(
     largest, seen = drive(law, built(export(profile, "c"), tmp_path), samples)
     assert largest > 10
     assert seen == set(STATUS)
-
-
-def test_a_yaml_1_1_reader_takes_every_parameter_for_what_it_is() -> None:
-    profile = tuned()
-    found = parameters_of(
-        export(profile, "ros2", node="/robot/haptune_x")["haptune_params.yaml"], "/robot/haptune_x"
-    )
-    assert found["element_names"] == ["wall", "cup", "rubber"]
-    assert found["together.group_1"] == ["wall", "cup"]
-    assert found["group_names"] == ["group_1"]
-    assert found["taps"] == 1
-    assert "pair_names" not in found
-    assert found["force_limit.peak"] == 28.0
-    assert type(found["velocity.t"]) is float
-    for name, element in profile.elements.items():
-        assert found[f"elements.{name}.stiffness"] == element.stiffness
 
 
 def test_the_node_plays_the_law_by_the_stamps_of_its_messages(

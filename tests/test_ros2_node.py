@@ -14,8 +14,7 @@ import pytest
 from tests.exported import tuned
 from tests.guard import parameters_of, write
 from tests.middleware import Middleware
-from tune import SafeProfile
-from tune.exporters import export
+from tune import SafeProfile, export
 
 #: ns, one period.
 STEP = 1_000_000

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from tune.documents.scene import MARGINS, Motion, Scene, load_scene
+from tune import Scene, load_scene
+from tune.documents.scene import MARGINS, Motion
 
 WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from identification import InvalidInputError
-from tune.documents.scene import load_scene
+from tune import load_scene
 
 WALL = "elements: {wall: {stiffness: max}}\n"
 #: what the sentence must say, and the file

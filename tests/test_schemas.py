@@ -22,9 +22,7 @@ from identification import (
     to_mapping,
 )
 from tests.commands import SCHEMAS, form
-from tune import SafeProfile, Scene, optimise
-from tune.documents.perception import PerceptionTable
-from tune.rendering import ThresholdCurve
+from tune import PerceptionTable, SafeProfile, Scene, ThresholdCurve, optimise
 from tune.schemas.__main__ import generate
 
 MODELS: dict[str, type[Document]] = {

@@ -11,16 +11,7 @@ from flint import arb
 
 from tests.reference import crossings, reference_loop, stable_by_jury
 from tests.thinned import thinned
-from tune.documents.scene import Effects
-from tune.loop.loop import Loop
-from tune.stability.verdict import (
-    gain_interval,
-    is_stable,
-    largest,
-    safe_gain,
-    stable_gains,
-    verdict,
-)
+from tune import Effects, Loop, gain_interval, is_stable, largest, safe_gain, stable_gains, verdict
 
 
 def _draw_delta(rng: np.random.Generator) -> float:

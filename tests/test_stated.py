@@ -29,8 +29,7 @@ from identification import (
     to_yaml,
 )
 from tests.commands import FLUID, files, haptune
-from tune import Effects, Scene, audit, check, export, load_profile, optimise
-from tune.documents import CheckFailedError
+from tune import CheckFailedError, Effects, Scene, audit, check, export, load_profile, optimise
 
 FACTS = ("motion", "sample_time", "delay", "encoder_resolution", "force_limit")
 #: A device of which a person states everything.

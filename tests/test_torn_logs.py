@@ -14,16 +14,7 @@ import pytest
 
 from identification import InvalidInputError, LogRefusedError, load_trajectory
 from identification.readers.columns import MOST_SAMPLES
-from tests.packed_logs import (
-    FORCE,
-    POSITION,
-    ROWS,
-    TIME,
-    Writer,
-    npz,
-    parquet,
-    refusal,
-)
+from tests.packed_logs import FORCE, POSITION, ROWS, TIME, Writer, npz, parquet, refusal
 
 
 def _archive(path: Path, members: list[tuple[str, bytes]]) -> Path:

@@ -15,8 +15,8 @@ from identification import LogRefusedError, Trajectory, UsageError
 from tests.closed_loop_logs import AXIS, BENCHES, STYLUS, Bench, T, said, verdicts
 from tests.commands import haptune
 from tests.thinned import thinned
-from tune import Scene, optimise
-from tune.verification import verification_picture, verify
+from tune import Scene, optimise, verify
+from tune.verification import verification_picture
 
 
 @pytest.mark.parametrize("name", BENCHES)

@@ -16,8 +16,8 @@ from tests.closed_loop_logs import Bench, T
 from tests.commands import haptune
 from tests.reference import crossings, reference_loop, stable_by_jury
 from tests.thinned import thinned
-from tune import Scene, optimise
-from tune.verification import Verification, margins_of_others, verify
+from tune import Scene, Verification, optimise, verify
+from tune.verification import margins_of_others
 
 ELEMENTS = {"rubber": (1400.0, 0.0, 0.0), "wall": (1155.0, 82.0, 0.0), "cup": (0.0, 0.0, 1.44)}
 BENCH = Bench(

@@ -10,7 +10,7 @@ import pytest
 
 from tests.closed_loop_logs import AXIS, BENCHES, KNOB, STYLUS, Bench, said, verdicts
 from tests.thinned import thinned
-from tune.verification import verify
+from tune import verify
 
 
 @pytest.mark.parametrize("name", thinned(BENCHES, 1))

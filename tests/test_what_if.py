@@ -7,13 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from identification import (
-    Device,
-    Quantity,
-    as_stored,
-    load_device,
-    quantity,
-)
+from identification import Device, Quantity, as_stored, load_device, quantity
 from tests.commands import haptune
 from tune import CheckFailedError, NoFeasibleEffectError, Scene, optimise, what_if
 

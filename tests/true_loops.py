@@ -6,7 +6,7 @@ import numpy as np
 from flint import arb
 
 from tests.reference import crossings, reference_loop, stable_by_jury
-from tune.documents.profile import SafeProfile
+from tune import SafeProfile
 
 
 def safe_gain(

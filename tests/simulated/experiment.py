@@ -13,9 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Hand, Rig, per_member
-from datasets_synthetic.law import Controller
-from datasets_synthetic.simulation import simulate
+from datasets_synthetic import Controller, Hand, Rig, simulate
+from datasets_synthetic.device import per_member
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

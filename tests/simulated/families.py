@@ -14,10 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from datasets_synthetic.device import Clock, Faults, Hand, Rig
-from datasets_synthetic.law import Servo
-from datasets_synthetic.scenarios import fit_to_limits, multisine
-from datasets_synthetic.simulation import simulate
+from datasets_synthetic import Clock, Faults, Hand, Rig, Servo, fit_to_limits, multisine, simulate
 from identification import Hardware, InvalidInputError, Trajectory
 from tests.simulated.family import Drive, Family
 

@@ -9,9 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Clock, Faults, Hand, Rig
-from datasets_synthetic.law import Servo
-from datasets_synthetic.simulation import Recording, simulate
+from datasets_synthetic import Clock, Faults, Hand, Recording, Rig, Servo, simulate
 from identification import Hardware, Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -7,9 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Faults, Rig
-from datasets_synthetic.scenarios import ForceSignal, fit_to_limits, multisine
-from datasets_synthetic.simulation import Recording, simulate
+from datasets_synthetic import (
+    Faults,
+    ForceSignal,
+    Recording,
+    Rig,
+    fit_to_limits,
+    multisine,
+    simulate,
+)
 
 FloatArray = NDArray[np.float64]
 

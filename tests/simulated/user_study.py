@@ -15,9 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Hand, Rig
-from datasets_synthetic.law import Controller
-from datasets_synthetic.simulation import simulate
+from datasets_synthetic import Controller, Hand, Rig, simulate
 
 FloatArray = NDArray[np.float64]
 

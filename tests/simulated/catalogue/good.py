@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Clock, Faults, Motion, Rig
-from datasets_synthetic.law import Servo
-from datasets_synthetic.simulation import simulate
+from datasets_synthetic import Clock, Faults, Rig, Servo, simulate
+from datasets_synthetic.device import Motion
 from tests.simulated.catalogue.motions import Course, chirp, multisine, point_to_point
 from tests.simulated.catalogue.raw import RawLog
 

@@ -7,9 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Clock, Faults, Hand, Rig
-from datasets_synthetic.law import Controller
-from datasets_synthetic.simulation import simulate
+from datasets_synthetic import Clock, Controller, Faults, Hand, Rig, simulate
 from tests.outside_axis import Axis, Body, Drive, play
 from tests.simulated.catalogue.motions import Course, multisine
 from tests.simulated.catalogue.raw import RawLog

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from datasets_synthetic import Recording
 from datasets_synthetic.device import Motion
-from datasets_synthetic.simulation import Recording
 from identification import Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -50,6 +50,26 @@ class _Text(HTMLParser):
             self.words.append(" ".join(data.split()))
 
 
+#: Guides, whose sentences are short, and what is no prose in them.
+GUIDES = "tutorial calibrating logs playing findings verifying commands export promises tuning"
+DOCS = Path(__file__).parents[1] / "docs"
+_NO_PROSE = re.compile(r"```.*?```|<!--.*?-->|^[|#!].*?$|^ {4}.*?$", re.DOTALL | re.MULTILINE)
+
+
+def test_the_documentation_is_short() -> None:
+    """Words of the pages without benchmarks and decisions; of a guide's sentences on average."""
+    words = {page.stem: page.read_text(encoding="utf-8") for page in DOCS.glob("*.md")}
+    assert sum(len(text.split()) for text in words.values()) <= 15_000
+    assert len(words["tutorial"].split()) <= 800
+    for name in GUIDES.split():
+        prose = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", _NO_PROSE.sub("", words[name]))
+        prose = re.sub(r"`[^`]*`", "it", prose)
+        parts = re.split(r"\n\s*\n|\n- |\n\d+\. |(?<=[.!?:])\s+(?=[A-Z*])", prose)
+        lengths = [len(part.split()) for part in parts if len(part.split()) > 2]
+        assert sum(lengths) / len(lengths) <= 25, name
+    assert not re.search(r"exit code|[A-Z]\w+Error", words["calibrating"])
+
+
 @cache
 def _page() -> str:
     device = load_device("homerehab").model_copy(update={"serial": 'HR-7" } </style> */'})

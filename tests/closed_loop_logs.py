@@ -9,8 +9,7 @@ import numpy as np
 from datasets_synthetic import Controller, Rig, simulate
 from identification import Device, Trajectory, quantity
 from tune import Verification
-from tune.documents.profile import Design, ElementProfile, LoopProfile, MarginProfile, Margins
-from tune.documents.scene import Motion
+from tune.documents.profile import Design
 
 T = 0.001
 Sizes = tuple[float, float, float]
@@ -40,13 +39,15 @@ class Bench:
             "velocity_filter_hz": velocity_filter_hz,
             "acceleration_filter_hz": acceleration_filter_hz,
         }
-        self.profile = Design(
-            device=self._device(),
-            scene="bench",
-            loop=LoopProfile(sample_time=T, extra_delay_samples=1.0, **{**filters, **(loop or {})}),
-            margin=MarginProfile(name="balanced", gain=2.0, extra_delay_samples=1),
-            elements={name: _element(sizes) for name, sizes in elements.items()},
-            ripple_limit=0.1,
+        self.profile = Design.model_validate(
+            {
+                "device": self._device(),
+                "scene": "bench",
+                "loop": {"sample_time": T, "extra_delay_samples": 1.0, **filters, **(loop or {})},
+                "margin": {"name": "balanced", "gain": 2.0, "extra_delay_samples": 1},
+                "elements": {name: _element(sizes) for name, sizes in elements.items()},
+                "ripple_limit": 0.1,
+            }
         )
 
     def _device(self) -> Device:
@@ -97,17 +98,14 @@ class Bench:
         ).trajectory()
 
 
-def _element(sizes: Sizes) -> ElementProfile:
-    K, B, M = sizes
-    return ElementProfile(
-        stiffness=K,
-        damping=B,
-        mass=M,
-        perceived_steps={},
-        margins=Margins(gain=3.0, extra_delay_samples=1.0, passive="not-applicable"),
-        limited_by={},
-        motion=Motion(penetration=0.01, speed=0.2, acceleration=2.0),
-    )
+def _element(sizes: Sizes) -> dict[str, Any]:
+    return {
+        **dict(zip(("stiffness", "damping", "mass"), sizes, strict=True)),
+        "perceived_steps": {},
+        "margins": {"gain": 3.0, "extra_delay_samples": 1.0, "passive": "not-applicable"},
+        "limited_by": {},
+        "motion": {"penetration": 0.01, "speed": 0.2, "acceleration": 2.0},
+    }
 
 
 AXIS = Bench(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from identification import load_device
 from tests.exported import tuned
-from tune import SafeProfile
-from tune.documents.profile import AbsoluteStability, Channel, ElementProfile, Multiplier, Tap
-from tune.documents.scene import DEFAULT_MOTION
+from tune import SafeProfile, Scene
+from tune.documents.profile import AbsoluteStability
 
 
 def made(
@@ -24,8 +24,10 @@ def made(
     device = load_device(name)
     assert device.force_limit is not None
     some = tuned().elements["wall"]
-    usual = DEFAULT_MOTION[device.motion].model_copy(update=motion)
-    elements: dict[str, ElementProfile] = {}
+    usual = Scene.model_validate({"elements": {"any": {"stiffness": "max", **motion}}}).motion(
+        "any", device.motion
+    )
+    elements: dict[str, Any] = {}
     for each, (stiffness, damping, mass) in scene.items():
         sized = some.model_copy(update={"stiffness": stiffness, "damping": damping, "mass": mass})
         played = {
@@ -43,9 +45,14 @@ def made(
             "acceleration_filter_hz": 30.0,
         }
     )
-    tap = Channel(name="any", taps=(Tap(samples=taps, weight=1.0),))
-    proof = AbsoluteStability(
-        gain=2.0, extra_delay_samples=1.0, free=Multiplier(channels=(tap,)), covers=()
+    channel = {"name": "any", "taps": [{"samples": taps, "weight": 1.0}]}
+    proof = AbsoluteStability.model_validate(
+        {
+            "gain": 2.0,
+            "extra_delay_samples": 1.0,
+            "free": {"channels": [channel]},
+            "covers": (),
+        }
     )
     seal = tuned().certificate.model_copy(update={"absolute_stability": {"any": proof}})
     new = {"device": device, "elements": elements, "loop": loop, "certificate": seal}

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification import LogFit, Trajectory, identify
-from identification.estimators.estimate import quantile
-from identification.fitting import fit_log
+from identification import LogFit, Method, Trajectory, identify
 from tests.simulated.families import FAMILIES, POSE_FACTORS, family_named, poses
 from tests.thinned import thinned
 
@@ -27,17 +25,16 @@ EXPECTED = dict.fromkeys(FAMILIES, "output-error") | {
 DEAREST = {"coulomb", "directional-friction"}
 
 
-def fitted(name: str, trajectory: Trajectory, method: str = "auto") -> LogFit:
-    return fit_log(trajectory, family_named(name).hardware, method)
+def fitted(name: str, trajectory: Trajectory, method: Method = "auto") -> LogFit:
+    hardware = family_named(name).hardware
+    return identify(trajectory, hardware=hardware, method=method).logs[0]
 
 
 def errors(name: str, fits: list[LogFit]) -> tuple[Array, Array]:
     """Errors of mass and damping, and their 95 % half-widths, shape (logs, 2) each."""
     truth = family_named(name).truth
     found = np.array([[fit.estimate.value(key) - truth[key] for key in NAMES] for fit in fits])
-    half = np.array(
-        [[quantile(fit.estimate) * fit.estimate.deviation(key) for key in NAMES] for fit in fits]
-    )
+    half = np.array([[1.96 * fit.estimate.deviation(key) for key in NAMES] for fit in fits])
     return found, half
 
 

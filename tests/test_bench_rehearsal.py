@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from datasets_synthetic import (
     Calls,
@@ -20,12 +19,10 @@ from datasets_synthetic import (
     named_rig,
     rehearse,
 )
-from datasets_synthetic.ending import Allowed, Ending, endings
 
 T = 0.001
 HOMEREHAB = named_rig("homerehab")
 FILTERED: dict[str, Any] = {"velocity_filter_hz": 30.0, "acceleration_filter_hz": 30.0}
-ALLOWED = Allowed(counts=3.0, force=1.0)
 #: The paper's own setting.
 PAPER = Controller(stiffness=1000.0, damping=10.0, mass=1.0, **FILTERED)
 
@@ -210,13 +207,6 @@ def test_a_tenth_of_the_limit_settles_on_every_device(name: str) -> None:
     m, b = float(rig.mass[0]), float(rig.damping[0])
     modest = Controller(stiffness=0.1 * b / (1.5 * T), damping=2 * b, mass=0.2 * m, **FILTERED)
     assert play(rig, modest).settles
-
-
-def ends(
-    position: NDArray[np.float64], force: NDArray[np.float64], allowed: Allowed = ALLOWED
-) -> list[Ending]:
-    """Of readings in counts."""
-    return endings(position, force, np.ones(len(position)), [allowed] * len(position))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import SCENARIOS, bundled_path, run
-from datasets_synthetic.scenarios import bundle_texts
 from identification import Hardware, load_device, load_document, load_mapping
 from tests.thinned import thinned
 
@@ -63,15 +62,6 @@ def test_excitation_reaches_a_limit_and_tells_mass_from_damping(name: str) -> No
     moved = power / (frequency**2 + corner**2)
     slow = np.sum(moved[frequency < corner]) / np.sum(moved)
     assert 0.02 < slow < 0.98
-
-
-def test_bundled_files_are_what_their_scenario_makes() -> None:
-    texts = bundle_texts(SCENARIOS["homerehab"])
-    assert sorted(texts) == ["homerehab.csv", "homerehab.hardware.yaml", "homerehab.truth.yaml"]
-    for name, text in texts.items():
-        assert bundled_path(name).read_text(encoding="utf-8") == text, (
-            f"{name} differs from its scenario: python -m datasets_synthetic.scenarios"
-        )
 
 
 def test_bundled_log_is_small_exact_and_beside_its_truth() -> None:

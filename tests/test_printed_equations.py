@@ -24,8 +24,7 @@ from tests.printed import (
 )
 from tests.reference import reference_loop, stable_by_jury
 from tests.simulated.experiment import EFFECTS, EffectName
-from tune import Effects, Loop, is_stable, largest
-from tune.stability.verdict import stable_values
+from tune import Effects, Loop, is_stable, largest, safe_gain
 
 #: HomeRehab and the paper's setting.
 DEVICE: dict[str, Any] = {"mass": 3.0, "damping": 10.0, "sample_time": 1e-3}
@@ -165,7 +164,7 @@ def test_lower_limits_13_is_exact_and_20_low_by_five_sixths_of_delta() -> None:
     """-b < B to the last digit; the exact lower limit of M is -m(1 + 5δ/6 + O(δ²))."""
     for delta in (1e-4, 1e-3, 1e-2, 0.1):
         loop = Loop.dimensionless(delta)
-        low = {name: float(stable_values(loop, name, sign=-1).high[0]) for name in EFFECTS[1:]}
+        low = {name: float(safe_gain(loop, Effects(**{name: -1.0}))) for name in EFFECTS[1:]}
         assert low["damping"] == pytest.approx(delta, rel=1e-12)
         assert (low["mass"] - 1) / delta == pytest.approx(5 / 6, abs=delta)
 

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from tune import Scene, load_scene
-from tune.documents.scene import MARGINS, Motion
+from tune.documents.scene import Motion
 
 WALL: dict[str, Any] = {"wall": {"stiffness": "max"}}
 
@@ -24,11 +24,6 @@ def test_defaults_are_the_documented_ones() -> None:
     assert scene.loop.velocity_filter_hz == scene.loop.acceleration_filter_hz == "free"
     assert scene.ripple_limit is None
     assert scene.elements["wall"].priority == 1
-    assert {name: tuple(dict(margin).values()) for name, margin in MARGINS.items()} == {
-        "conservative": (3.0, 2),
-        "balanced": (2.0, 1),
-        "firm": (1.5, 1),
-    }
 
 
 def test_motions_not_given_are_those_of_the_kind_of_axis() -> None:

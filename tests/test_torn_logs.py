@@ -13,7 +13,6 @@ import polars as pl
 import pytest
 
 from identification import InvalidInputError, LogRefusedError, load_trajectory
-from identification.readers.columns import MOST_SAMPLES
 from tests.packed_logs import FORCE, POSITION, ROWS, TIME, Writer, npz, parquet, refusal
 
 
@@ -44,7 +43,7 @@ def _column(values: Any) -> bytes:
     [
         (_header((10**12,)), "claims 1000000000000 samples"),
         (_header((10**6, 10**6)), "claims 1000000000000 samples"),
-        (_header((MOST_SAMPLES + 1,)), "more than the 20000000"),
+        (_header((20_000_000 + 1,)), "more than the 20000000"),
         (_header((ROWS,)), "not a readable NumPy archive"),
         (_header((ROWS,)) + bytes(80), "not a readable NumPy archive"),
         (b"\x93NUMPY\x03\x00" + bytes(50), "format 3.0"),
@@ -81,7 +80,7 @@ def test_what_is_packed_behind_an_array_is_not_unpacked(tmp_path: Path) -> None:
 def test_a_table_of_too_many_rows_is_refused_unread(tmp_path: Path) -> None:
     """Run lengths make thirty million rows a few kilobytes."""
     path = tmp_path / "log.parquet"
-    rows = pl.select(pl.repeat(1, MOST_SAMPLES + 1, dtype=pl.Int8).alias("time")).with_columns(
+    rows = pl.select(pl.repeat(1, 20_000_000 + 1, dtype=pl.Int8).alias("time")).with_columns(
         force=pl.col("time"), position=pl.col("time")
     )
     rows.write_parquet(path)

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import SCENARIOS, log_text, named_rig, run
-from identification import Hardware, Trajectory, load_device
-from identification.findings.columns import units
+from identification import Hardware, Trajectory, examine, load_device
 from tests.commands import Ended, haptune
 from tests.thinned import thinned
 from tune import load_profile
@@ -129,7 +128,7 @@ def test_radians_without_a_motion_are_told_about_rotary() -> None:
 
 def test_what_travels_too_far_for_metres_may_turn() -> None:
     far = replace(_log("knob"), position=_log("knob").position * 100, motion=None)
-    (told,) = [each for each in units(far, None) if "travels" in each.seen]
+    (told,) = [each for each in examine(far).findings if "travels" in each.seen]
     assert told.remedy.index("motion: rotary") < told.remedy.index("--position-gain")
 
 
@@ -143,10 +142,12 @@ def test_readings_without_counts_scatter_in_other_units(device: str, decimals: i
     hardware = Hardware(motion=known.motion, encoder_resolution=known.encoder_resolution)
     noise = 0.5 * count * np.random.default_rng(1).standard_normal(len(log))
     hidden = replace(log, position=log.position + noise)
-    assert list(units(hidden, hardware)) == []
+    seen = examine(hidden, hardware=hardware, method="least-squares").findings
+    assert not [each for each in seen if "encoder resolution" in each.seen]
     factor = 180 / np.pi if known.motion == "rotary" else 1000.0
     other = replace(hidden, position=np.round(hidden.position * factor, decimals))
-    told = [each for each in units(other, hardware) if "encoder resolution" in each.seen]
+    seen = examine(other, hardware=hardware, method="least-squares").findings
+    told = [each for each in seen if "encoder resolution" in each.seen]
     assert [each.severity for each in told] == ["refusal"]
     assert "--position-gain" in told[0].remedy
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable
 from itertools import chain, repeat
 from pathlib import Path
@@ -59,26 +58,6 @@ def cell(folder: Path) -> Path:
     return _workbook(folder, {_SHEET: (b"</sheetData>", chain([start], text, [end]))})
 
 
-def row(folder: Path) -> Path:
-    """Thirty million cells in one row."""
-    cells = repeat(b"<c/>" * 300_000, 100)
-    pieces = chain([b'<row r="302">'], cells, [b"</row>"])
-    return _workbook(folder, {_SHEET: (b"</sheetData>", pieces)})
-
-
-def styles(folder: Path) -> Path:
-    """Two million styles."""
-    pieces = repeat(b'<xf numFmtId="0" fontId="0" fillId="0" borderId="0"/>' * 20_000, 100)
-    return _workbook(folder, {_STYLES: (b"</cellXfs>", pieces)})
-
-
-def names(folder: Path) -> Path:
-    """Half a million names."""
-    each = _each('<definedName name="n*">Log!$A$1</definedName>', 500_000)
-    pieces = chain([b"<definedNames>"], each, [b"</definedNames>"])
-    return _workbook(folder, {_BOOK: (b"<definedNames />", pieces)})
-
-
 def sheets(folder: Path) -> Path:
     """Twenty thousand sheets."""
     listed = f'<sheet xmlns:r="{_OFFICE}" name="s*" sheetId="9*" r:id="x*"/>'
@@ -108,35 +87,12 @@ def _bag(folder: Path, definition: str, rest: bytes) -> Path:
     return path
 
 
-def fields(folder: Path) -> Path:
-    """A schema of two hundred thousand fields."""
-    return _bag(folder, "".join(f"uint8 f{k}\n" for k in range(200_000)), bytes(200_000))
-
-
 def elements(folder: Path) -> Path:
     """Messages of a million elements."""
     one = struct.pack("<Ixxxx", 1)
     return _bag(folder, "string[] names\n", struct.pack("<I", 1_000_000) + one * 1_000_000)
 
 
-def matrix(folder: Path) -> Path:
-    """A variable of 1500 rows that unpacks to 1.2 GB."""
-    path = folder / "log.mat"
-    found = [b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"]
-    for name, size in ((b"time", 12_000), (b"position", 12_000), (b"force", 1_200_000_000)):
-        flags_and_shape = struct.pack("<8I", 6, 8, 6, 0, 5, 8, 1500, 1)
-        beginning = flags_and_shape + struct.pack("<II", 1, len(name)) + name.ljust(8, b"\0")
-        packer = zlib.compressobj(1)
-        packed = packer.compress(struct.pack("<II", 14, len(beginning) + 8 + size) + beginning)
-        packed += packer.compress(struct.pack("<II", 9, size))
-        for piece in repeat(bytes(12_000), size // 12_000):
-            packed += packer.compress(piece)
-        packed += packer.flush()
-        found.append(struct.pack("<II", 15, len(packed)) + packed)
-    path.write_bytes(b"".join(found))
-    return path
-
-
 BOMBS: dict[str, Callable[[Path], Path]] = {
-    each.__name__: each for each in (sheets, matrix, cell, row, styles, names, fields, elements)
+    each.__name__: each for each in (elements, sheets, cell)
 }

@@ -381,7 +381,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "identification/estimators/estimate.py",
-        "tests/test_estimators.py -k covariance",
+        "tests/test_methods.py -k covariance",
         ("intervals", "(shifts.T @ shifts + floor)", "(0.25 * shifts.T @ shifts + floor)"),
         (
             "intervals with instruments",
@@ -524,7 +524,7 @@ FAULTS: tuple[Fault, ...] = (
     # The node of ROS 2, and what is exported together.
     *_of(
         "tune/templates/node.py",
-        "tests/test_ros2_node.py",
+        "tests/test_ros2.py",
         ("messages that stop", "(self.law.extra_delay + 1) * self", "9 * self"),
         ("messages that come late", "        if self.overdue(stamp):", "        if False:"),
         ("a clock that jumps", "or self.law.status is Status.LATE:  #", "or False:  #"),
@@ -535,7 +535,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/templates/law.py",
-        "tests/test_ros2_node.py",
+        "tests/test_ros2.py",
         ("a force held after a silence", "return self._no_force(Status.LATE)", "return 0.0"),
         ("parameters of another profile", "if told != PROFILE:", "if False:"),
     ),

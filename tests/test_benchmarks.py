@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.long_log import DAMPING, DELAY, MASS
 from benchmarks.other_methods import OTHERS
-from benchmarks.servo_peers import multiple_shooting, one_filter, output_error, srivc
+from benchmarks.servo_peers import multiple_shooting, output_error, srivc
 from benchmarks.servo_section import Method, servo_family
 from datasets_synthetic import Rig, multisine, simulate
 from identification.estimators.estimate import Model
@@ -52,9 +52,3 @@ def test_peers_on_a_servo_agree_with_each_other_and_with_the_truth(peer: Method)
     found = peer(log, family.truth["delay"])
     np.testing.assert_allclose(found, [family.truth["mass"], family.truth["damping"]], rtol=5e-3)
     np.testing.assert_allclose(found, output_error(log, family.truth["delay"]), rtol=2e-5)
-
-
-def test_one_filter_on_both_sides_finds_the_truth_roughly() -> None:
-    family = servo_family(4_000)
-    found = one_filter(family.logs([0])[0], family.truth["delay"], 10.0)
-    np.testing.assert_allclose(found, [family.truth["mass"], family.truth["damping"]], rtol=1e-2)

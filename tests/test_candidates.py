@@ -1,4 +1,4 @@
-"""Three margins side by side, against the roots of the closed loop in z."""
+"""Three margins side by side, and what each fact of the hardware costs."""
 
 from __future__ import annotations
 
@@ -10,17 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
+from pydantic import ValidationError
 
-from identification import Device, load_device, quantity
+from identification import Device, Quantity, as_stored, load_device, quantity
 from tests.commands import haptune
 from tests.unlimited import UNLIMITED
 from tune import (
+    CheckFailedError,
     NoFeasibleEffectError,
     Scene,
     candidates,
     candidates_picture,
     compare_candidates,
     load_profile,
+    optimise,
+    what_if,
 )
 
 #: gain and further samples of delay, as the README promises them
@@ -98,26 +102,6 @@ def test_the_picture_has_a_bar_for_every_effect_of_every_candidate(
     assert widths == pytest.approx(sorted(row.steps.value for row in rows))
 
 
-def test_more_of_one_effect_is_less_of_another(device: Device) -> None:
-    """None of them exceeds another in both (Pareto)."""
-    wish = {"stiffness": "max", "mass": "max", "damping": 60.0, "penetration": 0.01}
-    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
-    found = candidates(load_device("homerehab"), _scene({"it": wish}, loop=loop))
-    steps = {
-        each.name: each.profile.elements["it"].perceived_steps
-        for each in found
-        if each.profile is not None
-    }
-    assert list(steps)[3:] == ["more stiffness", "more mass"]
-    stiff, even, heavy = (steps[n] for n in ("more stiffness", "balanced", "more mass"))
-    assert stiff["stiffness"] >= even["stiffness"] >= heavy["stiffness"]
-    assert stiff["mass"] <= even["mass"] <= heavy["mass"]
-
-
-def test_balanced_is_recommended(walls: tuple[Any, ...]) -> None:
-    assert [candidate.margin for candidate in walls if candidate.recommended] == ["balanced"]
-
-
 def test_a_margin_that_allows_nothing_says_why_and_the_others_stand(
     device: Device, walls: tuple[Any, ...]
 ) -> None:
@@ -158,3 +142,80 @@ def test_tune_shows_all_and_writes_the_margin_chosen() -> None:
     alone = haptune("tune", "homerehab", "scene.yaml", "--margin", "firm", "-o", "b.yaml", "--json")
     assert "candidates" not in alone.result.get("details", {})
     assert load_profile(Path("b.yaml")).digest == written.digest
+
+
+SPRING = Scene.model_validate({"elements": {"wall": {"stiffness": "max"}}})
+
+
+def _times(item: Quantity, factor: float) -> Quantity:
+    return quantity(item.value * factor, item.low * factor, item.high * factor)
+
+
+def _changed(device: Device, change: str) -> Device:
+    """The device with one fact changed, as its file would hold it."""
+    if change == "as it is":
+        return device
+    limit, count = device.force_limit, device.encoder_resolution
+    assert limit is not None
+    assert count is not None
+    strong = limit.model_copy(update={"continuous": 2 * limit.continuous, "peak": 2 * limit.peak})
+    updates: dict[str, dict[str, object]] = {
+        "half the delay": {"delay": _times(device.delay, 0.5)},
+        "twice the sample rate": {"sample_time": _times(device.sample_time, 0.5)},
+        "an encoder twice as fine": {"encoder_resolution": _times(count, 0.5)},
+        "twice the force": {"force_limit": strong},
+        "half the damping": {"damping": _times(device.damping, 0.5)},
+        "twice the damping": {"damping": _times(device.damping, 2.0)},
+    }
+    if change in updates:
+        return as_stored(device.model_copy(update=updates[change]))
+    (mode,) = device.modes
+    assert change == f"the mode at {mode.frequency_hz.value:.4g} Hz damped twice as well"
+    better = mode.model_copy(update={"damping_ratio": _times(mode.damping_ratio, 2.0)})
+    return as_stored(device.model_copy(update={"modes": (better,)}))
+
+
+def _assert_rows_are_tunes(device: Device, scene: Scene) -> None:
+    now, *rows = what_if(device, scene)
+    assert now.change == "as it is"
+    assert [row.total for row in rows] == sorted((row.total for row in rows), reverse=True)
+    for row in (now, *rows):
+        try:
+            tuned = optimise(_changed(device, row.change), scene)
+        except (NoFeasibleEffectError, CheckFailedError, ValidationError):
+            assert row.reason is not None
+            continue
+        steps = {
+            f"{name}.{effect}": value
+            for name, each in tuned.elements.items()
+            for effect, value in each.perceived_steps.items()
+        }
+        assert row.steps == pytest.approx(steps, rel=1e-6)
+        assert row.total == pytest.approx(sum(steps.values()), rel=1e-6)
+
+
+@pytest.mark.long
+def test_a_mode_damped_better_is_one_of_the_rows() -> None:
+    vibrating = {
+        "frequency_hz": 90.0,
+        "damping_ratio": {"value": 0.03, "low": 0.02, "high": 0.04},
+        "at_encoder": 0.4,
+    }
+    device = load_device("homerehab")
+    device = Device.model_validate({**dict(device), "modes": [vibrating]})
+    _assert_rows_are_tunes(device, SPRING)
+
+
+def test_the_command_shows_the_table_and_its_numbers_in_json(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text(
+        "elements: {water: {damping: 10.0}}\nloop: {velocity_filter_hz: 50.0}\n", encoding="utf-8"
+    )
+    ended = haptune("tune", "homerehab", "scene.yaml", "--what-if", "--dry-run", "--json")
+    assert ended.code == 0, ended.err
+    rows = ended.result["details"]["what_if"]
+    assert rows[0]["change"] == "as it is"
+    assert {"half the delay", "twice the force"} <= {row["change"] for row in rows}
+    assert all(row["total"] > 0 for row in rows)

@@ -112,28 +112,6 @@ def test_a_wall_gives_more_than_its_lag_takes_and_keeps_to_its_lead(name: str) -
     )
 
 
-def test_a_longer_lead_allows_more_damping_and_a_shorter_one_less() -> None:
-    dampings = [
-        tuned("homerehab", scene(wall={**WALL, "lead": lead})).elements["wall"].damping
-        for lead in (2e-4, 1e-3)
-    ]
-    assert dampings[0] < dampings[1]
-
-
-def test_stiffness_counts_first_and_gives_up_half_a_step_at_most() -> None:
-    fixed = {"loop": {"velocity_filter_hz": 50.0}}
-    most, alone = (
-        optimise(
-            load_device("homerehab"), Scene.model_validate({"elements": {"wall": wall}, **fixed})
-        ).elements["wall"]
-        for wall in ({**WALL, "damping": {"min": 55.0, "max": 75.0}}, WALL)
-    )
-    # More damping than 75 N·s/m was worth less than half a step of stiffness.
-    assert alone.damping > 75
-    lost = most.perceived_steps["stiffness"] - alone.perceived_steps["stiffness"]
-    assert lost < 0.5 + 1e-3
-
-
 def test_what_a_wall_meets_costs_it_only_what_it_must() -> None:
     """Beside all the elements of the demo on a device that is known to 1 and 6 per cent."""
     others: dict[str, object] = {

@@ -121,15 +121,6 @@ def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
     assert haptune("compare", "worn.yaml", "nowhere.yaml").code == 3
 
 
-def test_serial_date_and_operator_go_from_hardware_to_device(tmp_path: Path) -> None:
-    path = tmp_path / "hardware.yaml"
-    path.write_text("serial: A-17\ndate: 2026-11-22\noperator: Ada L.\n", encoding="utf-8")
-    hardware = load_document(Hardware, path)
-    assert (hardware.serial, hardware.date, hardware.operator) == ("A-17", "2026-11-22", "Ada L.")
-    path.write_text(to_yaml(to_mapping(hardware)), encoding="utf-8")
-    assert load_document(Hardware, path) == hardware
-
-
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
@@ -144,13 +135,3 @@ def test_a_nameplate_that_cannot_be_read_says_how(line: str, sentence: str, tmp_
     path.write_text(line + "\n", encoding="utf-8")
     with pytest.raises(InvalidInputError, match=sentence):
         load_document(Hardware, path)
-
-
-def test_an_identified_device_keeps_the_nameplate_of_its_hardware() -> None:
-    from datasets_synthetic import bundled_path
-    from identification import identify, load_trajectory
-
-    log = load_trajectory(bundled_path("homerehab.csv"))
-    known = Hardware(serial="A-17", date="2026-11-22", operator="Ada", motion="linear")
-    device = identify(log, hardware=known).device
-    assert (device.serial, device.date, device.operator) == ("A-17", "2026-11-22", "Ada")

@@ -9,17 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification import (
-    Device,
-    ForceLimit,
-    LogRefusedError,
-    Trajectory,
-    as_stored,
-    load_device,
-    quantity,
-    to_mapping,
-    to_yaml,
-)
+from identification import Device, ForceLimit, as_stored, load_device, quantity, to_mapping, to_yaml
 from tests.commands import Ended, haptune
 from tests.thinned import thinned
 from tune import load_profile
@@ -151,14 +141,6 @@ def _doctor(folder: Path, time: FloatArray, force: FloatArray, position: FloatAr
     return ended.code
 
 
-@pytest.mark.parametrize(("rows", "span"), [(200, 0.059), (300, 0.01), (400, 1e-9)])
-def test_a_log_shorter_than_the_windows_of_a_tremor_is_judged(
-    tmp_path: Path, rows: int, span: float
-) -> None:
-    time, force, position = _pushed(rows)
-    assert _doctor(tmp_path, time / time[-1] * span, force, position) in {0, 3, 4}
-
-
 @pytest.mark.parametrize("sign", thinned([1.0, -1.0], 1))
 def test_a_force_that_is_the_position_is_refused(tmp_path: Path, sign: float) -> None:
     """Least squares then finds next to no mass, and a rate b/m that no exponential holds."""
@@ -175,12 +157,6 @@ def test_columns_out_of_all_proportion_end_in_a_sentence(
     columns = {"time": time, "force": force, "position": position}
     columns[column] = columns[column] * scale
     assert _doctor(tmp_path, **columns) in {0, 3, 4}
-
-
-def test_a_position_that_rounds_to_minus_nothing_is_called_zero() -> None:
-    time, force, _ = _pushed(200)
-    with pytest.raises(LogRefusedError, match=r"position in trajectory is 0 in every row"):
-        Trajectory(time=time, force=force, position=np.full(200, -0.0))
 
 
 _WISHES: dict[str, dict[str, Any]] = {

@@ -31,8 +31,8 @@ from identification import (
 )
 from identification.estimators.estimate import Model
 from tests.commands import files, form, haptune
-from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, positions
+from tests.test_methods import estimate_by
 from tests.thinned import thinned
 
 Array = NDArray[np.float64]

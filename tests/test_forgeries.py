@@ -1,11 +1,13 @@
-"""Each key of a profile is forged in turn and signed anew: it is refused, or named as trusted."""
+"""Each key of a profile is forged in turn and signed anew; no digit changes unseen."""
 
 from __future__ import annotations
 
+import copy
 import functools
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -13,13 +15,113 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from identification import InvalidInputError, load_device, to_mapping, to_yaml
+from identification import (
+    Device,
+    InvalidInputError,
+    load_device,
+    load_mapping,
+    quantity,
+    to_mapping,
+    to_yaml,
+)
 from tests.commands import digest_of, haptune
-from tests.forgeries import GONE, Field, fields, forged, forgeries
 from tests.thinned import thinned
-from tune import CheckFailedError, SafeProfile, Scene, optimise
+from tune import CheckFailedError, SafeProfile, Scene, load_profile, optimise
 from tune.certificate.certify import certify
 from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST, check_content
+
+Place = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """One key of a profile."""
+
+    path: Place
+    value: Any
+    schema: Mapping[str, Any]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(str(part) for part in self.path)
+
+
+@functools.cache
+def _schema() -> dict[str, Any]:
+    return SafeProfile.model_json_schema(by_alias=True)
+
+
+def _branches(schema: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The ways in which a schema can be met, references followed."""
+    if "$ref" in schema:
+        return _branches(_schema()["$defs"][schema["$ref"].rpartition("/")[2]])
+    each = schema.get("anyOf")
+    return [found for one in each for found in _branches(one)] if each else [dict(schema)]
+
+
+def fields(
+    content: Any, schema: Mapping[str, Any] | None = None, path: Place = ()
+) -> Iterator[Field]:
+    """Every key of a profile, those that its schema allows and the file leaves out among them."""
+    branches = _branches(_schema() if schema is None else schema)
+    if path:
+        yield Field(path=path, value=content, schema=schema or {})
+    if isinstance(content, dict):
+        whole = next((b for b in branches if b.get("type") == "object"), {})
+        known: dict[str, Any] = whole.get("properties", {})
+        other = whole.get("additionalProperties") or {}
+        for name in dict.fromkeys((*known, *content)):
+            yield from fields(content.get(name), known.get(name, other), (*path, name))
+    elif isinstance(content, list):
+        items = next((b.get("items", {}) for b in branches if b.get("type") == "array"), {})
+        for place, item in enumerate(content[:2]):
+            yield from fields(item, items, (*path, place))
+
+
+#: What stands for nothing when it is taken away.
+GONE = "taken away"
+
+
+def forgeries(field: Field) -> list[Any]:
+    """Values that a forger may write in the place of what a profile says."""
+    value = field.value
+    found: list[Any] = [] if value is None else [GONE]
+    words = [word for b in _branches(field.schema) for word in (b.get("enum") or [])]
+    if value is None:
+        examples = {"number": 1.0, "integer": 1, "string": "forged", "array": [], "object": {}}
+        types = [b.get("type") for b in _branches(field.schema)]
+        found += [examples[kind] for kind in types if kind in examples] + words[:1]
+    elif isinstance(value, bool):
+        found += [not value]
+    elif isinstance(value, int | float):
+        changed = value + 1 if isinstance(value, int) else value * 1.05 or 1.0
+        found += [changed, value * 0.95 or -1.0, -value, value * 1e8 or 1e8]
+    elif isinstance(value, str):
+        found += [value + " forged", "", *words]
+    elif isinstance(value, list):
+        found += [[], [*value, *value[:1]], value[:-1]]
+        if not any(isinstance(each, float) for each in value):  # numbers may be alike
+            found.append(value[::-1])
+    else:
+        first = next(iter(value), "")
+        found += [{}, {**value, "forged": value.get(first, 1.0)}]
+    return [each for each in found if each is GONE or each != value]
+
+
+def forged(content: Mapping[str, Any], field: Field, value: Any) -> dict[str, Any]:
+    """A profile with one key changed and the digest that belongs to it."""
+    changed: Any = copy.deepcopy(dict(content))
+    place: Any = changed
+    for key in field.path[:-1]:
+        place = place[key]
+    if value is GONE:
+        del place[field.path[-1]]
+    else:
+        place[field.path[-1]] = value
+    if field.path != ("digest",):
+        changed["digest"] = digest_of(changed)
+    return changed
+
 
 SCENE: dict[str, Any] = {
     "elements": {
@@ -218,3 +320,84 @@ def test_a_forgery_that_once_passed_is_told_apart(key: str, value: Any, words: s
     field = Field(path=path, value=None, schema={})
     with pytest.raises((CheckFailedError, InvalidInputError), match=re.escape(words)):
         check_content(forged(content, field, value), "profile.yaml")
+
+
+#: The digit in a name is in a key, those of the device are in numbers, text and exponents. The
+#: depth is stated, so that the limit of force binds and is not where the force is cut.
+SPRING: dict[str, Any] = {"elements": {"wall 2": {"stiffness": "max", "penetration": 0.01}}}
+RICH: dict[str, Any] = {
+    "elements": {
+        "wall": {"stiffness": 500.0, "damping": 10.0},
+        "cup": {"mass": 1.0},
+        "dust": {"damping": 0.1},
+    },
+    "together": [["wall", "cup"]],
+    "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+}
+
+
+@functools.cache
+def _profile(*, rich: bool = False) -> SafeProfile:
+    return optimise(load_device("homerehab"), Scene.model_validate(RICH if rich else SPRING))
+
+
+def _digits_are_guarded(text: str, path: Path, others: Callable[[str], str], every: int) -> int:
+    """Change one digit of so many, in turn, to each of ``others``; count all digits."""
+    places = [at for at, letter in enumerate(text) if letter.isdigit()]
+    assert places
+    for at in places[::every]:
+        for digit in others(text[at]):
+            path.write_text(text[:at] + digit + text[at + 1 :], encoding="utf-8")
+            with pytest.raises(CheckFailedError):
+                load_profile(path)
+    return len(places)
+
+
+@pytest.mark.parametrize("rich", thinned([False, True], 1))
+def test_every_sixth_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -> None:
+    chance = np.random.default_rng(5)
+    text = _profile(rich=rich).to_yaml()
+
+    def another(digit: str) -> str:
+        return str((int(digit) + int(chance.integers(1, 10))) % 10)
+
+    guarded = _digits_are_guarded(text, tmp_path / "profile.yaml", another, every=6)
+    assert guarded > (300 if rich else 200)
+
+
+@pytest.mark.parametrize("key", ["digest", "schema"])
+def test_a_line_taken_out_is_noticed(tmp_path: Path, key: str) -> None:
+    lines = _profile().to_yaml().splitlines()
+    path = tmp_path / "profile.yaml"
+    path.write_text("\n".join(x for x in lines if not x.startswith(f"{key}:")), encoding="utf-8")
+    with pytest.raises(CheckFailedError, match="digest"):
+        load_profile(path)
+
+
+def test_layout_and_comments_are_not_content(tmp_path: Path) -> None:
+    content = to_mapping(_profile())
+    path = tmp_path / "profile.yaml"
+    turned = dict(reversed(content.items()))
+    path.write_text("# another comment\n" + to_yaml(turned) + "# and one more\n", encoding="utf-8")
+    assert load_profile(path) == _profile()
+
+
+@pytest.mark.parametrize("rich", [False, True])
+def test_every_float_is_a_float_to_yaml_1_1_and_ros_2(tmp_path: Path, rich: bool) -> None:
+    """PyYAML takes 1e-06 for text: a float needs a point, an exponent its sign."""
+    text = _profile(rich=rich).to_yaml()
+    tokens = re.findall(r"(?<=[\s\[{])[-+]?[\d.]+(?:[eE][-+]?\d+)?(?=[\s,\]}])", text)
+    assert "6.0e-06" in tokens
+    floats = [token for token in tokens if not token.isdigit() and token.count(".") < 2]
+    assert len(floats) > 20
+    for token in floats:
+        assert re.fullmatch(r"[-+]?\d+\.\d+([eE][-+]\d+)?", token), token
+    path = tmp_path / "profile.yaml"
+    path.write_text(text, encoding="utf-8")
+    assert load_mapping(path) == to_mapping(_profile(rich=rich))
+
+
+def test_the_digest_tells_devices_apart_by_their_last_digit() -> None:
+    device = load_device("homerehab")
+    other = device.model_copy(update={"mass": quantity(3.00000000001, 2.7, 3.3)})
+    assert digest_of(to_mapping(Device.model_validate(device))) != digest_of(to_mapping(other))

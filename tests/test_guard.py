@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from datasets_synthetic import Calls, Controller, Element
 from datasets_synthetic.law import ControlLaw
 from tests.entered_scenes import made
 from tests.exported import FADE, LOOPS, STEP, Array, changed, poles, tuned
-from tests.guard import FLAGS, Guard, built, compiler, compiles, enter, push, write
+from tests.guard import Guard, built, compiles, enter, push, write
 from tests.unlimited import BOUNDLESS
 from tune import SafeProfile, export
 
@@ -191,44 +190,3 @@ def test_files_of_two_profiles_and_fast_math_do_not_compile(tmp_path: Path) -> N
     other = export(tuned().model_copy(update={"digest": "sha256:" + "12" * 32}), "c")
     write({"haptune_guard.h": other["haptune_guard.h"]}, tmp_path)
     assert "another profile" in compiles(tmp_path)
-
-
-AXIS = """\
-#define HAPTUNE_API static
-#include "haptune_guard.c"
-double NAME(double position);
-double NAME(double position)
-{
-    haptune_guard guard;
-    haptune_init(&guard);
-    haptune_reset(&guard, HAPTUNE_ELEMENT_RUBBER, 0.0, 0);
-    haptune_force(&guard, HAPTUNE_ELEMENT_RUBBER, 0, 0.0, 1.0);
-    return haptune_force(&guard, HAPTUNE_ELEMENT_RUBBER, 1, position, 1.0);
-}
-"""
-
-
-TWO_AXES = """\
-#include <stdio.h>
-double x_axis(double position);
-double y_axis(double position);
-int main(void)
-{
-    return printf("%g %g\\n", x_axis(0.0001), y_axis(0.0001)) < 0;
-}
-"""
-
-
-def test_two_axes_live_in_one_program(tmp_path: Path) -> None:
-    soft = tuned().elements["rubber"].model_copy(update={"stiffness": 100.0})
-    other = tuned().model_copy(update={"elements": {**tuned().elements, "rubber": soft}})
-    for name, profile in (("x_axis", tuned()), ("y_axis", other)):
-        (tmp_path / name).mkdir()
-        write(export(profile, "c"), tmp_path / name)
-        write({f"{name}.c": AXIS.replace("NAME", name)}, tmp_path / name)
-    write({"main.c": TWO_AXES}, tmp_path)
-    sources = ["main.c", "x_axis/x_axis.c", "y_axis/y_axis.c"]
-    cc = compiler("cc", "gcc", "clang")
-    subprocess.run([cc, *FLAGS, *sources, "-o", "both"], cwd=tmp_path, check=True)
-    told = subprocess.run([tmp_path / "both"], capture_output=True, text=True, check=True).stdout
-    assert told == "-0.07 -0.01\n"

@@ -109,14 +109,6 @@ def test_no_sequence_within_the_margin_does_harm(name: str) -> None:
     assert worst < 1
 
 
-@pytest.mark.parametrize(("name", "beyond"), [("stiff spring", 3.0), ("close to the limit", 2.5)])
-def test_beyond_it_some_sequence_does(name: str, beyond: float) -> None:
-    """The margin is sufficient only: harm was found from two to three times of it on."""
-    far = beyond * _margin(name)
-    ends = (1 - far, 1 + far)
-    assert max(_growth(name, turn) for n in range(1, 6) for turn in product(ends, repeat=n)) > 1
-
-
 def test_a_loop_that_is_unstable_at_even_steps_has_none() -> None:
     assert _jitter(T, (7000.0, 0.0, 0.0), Filters()) == 0
 

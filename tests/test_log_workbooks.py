@@ -12,7 +12,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from identification import LogRefusedError, load_trajectory
+from identification import load_trajectory
 from tests.packed_logs import (
     SAMPLES,
     TIME,
@@ -80,22 +80,12 @@ def test_dates_become_seconds(tmp_path: Path) -> None:
     np.testing.assert_allclose(log.time, TIME, atol=1e-6)
 
 
-def test_text_that_is_a_number_is_one(tmp_path: Path) -> None:
-    rows = [[str(cell) for cell in row] for row in SAMPLES]
-    assert_is_the_plain_log(tmp_path, workbook(tmp_path, HEADER, *rows), "")
-
-
 def test_what_is_no_number_is_named_by_its_row(tmp_path: Path) -> None:
     rows = [*SAMPLES[:8], (0.008, "late", 0.0), *SAMPLES[9:]]
     said = refusal(workbook(tmp_path, HEADER, *rows))
     assert "column 'force' holds 'late' in row 10, which is not a number" in said
     path = workbook(tmp_path, HEADER, *SAMPLES[:8], (0.008, True, 0.0), *SAMPLES[9:])
     assert "'True' in row 10" in refusal(path)
-
-
-def test_missing_cells_are_refused_as_such(tmp_path: Path) -> None:
-    path = workbook(tmp_path, HEADER, *SAMPLES[:8], (0.008, None, 0.0), *SAMPLES[9:])
-    assert "non-finite" in refusal(path, kind=LogRefusedError)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ from pathlib import Path
 import pytest
 
 from identification import NotWrittenError, write_files
-from tests.commands import haptune
 from tests.exported import tuned
 from tests.guard import compiler, write
 from tests.processes import needs_posix
@@ -131,25 +130,6 @@ def test_two_profiles_in_one_program_play_each_their_own(tmp_path: Path, first: 
     assert told.stdout == "-0.07 -0.01\n"
 
 
-def test_older_files_of_another_profile_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("new.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
-    other = _softer()
-    everything = export(other, "chai3d") | export(other, "ros2") | export(other, "json")
-    mine = {"haptune_mine.py": "print()\n", "notes.h": everything["haptune_guard.h"]}
-    write({**everything, **mine}, tmp_path)
-    ended = haptune("export", "new.yaml", "--to", "c", "--json")
-    left = sorted({*everything} - {"haptune_guard.c", "haptune_guard.h"})
-    assert ended.code == 0
-    assert ended.result["details"]["of_other_profiles"] == left
-    ended = haptune("export", "new.yaml", "--to", "c,ros2")
-    assert re.findall(r"(\S+) is of another profile", ended.err) == [left[0], left[-1]]
-    ended = haptune("export", "new.yaml", "--to", "chai3d,json")
-    assert (ended.code, ended.err) == (0, "")
-
-
 #: Writes two sets of files in turn, for ever.
 _WRITER = """\
 import itertools, json, sys
@@ -219,32 +199,6 @@ def test_a_writer_killed_at_any_moment_leaves_one_set_or_the_other(
         for path in folder.glob(".haptune-*"):
             path.unlink()
     assert kills < 100 or len(set(seen)) == 2
-
-
-#: Kills itself and its group as soon as it gives the second file of a set its name.
-_DYING = """\
-import os, signal, sys
-from pathlib import Path
-from identification import write_files
-given, really = [], Path.replace
-def replace(self, target):
-    given.append(target)
-    if len(given) == 2:
-        os.killpg(0, signal.SIGKILL)
-    return really(self, target)
-Path.replace = replace
-write_files({Path(name): b"new" for name in sys.argv[1:]})
-"""
-
-
-@needs_posix
-def test_names_are_given_where_a_kill_does_not_reach(tmp_path: Path) -> None:
-    files = [tmp_path / name for name in "abc"]
-    for path in files:
-        path.write_text("old", encoding="utf-8")
-    command = [sys.executable, "-c", _DYING, *map(str, files)]
-    subprocess.run(command, start_new_session=True, check=False)
-    assert len({path.read_text(encoding="utf-8") for path in files}) == 1
 
 
 @needs_posix

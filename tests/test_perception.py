@@ -36,10 +36,10 @@ from tune import (
     default_table,
     optimise,
 )
-from tune.documents.perception import WeberFraction
-from tune.documents.scene import DEFAULT_MOTION, Motion
+from tune.documents.scene import Motion
 
-MOTION = DEFAULT_MOTION["linear"]
+_WALL = Scene.model_validate({"elements": {"wall": {"stiffness": "max"}}})
+MOTION = _WALL.motion("wall", "linear")
 
 
 def test_stiffness_reference_is_masked_force_over_penetration() -> None:
@@ -71,24 +71,6 @@ def test_steps_are_the_integral_of_webers_law_with_a_floor(
     assert scale.steps(value) == pytest.approx(steps, rel=1e-6)
     if value > -reference * (1 - 1e-9):
         assert float(found) == pytest.approx(steps, rel=1e-5)
-
-
-def test_steps_carry_the_interval_of_the_fraction() -> None:
-    """1 kg on 3 kg: the step it was shown as is d', 1.415 of them, 1.06 to 1.78 by the counts."""
-    table = default_table()
-    scale = Scale(reference=3.0, weber=table.mass.value, floor=0.01)
-    found = scale.estimate(1.0, table.mass)
-    assert found.value == pytest.approx(1.415, abs=1e-3)
-    weber = table.mass.estimate()
-    assert weber.low is not None
-    assert weber.high is not None
-    assert found.low == pytest.approx(math.log(4 / 3) / math.log(1 + weber.high))
-    assert found.high == pytest.approx(math.log(4 / 3) / math.log(1 + weber.low))
-    bare = WeberFraction(value=0.2, source="mine")
-    assert scale.estimate(3.0, bare).low is None
-    ranged = WeberFraction(value=0.2, low=0.1, high=0.3, source="mine")
-    plain = Scale(reference=5.0, weber=0.2, floor=0.01)
-    assert plain.estimate(1.0, ranged).high == pytest.approx(math.log(1.2) / math.log(1.1))
 
 
 def test_one_step_is_told_in_84_percent_of_forced_choices() -> None:
@@ -179,7 +161,9 @@ FLOORS = {
 
 def _scale(name: str, effect: EffectName) -> Scale:
     device = load_device(name)
-    return Scale.of(effect, device, default_table(), DEFAULT_MOTION[device.motion])
+    return Scale.of(
+        effect, device, default_table(), _WALL.motion("wall", device.motion or "linear")
+    )
 
 
 @pytest.mark.parametrize("effect", EFFECTS)

@@ -21,11 +21,8 @@ from datasets_synthetic import (
     Rig,
     Servo,
     Vibration,
-    named_rig,
-    rig_of,
     simulate,
 )
-from identification import Device
 
 FloatArray = NDArray[np.float64]
 
@@ -52,27 +49,6 @@ def step_response(time: FloatArray, mass: float = M, damping: float = B) -> Floa
 def test_constant_force_matches_the_closed_form() -> None:
     position = simulate(rig(), np.full(2000, 5.0)).position[0]
     np.testing.assert_allclose(position, 5.0 * step_response(clock(2000)), rtol=1e-9, atol=1e-15)
-
-
-def test_sine_matches_the_closed_form() -> None:
-    """m·q̈ + b·q̇ = A·sin(ωt) from rest."""
-    omega, amplitude = 2 * np.pi * 2.0, 6.0
-
-    def held(step: float) -> FloatArray:
-        time = clock(round(2.0 / step), step)
-        device = Rig(mass=M, damping=B, sample_time=step)
-        return simulate(device, amplitude * np.sin(omega * (time + step / 2))).position[0]
-
-    coarse, fine = held(4e-4), held(2e-4)[::2]
-    time = clock(coarse.size, 4e-4)
-    square = B**2 + (M * omega) ** 2
-    steady = -amplitude * (M * omega * np.sin(omega * time) + B * np.cos(omega * time))
-    steady /= omega * square
-    transient = -amplitude * M**2 * omega / (B * square) * np.exp(-B / M * time)
-    exact = steady + transient + amplitude / (B * omega)
-    size = np.ptp(exact)
-    np.testing.assert_allclose((4 * fine - coarse) / 3, exact, rtol=0, atol=1e-10 * size)
-    assert np.max(np.abs(fine - exact)) < (omega * 2e-4) ** 2 * size
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3, 1.0, 1.37, 2.0, 3.999])
@@ -147,18 +123,6 @@ def test_force_acts_from_its_true_stamp_and_delay_on(clock: Clock, delay: float)
     np.testing.assert_allclose(
         recording.position[0], expected, rtol=0, atol=2e-9 * np.ptp(expected)
     )
-
-
-def test_jitter_has_the_stated_size_and_never_runs_backward() -> None:
-    recording = simulate(
-        rig(), np.ones((2, 5000)), clock=Clock(jitter=np.array([1e-4, 1e-3])), seed=1
-    )
-    assert np.all(np.diff(recording.time, axis=1) > 0)
-    assert not np.any(recording.time[:, 0])
-    moved = recording.time - T * np.arange(5000)
-    assert np.std(moved[0]) == pytest.approx(1e-4, rel=0.04)
-    assert np.max(np.abs(moved[1])) == pytest.approx(0.45 * T)
-    assert abs(np.mean(moved[0, 1:] * moved[0, :-1])) < 0.06 * 1e-8  # each by itself
 
 
 def test_dropped_rows_are_lost_from_the_log_only() -> None:
@@ -398,24 +362,6 @@ def test_current_lag_is_an_exponential() -> None:
 def test_impossible_mechanisms_are_refused(make: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
-
-
-def test_a_device_with_modes_becomes_a_rig_with_modes() -> None:
-    device = Device.model_validate(
-        {
-            "sample_time": T,
-            "mass": 1.0,
-            "damping": 2.0,
-            "current_lag": 2e-4,
-            "modes": [{"frequency_hz": 60.0, "damping_ratio": 0.03, "at_encoder": 0.4}],
-        }
-    )
-    made = rig_of(device)
-    assert made.current_lag[0] == 2e-4
-    assert made.modes[0] == Vibration(
-        frequency_hz=60.0, damping_ratio=0.03, at_encoder=0.4, at_handle=0.4
-    )
-    assert named_rig("homerehab").modes == ()
 
 
 def test_encoder_rounds_to_whole_counts() -> None:

@@ -1,10 +1,15 @@
-"""The files for ROS 2: parameters as any reader takes them, the law in Python, its node."""
+"""The files for ROS 2: the law in Python, its node, and messages that stop or come late."""
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import random
+import signal
 import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,8 +18,122 @@ import pytest
 from tests.commands import haptune
 from tests.exported import LOOPS, STEP, changed, tuned
 from tests.guard import STATUS, Guard, built, enter, parameters_of, push, write
-from tests.middleware import Middleware, module_of
 from tune import SafeProfile, export
+
+
+def module_of(folder: Path, name: str, patch: pytest.MonkeyPatch) -> Any:
+    """An exported Python file as a module, found by others of its folder by its name."""
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    patch.setitem(sys.modules, name, module)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Middleware:
+    """One node from the files of a folder, its timers and what it publishes."""
+
+    def __init__(
+        self, folder: Path, parameters: Mapping[str, Any], patch: pytest.MonkeyPatch
+    ) -> None:
+        self.now = 5_000_000_000
+        self.sent: list[tuple[int, float]] = []
+        self.said: list[str] = []
+        self.callback: Any = None
+        self.due: list[Any] = []
+        self.spin: Any = None
+        self._parameters = parameters
+        self._install(patch)
+        module_of(folder, "haptune_law", patch)
+        self.module = module_of(folder, "haptune_node", patch)
+
+    def deliver(
+        self, stamp: int, names: Sequence[str] = ("x",), places: Sequence[float] = ()
+    ) -> None:
+        """A message of joints, with the time at which they were read, ns."""
+        time = SimpleNamespace(sec=stamp // 10**9, nanosec=stamp % 10**9)
+        header = SimpleNamespace(stamp=time)
+        self.callback(SimpleNamespace(header=header, name=list(names), position=list(places)))
+
+    def advance(self, until: int) -> None:
+        """Let time go by to a moment of the steady clock, ns; timers come when they are due."""
+        while self.due and (first := min(self.due, key=lambda each: each.at)).at <= until:
+            self.now = first.at
+            first.at += first.period
+            first.callback()
+        self.now = max(self.now, until)
+
+    def _install(self, patch: pytest.MonkeyPatch) -> None:
+        ros = self
+
+        class Node:
+            def __init__(self, name: str, **options: Any) -> None:
+                assert options == {"automatically_declare_parameters_from_overrides": True}
+                self.name = name
+
+            def get_parameters_by_prefix(self, prefix: str) -> dict[str, Any]:
+                assert prefix == ""
+                return {name: SimpleNamespace(value=x) for name, x in ros._parameters.items()}
+
+            def create_publisher(self, kind: type, topic: str, depth: int) -> Any:
+                def publish(message: Any) -> None:
+                    (force,) = message.data
+                    ros.sent.append((ros.now, force))
+
+                return SimpleNamespace(publish=publish)
+
+            def create_subscription(self, kind: type, topic: str, back: Any, depth: int) -> None:
+                ros.callback = back
+
+            def create_timer(self, seconds: float, callback: Any, *, clock: Any) -> Any:
+                assert clock.kind == "steady"  # others may jump, or stand still
+                period = round(seconds * 1e9)
+                timer = SimpleNamespace(at=ros.now + period, period=period, callback=callback)
+                timer.reset = lambda: setattr(timer, "at", ros.now + period)
+                ros.due.append(timer)
+                return timer
+
+            def get_logger(self) -> Any:
+                return SimpleNamespace(warning=lambda text, **options: ros.said.append(text))
+
+            def destroy_node(self) -> None:
+                ros.callback = None
+
+        class Clock:
+            def __init__(self, *, clock_type: str) -> None:
+                self.kind = clock_type
+
+            def now(self) -> Any:
+                assert self.kind == "steady"
+                return SimpleNamespace(nanoseconds=ros.now)
+
+        def init(*, signal_handler_options: str) -> None:
+            assert signal_handler_options == "no"  # else nothing goes out after a signal
+
+        def spin(node: Any) -> None:
+            ros.spin(node)
+
+        modules: dict[str, dict[str, Any]] = {
+            "rclpy": {
+                "init": init,
+                "spin": spin,
+                "try_shutdown": lambda: None,
+            },
+            "rclpy.clock": {"Clock": Clock, "ClockType": SimpleNamespace(STEADY_TIME="steady")},
+            "rclpy.node": {"Node": Node},
+            "rclpy.signals": {"SignalHandlerOptions": SimpleNamespace(NO="no")},
+            "sensor_msgs": {},
+            "sensor_msgs.msg": {"JointState": SimpleNamespace},
+            "std_msgs": {},
+            "std_msgs.msg": {"Float64MultiArray": SimpleNamespace},
+        }
+        for name, content in modules.items():
+            module = ModuleType(name)
+            module.__dict__.update(content)
+            patch.setitem(sys.modules, name, module)
+
 
 #: Sets that a hand may touch, some of them not certified.
 TOUCHED = (
@@ -178,3 +297,275 @@ def test_a_name_that_no_node_can_have_is_refused(
     assert "is no name of a node" in ended.err
     ended = haptune("export", "profile.yaml", "--to", "c", "--node", "haptune")
     assert (ended.code, "names a node of ROS 2" in ended.err) == (2, True)
+
+
+#: ns, one period.
+PERIOD = 1_000_000
+
+
+class Bench:
+    """A node whose damper pushes with 3 N all the time, and how its messages come."""
+
+    def __init__(self, folder: Path, patch: pytest.MonkeyPatch, extra: int = 1) -> None:
+        files = export(_pushing(extra), "ros2")
+        write(files, folder)
+        self.ros = Middleware(folder, parameters_of(files["haptune_params.yaml"]), patch)
+
+        class Pushed(self.ros.module.HaptuneNode):
+            def touched(self, position: float) -> dict[str, tuple[float, int]]:
+                return {"wall": (0.0, 0)}
+
+        self.node: Any = Pushed()
+        self.covered = (extra + 1) * PERIOD
+        self.stamps = 1_700_000_000_000_000_000  # what the clock of stamps is ahead
+        self.period = 0
+
+    @property
+    def force(self) -> float:
+        """What is held at this moment, N."""
+        return self.ros.sent[-1][1]
+
+    def message(self, *, late: float = 0.0) -> None:
+        """The reading of the next period, which takes so many periods longer than usual."""
+        self.period += 1
+        read = 5_000_000_000 + self.period * PERIOD
+        self.ros.advance(read + round(late * PERIOD))
+        self.ros.deliver(read + self.stamps, ["other", "x"], [9.0, self.place(self.period)])
+
+    def place(self, period: int) -> float:
+        """At a steady speed, m."""
+        return 1e-4 * period
+
+    def settle(self, messages: int = 60) -> None:
+        """Until it pushes, as it has to be able to at any time."""
+        for _ in range(messages):
+            self.message()
+        assert self.force < -1.0
+
+    def held(self) -> list[tuple[int, int, float]]:
+        """(from, to, N) of all that stood at the output."""
+        ends = [time for time, _ in self.ros.sent[1:]] + [self.ros.now]
+        return [(a, b, f) for (a, f), b in zip(self.ros.sent, ends, strict=True)]
+
+
+def _pushing(extra: int) -> SafeProfile:
+    profile = tuned()
+    wall = profile.elements["wall"].model_copy(update={"stiffness": 0.0, "damping": 30.0})
+    seal = profile.certificate.model_copy(update={"extra_delay_samples": float(extra)})
+    elements = {**profile.elements, "wall": wall}
+    return profile.model_copy(update={"elements": elements, "certificate": seal})
+
+
+@pytest.fixture(params=[1, 2])
+def bench(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
+    return Bench(tmp_path, monkeypatch, request.param)
+
+
+def test_before_the_first_message_there_is_no_force(bench: Bench) -> None:
+    bench.ros.advance(bench.ros.now + 50 * PERIOD)
+    assert bench.ros.sent
+    assert {force for _, force in bench.ros.sent} == {0.0}
+
+
+@pytest.mark.parametrize("wait", [0.2, 0.9])
+def test_where_messages_stop_there_is_0_within_the_periods_covered(
+    bench: Bench, wait: float
+) -> None:
+    bench.settle()
+    last = bench.ros.now
+    bench.ros.advance(last + bench.covered - round((1 - wait) * PERIOD))
+    assert bench.force < -1.0
+    bench.ros.advance(last + bench.covered)
+    assert bench.force == 0.0
+    bench.ros.advance(last + 10**9)
+    assert bench.force == 0.0
+    bench.period += 1000
+    bench.message()
+    assert bench.force == 0.0
+    bench.settle()
+
+
+def test_after_a_silence_no_force_from_before_comes_back(bench: Bench) -> None:
+    """With the next stamp in order and a reading that cannot be: nothing is held but 0."""
+    bench.settle()
+    bench.ros.advance(bench.ros.now + bench.covered)
+    assert bench.force == 0.0
+    bench.period += 1
+    stamp = 5_000_000_000 + bench.period * PERIOD + bench.stamps
+    for place in (math.nan, 1.0):
+        bench.ros.deliver(stamp, ["x"], [place])
+        assert bench.force == 0.0
+
+
+@pytest.mark.parametrize("kind", ["no number", "stale", "impossible"])
+def test_readings_that_are_of_no_use_keep_no_force_alive(bench: Bench, kind: str) -> None:
+    bench.settle()
+    last = bench.ros.now
+    for k in range(1, 4):
+        bench.ros.advance(last + k * (bench.covered - PERIOD // 10))
+        period = bench.period + (0 if kind == "stale" else k)
+        place = math.nan if kind == "no number" else 1.0 if kind == "impossible" else 0.0
+        bench.ros.deliver(5_000_000_000 + period * PERIOD + bench.stamps, ["x"], [place])
+        assert bench.force == 0.0 or (k == 1 and kind != "stale")
+    assert max(b for a, b, f in bench.held() if f) <= last + bench.covered
+
+
+@pytest.mark.parametrize(
+    ("names", "places"),
+    [(["other"], [0.005]), ([], []), (["x"], []), (["other", "x"], [0.005]), ([], [0.005])],
+)
+def test_messages_without_the_joint_are_counted_and_keep_nothing_alive(
+    bench: Bench, names: list[str], places: list[float]
+) -> None:
+    bench.settle()
+    last = bench.ros.now
+    for k in range(1, 41):
+        bench.ros.advance(last + k * PERIOD // 4)
+        bench.ros.deliver(last + bench.stamps, names, places)
+        assert (bench.force == 0.0) == (k * PERIOD // 4 >= bench.covered)
+    assert bench.node.ignored == 40
+    assert "40 messages ignored" in bench.ros.said[-1]
+    bench.period += 10
+    bench.settle()
+    for _ in range(50):  # and disturb nothing between the others
+        bench.ros.deliver(bench.ros.now + bench.stamps, names, places)
+        bench.message()
+        assert bench.force < -1.0
+
+
+def test_readings_that_grow_old_on_their_way_give_no_force(bench: Bench) -> None:
+    """A third of a period later each, and in order: none stops for long, each is older."""
+    bench.settle()
+    for k in range(1, 60):
+        bench.message(late=k / 3)
+        assert (bench.force == 0.0) == (k / 3 > (bench.covered / PERIOD - 0.5))
+    for _ in range(70):
+        bench.message(late=20.0)
+        assert bench.force == 0.0
+
+
+def test_a_queue_that_comes_at_once_gives_force_from_new_readings_alone(bench: Bench) -> None:
+    bench.settle()
+    for k in range(40, 0, -1):
+        bench.message(late=float(k))
+        if k > bench.covered // PERIOD:
+            assert bench.force == 0.0
+    bench.settle()
+
+
+@pytest.mark.parametrize("jump", [3600.0, -3600.0, 0.02, -0.02, 0.003, -0.003, -0.001, 4294967.296])
+def test_a_jump_of_the_clock_of_stamps_ends_neither_node_nor_limits(
+    bench: Bench, jump: float
+) -> None:
+    """In both directions, once and every tenth period."""
+    for count in (1, 5):
+        bench.settle()
+        for _ in range(count):
+            bench.stamps += round(jump * 1e9)
+            for _ in range(10):
+                bench.message()
+    for _ in range(7000):  # what is later for good is late until clocks may have drifted so far
+        bench.message()
+    bench.settle()
+
+
+@pytest.mark.parametrize("drift", [5e-4, -5e-4])
+def test_clocks_that_run_apart_disturb_nothing(bench: Bench, drift: float) -> None:
+    bench.settle()
+    for _ in range(6000):
+        bench.stamps += round(drift * PERIOD)
+        bench.message()
+        assert bench.force < -1.0
+
+
+def chaos(bench: Bench, source: random.Random, messages: int) -> None:
+    """Whatever comes, no force is held beyond what is covered after a message of the joint."""
+    bench.ros.advance(bench.ros.now + 10**9)
+    bench.ros.sent.clear()
+    last = [bench.ros.now]
+    deliver = bench.ros.deliver
+
+    def noted(stamp: int, names: Sequence[str] = (), places: Sequence[float] = ()) -> None:
+        if "x" in names[: len(places)]:
+            last.append(bench.ros.now)
+        deliver(stamp, names, places)
+
+    bench.ros.deliver = noted
+    late = 0.0
+    acts: tuple[Callable[[], None], ...] = (
+        lambda: bench.ros.advance(bench.ros.now + source.randrange(20 * PERIOD)),
+        lambda: noted(bench.ros.now, ["other"], [1.0]),
+        lambda: noted(0, ["x"], []),
+        lambda: noted(bench.ros.now + bench.stamps, ["x"], [math.nan]),
+        lambda: noted(source.randrange(2**62), ["x"], [source.uniform(-1, 1)]),
+    )
+    for _ in range(messages):
+        if source.random() < 0.05:
+            source.choice(acts)()
+        if source.random() < 0.02:
+            bench.stamps += source.choice([-1, 1]) * source.randrange(
+                1, 10 ** source.randint(6, 15)
+            )
+            bench.stamps = max(bench.stamps, 10**9)
+        if source.random() < 0.05:
+            late = source.choice([0.0, 0.0, source.uniform(0, 6)])
+        bench.period += source.random() < 0.02
+        bench.message(late=late)
+    bench.ros.advance(bench.ros.now + 10**9)
+    bench.ros.deliver = deliver
+    pushed = 0
+    for begun, ended, force in bench.held():
+        before = max(time for time in last if time <= begun)
+        assert force == 0.0 or ended - before <= bench.covered
+        assert -28.0 <= force <= 28.0
+        pushed += force != 0.0
+    assert pushed > messages // 10
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(None, marks=pytest.mark.long)])
+def test_whatever_comes_no_force_outlives_its_message(bench: Bench, seed: int | None) -> None:
+    for each in range(200) if seed is None else [seed]:
+        chaos(bench, random.Random(each), 600)  # noqa: S311
+
+
+@pytest.mark.parametrize("ending", [KeyboardInterrupt, RuntimeError])
+def test_the_last_that_goes_out_is_0(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: type[BaseException]
+) -> None:
+    bench = Bench(tmp_path, monkeypatch)
+    before = signal.getsignal(signal.SIGTERM)
+
+    def spin(node: Any) -> None:
+        bench.ros.callback = bench.node.read
+        bench.settle()
+        if ending is KeyboardInterrupt:
+            signal.raise_signal(signal.SIGTERM)
+        raise ending
+
+    bench.ros.spin = spin
+    try:
+        if ending is KeyboardInterrupt:
+            bench.ros.module.main()
+        else:
+            with pytest.raises(ending):
+                bench.ros.module.main()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert bench.force == 0.0
+
+
+def test_files_of_two_profiles_do_not_load_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = export(tuned(), "ros2")
+    other = export(tuned().model_copy(update={"digest": "sha256:" + "12" * 32}), "ros2")
+    own, foreign = (parameters_of(each["haptune_params.yaml"]) for each in (one, other))
+    write(one, tmp_path)
+    ros = Middleware(tmp_path, foreign, monkeypatch)
+    for parameters in (foreign, {k: v for k, v in own.items() if k != "digest"}):
+        ros = Middleware(tmp_path, parameters, monkeypatch)
+        with pytest.raises(ValueError, match="export both again"):
+            ros.module.HaptuneNode()
+    write({"haptune_node.py": other["haptune_node.py"]}, tmp_path)
+    with pytest.raises(ImportError, match="export both again"):
+        Middleware(tmp_path, own, monkeypatch)

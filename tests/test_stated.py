@@ -19,7 +19,6 @@ from identification import (
     identify,
     load_device,
     load_document,
-    load_excitation,
     load_mapping,
     load_trajectory,
     named_devices,
@@ -101,13 +100,6 @@ def test_what_a_log_says_is_a_hint_and_no_statement(
     assert asked.write.startswith(f"{fact}: ")
     assert hint in asked.hint
     assert "a hint that is not used" in str(caught.value)
-
-
-def test_a_delay_that_a_log_tells_within_a_sample_counts() -> None:
-    told = {"value": 5e-4, "low": 0.0, "high": 1e-3, "source": "log"}
-    assert _device(delay=told).missing == ()
-    assert _device(delay={"value": 1e-3, "source": "assumed"}).missing == ()
-    assert _device(delay=told, sample_time=5e-4).missing == ("delay",)
 
 
 def test_nothing_is_solved_before_all_is_stated() -> None:
@@ -204,24 +196,6 @@ def test_a_profile_of_an_unstated_device_is_neither_passed_nor_exported() -> Non
     assert haptune("export", "profile.yaml", "--to", "c").code == 6
     with pytest.raises(UnstatedError):
         export(forged, "c")
-
-
-def test_unedited_forms_are_questions() -> None:
-    for kind in ("hardware", "excitation"):
-        assert haptune("new", kind, "--quiet").code == 0
-    hardware = load_document(Hardware, "hardware.yaml")
-    assert all(getattr(hardware, fact) is None for fact in FACTS)
-    asked = haptune("excite", "excitation.yaml", "-o", "force.csv")
-    assert asked.code == 3
-    for key in ("motion", "sample_time", "force", "travel", "mass", "damping"):
-        assert f"{key}: is blank" in asked.err
-    for name in named_devices():
-        written = f"{name}.yaml"
-        assert haptune("new", "excitation", "--device", name, "-o", written, "--quiet").code == 0
-        spec, device = load_excitation(written), load_device(name)
-        assert (spec.motion, spec.mass.value) == (device.motion, device.mass.value)
-        assert device.force_limit is not None
-        assert spec.force == device.force_limit.continuous
 
 
 def test_what_the_paper_does_not_give_is_marked_assumed_wherever_it_appears() -> None:

@@ -139,7 +139,9 @@ def test_readings_without_counts_scatter_in_other_units(device: str, decimals: i
     log, known = _log(device), load_device(device)
     assert known.encoder_resolution is not None
     count = known.encoder_resolution.value
-    hardware = Hardware(motion=known.motion, encoder_resolution=known.encoder_resolution)
+    hardware = Hardware(
+        motion=known.motion, axis=known.axis, encoder_resolution=known.encoder_resolution
+    )
     noise = 0.5 * count * np.random.default_rng(1).standard_normal(len(log))
     hidden = replace(log, position=log.position + noise)
     seen = examine(hidden, hardware=hardware, method="least-squares").findings

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import random
-import shutil
 import stat
 import subprocess
 import sys
@@ -139,19 +138,3 @@ def test_what_others_may_not_read_they_cannot_read_meanwhile(
     write_text(Path("a.yaml"), "two\n")
     assert modes == [0o600]
     assert stat.S_IMODE(Path("a.yaml").stat().st_mode) == 0o640
-
-
-needs_root = pytest.mark.skipif(
-    getattr(os, "geteuid", lambda: 1)() != 0, reason="only root gives files away"
-)
-
-
-@needs_root
-def test_a_file_rewritten_by_root_stays_its_owners() -> None:
-    write_text(Path("a.yaml"), "one\n")
-    shutil.chown("a.yaml", 12345, 23456)
-    Path("a.yaml").chmod(0o640)
-    write_text(Path("a.yaml"), "two\n")
-    status = Path("a.yaml").stat()
-    assert (status.st_uid, status.st_gid) == (12345, 23456)
-    assert stat.S_IMODE(status.st_mode) == 0o640

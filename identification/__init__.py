@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from identification.fitting import LogFit
     from identification.pictures import (
         NotebookFigure,
+        devices_picture,
         excitation_picture,
         fit_picture,
         identified_picture,
@@ -87,7 +88,8 @@ _HOMES = {
     "estimators": "METHODS Method",
     "fitting": "LogFit",
     "pictures": (
-        "NotebookFigure excitation_picture fit_picture identified_picture legend_above log_picture"
+        "NotebookFigure devices_picture excitation_picture fit_picture identified_picture "
+        "legend_above log_picture"
     ),
     "planning": "Excitation force_text plan_excitation",
     "planning.limits": "ExcitationSpec load_excitation",
@@ -136,6 +138,7 @@ __all__ = [
     "UnstatedError",
     "UsageError",
     "as_stored",
+    "devices_picture",
     "difference_of",
     "examine",
     "excitation_picture",

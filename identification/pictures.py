@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
@@ -122,16 +122,33 @@ def identified_picture(
     parts: list[SubFigure] = list(grid[:, 0])
     for part, fit in zip(parts, fits, strict=False):
         _draw_log(part, device, fit)
+    _draw_intervals(parts[-1].subplots(1, len(_SYMBOLS)), lines, _units_of_symbols(device))
+    return figure
+
+
+def _units_of_symbols(device: Device) -> dict[str, str]:
+    """Unit of each quantity that is drawn with its interval."""
     length, force = _units_of(device)
     slow = f"{force}·s/{length}"
-    units = {
+    return {
         "mass": "kg" if length == "m" else "kg·m²" if length == "rad" else "kg (kg·m²)",
         "damping": "N·s/m (N·m·s/rad)" if "(" in length else slow,
         "coulomb_friction": force,
         "force_offset": force,
         "delay": "ms",
     }
-    _draw_intervals(parts[-1].subplots(1, len(_SYMBOLS)), lines, units)
+
+
+def devices_picture(devices: Mapping[str, Device]) -> Figure:
+    """Mass, damping, friction, offset and delay of devices with their 95 % intervals.
+
+    Args:
+        devices: by the words that stand beside each line, from top to bottom; of one motion.
+    """
+    lines = [_of_device(each, words, "#0072B2") for words, each in devices.items()]
+    figure = NotebookFigure(figsize=(_WIDTH, _AXIS + 2 * _LINE * len(lines)), layout="constrained")
+    units = _units_of_symbols(next(iter(devices.values())))
+    _draw_intervals(figure.subplots(1, len(_SYMBOLS)), lines, units)
     return figure
 
 

@@ -28,7 +28,7 @@ COMMANDS = {
     "check": "--device --picture --json --quiet --verbose",
     "verify": "--element --gain --release --time --time-gain --force --position --force-gain "
     "--position-gain --axis --decimal --picture --json --quiet --verbose",
-    "compare": "--json --quiet --verbose",
+    "compare": "--output --picture --json --quiet --verbose",
     "export": "--to --output --node --dry-run --json --quiet --verbose",
     "report": "--output --what-if --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --json --quiet --verbose",

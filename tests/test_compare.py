@@ -116,9 +116,38 @@ def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
     same = haptune("compare", "profile.yaml", "profile.yaml")
     assert same.code == 0, same.err
     assert "nothing of the device changed" in same.out
+    assert same.out.startswith("safe: profile.yaml holds")
+    assert "feels the same" in same.out
     assert "holds on the device of profile.yaml" in same.out
     assert haptune("compare", "worn.yaml", "knob").code == 2
     assert haptune("compare", "worn.yaml", "nowhere.yaml").code == 3
+
+
+def test_three_verdicts_stand_on_a_page_with_all_years_in_one_picture(
+    profile: SafeProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    years: list[str] = []
+    for year, damping in ((2024, 10.0), (2025, 12.0), (2026, 15.0)):
+        device = _device(damping=damping).model_copy(update={"date": f"{year}-05-01"})
+        Path(f"{year}.yaml").write_text(to_yaml(to_mapping(device)), encoding="utf-8")
+        years.append(f"{year}.yaml")
+    ended = haptune(
+        *("compare", "profile.yaml", *years, "-o", "page.html", "--picture", "years.svg"),
+        COLUMNS="80",
+    )
+    assert ended.code == 0, ended.err
+    assert ended.out.startswith("safe: ")
+    # A step of damping is 26.7 %: log(15/10)/log(1.267).
+    felt = "feels different: damping 10 → 15 N·s/m (+1.7 steps)"
+    assert felt in ended.out
+    for word in ("coulomb", "friction", "encoder", "resolution"):  # none is cut or broken
+        assert f" {word} " in ended.out.replace("\n", " ")
+    page = Path("page.html").read_text(encoding="utf-8")
+    assert felt in page
+    assert "://" not in page
+    assert Path("years.svg").stat().st_size > 1000
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def test_schemas_and_templates_are_in_the_package() -> None:
         assert (files("tune") / "schemas" / f"{name}.json").is_file()
     written = {"scene.yaml", "hardware.yaml", "excitation.yaml", "player.c", "player.py"}
     written |= {"law.py", "node.py", "guard.c", "guard.h", "chai3d.hpp"}
-    written |= {"report.html", "report.css", "report.js"}
+    written |= {"report.html", "comparison.html", "parts.html", "report.css", "report.js"}
     assert written == {path.name for path in (files("tune") / "templates").iterdir()}
 
 

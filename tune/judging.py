@@ -29,7 +29,7 @@ from identification import (
 )
 from tune.certificate.certify import certify, refusal_of
 from tune.documents import CheckFailedError
-from tune.documents.perception import default_table
+from tune.documents.perception import Scale, default_table
 from tune.documents.profile import (
     AbsoluteStability,
     Certificate,
@@ -39,7 +39,7 @@ from tune.documents.profile import (
     SafeProfile,
     WorstPoint,
 )
-from tune.documents.scene import EFFECT_NAMES, LARGEST, Effects, MarginName, Scene
+from tune.documents.scene import DEFAULT_MOTION, EFFECT_NAMES, LARGEST, Effects, MarginName, Scene
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
 from tune.optimisation import SLACK, design_of
@@ -319,6 +319,11 @@ class Interval:
     low: float
     high: float
 
+    @property
+    def half_width(self) -> float:
+        """Half of the interval."""
+        return (self.high - self.low) / 2
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
@@ -350,6 +355,19 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Felt:
+    """What a hand can tell of one effect: steps from old to new, below zero where it is less."""
+
+    name: str
+    steps: float
+
+    @property
+    def differs(self) -> bool:
+        """Whether it is a step or more."""
+        return abs(self.steps) >= 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
     """What changed.
 
@@ -361,6 +379,7 @@ class Comparison:
         gain: margin that the old profile keeps there, as proved, with the extra delay of its
             margin; None without an old profile, or where forces or ripple are what fails.
         judged: whether there was an old profile to judge.
+        felt: of the device's own mass and damping, and of every effect.
     """
 
     kind: str
@@ -369,6 +388,7 @@ class Comparison:
     failures: tuple[str, ...] = ()
     gain: float | None = None
     judged: bool = False
+    felt: tuple[Felt, ...] = ()
 
     @property
     def holds(self) -> bool | None:
@@ -394,7 +414,7 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
         if isinstance(new, SafeProfile):
             seen = "the old file is a device, the new one a profile"
             raise UsageError("OLD NEW", seen, "Swap them")
-        return Comparison(kind="devices", changes=changes)
+        return Comparison(kind="devices", changes=changes, felt=tuple(_felt(old, after)))
     failures: tuple[str, ...] = ()
     gain = old.margin.gain
     after.require_stated()
@@ -412,7 +432,37 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
         failures=failures,
         gain=gain,
         judged=True,
+        felt=(*_felt(before, after), *(_felt_effects(old, new) if both else ())),
     )
+
+
+def _felt(old: Device, new: Device) -> Iterator[Felt]:
+    """The device itself, by the default perception table in the usual motion."""
+    table, motion = default_table(), DEFAULT_MOTION[old.motion]
+    for effect in ("mass", "damping"):
+        scale = Scale.of(effect, old, table, motion)
+        more: float = getattr(new, effect).value - getattr(old, effect).value
+        yield Felt(name=effect, steps=_signed_steps(scale, more))
+
+
+def _felt_effects(old: Design, new: Design) -> Iterator[Felt]:
+    """Each effect, on the old device and in the motion of the design that has it."""
+    table = default_table()
+    for change in _effects(old, new):
+        name, _, effect = change.name.rpartition(".")
+        element = old.elements.get(name) or new.elements[name]
+        for known in EFFECT_NAMES:
+            if known == effect:
+                scale = Scale.of(known, old.device, table, element.motion)
+                before, after = (
+                    0.0 if side is None or side.value is None else _signed_steps(scale, side.value)
+                    for side in (change.old, change.new)
+                )
+                yield Felt(name=change.name, steps=after - before)
+
+
+def _signed_steps(scale: Scale, value: float) -> float:
+    return float(np.copysign(scale.steps(value), value))
 
 
 def _kept_gain(design: SafeProfile, device: Device) -> float:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from identification import Device, Motion
     from tune.documents.profile import SafeProfile
-    from tune.judging import Audit, Change, Comparison, Interval
+    from tune.judging import Audit, Change, Comparison, Felt, Interval
     from tune.verification import Advice, Kept, Verification
 
 #: Unit of each quantity of a device, by the name it has in a table of units.
@@ -226,29 +226,79 @@ def compare_command(
             help="another of its kind; with an old profile also a device.yaml or a known device",
         ),
     ],
+    later: Annotated[
+        list[str] | None,
+        Argument(help="Further ones, as of later years: the last is judged, all are drawn."),
+    ] = None,
+    output: Annotated[
+        Path | None, Option("-o", "--output", help="Where to write it as a page of HTML.")
+    ] = None,
+    picture: Picture = None,
 ) -> None:
-    """What changed beyond both intervals; ends with 6 if the old profile no longer holds."""
+    """Is it safe still, proved or not, and felt alike; ends with 6 if the old profile fails."""
     from tune.judging import compare
 
-    first, second = _load(old), _load(new)
+    names = (old, new, *(later or ()))
+    session.target(output, *map(Path, names))
+    session.target(picture, *map(Path, names), output)
+    loaded = [_load(name) for name in names]
+    first, last = loaded[0], loaded[-1]
     with session.progress() as say:
-        say(f"comparing {old} with {new}")
-        found = compare(first, second)
-    motion = first.motion if isinstance(first, ident.Device) else first.device.motion
-    session.say(_comparison_table(found, old, new, motion))
+        say(f"comparing {old} with {names[-1]}")
+        found = compare(first, last)
+    devices = {
+        f"{name}{'' if (each := _device_of(item)).date is None else f', {each.date}'}": each
+        for name, item in zip(names, loaded, strict=True)
+    }
+    motion = _device_of(first).motion
+    table = _comparison_table(found, old, names[-1], motion)
     session.details |= _comparison_details(found)
-    beyond = ", ".join(change.name for change in found.changes if change.beyond)
-    session.say(
-        f"changed beyond both 95 % intervals: {beyond}"
-        if beyond
-        else "nothing of the device changed beyond both 95 % intervals"
-    )
-    if found.holds:
-        session.say(f"{old} holds on the device of {new}: every moment is proved with its margin")
+    verdicts = _verdicts(found, old, names[-1], motion)
+    session.say_each(verdicts)
+    session.say(table)
+    session.draw(picture, lambda: ident.devices_picture(devices))
+    if output is not None:
+        from tune.presentation.page import comparison_html
+
+        title = f"{old} and {names[-1]}"
+        drawn = ident.devices_picture(devices)
+        session.store(output, comparison_html(title, verdicts, table, drawn).encode())
     if found.failures:
+        raise CheckFailedError((f"{verdicts[0]}. Tune again for it", *found.failures))
+
+
+def _device_of(item: Device | SafeProfile) -> Device:
+    return item if isinstance(item, ident.Device) else item.device
+
+
+def _verdicts(found: Comparison, old: str, new: str, motion: Motion) -> list[str]:
+    """Safe or not proved, where a profile was judged; what feels different; what changed."""
+    lines: list[str] = []
+    if found.holds:
+        lines.append(f"safe: {old} holds on the device of {new}, every moment with its margin")
+    elif found.failures:
         kept = "" if found.gain is None else f"; a gain margin of {found.gain:.3g} is proved there"
-        unfit = f"{old} does not hold on the device of {new}{kept}. Tune again for it"
-        raise CheckFailedError((unfit, *found.failures))
+        lines.append(f"not proved: {old} does not hold on the device of {new}{kept}")
+    changes = {change.name: change for change in (*found.changes, *found.effects)}
+    told = [_felt_words(each, changes[each.name], motion) for each in found.felt if each.differs]
+    lines.append(f"feels {'different: ' + ', '.join(told) if told else 'the same: no step apart'}")
+    beyond = ", ".join(_plain(change.name) for change in found.changes if change.beyond)
+    changed = f"changed beyond both 95 % intervals: {beyond}"
+    return [*lines, changed if beyond else "nothing of the device changed beyond both intervals"]
+
+
+def _felt_words(felt: Felt, change: Change, motion: Motion) -> str:
+    """An effect, or the device's own mass or damping: from, to, and the steps between."""
+    from tune.documents.scene import UNITS
+
+    unit = UNITS[motion][felt.name.rpartition(".")[2]]
+    old, new = (0.0 if side is None else side.value or 0.0 for side in (change.old, change.new))
+    return f"{_plain(felt.name)} {old:.4g} → {new:.4g} {unit} ({felt.steps:+.2g} steps)"
+
+
+def _plain(name: str) -> str:
+    """A key of a file, or an effect of an element, in words."""
+    return name.replace(".", " ").replace("_", " ")
 
 
 def _load(reference: str) -> Device | SafeProfile:
@@ -270,40 +320,49 @@ def _comparison_table(found: Comparison, old: str, new: str, motion: Motion) -> 
     units = units_of(motion)
     table = headed_table(
         f"{old} -> {new}",
-        ("quantity", "unit", "old", "new", "change", "beyond both intervals"),
+        ("quantity", "unit", "old", "new", "change", "beyond"),
         right=("old", "new", "change"),
     )
     for change in (*found.changes, *found.effects):
         effect = change.name.rpartition(".")[2]
         kind = effect if change in found.effects else _UNITS.get(change.name)
         table.add_row(
-            change.name,
+            _plain(change.name),
             "s" if kind is None else units[kind],
             _interval_words(change.old),
             _interval_words(change.new),
-            "-" if change.part is None else f"{change.part:+.2%}",
+            "-" if change.part is None else f"{change.part:+.1%}",
             "-" if change in found.effects else "yes" if change.beyond else "no",
         )
     return table
 
 
 def _interval_words(side: Interval | None) -> str:
+    """Value and half of its interval; both ends where there is no value between them."""
     if side is None:
         return "-"
-    between = f"{side.low:.5g} .. {side.high:.5g}"
     if side.value is None:
-        return between
-    return f"{side.value:.5g}" + ("" if side.low == side.high else f" ({between})")
+        return f"{side.low:.4g} .. {side.high:.4g}"
+    return f"{side.value:.5g}" + (f" ± {side.half_width:.2g}" if side.half_width else "")
 
 
 def _comparison_details(found: Comparison) -> dict[str, object]:
     def plain(changes: tuple[Change, ...]) -> list[dict[str, object]]:
-        return [{**asdict(each), "part": each.part, "beyond": each.beyond} for each in changes]
+        return [
+            {
+                **asdict(each),
+                "half_widths": [side and side.half_width for side in (each.old, each.new)],
+                "part": each.part,
+                "beyond": each.beyond,
+            }
+            for each in changes
+        ]
 
     return {
         "kind": found.kind,
         "changes": plain(found.changes),
         "effects": plain(found.effects),
+        "felt": [{**asdict(each), "differs": each.differs} for each in found.felt],
         "holds": found.holds,
         "gain": found.gain,
     }

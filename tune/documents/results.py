@@ -206,6 +206,7 @@ class CompareDetails(Details, total=False):
     kind: Literal["devices", "profiles", "profile and device"]
     changes: list[dict[str, Any]]
     effects: list[dict[str, Any]]
+    felt: list[dict[str, Any]]
     holds: bool | None
     gain: float | None
 

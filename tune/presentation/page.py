@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import date
 from importlib.metadata import version
 from importlib.resources import files
@@ -44,19 +44,10 @@ def report_html(
 
     It shows what its logs tell, where they are at hand, and what would help, where somebody asked.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     boundaries = Boundaries.of(safe)
     written = (day or date.today()).isoformat()
-    own, loader = files("tune") / "templates", PackageLoader("tune", "templates")
-    environment = Environment(
-        loader=loader,
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("report.html").render(
+    return _rendered(
+        "report.html",
         page={
             "title": f"{safe.scene} on {safe.device.name}: haptic profile",
             "facts": list(_facts(safe, written)),
@@ -77,10 +68,34 @@ def report_html(
         },
         surface=region_surface(safe, boundaries),
         running=_css_text(f"{'serial ' + _stated(safe.device.serial)}, {safe.digest}"),
-        style=(own / "report.css").read_text(encoding="utf-8"),
-        script=(own / "report.js").read_text(encoding="utf-8"),
-        warning=NOT_A_SAFETY_FUNCTION,
+        script=_text("report.js"),
     )
+
+
+def comparison_html(title: str, verdicts: Sequence[str], table: Table, figure: Figure) -> str:
+    """The page of a comparison: its verdicts, what changed, and the devices in one picture."""
+    words = "Each device with its 95 % intervals, the first at the top."
+    page = {"title": title, "table": _table(table), "picture": _picture(figure, words)}
+    return _rendered("comparison.html", page=page, verdicts=verdicts)
+
+
+def _rendered(name: str, **values: object) -> str:
+    """A template of a page with its values, every text escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("tune", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    given = {"style": _text("report.css"), "warning": NOT_A_SAFETY_FUNCTION} | values
+    return environment.get_template(name).render(given)
+
+
+def _text(name: str) -> str:
+    return (files("tune") / "templates" / name).read_text(encoding="utf-8")
 
 
 def _table(table: Table) -> dict[str, object]:

@@ -208,7 +208,7 @@ _FINEST_PARTS = 1024
 _SHORTEST_PART = 2
 #: Forces between samples, turning points read from a measured motion and the solver itself are good
 #: to this part of the force. Without it the interval of a noise-free log would shrink to rounding.
-UNKNOWN_FORCE = 5e-6
+UNKNOWN_FORCE = 2e-6
 #: Singular values this much smaller than the largest are rounding: of a sum that lost a block ...
 _SINGULAR = 1e-12
 #: ... and at all.

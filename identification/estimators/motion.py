@@ -8,6 +8,7 @@ start; ``refine_motion`` adds the fast part of the velocity from the model itsel
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -17,9 +18,10 @@ from numpy.typing import NDArray
 
 from identification.estimators.estimate import Model
 from identification.estimators.filters import REACH, LowPass, gaussian
-from identification.estimators.signals import HeldColumn
+from identification.estimators.signals import HeldColumn, HeldResponse
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 #: The first look at the velocity is smoothed until noise moves its zero crossings by this many
 #: samples at the typical acceleration.
@@ -291,3 +293,209 @@ def others(
 def _middle(column: FloatArray) -> FloatArray:
     """Mean over each interval."""
     return (column[1:] + column[:-1]) / 2
+
+
+#: Intervals looked through for the next turn at first; four times as many each time there is none.
+_LOOK = 128
+#: Samples tabulated: the first two looks.
+_TABLE = 5 * _LOOK
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Path:
+    """A simulated motion."""
+
+    motion: Motion  # direction and standstill
+    forward: BoolArray  # whether each interval begins forward, shape (n - 1,)
+    speed: FloatArray  # velocity at each sample, m/s, shape (n,)
+    #: factor on what a device keeps of a small change of velocity in each interval: 1, ρ where it
+    #: turns, 0 where it stands or comes to rest, shape (n - 1,)
+    kept: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Direction:
+    """One direction of motion."""
+
+    device: HeldResponse  # p = b/m in this direction on the grid of the log
+    #: velocity if all forces but Coulomb friction acted with this p, from rest, shape (n,)
+    free: FloatArray
+    #: part left of a velocity after 1, 2, … even steps, shape (_TABLE,), else empty
+    left: FloatArray
+    lost: FloatArray  # velocity that a unit deceleration takes in that time, s, shape (_TABLE,)
+
+    @classmethod
+    def of(cls, device: HeldResponse, free: FloatArray) -> Direction:
+        """With tables for even steps, which spare an exponential for each turn."""
+        if isinstance(device.steps, np.ndarray):
+            return cls(device=device, free=free, left=np.empty(0), lost=np.empty(0))
+        left, lost = _decay(device.rate, device.steps * np.arange(1.0, _TABLE + 1))
+        return cls(device=device, free=free, left=left, lost=lost)
+
+    def after(
+        self, age: FloatArray, at: int, begin: int, end: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """``left`` and ``lost`` from sample ``at`` to each of ``begin`` to ``end``; ages in s."""
+        if end - at <= self.left.size:
+            since = slice(begin - at - 1, end - at - 1)
+            return self.left[since], self.lost[since]
+        return _decay(self.device.rate, age[begin:end] - age[at])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pull:
+    """All forces but damping and friction, which change at most once in each interval."""
+
+    before: FloatArray  # N, shape (n - 1,)
+    after: FloatArray
+    jump: FloatArray  # s from the start of each interval
+    steps: FloatArray  # s
+    mass: float
+    friction: float
+
+    @classmethod
+    def of(cls, held: HeldColumn, mass: float, friction: float) -> _Pull:
+        """Columns that change more often count with their means."""
+        steps = np.broadcast_to(np.asarray(held.steps, dtype=np.float64), held.level.shape)
+        jump, before = steps, held.mean()
+        after = before
+        if held.interval is None:
+            jump, before, after = steps - held.left, held.level, held.level + held.change
+        return cls(before=before, after=after, jump=jump, steps=steps, mass=mass, friction=friction)
+
+    def stop(self, row: int, speed: float, sign: float, rate: float) -> tuple[float, float]:
+        """When a device that slides one way comes to rest in an interval, s, and the pull then."""
+        change, pull = float(self.jump[row]), float(self.before[row])
+        slowing = (pull - sign * self.friction) / self.mass
+        used = _time_to_stop(speed, slowing, rate, change)
+        if used < change:
+            return used, pull
+        slowed = speed * math.exp(-rate * change) + slowing * _braked(change, rate)
+        pull, rest = float(self.after[row]), float(self.steps[row]) - change
+        slowing = (pull - sign * self.friction) / self.mass
+        return used + _time_to_stop(slowed, slowing, rate, rest), pull
+
+    def gained(self, row: int, since: float, sign: float, rate: float) -> float:
+        """Speed at the end of an interval of a device that slides one way from a rest in it."""
+        change, step = float(self.jump[row]), float(self.steps[row])
+        speed, begun = 0.0, max(since, change)
+        if since < change:
+            pushed = (float(self.before[row]) - sign * self.friction) / self.mass
+            speed = pushed * _braked(change - since, rate) * math.exp(-rate * (step - change))
+        pushed = (float(self.after[row]) - sign * self.friction) / self.mass
+        return speed + pushed * _braked(step - begun, rate)
+
+    def rested(self, rows: slice, speed: FloatArray, sign: float, rate: float) -> int:
+        """First row in which it rests before the change, though not at its end; or their stop."""
+        left, lost = _decay(rate, self.jump[rows])
+        there = speed[rows] * left + (self.before[rows] - sign * self.friction) / self.mass * lost
+        crossed = np.flatnonzero(there * sign < 0)
+        return rows.start + int(crossed[0]) if crossed.size else rows.stop
+
+
+def path(
+    forward: Direction,
+    backward: Direction,
+    held: HeldColumn,
+    *,
+    mass: float,
+    friction: float,
+    start: float,
+) -> Path:
+    """Simulate a log under all forces but damping and friction."""
+    pull, count = _Pull.of(held, mass, friction), held.level.size
+    age = np.concatenate(([0.0], np.cumsum(pull.steps)))
+    speed = np.zeros(count + 1)
+    speed[0] = start
+    (kept, fraction), (early, late, moving) = np.ones((2, count)), np.zeros((3, count))
+    loose = np.flatnonzero(np.maximum(np.abs(pull.before), np.abs(pull.after)) > friction)
+    at, sign = 0, float(np.sign(start))
+
+    def stand(row: int, since: float, acting: float) -> float:
+        """Static friction balances the pull until it changes; then the way it goes, or 0."""
+        change, step = float(pull.jump[row]), float(pull.steps[row])
+        kept[row] = speed[row + 1] = 0.0
+        late[row] = acting / friction
+        if since >= change or abs(pull.after[row]) <= friction:
+            return 0.0
+        way = float(np.sign(pull.after[row]))
+        speed[row + 1] = pull.gained(row, change, way, rates[way])
+        late[row] = (late[row] * (change - since) + way * (step - change)) / (step - since)
+        return way
+
+    rates = {1.0: forward.device.rate, -1.0: backward.device.rate}
+    while at < count:
+        if sign == 0:  # at rest, until the pull exceeds friction
+            following = int(np.searchsorted(loose, at))
+            go = int(loose[following]) if following < loose.size else count
+            kept[at:go] = 0.0
+            if go == count:
+                break
+            at, sign = go, float(np.sign(pull.before[go]))
+            if abs(pull.before[go]) <= friction:
+                moving[go], fraction[go] = 1.0, 0.0
+                at, sign = go + 1, stand(go, 0.0, float(pull.before[go]))
+                continue
+        way = forward if sign > 0 else backward
+        seen = _next_turn(way, speed, age, at, sign * friction / mass)
+        turn = pull.rested(slice(at, seen), speed, sign, rates[sign])
+        early[at : turn + 1] = late[at : turn + 1] = sign
+        moving[at : turn + 1] = 1.0
+        if turn == count:
+            break
+        used, acting = pull.stop(turn, float(speed[turn]), sign, rates[sign])
+        fraction[turn] = used / pull.steps[turn]
+        if abs(acting) > friction:
+            kept[turn] = (acting + sign * friction) / (acting - sign * friction)
+            sign = late[turn] = -sign
+            speed[turn + 1] = pull.gained(turn, used, sign, rates[sign])
+            if speed[turn + 1] * sign <= 0:  # it turned once more
+                kept[turn] = speed[turn + 1] = sign = 0.0
+        else:
+            sign = stand(turn, used, acting)
+        at = turn + 1
+    direction = HeldColumn.turning(early, late, fraction, forward.device.steps)
+    motion = Motion(direction=direction.times(moving), moving=moving)
+    return Path(motion=motion, forward=early > 0, speed=speed, kept=kept)
+
+
+def _time_to_stop(speed: float, acceleration: float, rate: float, longest: float) -> float:
+    """When damping and a force against the motion have used up a speed, s.
+
+    A force that changes inside the interval may not brake in the mean of it; then it is the end.
+    """
+    if speed == 0:
+        return 0.0
+    undamped = -speed / acceleration if speed * acceleration < 0 else math.inf
+    if math.isinf(undamped) or rate * undamped <= -1:
+        return longest
+    return min(math.log1p(rate * undamped) / rate if rate != 0 else undamped, longest)
+
+
+def _braked(time: float, rate: float) -> float:
+    """Velocity over acceleration that a force gives from rest in a time, s."""
+    return -math.expm1(-rate * time) / rate if rate != 0 else time
+
+
+def _decay(rate: float, since: FloatArray) -> tuple[FloatArray, FloatArray]:
+    left = np.exp(-rate * since)
+    return left, since if rate == 0 else (1 - left) / rate
+
+
+def _next_turn(way: Direction, speed: FloatArray, age: FloatArray, at: int, resisted: float) -> int:
+    """Fill in the speed up to the end of the interval in which it changes sign, and return that."""
+    count = speed.size - 1
+    excess = speed[at] - way.free[at]
+    begin, length = at + 1, _LOOK
+    while begin <= count:
+        end = min(begin + length, count + 1)
+        left, lost = way.after(age, at, begin, end)
+        trial = way.free[begin:end] + left * excess - resisted * lost
+        turned = trial * resisted < 0
+        first = int(turned.argmax())
+        if turned[first]:
+            speed[begin : begin + first + 1] = trial[: first + 1]
+            return begin + first - 1
+        speed[begin:end] = trial
+        begin, length = end, 4 * length
+    return count

@@ -24,7 +24,6 @@ of Non-Smooth Mechanical Systems, 2004, section 7.2).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -46,7 +45,7 @@ from identification.estimators.estimate import (
 )
 from identification.estimators.filters import is_coloured, whiteness
 from identification.estimators.least_squares import Drive, Regression, complete_estimate
-from identification.estimators.motion import Motion, others, terms
+from identification.estimators.motion import Direction, Motion, Path, others, path, terms
 from identification.estimators.signals import (
     Gain,
     HeldColumn,
@@ -242,10 +241,6 @@ def _projected(table: Regression, first: float, *, fits_delay: bool) -> Position
     )
 
 
-#: Intervals looked through for the next turn at first; four times as many each time there is none.
-_LOOK = 128
-#: Samples tabulated: the first two looks.
-_TABLE = 5 * _LOOK
 #: Steps of Gauss-Newton; from an estimate within its interval it takes three or four.
 _MOST_STEPS = 15
 #: Times a step that makes the fit worse is halved before it is given up.
@@ -254,141 +249,6 @@ _MOST_HALVINGS = 8
 _CONVERGED = 0.05
 #: Directions this much weaker than the strongest carry nothing but rounding.
 _NOTHING = 1e-13
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Path:
-    """A simulated motion."""
-
-    motion: Motion  # direction and standstill
-    forward: BoolArray  # whether each interval begins forward, shape (n - 1,)
-    speed: FloatArray  # velocity at each sample, m/s, shape (n,)
-    #: factor on what a device keeps of a small change of velocity in each interval: 1, ρ where it
-    #: turns, 0 where it stands or comes to rest, shape (n - 1,)
-    kept: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Direction:
-    """One direction of motion."""
-
-    device: HeldResponse  # p = b/m in this direction on the grid of the log
-    #: velocity if all forces but Coulomb friction acted with this p, from rest, shape (n,)
-    free: FloatArray
-    #: part left of a velocity after 1, 2, … even steps, shape (_TABLE,), else empty
-    left: FloatArray
-    lost: FloatArray  # velocity that a unit deceleration takes in that time, s, shape (_TABLE,)
-
-    @classmethod
-    def of(cls, device: HeldResponse, free: FloatArray) -> Direction:
-        """With tables for even steps, which spare an exponential for each turn."""
-        if isinstance(device.steps, np.ndarray):
-            return cls(device=device, free=free, left=np.empty(0), lost=np.empty(0))
-        left, lost = _decay(device.rate, device.steps * np.arange(1.0, _TABLE + 1))
-        return cls(device=device, free=free, left=left, lost=lost)
-
-    def after(
-        self, age: FloatArray, at: int, begin: int, end: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """``left`` and ``lost`` from sample ``at`` to each of ``begin`` to ``end``; ages in s."""
-        if end - at <= self.left.size:
-            since = slice(begin - at - 1, end - at - 1)
-            return self.left[since], self.lost[since]
-        return _decay(self.device.rate, age[begin:end] - age[at])
-
-
-def path(
-    forward: Direction,
-    backward: Direction,
-    pull: FloatArray,
-    *,
-    mass: float,
-    friction: float,
-    start: float,
-) -> Path:
-    """Simulate a log under the mean over each interval of all forces but damping and friction."""
-    count = pull.size
-    steps = np.broadcast_to(np.asarray(forward.device.steps), pull.shape)
-    age = np.concatenate(([0.0], np.cumsum(steps)))
-    speed = np.zeros(count + 1)
-    speed[0] = start
-    kept, fraction = np.ones(count), np.ones(count)
-    early, late, moving = np.zeros((3, count))
-    loose = np.flatnonzero(np.abs(pull) > friction)
-    at, sign = 0, float(np.sign(start))
-    while at < count:
-        if sign == 0:  # at rest, until the pull exceeds friction
-            following = int(np.searchsorted(loose, at))
-            go = int(loose[following]) if following < loose.size else count
-            kept[at:go] = 0.0
-            if go == count:
-                break
-            at, sign = go, float(np.sign(pull[go]))
-        way = forward if sign > 0 else backward
-        turn = _next_turn(way, speed, age, at, sign * friction / mass)
-        early[at : turn + 1] = late[at : turn + 1] = sign
-        moving[at : turn + 1] = 1.0
-        if turn == count:
-            break
-        step, stopping = float(steps[turn]), float(pull[turn]) - sign * friction
-        used = _time_to_stop(float(speed[turn]), stopping / mass, way.device.rate, step)
-        fraction[turn] = used / step
-        if abs(pull[turn]) > friction:
-            starting = float(pull[turn]) + sign * friction
-            kept[turn] = starting / stopping
-            way = backward if sign > 0 else forward
-            speed[turn + 1] = starting / mass * _braked(step - used, way.device.rate)
-            sign = late[turn] = -sign
-        else:  # static friction then balances the pull
-            kept[turn] = speed[turn + 1] = 0.0
-            late[turn] = pull[turn] / friction
-            sign = 0.0
-        at = turn + 1
-    direction = HeldColumn.turning(early, late, fraction, forward.device.steps)
-    motion = Motion(direction=direction.times(moving), moving=moving)
-    return Path(motion=motion, forward=early > 0, speed=speed, kept=kept)
-
-
-def _time_to_stop(speed: float, acceleration: float, rate: float, longest: float) -> float:
-    """When damping and a force against the motion have used up a speed, s.
-
-    A force that changes inside the interval may not brake in the mean of it; then it is the end.
-    """
-    if speed == 0:
-        return 0.0
-    undamped = -speed / acceleration if speed * acceleration < 0 else math.inf
-    if math.isinf(undamped) or rate * undamped <= -1:
-        return longest
-    return min(math.log1p(rate * undamped) / rate if rate != 0 else undamped, longest)
-
-
-def _braked(time: float, rate: float) -> float:
-    """Velocity over acceleration that a force gives from rest in a time, s."""
-    return -math.expm1(-rate * time) / rate if rate != 0 else time
-
-
-def _decay(rate: float, since: FloatArray) -> tuple[FloatArray, FloatArray]:
-    left = np.exp(-rate * since)
-    return left, since if rate == 0 else (1 - left) / rate
-
-
-def _next_turn(way: Direction, speed: FloatArray, age: FloatArray, at: int, resisted: float) -> int:
-    """Fill in the speed up to the end of the interval in which it changes sign, and return that."""
-    count = speed.size - 1
-    excess = speed[at] - way.free[at]
-    begin, length = at + 1, _LOOK
-    while begin <= count:
-        end = min(begin + length, count + 1)
-        left, lost = way.after(age, at, begin, end)
-        trial = way.free[begin:end] + left * excess - resisted * lost
-        turned = trial * resisted < 0
-        first = int(turned.argmax())
-        if turned[first]:
-            speed[begin : begin + first + 1] = trial[: first + 1]
-            return begin + first - 1
-        speed[begin:end] = trial
-        begin, length = end, 4 * length
-    return count
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -465,7 +325,7 @@ class FrictionProblem:
             return None
         jacobian, fresh, converged = self._jacobian(best), True, False
         for _ in range(_MOST_STEPS):
-            move, gain = gauss_newton(jacobian, best.residual, _NOTHING)
+            move, gain = self._move(best, jacobian)
             converged = gain <= _CONVERGED**2
             if converged:
                 break
@@ -480,6 +340,18 @@ class FrictionProblem:
         return PositionFit(
             values=best.values, jacobian=jacobian, residual=best.residual, converged=converged
         )
+
+    def _move(self, best: _Simulated, jacobian: FloatArray) -> tuple[FloatArray, float]:
+        """The Gauss-Newton step, with a delay that stays within its bounds."""
+        move, gain = gauss_newton(jacobian, best.residual, _NOTHING)
+        least, most = np.array(self.drive.delays) - self._delay(best.values)
+        if self.drive.delay is not None or least <= move[-3] <= most:
+            return move, gain
+        fixed, later = jacobian.copy(), float(np.clip(move[-3], least, most))
+        fixed[-3] = 0.0
+        move, gain = gauss_newton(fixed, best.residual - later * jacobian[-3], _NOTHING)
+        move[-3] = later
+        return move, gain
 
     def _improved(self, best: _Simulated, move: FloatArray) -> _Simulated | None:
         for halving in range(_MOST_HALVINGS):
@@ -523,7 +395,7 @@ class FrictionProblem:
         along = path(
             driven[0],
             driven[-1],
-            force.mean() - rest,
+            replace(force, level=force.level - rest),
             mass=mass,
             friction=friction,
             start=float(values[-2]),

@@ -65,12 +65,6 @@ def equation_11(s: Setting, z: Number) -> Number:
     return 1 + s.B * _held(s, z) / (s.T * z * (z - 1) * (z - e) * s.b**2 / s.m) * (z - 1)
 
 
-def equation_11_as_printed(s: Setting, z: Number) -> Number:
-    """(11) as the text at hand has it: dividing by a z - 1 that the difference cancels."""
-    e = mpmath.exp(-equation_2(s))
-    return 1 + s.B * _held(s, z) / (s.T * z * (z - 1) * (z - e) * s.b**2 / s.m)
-
-
 def equation_13(s: Setting) -> Number:
     """Upper limit of B."""
     e = mpmath.exp(equation_2(s))
@@ -82,14 +76,6 @@ def equation_17(s: Setting, z: Number) -> Number:
     e = mpmath.exp(-equation_2(s))
     below = s.T**2 * z**2 * (z - 1) * (z - e) * s.b**2 / s.m
     return 1 + s.M * (z - 1) ** 2 * _held(s, z) / below
-
-
-def equation_17_as_printed(s: Setting, z: Number) -> Number:
-    """(17) as the text at hand has it: (z-1)² multiplies the first term only."""
-    d = equation_2(s)
-    e = mpmath.exp(-d)
-    above = (z - 1) ** 2 * z * (e - 1 + d) + 1 - (1 + d) * e
-    return 1 + s.M * above / (s.T**2 * z**2 * (z - 1) * (z - e) * s.b**2 / s.m)
 
 
 def equation_19(s: Setting) -> Number:

@@ -71,16 +71,6 @@ def test_no_cutoffs_found_from_outside_are_a_percent_better(
     assert products[0] >= 0.99 * products[1]
 
 
-def test_a_wanted_value_is_met_by_filters_that_allow_it() -> None:
-    """Of this mass less would be felt as well with less filtering; but it is wanted."""
-    profile = optimise(
-        load_device("homerehab"),
-        Scene.model_validate({"elements": {"cup": {"mass": 1.0, "damping": 50.0}}}),
-    )
-    assert profile.elements["cup"].mass == 1.0
-    assert profile.elements["cup"].limited_by == {"mass": "wanted", "damping": "wanted"}
-
-
 def test_a_range_no_filter_allows_is_refused_as_before() -> None:
     with pytest.raises(NoFeasibleEffectError, match="range starts at 2000"):
         optimise(

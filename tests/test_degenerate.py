@@ -82,24 +82,7 @@ def test_no_effect_that_a_hand_could_tell() -> None:
     _refused(ended, 5, "cup.mass", "of a step a hand can tell", "limited by ripple")
 
 
-@pytest.mark.parametrize("effect", ["stiffness", "damping", "mass"])
-def test_no_force_at_all(effect: str) -> None:
-    device = _device(force_limit=ForceLimit(continuous=0.0, peak=0.0))
-    ended = _tuned(device, f"elements: {{it: {{{effect}: max}}}}\n" + FILTERS)
-    _refused(ended, 5, f"it.{effect}", "exceeds the force limit, 0 continuous and 0 at the peak")
-
-
 # Wishes that contradict each other or the device.
-
-
-def test_a_range_upside_down() -> None:
-    ended = _tuned(_device(), "elements: {wall: {stiffness: {min: 300, max: 200}}}\n")
-    _refused(ended, 3, "min 300 exceeds max 200")
-
-
-def test_a_range_that_starts_beyond_what_is_safe() -> None:
-    ended = _tuned(_device(), "elements: {wall: {stiffness: {min: 20000, max: 30000}}}\n")
-    _refused(ended, 5, "wall.stiffness", "range starts at 20000", "is not stable")
 
 
 def test_ranges_that_are_each_possible_but_not_at_once() -> None:

@@ -137,14 +137,6 @@ def test_hardware_is_optional_in_every_key(tmp_path: Path) -> None:
             parse_document(Hardware, wrong, "hardware.yaml")
 
 
-def test_a_resolution_may_have_an_interval() -> None:
-    found = Hardware.model_validate({"encoder_resolution": {"value": 2e-6, "low": 1e-6}})
-    assert found.encoder_resolution == quantity(2e-6, 1e-6, 2e-6)
-    assert Hardware.model_validate({"encoder_resolution": 2e-6}).encoder_resolution == quantity(
-        2e-6
-    )
-
-
 def test_what_differs_by_direction_and_place_comes_back_from_a_file(tmp_path: Path) -> None:
     found = device(**BEYOND)
     assert found.damping_by_direction is not None
@@ -162,20 +154,6 @@ def test_what_differs_by_direction_and_place_comes_back_from_a_file(tmp_path: Pa
 def test_what_no_log_told_is_not_written() -> None:
     assert not BEYOND.keys() & to_mapping(device()).keys()
     assert not BEYOND.keys() & to_mapping(load_device("emps")).keys()
-
-
-@pytest.mark.parametrize(
-    ("parameters", "matrix", "freedom"),
-    [
-        (("mass",), ((1.0, 0.0), (0.0, 1.0)), 10.0),
-        (("mass", "damping"), ((1.0,), (0.0, 1.0)), 10.0),
-        (("mass",), ((-1.0,),), 10.0),
-        (("mass",), ((1.0,),), 0.0),
-    ],
-)
-def test_what_is_no_covariance(parameters: Any, matrix: Any, freedom: float) -> None:
-    with pytest.raises(ValidationError):
-        Covariance(parameters=parameters, matrix=matrix, degrees_of_freedom=freedom)
 
 
 MODE = {"frequency_hz": {"value": 80.0, "low": 75.0, "high": 85.0}, "damping_ratio": 0.02}
@@ -334,12 +312,6 @@ def test_the_box_holds_both_at_once_999_times_in_1000(freedom: float) -> None:
     inside = (box.mass[0] <= mass) & (mass <= box.mass[1])
     inside &= (box.damping[0] <= damping) & (damping <= box.damping[1])
     assert inside.mean() >= 0.999 - 3 * np.sqrt(0.001 / draws.shape[0])
-
-
-def test_the_box_of_exact_numbers_is_a_point() -> None:
-    box = device().simultaneous_box()
-    assert box.mass == (3.0, 3.0)
-    assert box.damping == (10.0, 10.0)
 
 
 def test_the_box_spans_both_directions() -> None:

@@ -74,15 +74,6 @@ def _doctor_on_the_bundled_log() -> Ended:
     return haptune("doctor", "homerehab.csv")
 
 
-def test_half_widths_are_those_of_identify() -> None:
-    assert haptune("identify", "homerehab.csv", "--quiet").code == 0
-    stated = _doctor_on_the_bundled_log().out
-    from identification import load_device
-
-    mass = load_device("device.yaml").mass
-    assert f"{mass.value:.5g} ± {(mass.high - mass.low) / 2:.2g} kg" in stated
-
-
 def test_refused_by_doctor_as_by_identify() -> None:
     turned = changed("turned.csv", force=-1.0)
     by_doctor = haptune("doctor", turned, "--json")
@@ -118,12 +109,6 @@ def test_warnings_are_no_refusal_and_quiet_is_quiet() -> None:
     assert "warning: not-stated" in ended.err
     quiet = haptune("doctor", "homerehab.csv", "--quiet")
     assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
-
-
-def test_a_finding_can_be_allowed() -> None:
-    counts = changed("counts.csv", position=1e3)
-    assert haptune("doctor", counts).code == 4
-    assert haptune("doctor", counts, "--allow", "force-unit").code == 0
 
 
 @pytest.mark.parametrize(

@@ -51,12 +51,6 @@ def test_reads_plain_mappings(tmp_path: Path) -> None:
     }
 
 
-def test_missing_files_and_folders(tmp_path: Path) -> None:
-    for path in (tmp_path / "nothing.yaml", tmp_path):
-        with pytest.raises(InvalidInputError, match="cannot be read"):
-            load_mapping(path)
-
-
 def test_every_complaint_names_its_key_and_what_was_seen() -> None:
     content: dict[str, Any] = {"sample_tme": 1.0, "delay": "late", "encoder_resolution": True}
     with pytest.raises(InvalidInputError) as caught:
@@ -287,8 +281,3 @@ def test_profiles(name: str) -> None:
 def test_endless_and_special_files() -> None:
     _refused("more than", "tune", "homerehab", "/dev/zero")
     _refused("a mapping of names", "check", "/dev/null")
-
-
-def test_a_byte_order_mark_and_windows_line_ends_are_no_offence() -> None:
-    Path("windows.yaml").write_bytes(b"\xef\xbb\xbf" + SPRING.replace("\n", "\r\n").encode())
-    assert haptune("tune", "homerehab", "windows.yaml", "--quiet").code == 0

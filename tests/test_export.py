@@ -239,20 +239,6 @@ def test_several_targets_are_written_atomically_with_backup_and_difference(here:
     assert Path("haptune_guard.c.bak").read_text(encoding="utf-8") == "int mine;\n"
 
 
-def test_a_folder_and_json(here: Path) -> None:
-    Path("there").mkdir()
-    ended = haptune("export", "profile.yaml", "--to", "json", "-o", "there", "--json")
-    assert ended.result["outputs"] == [str(Path("there") / "haptune_profile.json")]
-    assert files() == {"profile.yaml", "there"}
-
-
-def test_a_dry_run_shows_and_writes_nothing(here: Path) -> None:
-    ended = haptune("export", "profile.yaml", "--to", "c", "--dry-run")
-    assert ended.code == 0
-    assert "double haptune_force(" in ended.out
-    assert files() == {"profile.yaml"}
-
-
 def _forged(where: str, value: Any) -> str:
     """A profile whose digest is right and whose certificate is not."""
     content = to_mapping(tuned())

@@ -22,7 +22,6 @@ from identification import (
     UsageError,
     identify,
     load_device,
-    load_document,
     load_mapping,
     load_trajectory,
     to_mapping,
@@ -32,7 +31,7 @@ from tests.commands import FLUID, SCHEMAS, Ended, digest_of, haptune
 from tests.mutations import DOCUMENTS
 from tests.packed_logs import FORCE, GOOD, POSITION, SAMPLES, TIME
 from tests.thinned import thinned
-from tune import Scene, ThresholdCurve, optimise
+from tune import Scene, optimise
 
 #: Escape, a bell, nothing, and what turns writing round.
 LETTERS = "a\x1b[31m\x07\x00\u202eb\u2066"
@@ -150,15 +149,6 @@ def test_no_text_of_a_document_comes_out(kind: str, one_in: int) -> None:
             assert ended.result["outputs"] == []
             assert ended.result["message"] in ended.err
             assert_clean(ended, *Path().glob("page.html"))
-
-
-def test_no_text_of_a_curve_that_no_command_reads_comes_out_in_a_refusal() -> None:
-    good = load_mapping(SCHEMAS.parent / "data" / "grasped_cylinder.yaml")
-    for place in dict.fromkeys(places("vibration", _schema("vibration"))):
-        Path("hostile.yaml").write_text(to_yaml(_put(copy.deepcopy(good), place)), encoding="utf-8")
-        with pytest.raises(InvalidInputError) as refused:
-            load_document(ThresholdCurve, Path("hostile.yaml"))
-        assert not hidden(str(refused.value)), place
 
 
 def _csv() -> tuple[str, ...]:

@@ -1,18 +1,100 @@
-"""identify: truth recovered, and intervals that hold it."""
+"""identify: truth recovered with honest intervals, what is asked for, what is refused."""
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from identification import Device, Hardware, Method, Trajectory, as_stored, identify, quantity
-from tests.axis_logs import COUNT, HARDWARE, STEP, Array, holds, homerehab, log
+from identification import (
+    Device,
+    ForceLimit,
+    Hardware,
+    Identification,
+    IdentificationError,
+    InvalidInputError,
+    LogRefusedError,
+    Method,
+    Trajectory,
+    UsageError,
+    as_stored,
+    identify,
+    quantity,
+)
+from identification.estimators import ESTIMATORS
+from identification.findings import CODES
 from tests.exact_axis import Axis, closed_loop, counted, multisine, positions
+from tests.simulated.families import FAMILIES
 from tests.thinned import thinned
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+COUNT = 6e-6
+HARDWARE = Hardware(
+    name="homerehab",
+    motion="linear",
+    sample_time=quantity(STEP),
+    delay=quantity(STEP),
+    encoder_resolution=quantity(COUNT),
+    force_limit=ForceLimit(continuous=14.0, peak=28.0),
+)
+NAMES = ("mass", "damping", "coulomb_friction", "force_offset")
+
+
+def log(force: Array, position: Array, step: float = STEP, **kind: Any) -> Trajectory:
+    time: Array = np.arange(force.size) * np.float64(step)
+    return Trajectory(time=time, force=force, position=position, **{"motion": "linear", **kind})
+
+
+@cache
+def homerehab(
+    coulomb: float = 0.0,
+    *,
+    disturbance: float = 0.0,
+    noise: float = 0.0,
+    runs: int = 5,
+    samples: int = 20000,
+    seed: int = 0,
+) -> tuple[Trajectory, ...]:
+    """m = 3 kg, b = 10 N·s/m, delay 1 ms, ±50 mm, at most 14 N, counts of 6 um."""
+    generator = np.random.default_rng(seed)
+    axis = Axis(coulomb=coulomb, delay=STEP)
+    force = multisine(generator, samples=samples, runs=runs, axis=axis)
+    push = disturbance * generator.standard_normal(force.shape)
+    place = positions(axis, force, disturbance=push)
+    place = counted(place + noise * generator.standard_normal(force.shape), COUNT)
+    return tuple(log(force[:, i], place[:, i]) for i in range(runs))
+
+
+def codes(found: Identification | LogRefusedError) -> set[str]:
+    return {finding.code for finding in found.findings}
+
+
+def refused(trajectory: Trajectory, **options: Any) -> set[str]:
+    with pytest.raises(LogRefusedError) as caught:
+        identify(trajectory, **options)
+    for finding in caught.value.findings:
+        assert finding.code in CODES
+        assert finding.seen
+        assert finding.needed
+        assert finding.remedy
+    assert caught.value.findings[0].severity == "refusal"
+    return {f.code for f in caught.value.findings if f.severity == "refusal"}
+
+
+def holds(found: Identification, truth: dict[str, float]) -> NDArray[np.bool_]:
+    inside: list[bool] = []
+    for name, value in truth.items():
+        interval = getattr(found.device, name)
+        inside.append(interval.low <= value <= interval.high)
+    return np.array(inside)
 
 
 def test_clean_logs_are_right_to_a_thousandth() -> None:
@@ -192,3 +274,236 @@ def test_units_shifts_and_direction_change_nothing(
     force: float, length: float, time: float, shift: float, turn: float
 ) -> None:
     _nothing_changes(force, length, time, shift, turn)
+
+
+@pytest.mark.parametrize("samples", thinned([2.5, 0.0, 1.0], 1))
+def test_delay_stated_assumed_or_read(samples: float) -> None:
+    axis = Axis(delay=samples * STEP)
+    force = multisine(np.random.default_rng(5), samples=8000, runs=1, axis=axis)
+    trajectory = log(force[:, 0], counted(positions(axis, force), COUNT)[:, 0])
+    found = identify(trajectory)
+    assert codes(found) == {"not-stated"}
+    assert found.device.damping.value == pytest.approx(10.0, rel=5e-3)
+    assert found.logs[0].delay is not None
+    assert found.logs[0].delay.value == pytest.approx(samples * STEP, abs=2e-5)
+    stored = found.device.delay
+    assert stored.value == pytest.approx(max(samples, 1.0) * STEP, rel=1e-2)
+    assert stored.source == "log"
+    assert stored.low <= samples * STEP <= stored.high
+    assert stored.high >= STEP
+    assert "delay" not in found.device.missing
+    stated = identify(trajectory, hardware=Hardware(delay=quantity(samples * STEP)))
+    assert stated.device.delay.value == samples * STEP
+    assert stated.device.delay.source == "hardware"
+    assert "delay" not in stated.findings[0].seen
+
+
+def test_hardware_is_kept_and_what_it_leaves_open_is_read() -> None:
+    trajectory = homerehab()[0]
+    device = identify(trajectory, hardware=HARDWARE).device
+    assert device.name == "homerehab"
+    assert device.sample_time.source == "hardware"
+    assert device.encoder_resolution == quantity(COUNT, source="hardware")
+    assert device.force_limit == HARDWARE.force_limit
+    assert device.missing == ()
+    found = identify(replace(trajectory, motion=None))
+    assert codes(found) == {"not-stated"}
+    (said,) = found.findings
+    for fact in ("motion", "delay", "force_limit", "encoder_resolution"):
+        assert fact in said.seen
+    bare = found.device
+    assert bare.missing == ("motion", "sample_time", "encoder_resolution", "force_limit")
+    assert bare.encoder_resolution is not None
+    assert bare.encoder_resolution.value == pytest.approx(COUNT, rel=1e-6)
+    assert bare.encoder_resolution.source == "log"
+    assert bare.force_limit is not None
+    assert bare.force_limit.peak == pytest.approx(np.abs(trajectory.force).max(), rel=1e-9)
+    assert bare.force_limit.continuous == bare.force_limit.peak
+    assert bare.force_limit.source == "log"
+    assert bare.sample_time.value == pytest.approx(STEP, rel=1e-9)
+    assert bare.sample_time.source == "log"
+    assert bare.logs[0].findings == ("not-stated",)
+
+
+def test_sample_times_that_contradict() -> None:
+    trajectory = homerehab()[0]
+    with pytest.raises(InvalidInputError, match=r"0\.001.*0\.0013"):
+        identify(trajectory, hardware=Hardware(sample_time=quantity(0.0013)))
+    assert refused(trajectory, hardware=Hardware(sample_time=quantity(0.0005))) == {
+        "dropped-samples"
+    }
+    close = Hardware(sample_time=quantity(0.001005), delay=quantity(STEP))
+    assert identify(trajectory, hardware=close).device.sample_time.value == 0.001005
+
+
+@pytest.mark.parametrize("delay", [1e3, 1e6, 1e9])
+def test_a_delay_that_is_no_small_part_of_the_log_is_refused(delay: float) -> None:
+    with pytest.raises(InvalidInputError, match=r"lasts .* s.*a delay of .* at most 0\.1 times"):
+        identify(homerehab()[0], hardware=Hardware(delay=quantity(delay)))
+
+
+def test_several_logs_give_their_envelope() -> None:
+    poses: list[Trajectory] = []
+    for mass in (2.8, 3.0, 3.3):
+        axis = Axis(mass=mass, delay=STEP)
+        force = multisine(np.random.default_rng(6), samples=6000, runs=1, axis=axis)
+        poses.append(log(force[:, 0], counted(positions(axis, force), COUNT)[:, 0]))
+    found = identify(poses, hardware=HARDWARE)
+    assert found.device.mass.low <= 2.8
+    assert found.device.mass.high >= 3.3
+    assert 2.8 < found.device.mass.value < 3.3
+    assert len(found.device.logs) == len(found.estimates) == 3
+    covariance = found.device.covariance
+    assert covariance is not None
+    assert np.sqrt(covariance.matrix[0][0]) >= np.std([2.8, 3.0, 3.3], ddof=1) * 0.99
+    box = found.device.simultaneous_box()
+    assert box.mass[0] < 2.8
+    assert box.mass[1] > 3.3
+
+
+@pytest.mark.parametrize("kind", [{"axis": "y"}, {"motion": "rotary"}])
+def test_axes_are_not_mixed(kind: dict[str, Any]) -> None:
+    one = homerehab()[0]
+    other = log(one.force, one.position, **kind)
+    with pytest.raises(UsageError, match=r"one (axis|motion) at a time"):
+        identify([one, other])
+    with pytest.raises(UsageError, match="hardware"):
+        identify(other, hardware=HARDWARE)
+
+
+def test_requests_that_cannot_be_met() -> None:
+    trajectory = homerehab()[0]
+    with pytest.raises(UsageError, match="auto, least-squares, instruments, output-error"):
+        identify(trajectory, method="guess")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(UsageError, match="nonsense"):
+        identify(trajectory, allow=["jitter", "nonsense"])
+    with pytest.raises(UsageError):
+        identify([])
+
+
+@pytest.mark.parametrize("method", ESTIMATORS)
+def test_a_method_can_be_asked_for(method: Method) -> None:
+    found = identify(homerehab()[0], hardware=HARDWARE, method=method)
+    assert found.method == method
+    assert "as asked" in found.reason
+    assert found.method in repr(found)
+    assert len(repr(found)) < 300
+
+
+def test_terms_stay_unless_they_are_noise() -> None:
+    none = identify(homerehab()[1], hardware=HARDWARE)
+    assert none.device.coulomb_friction.low == 0
+    assert none.device.coulomb_friction.value < 1e-4
+    covariance = none.device.covariance
+    assert covariance is not None
+    assert covariance.parameters == NAMES
+    small = identify(homerehab(0.02, runs=1)[0], hardware=HARDWARE)
+    assert small.device.coulomb_friction.value == pytest.approx(0.02, abs=2e-3)
+
+
+def test_motion_one_way_cannot_split_friction_from_offset() -> None:
+    time = np.arange(8000) * STEP
+    force = (12 + 3 * np.sin(9 * time) + 2 * np.sin(2 * time))[:, None]
+    axis = Axis(coulomb=0.8)
+    place = counted(positions(axis, force, speed=1.0), COUNT)[:, 0]
+    hardware = Hardware(delay=quantity(0.0))
+    found = identify(log(force[:, 0], place), hardware=hardware, allow=["force-unit"])
+    assert found.estimates[0].parameters == ("mass", "damping", "force_offset")
+    assert found.device.mass.value == pytest.approx(3.0, rel=1e-3)
+    assert found.device.force_offset.value == pytest.approx(0.8, rel=0.05)
+
+
+def test_alternating_steps_are_taken_as_they_are() -> None:
+    family = FAMILIES["alternating-steps"]
+    trajectory = family.logs([0])[0]
+    found = identify(trajectory, hardware=family.hardware)
+    assert "jitter" in codes(found)
+    device = found.device
+    assert device.mass.value == pytest.approx(family.truth["mass"], rel=2e-3)
+    assert device.damping.value == pytest.approx(family.truth["damping"], rel=2e-3)
+    assert (device.sample_time.low, device.sample_time.high) == pytest.approx((0.010, 0.012))
+
+
+def test_dropped_samples_are_counted_and_bridged() -> None:
+    plain = homerehab()[0]
+    keep = np.ones(len(plain), dtype=bool)
+    keep[[500, 501, 9000]] = False
+    gaps = Trajectory(time=plain.time[keep], force=plain.force[keep], position=plain.position[keep])
+    found = identify(gaps, hardware=HARDWARE)
+    (seen,) = [each.seen for each in found.findings if each.code == "dropped-samples"]
+    assert "2 gaps, about 3 samples lost" in seen
+    assert found.device.mass.value == pytest.approx(3.0, rel=1e-3)
+
+
+def test_few_counts() -> None:
+    plain = homerehab()[0]
+    coarse = log(plain.force, counted(plain.position, 2e-3))
+    assert "few-counts" in refused(coarse)
+
+
+def test_force_at_its_limit() -> None:
+    plain = homerehab()[0]
+    clipped = log(np.clip(plain.force, -6, 6), plain.position)
+    assert refused(clipped) == {"force-saturated"}
+    weak = HARDWARE.model_copy(update={"force_limit": ForceLimit(continuous=5.0, peak=9.0)})
+    assert refused(plain, hardware=weak) == {"force-saturated"}
+
+
+def test_a_force_of_the_wrong_sign() -> None:
+    plain = homerehab(0.8, disturbance=5e-3)[0]
+    turned = log(-plain.force, plain.position)
+    assert "sign-flip" in refused(turned, hardware=HARDWARE)
+    # A negative mass is no device, whatever is allowed.
+    assert "sign-flip" in refused(turned, hardware=HARDWARE, allow=CODES)
+
+
+def test_a_device_without_damping_is_not_refused() -> None:
+    axis = Axis(mass=3.0, damping=0.0)
+    force = multisine(np.random.default_rng(10), samples=8000, runs=1, axis=axis)
+    place = counted(positions(axis, force), COUNT)[:, 0]
+    device = identify(log(force[:, 0], place), hardware=Hardware(delay=quantity(0.0))).device
+    assert device.damping.low <= 0 <= device.damping.high
+
+
+def test_every_refusal_of_a_log_is_listed_at_once() -> None:
+    plain = homerehab()[0]
+    clipped = np.clip(plain.force, -6, 6)
+    stamps = plain.time + np.where(np.arange(len(plain)) > 700, 5.0, 0.0)
+    bad = Trajectory(time=stamps, force=clipped, position=counted(plain.position, 2e-3))
+    assert refused(bad) == {"force-saturated", "dropped-samples", "few-counts"}
+
+
+WAVE = np.sin(2 * np.pi * 2 * np.arange(2000) * STEP)
+ROWS = np.arange(2000.0)
+SIGNS = (-1.0) ** np.arange(2000)
+SPIKE = np.where(ROWS == 500, 1.0, 0.0)
+WALK = np.random.default_rng(1).standard_normal(2000)
+NOISE = np.random.default_rng(2).standard_normal(2000)
+STRANGE: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {
+    "walks": (np.cumsum(WALK), np.cumsum(NOISE)),
+    "noise": (WALK, NOISE),
+    "impulse": (SPIKE, WAVE),
+    "jump": (WAVE, SPIKE),
+    "steps": (np.sign(WAVE), np.sign(WAVE)),
+    "huge": (WAVE * 1e200, WAVE * 1e150),
+    "tiny": (WAVE * 1e-200, WAVE * 1e-160),
+    "ramps": (ROWS, ROWS),
+    "alternating": (SIGNS, 1e-4 * SIGNS),
+    "far away": (WAVE, 1e9 + WAVE * 1e-3),
+    "growing": (np.exp(ROWS / 200), np.exp(ROWS / 200)),
+    "one count": (WAVE, np.where(WAVE > 0, 1e-3, 0.0)),
+    "shortest": (WAVE[:200], WAVE[:200]),
+}
+
+
+@pytest.mark.parametrize("allow", [(), CODES], ids=["strict", "all allowed"])
+@pytest.mark.parametrize("method", thinned(["auto", "output-error"], 1))
+@pytest.mark.parametrize("name", STRANGE)
+def test_no_log_ends_in_anything_but_a_device_or_a_sentence(
+    name: str, method: Method, allow: tuple[str, ...]
+) -> None:
+    force, place = STRANGE[name]
+    with suppress(IdentificationError):
+        device = identify(log(force, place), method=method, allow=allow).device
+        assert device.mass.low > 0
+        assert device.simultaneous_box().mass[0] > 0

@@ -109,10 +109,6 @@ def test_no_sequence_within_the_margin_does_harm(name: str) -> None:
     assert worst < 1
 
 
-def test_a_loop_that_is_unstable_at_even_steps_has_none() -> None:
-    assert _jitter(T, (7000.0, 0.0, 0.0), Filters()) == 0
-
-
 #: N/m and kg behind 5 Hz on HomeRehab, where they still have the margin's gain of two.
 SOFT, HEAVY = 238.0, 5.17
 LEVELS = np.linspace(0, 1, 33)

@@ -168,16 +168,6 @@ def test_a_reference_frees_from_noise_that_the_force_carries() -> None:
     assert abs(np.mean(found["instruments"])) < 2 * error
 
 
-def test_without_a_moving_reference_instruments_are_simulated() -> None:
-    log = logs("even", 0.4 * STEP)[0]
-    for reference in (None, np.full(len(log), 0.1)):
-        found = estimate_by(
-            "instruments", replace(log, reference=reference), Model(coulomb=False), 0.4 * STEP
-        )
-        assert "simulated" in found.notes[0]
-        assert "open loop" in found.notes[0]
-
-
 Array = NDArray[np.float64]
 
 

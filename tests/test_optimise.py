@@ -288,10 +288,3 @@ def test_no_safe_trade_of_one_effect_for_another_has_a_larger_product(
             less: scales[less].value_at(left, 1),
         }
         assert faults(sizes | traded) != [], traded
-
-
-def test_the_paper_allows_a_virtual_mass_of_about_the_device_with_gain_margin_two() -> None:
-    """Section 2.8: in the ideal loop M = m was the most that was free of oscillation."""
-    loop = Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-3)
-    assert float(largest(loop, "mass")) / 2 == pytest.approx(3.0, rel=0.01)
-    assert float(largest(loop, "mass", Effects(damping=10.0))) / 2 == pytest.approx(3.0, rel=0.02)

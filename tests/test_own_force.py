@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from scipy.stats import chi2, norm
 
 from datasets_synthetic import log_text
 from identification import Device, load_device, parse_document, to_mapping, to_yaml
@@ -65,20 +64,6 @@ def test_nothing_is_tuned_audited_or_certified(force: dict[str, Any], plain: Saf
     for verdict in (certify, advise):
         with pytest.raises(CheckFailedError, match=f"device: {name}"):
             verdict(forged)
-
-
-def test_the_box_spans_the_slopes_of_the_force_by_position() -> None:
-    """k as wide as its interval over 95 % times the radius of the box; gravity by √(gs² + gc²)."""
-    known = {"mass": 3.0, "damping": 10.0, "sample_time": 0.001}
-    wide = {"position_stiffness": {"value": 100.0, "low": 90.0, "high": 120.0}}
-    low, high = parse_document(Device, known | wide, "x").simultaneous_box().position_stiffness
-    assert (high - 100) / (100 - low) == pytest.approx(2.0)
-    radius = chi2.ppf(0.999, 2) ** 0.5 / norm.ppf(0.975)
-    assert low == pytest.approx(100 - 10 * radius, rel=1e-6)
-    arm = {"gravity": {"sine": -3.0, "cosine": 4.0}, "position_stiffness": 2.0}
-    assert parse_document(Device, known | arm, "x").simultaneous_box().position_stiffness == (
-        pytest.approx((-3.0, 7.0))
-    )
 
 
 def test_a_spring_of_its_own_is_certified_stated_and_checked() -> None:

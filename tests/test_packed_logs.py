@@ -154,7 +154,7 @@ def test_a_pickle_is_never_opened(tmp_path: Path) -> None:
         (1_000_000, "as nanoseconds it would be 0.001 s"),
     ],
 )
-@pytest.mark.parametrize("write", WRITERS)
+@pytest.mark.parametrize("write", [csv, parquet])
 def test_stamps_in_other_units_are_told_by_their_step(
     tmp_path: Path, write: Writer, tick: int, unit: str
 ) -> None:

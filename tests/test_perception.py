@@ -16,7 +16,6 @@ from identification import (
     InvalidInputError,
     load_device,
     load_document,
-    quantity,
     to_mapping,
     to_yaml,
 )
@@ -81,22 +80,6 @@ def test_one_step_is_told_in_84_percent_of_forced_choices() -> None:
     assert telling.steps.value == pytest.approx(1)
     assert telling.forced_choice.value == pytest.approx(0.8413, abs=1e-4)
     assert chance_to_tell_apart("mass", one, one, device=device).forced_choice.value == 0.5
-
-
-def test_walls_fainter_than_what_the_device_masks_are_no_different_from_none() -> None:
-    device = load_device("homerehab")  # masks 0.8 N, 80 N/m at 10 mm
-    assert chance_to_tell_apart("stiffness", 0.0, 79.0, device=device).steps.value == 0.0
-    assert chance_to_tell_apart(
-        "stiffness", 0.0, 160.0, device=device
-    ).steps.value == pytest.approx(
-        chance_to_tell_apart("stiffness", 500.0, 1000.0, device=device).steps.value
-    )
-
-
-def test_nothing_left_to_feel_forms_no_ratio() -> None:
-    device = load_device("homerehab").model_copy(update={"mass": quantity(3.0)})
-    with pytest.raises(ValueError, match=r"mass felt is -1"):
-        chance_to_tell_apart("mass", -4.0, 0.0, device=device)
 
 
 NORMAL = NormalDist()

@@ -50,20 +50,6 @@ def _setting(effects: tuple[EffectName, ...] = EFFECTS) -> Setting:
     return Setting(m=m, b=b, T=mpmath.mpf(0.001), K=K, B=B, M=M)
 
 
-def test_the_printed_plant_1_is_the_held_one_3() -> None:
-    """Its pulse response, summed: a unit force held for one sample moves a mass on a damper."""
-    with mpmath.workdps(printed.DIGITS):
-        s = Setting(m=mpmath.mpf(2), b=mpmath.mpf(30), T=mpmath.mpf("0.05"))
-
-        def stepped(k: int) -> Number:
-            t = k * s.T
-            return t / s.b - s.m / s.b**2 * (1 - mpmath.exp(-s.b * t / s.m)) if k > 0 else 0
-
-        for z in (POINTS[0], POINTS[-1]):
-            pulse = mpmath.fsum((stepped(k) - stepped(k - 1)) / z**k for k in range(1, 200))
-            assert abs(pulse / printed.held_plant(s, z) - 1) < mpmath.mpf("1e-50")
-
-
 def test_delta_2_and_the_dimensionless_effects_10_16_22() -> None:
     loop = Loop.from_numbers(**DEVICE)
     alpha, beta, gamma = loop.dimensionless_effects(Effects(**EVERYTHING))
@@ -76,16 +62,6 @@ def test_delta_2_and_the_dimensionless_effects_10_16_22() -> None:
         for each, (a, b, m) in ((loop, tuple(EVERYTHING.values())), (twin, (alpha, beta, gamma)))
     ]
     np.testing.assert_allclose(coefficients[0], coefficients[1], rtol=1e-12)
-
-
-def test_misprints_of_11_and_17_are_no_such_equation() -> None:
-    """(11) divides by a z - 1 that the difference cancels, (17) lacks the brackets of (18)."""
-    s = _setting()
-    with mpmath.workdps(printed.DIGITS):
-        for z in POINTS:
-            right, wrong = printed.equation_11(s, z), printed.equation_11_as_printed(s, z)
-            assert abs((right - 1) / (wrong - 1) - (z - 1)) < mpmath.mpf("1e-45")
-            assert abs(printed.equation_17(s, z) / printed.equation_17_as_printed(s, z) - 1) > 1e-9
 
 
 @pytest.mark.parametrize("delta", DELTAS)
@@ -132,13 +108,6 @@ def test_the_coefficients_31_to_35_and_38_to_42_are_those_of_the_loop(
         if damping == 0:
             assert c == printed.equations_31_to_35(s)
             assert printed.equation_36(s) == printed.equation_43(s)
-
-
-def test_the_series_7_is_wrong_by_a_24th_of_the_fourth_power() -> None:
-    with mpmath.workdps(printed.DIGITS):
-        for delta in (mpmath.mpf("1e-3"), mpmath.mpf("1e-2")):
-            error = mpmath.exp(delta) - (1 + delta + delta**2 / 2 + delta**3 / 6)
-            assert abs(error / delta**4 * 24 - 1) < delta
 
 
 @pytest.mark.parametrize(

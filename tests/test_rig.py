@@ -125,22 +125,6 @@ def test_force_acts_from_its_true_stamp_and_delay_on(clock: Clock, delay: float)
     )
 
 
-def test_dropped_rows_are_lost_from_the_log_only() -> None:
-    force = np.random.default_rng(1).uniform(-5, 5, 4000)
-    faults = Faults(position_noise=1e-5)
-    whole = simulate(rig(delay=0.001), force, faults=faults, seed=(5, 6)).trajectory(1)
-    holed = simulate(rig(delay=0.001), force, faults=faults, clock=Clock(dropped=0.03), seed=(5, 6))
-    log = holed.trajectory(1)
-    rows = np.searchsorted(whole.time, log.time)
-    np.testing.assert_array_equal(whole.time[rows], log.time)
-    np.testing.assert_array_equal(whole.force[rows], log.force)
-    np.testing.assert_array_equal(whole.position[rows], log.position)
-    assert (rows[0], rows[-1]) == (0, 3999)
-    lost = 4000 - len(log)
-    assert lost == pytest.approx(120, abs=4 * np.sqrt(120))
-    assert len(log) != len(holed.trajectory(0)) or np.any(holed.trajectory(0).time != log.time)
-
-
 def test_servo_force_is_the_stated_difference_equation() -> None:
     reference = 0.02 * np.sin(5 * T * np.arange(1000))
     feed = 0.3 * np.cos(7 * T * np.arange(1000))

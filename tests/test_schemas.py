@@ -55,15 +55,6 @@ def test_shipped_schemas_are_up_to_date() -> None:
         assert json.loads((SCHEMAS / name).read_text(encoding="utf-8")) == json.loads(text), name
 
 
-def test_schemas_and_templates_are_in_the_package() -> None:
-    for name in MODELS:
-        assert (files("tune") / "schemas" / f"{name}.json").is_file()
-    written = {"scene.yaml", "hardware.yaml", "excitation.yaml", "player.c", "player.py"}
-    written |= {"law.py", "node.py", "guard.c", "guard.h", "chai3d.hpp"}
-    written |= {"report.html", "comparison.html", "parts.html", "report.css", "report.js"}
-    assert written == {path.name for path in (files("tune") / "templates").iterdir()}
-
-
 @pytest.mark.parametrize("name", MODELS)
 def test_each_is_a_schema_that_knows_its_own_file(name: str) -> None:
     schema = json.loads((SCHEMAS / f"{name}.json").read_text(encoding="utf-8"))

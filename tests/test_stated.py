@@ -12,18 +12,15 @@ import pytest
 from datasets_synthetic import bundled_path
 from identification import (
     Device,
-    Hardware,
     InvalidInputError,
     UnstatedError,
     as_stored,
     identify,
     load_device,
-    load_document,
     load_mapping,
     load_trajectory,
     named_devices,
     parse_document,
-    quantity,
     to_mapping,
     to_yaml,
 )
@@ -196,26 +193,3 @@ def test_a_profile_of_an_unstated_device_is_neither_passed_nor_exported() -> Non
     assert haptune("export", "profile.yaml", "--to", "c").code == 6
     with pytest.raises(UnstatedError):
         export(forged, "c")
-
-
-def test_what_the_paper_does_not_give_is_marked_assumed_wherever_it_appears() -> None:
-    """Sample time, delay and friction; its table and text give 3 kg, 10 N·s/m, 14/28 N, 6 µm."""
-    marks = {"sample_time", "delay", "coulomb_friction"}
-    device = load_device("homerehab")
-    assert marks <= set(device.assumed())
-    assert not {"mass", "damping", "encoder_resolution", "force_limit"} & set(device.assumed())
-    assert haptune("new", "hardware", "--device", "homerehab", "--quiet").code == 0
-    for file in (Path("hardware.yaml"), bundled_path("homerehab.hardware.yaml")):
-        hardware = load_document(Hardware, file)
-        for each in (hardware.sample_time, hardware.delay):
-            assert each == quantity(0.001, source="assumed")
-    log = load_trajectory(bundled_path("homerehab.csv"))
-    found = identify(log, hardware=hardware, method="least-squares").device
-    assert found.assumed() == ("sample_time", "delay")
-    told = haptune("tune", "homerehab", "scene.yaml", "--verbose").out
-    assert "only assumed: sample time, coulomb friction, force offset, delay" in told
-    profile = load_profile("profile.yaml")
-    assert any("coulomb friction" in line for line in profile.certificate.assumes)
-    assert "coulomb_friction: {value: 0.8, low: 0.7, high: 0.9, source: assumed}" in Path(
-        "profile.yaml"
-    ).read_text(encoding="utf-8")

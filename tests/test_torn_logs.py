@@ -1,19 +1,125 @@
-"""Archives that claim more than they hold, torn and damaged files, files of another kind."""
+"""Torn and damaged files, archives that claim or unfold to much, and files without end."""
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import io
+import lzma
+import math
+import os
+import struct
+import sys
+import time
 import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from io import BytesIO
+from itertools import chain, combinations, repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import openpyxl
 import polars as pl
 import pytest
+from mcap.writer import Writer as BagWriter
 
-from identification import InvalidInputError, LogRefusedError, load_trajectory
-from tests.packed_logs import FORCE, POSITION, ROWS, TIME, Writer, npz, parquet, refusal
+from identification import (
+    InvalidInputError,
+    LogColumns,
+    LogRefusedError,
+    load_mapping,
+    load_trajectory,
+)
+from tests.packed_logs import FORCE, POSITION, ROWS, SAMPLES, TIME, Writer, npz, parquet, refusal
+from tests.test_log_workbooks import HEADER, workbook
+from tests.thinned import thinned
+from tune import load_scene
+
+_SHEET, _BOOK = "xl/worksheets/sheet1.xml", "xl/workbook.xml"
+_STYLES, _RELATIONS, _TYPES = "xl/styles.xml", "xl/_rels/workbook.xml.rels", "[Content_Types].xml"
+_OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+_MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+_KIND = "application/vnd.openxmlformats-officedocument.spreadsheetml.worksheet+xml"
+_SHEETS = 20_000
+
+#: By part of a workbook: the mark before which pieces are put.
+Changes = dict[str, tuple[bytes, Iterable[bytes]]]
+
+
+def _workbook(folder: Path, changes: Changes, *, sheets: int = 0) -> Path:
+    """A good workbook with pieces put into its parts, and empty sheets beside its own."""
+    path = workbook(folder, HEADER, *SAMPLES)
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, content in parts.items():
+            mark, pieces = changes.get(name, (b"", ()))
+            place = content.index(mark)
+            with archive.open(name, "w", force_zip64=True) as stream:
+                for piece in chain([content[:place]], pieces, [content[place:]]):
+                    stream.write(piece)
+        for k in range(sheets):
+            archive.writestr(_sheet(k), f'<worksheet xmlns="{_MAIN}"><sheetData/></worksheet>')
+    return path
+
+
+def _sheet(k: int) -> str:
+    return f"xl/worksheets/s{k}.xml"
+
+
+def _each(text: str, count: int = _SHEETS) -> Iterable[bytes]:
+    """A text with every number in the place of its stars."""
+    return (text.replace("*", str(k)).encode() for k in range(count))
+
+
+def cell(folder: Path) -> Path:
+    """One cell of 800 MB."""
+    start, end = b'<row r="302"><c r="A302" t="inlineStr"><is><t>', b"</t></is></c></row>"
+    text = repeat(b"x" * 1_000_000, 800)
+    return _workbook(folder, {_SHEET: (b"</sheetData>", chain([start], text, [end]))})
+
+
+def sheets(folder: Path) -> Path:
+    """Twenty thousand sheets."""
+    listed = f'<sheet xmlns:r="{_OFFICE}" name="s*" sheetId="9*" r:id="x*"/>'
+    related = f'<Relationship Id="x*" Type="{_OFFICE}/worksheet" Target="/{_sheet(0)}"/>'
+    typed = f'<Override PartName="/{_sheet(0)}" ContentType="{_KIND}"/>'
+    changes: Changes = {
+        _BOOK: (b"</sheets>", _each(listed)),
+        _RELATIONS: (b"</Relationships>", _each(related.replace("s0", "s*"))),
+        _TYPES: (b"</Types>", _each(typed.replace("s0", "s*"))),
+    }
+    return _workbook(folder, changes, sheets=_SHEETS)
+
+
+def _bag(folder: Path, definition: str, rest: bytes) -> Path:
+    """Twenty-five messages of two numbers and what follows them."""
+    path = folder / "log.mcap"
+    with path.open("wb") as stream:
+        writer: Any = BagWriter(stream)
+        writer.start("ros2", "")
+        text = f"float64 position\nfloat64 force\n{definition}"
+        schema = writer.register_schema("rig_msgs/msg/Axis", "ros2msg", text.encode())
+        channel = writer.register_channel("/axis", "cdr", schema)
+        for k in range(25):
+            data = b"\0\1\0\0" + struct.pack("<dd", 0.01 * k, 1.0) + rest
+            writer.add_message(channel, log_time=10**6 * k, data=data, publish_time=10**6 * k)
+        writer.finish()
+    return path
+
+
+def elements(folder: Path) -> Path:
+    """Messages of a million elements."""
+    one = struct.pack("<Ixxxx", 1)
+    return _bag(folder, "string[] names\n", struct.pack("<I", 1_000_000) + one * 1_000_000)
+
+
+BOMBS: dict[str, Callable[[Path], Path]] = {
+    each.__name__: each for each in (sheets, elements, cell)
+}
 
 
 def _archive(path: Path, members: list[tuple[str, bytes]]) -> Path:
@@ -126,3 +232,161 @@ def test_a_file_too_large_is_refused_unread(tmp_path: Path) -> None:
     with path.open("wb") as stream:
         stream.truncate(3_000_000_000)
     assert "3000000000 bytes" in refusal(path)
+
+
+#: Limits as documented: bytes of a YAML file, its keys and values, columns, letters of a header.
+LARGEST_FILE, MOST_EVENTS, MOST_COLUMNS, LONGEST_HEADER = 1_000_000, 20_000, 10_000, 5_000_000
+#: Elements of a scene, and sums of them.
+MOST_ELEMENTS, MOST_SUMS = 200, 1000
+TABLE = b"time,force,position\n" + b"0,0,0\n" * 300
+
+
+def _refusal(read: Callable[[Path], object], path: Path) -> str:
+    started = time.process_time()
+    with pytest.raises(InvalidInputError) as caught:
+        read(path)
+    assert time.process_time() - started < 10
+    text = str(caught.value)
+    assert len(text) < 500
+    return text
+
+
+def _zipped(content: bytes) -> bytes:
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("log.csv", content)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("kind", "pack"),
+    [
+        ("gzip", gzip.compress),
+        ("zlib", zlib.compress),
+        ("zlib", lambda content: zlib.compress(content, 1)),
+        ("zlib", lambda content: zlib.compress(content, 3)),
+        ("zlib", lambda content: zlib.compress(content, 9)),
+        ("zstd", lambda content: b"\x28\xb5\x2f\xfd" + content),
+        ("zip or spreadsheet", _zipped),
+        ("xz", lzma.compress),
+        ("bzip2", bz2.compress),
+    ],
+)
+def test_packed_streams_are_not_unpacked(
+    tmp_path: Path, kind: str, pack: Callable[[bytes], bytes]
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(pack(TABLE))
+    assert f"is a packed file ({kind})" in _refusal(load_trajectory, path)
+
+
+@pytest.mark.parametrize("before", [b"", b"\n\r\n", b"\xef\xbb\xbf\n"])
+def test_wide_headers_are_not_parsed(tmp_path: Path, before: bytes) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(before + b"," * MOST_COLUMNS + b"\n" + TABLE)
+    assert f"has {MOST_COLUMNS + 1} columns" in _refusal(load_trajectory, path)
+    path.write_bytes(before + b"a" * LONGEST_HEADER + b"," + TABLE)
+    assert "has a header line of 50000" in _refusal(load_trajectory, path)
+    path.write_bytes(before + b'"time\n"' + b"," * MOST_COLUMNS + b"\n" + TABLE)
+    assert "quote in its header line" in _refusal(load_trajectory, path)
+
+
+#: Each as long as a file may be.
+YAML = {
+    "flat list": "1, ",
+    "flow list": "[], ",
+    "sexagesimal": "1:1:1, ",
+    "words": "b, ",
+}
+
+
+@pytest.mark.parametrize("name", thinned(YAML, 1))
+def test_lists_without_end(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "list.yaml"
+    item = YAML[name]
+    path.write_text(f"a: [{item * (LARGEST_FILE // len(item) - 2)}]", encoding="utf-8")
+    assert f"holds more than {MOST_EVENTS} keys" in _refusal(load_mapping, path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes have no names in folders there")
+@pytest.mark.parametrize("name", ["scene.yaml", "log.csv"])
+def test_a_pipe_nobody_writes_to(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    os.mkfifo(path)
+    read = load_mapping if path.suffix == ".yaml" else load_trajectory
+    assert "not a file" in _refusal(read, path)
+
+
+#: 38 · 26 + 3 · 4 = 1000 sums.
+_GROUPS = [
+    *([f"e{5 * i + k}" for k in range(5)] for i in range(38)),
+    *([f"e{190 + 3 * i + k}" for k in range(3)] for i in range(3)),
+]
+
+
+def _scene(elements: int, groups: Iterable[Sequence[str]]) -> str:
+    listed = ", ".join(f"e{i}: {{damping: 1.0}}" for i in range(elements))
+    together = ", ".join(f"[{', '.join(group)}]" for group in groups)
+    return f"elements: {{{listed}}}\ntogether: [{together}]\n"
+
+
+@pytest.mark.parametrize(
+    ("elements", "groups", "told"),
+    [
+        (12, list(combinations([f"e{i}" for i in range(12)], 5)), "1573 sums"),
+        (200, [[f"e{5 * i + k}" for k in range(5)] for i in range(40)], "1040 sums"),
+        (500, [[f"e{5 * i + k}" for k in range(5)] for i in range(100)], "are 500 elements"),
+        (MOST_ELEMENTS + 1, [], f"are {MOST_ELEMENTS + 1} elements"),
+    ],
+)
+def test_scenes_without_end_are_told_before_work_begins(
+    tmp_path: Path, elements: int, groups: list[Sequence[str]], told: str
+) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(_scene(elements, groups), encoding="utf-8")
+    assert told in _refusal(load_scene, path)
+
+
+def test_the_largest_scene_is_no_offence(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(_scene(MOST_ELEMENTS, _GROUPS), encoding="utf-8")
+    assert len(load_scene(path).subsets()) == MOST_ELEMENTS + MOST_SUMS
+
+
+resource = pytest.importorskip("resource")
+_UNIT = 1 if sys.platform == "darwin" else 1024
+
+
+def _used() -> tuple[float, int]:
+    """Processor time of all processes that ended, s, and the memory of the largest, bytes."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime, _UNIT * used.ru_maxrss
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit memory")
+@pytest.mark.parametrize("name", thinned(BOMBS, 1))
+def test_what_unfolds_ends_in_time(tmp_path: Path, name: str) -> None:
+    """Most are refused; half a million names may be read, where that takes no longer."""
+    path = BOMBS[name](tmp_path)
+    fields: dict[str, Any] = {"position": "/axis/position", "force": "/axis/force"}
+    asked = LogColumns(time="publish_time", **fields) if path.suffix == ".mcap" else None
+    began, _ = _used()
+    with suppress(InvalidInputError, LogRefusedError):
+        load_trajectory(path, asked)
+    ended, size = _used()
+    assert ended - began < 10
+    assert size < 1_000_000_000
+
+
+@pytest.mark.long
+def test_a_million_honest_rows_of_a_workbook_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "log.xlsx"
+    book: Any = openpyxl.Workbook(write_only=True)
+    sheet = book.create_sheet("Log")
+    sheet.append(("time", "force", "position"))
+    for k in range(1_000_000):
+        sheet.append((k * 1e-3, math.sin(0.04 * k), 0.01 * math.cos(0.04 * k)))
+    book.save(path)
+    log = load_trajectory(path)
+    np.testing.assert_array_equal(log.time, np.arange(1_000_000) * 1e-3)
+    assert _used()[1] < 1_000_000_000

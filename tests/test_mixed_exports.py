@@ -194,7 +194,7 @@ def test_a_writer_killed_at_any_moment_leaves_one_set_or_the_other(
         os.killpg(writer.pid, signal.SIGKILL)
         writer.communicate()
         (found,) = _settled(folder)
-        assert len(_exported(folder)) == 7
+        assert len(_exported(folder)) == 8
         seen.append(found)
         for path in folder.glob(".haptune-*"):
             path.unlink()

@@ -6,11 +6,14 @@ import importlib.util
 import math
 import random
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import Distribution
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -41,6 +44,7 @@ class Middleware:
         self.now = 5_000_000_000
         self.sent: list[tuple[int, float]] = []
         self.said: list[str] = []
+        self.topics: list[str] = []
         self.callback: Any = None
         self.due: list[Any] = []
         self.spin: Any = None
@@ -78,6 +82,8 @@ class Middleware:
                 return {name: SimpleNamespace(value=x) for name, x in ros._parameters.items()}
 
             def create_publisher(self, kind: type, topic: str, depth: int) -> Any:
+                ros.topics.append(topic)
+
                 def publish(message: Any) -> None:
                     (force,) = message.data
                     ros.sent.append((ros.now, force))
@@ -85,6 +91,7 @@ class Middleware:
                 return SimpleNamespace(publish=publish)
 
             def create_subscription(self, kind: type, topic: str, back: Any, depth: int) -> None:
+                ros.topics.append(topic)
                 ros.callback = back
 
             def create_timer(self, seconds: float, callback: Any, *, clock: Any) -> Any:
@@ -569,3 +576,37 @@ def test_files_of_two_profiles_do_not_load_together(
     write({"haptune_node.py": other["haptune_node.py"]}, tmp_path)
     with pytest.raises(ImportError, match="export both again"):
         Middleware(tmp_path, own, monkeypatch)
+
+
+def test_the_export_is_a_package_whose_entry_point_plays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Installed from its folder, as colcon does; the node runs on a stand-in of the middleware."""
+    monkeypatch.chdir(tmp_path)
+    Path("profile.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
+    assert haptune("export", "profile.yaml", "--to", "ros2").code == 0
+    package = ElementTree.parse("haptune_controller/package.xml").getroot()  # noqa: S314 - ours
+    assert package.findtext("name") == "haptune_controller"
+    assert package.findtext("export/build_type") == "ament_python"
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
+    pip += ["--no-build-isolation", "--target", "there", "./haptune_controller"]
+    subprocess.run(pip, check=True, capture_output=True)
+    there = tmp_path / "there"
+    index = there / "share" / "ament_index" / "resource_index" / "packages"
+    assert (index / "haptune_controller").is_file()
+    (found,) = Distribution.discover(name="haptune_controller", path=[str(there)])
+    (entry,) = found.entry_points.select(group="console_scripts")
+    assert entry.name == "haptune_node"
+    text = (there / "share" / "haptune_controller" / "haptune_params.yaml").read_text("utf-8")
+    renamed = {"joint": "elbow", "state_topic": "arm/states", "command_topic": "arm/efforts"}
+    ros = Middleware(there, parameters_of(text) | renamed, monkeypatch)
+    ros.spin = lambda node: ros.deliver(1_000_000, ("wrist",), (0.1,))
+    assert entry.module == ros.module.__name__
+    getattr(ros.module, entry.attr)()
+    assert ros.topics == ["arm/efforts", "arm/states"]
+    (said,) = ros.said
+    assert "no position of elbow, but of wrist" in said
+    assert [force for _, force in ros.sent] == [0.0]
+    ros = Middleware(there, {}, monkeypatch)
+    with pytest.raises(ValueError, match="no parameters came"):
+        ros.module.HaptuneNode()

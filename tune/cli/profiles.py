@@ -57,6 +57,8 @@ _LESS, _MOST_LESS = 0.7, 4
 _EXPORTED = frozenset((".c", ".h", ".hpp", ".json", ".py", ".yaml"))
 _DIGEST = re.compile(rb"digest\W{1,4}(sha256:[0-9a-f]{64})")
 _HEADING = 4096
+#: Folder of the package of ROS 2.
+_PACKAGE = "haptune_controller"
 
 
 @command(asks=True)
@@ -430,16 +432,22 @@ def export_command(
     files: dict[Path, str] = {}
     for target in targets:
         texts = export(checked, target, node=called)
-        files |= {output / name: text for name, text in texts.items()}
-    if not dry_run:
-        try:
-            output.mkdir(exist_ok=True)
-        except OSError as error:
-            raise NotWrittenError(output, error.strerror or str(error)) from None
-        for path in files:
-            session.target(path, profile)
+        folder = output / _PACKAGE if target == "ros2" else output
+        files |= {folder / name: text for name, text in texts.items()}
+    if not dry_run:  # what is refused in the folder itself leaves none made in it
+        for folder in dict.fromkeys((output, *(path.parent for path in files))):
+            try:
+                folder.mkdir(exist_ok=True)
+            except OSError as error:
+                raise NotWrittenError(folder, error.strerror or str(error)) from None
+            for path in (each for each in files if each.parent == folder):
+                session.target(path, profile)
     session.write_together(files, dry_run=dry_run)
-    others = _of_other_profiles(output, set(files), digest(checked))
+    others = [
+        path
+        for folder in (output, output / _PACKAGE)
+        for path in _of_other_profiles(folder, set(files), digest(checked))
+    ]
     session.details["of_other_profiles"] = [str(path) for path in others]
     for path in others:
         session.warn(

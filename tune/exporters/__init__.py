@@ -345,7 +345,7 @@ def _plain_files(profile: SafeProfile) -> dict[str, str]:
 
 
 def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
-    """haptune_params.yaml, haptune_law.py and haptune_node.py.
+    """A package that colcon and pip install: parameters, law, node, and what makes it one.
 
     Parameters are only what ROS 2 can hold: numbers, texts, and lists of one kind that are not
     empty. Every text is in quotes, every float has a point, so that no reader mistakes one.
@@ -396,7 +396,14 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
         files_of[f"haptune_{name}"] = (
             f"{comment}\n{text.replace('${node}', node.rpartition('/')[2])}"
         )
-    return files_of
+    plain = "\n".join(heading(profile)).replace("--", "- -").replace("--", "- -")
+    plain = plain.replace("&", "&amp;").replace("<", "&lt;")
+    return files_of | {
+        "package.xml": _filled("package.xml", {"heading": plain}),
+        "setup.cfg": _filled("setup.cfg", {"heading": comment.rstrip("\n")}),
+        "setup.py": f"{comment}\nfrom setuptools import setup\n\nsetup()\n",
+        "haptune_controller": comment,  # what the index of ROS 2 finds the package by
+    }
 
 
 def _element(element: ElementProfile) -> ExportedElement:

@@ -1,10 +1,12 @@
 """A node of ROS 2 around the certified law: one axis, effort out for each position in.
 
-    ros2 run ... haptune_node.py --ros-args --params-file haptune_params.yaml
+    colcon build --packages-select haptune_controller
+    ros2 run haptune_controller haptune_node --ros-args --params-file haptune_params.yaml
 
 Reads sensor_msgs/JointState from ``joint_states`` and writes std_msgs/Float64MultiArray to
-``commands``, as effort controllers of ros2_control take it; remap both as needed. Fill in
-``touched``. The joint is the profile's axis, or the parameter ``joint``. Stamps number the periods
+``commands``, as effort controllers of ros2_control take it; the parameters ``state_topic`` and
+``command_topic`` name others. Fill in ``touched``. The joint is the profile's axis, or the
+parameter ``joint``. Stamps number the periods
 of the loop, so they have to be those of the readings. What is certified is the law, not the way
 that messages take: its time belongs to the delay of the device. Where they stop, or come later than
 the certificate covers, 0 goes out. What takes the efforts has to fall to 0 by itself where this
@@ -37,6 +39,11 @@ class HaptuneNode(Node):
     def __init__(self) -> None:
         super().__init__("${node}", automatically_declare_parameters_from_overrides=True)
         found = {name: each.value for name, each in self.get_parameters_by_prefix("").items()}
+        if not found:
+            raise ValueError(
+                "no parameters came: give --ros-args --params-file haptune_params.yaml, "
+                "in which the node has the name it runs under"
+            )
         self.law = Law(found)
         self.joint = found.get("joint", found["axis"])
         self.step = self.law.sample_time * _NANOSECONDS
@@ -44,8 +51,10 @@ class HaptuneNode(Node):
         self.quickest: float | None = None
         self.ignored = 0
         self.inside: dict[str, tuple[float, int]] = {}
-        self.commands = self.create_publisher(Float64MultiArray, "commands", 1)
-        self.create_subscription(JointState, "joint_states", self.read, 1)
+        self.commands = self.create_publisher(
+            Float64MultiArray, found.get("command_topic", "commands"), 1
+        )
+        self.create_subscription(JointState, found.get("state_topic", "joint_states"), self.read, 1)
         # A clock that neither jumps nor stands still, as that of the system or a simulation may.
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         covered = (self.law.extra_delay + 1) * self.law.sample_time
@@ -66,7 +75,8 @@ class HaptuneNode(Node):
         names = list(message.name)[: len(message.position)]
         if self.joint not in names:
             self.ignored += 1
-            text = f"{self.ignored} messages ignored that have no position of {self.joint}"
+            text = f"{self.ignored} messages ignored that have no position of {self.joint}, but of "
+            text += f"{', '.join(names) or 'none'}: name the right one with the parameter joint"
             self.get_logger().warning(text, throttle_duration_sec=1.0)
             return
         position = message.position[names.index(self.joint)]

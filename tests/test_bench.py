@@ -21,12 +21,10 @@ from datasets_synthetic import (
     bundled_path,
     named_rig,
     rehearse,
-    run,
 )
 from identification import Hardware, load_device, load_document, load_mapping
 from tests.reference import Case, crossings, loop_along
 from tests.simulated.experiment import limit_by_experiment
-from tests.thinned import thinned
 
 FloatArray = NDArray[np.float64]
 
@@ -298,40 +296,6 @@ def test_emps_is_the_published_model() -> None:
     assert device.force_limit is not None
     assert device.force_limit.peak == pytest.approx(35.1507 * 10)
     assert device.force_limit.source == "assumed"
-
-
-@pytest.mark.parametrize("name", thinned(SCENARIOS, 2))
-def test_scenario_stays_within_its_limits_and_moves(name: str) -> None:
-    scenario = SCENARIOS[name]
-    rig, log = scenario.rig(), run(scenario)
-    count = float(rig.encoder_resolution[0])
-    assert len(log) == round(scenario.duration / float(rig.sample_time[0]))
-    assert (log.axis, log.motion) == (rig.axis, rig.motion)
-    assert np.max(np.abs(log.force)) <= (scenario.force or float(rig.force_limit[0])) + 1e-9
-    # Noise and friction may carry a device a little beyond the noise-free reach.
-    assert np.max(np.abs(log.position)) <= 1.03 * scenario.travel + count
-    assert np.ptp(log.position) > 500 * count
-    np.testing.assert_allclose(log.position / count, np.rint(log.position / count), atol=1e-6)
-    assert scenario.description.endswith(".")
-
-
-@pytest.mark.parametrize(
-    "name", thinned([name for name in SCENARIOS if SCENARIOS[name].force > 0], 2)
-)
-def test_excitation_reaches_a_limit_and_tells_mass_from_damping(name: str) -> None:
-    """Either the travel or the force is used; speed and acceleration are both there."""
-    scenario = SCENARIOS[name]
-    found = scenario.excitation()
-    offset = float(scenario.rig().force_offset[0])
-    force = found.force[0] - offset
-    peak = np.max(np.abs(force)) + abs(offset)
-    assert found.reach[0] >= 0.9 * scenario.travel or peak >= 0.99 * scenario.force
-    frequency = 2 * np.pi * np.fft.rfftfreq(force.size, float(scenario.rig().sample_time[0]))
-    power = np.abs(np.fft.rfft(force)) ** 2
-    corner = float(scenario.rig().damping[0] / scenario.rig().mass[0])
-    moved = power / (frequency**2 + corner**2)
-    slow = np.sum(moved[frequency < corner]) / np.sum(moved)
-    assert 0.02 < slow < 0.98
 
 
 def test_bundled_log_is_small_exact_and_beside_its_truth() -> None:

@@ -45,14 +45,3 @@ def test_a_narrow_terminal_loses_nothing_and_a_pipe_gets_no_blanks(arguments: st
     assert "…" not in narrow.out
     letters = sorted(letter for letter in wide.out if letter.isalnum())
     assert sorted(letter for letter in narrow.out if letter.isalnum()) == letters
-
-
-@pytest.mark.long
-def test_three_margins_fit_80_columns_with_every_effect_named() -> None:
-    ended = haptune("tune", "homerehab", "scene.yaml", "--candidates", COLUMNS="80")
-    table = ended.out.partition("conservative:")[0]
-    assert max(map(len, table.splitlines())) <= 80
-    assert "  gate damping " in table
-    assert {"the", "far", "wall", "behind", "door"} <= set(table.split())
-    heading = next(line for line in table.splitlines() if "effect" in line)
-    assert heading.split() == ["effect", "conservative", ">", "balanced", "*", "firm"]

@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter, tf2zpk, welch
+from scipy.signal import lfilter, tf2zpk
 from scipy.special import ellipk
 
 from datasets_synthetic import (
     Clock,
     Controller,
     Faults,
-    Hand,
-    Recording,
     Rig,
     Servo,
     Vibration,
@@ -274,29 +272,6 @@ def test_a_pendulum_swings_with_the_period_of_the_elliptic_integral() -> None:
         assert position[1000] == pytest.approx(start, rel=1e-9)
         assert position[500] == pytest.approx(-start, rel=1e-7)
         assert abs(position[250]) < 1e-6 * start
-
-
-def felt(recording: Recording, mass: float) -> FloatArray:
-    """Unlogged force on a free mass, mean of neighbouring samples: m·(second difference)/T²."""
-    assert not np.any(recording.force)
-    return mass * np.diff(recording.position, n=2, axis=1) / T**2
-
-
-def test_tremor_is_between_8_and_12_hz_and_of_the_stated_size() -> None:
-    free = Rig(mass=1.0, damping=0.0, sample_time=T)
-    force = felt(simulate(free, np.zeros((40, 10_000)), hand=Hand(tremor=0.4), seed=4), 1.0)
-    # 400 s of a band of 4 Hz hold 3 200 independent values: the sampling error of the rms is
-    # 1.3 %, that of the kurtosis 0.09.
-    assert np.std(force) == pytest.approx(0.4, rel=0.04)
-    frequency, power = welch(force, fs=1 / T, nperseg=5000)
-    power = np.mean(power, axis=0)
-    inside = (frequency > 7.5) & (frequency < 12.5)
-    assert np.sum(power[inside]) > 0.995 * np.sum(power)
-    quarters = [np.sum(power[(frequency > f) & (frequency <= f + 1)]) for f in (8, 9, 10, 11)]
-    assert min(quarters) > 0.7 * max(quarters)  # a band, not a line
-    assert np.mean(force**4) / np.mean(force**2) ** 2 == pytest.approx(3.0, abs=0.3)
-    together = np.asarray(np.corrcoef(force)) - np.eye(40)
-    assert np.max(np.abs(together)) < 0.6  # 80 values each: 5 sigma
 
 
 SOFT = Vibration(frequency_hz=35.0, damping_ratio=0.02, at_encoder=0.6, at_handle=-1.4)

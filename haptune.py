@@ -1,6 +1,6 @@
 """haptune: from a logged trajectory to a safe haptic controller profile.
 
-The six verbs and the documents they take and give; `identification` and `tune` have the rest.
+The seven verbs and the documents they take and give; `identification` and `tune` have the rest.
 Names load on first use, so that importing this costs nothing.
 """
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
         SafeProfile,
         Scene,
         audit,
+        calibrate,
         check,
         export,
         load_profile,
@@ -35,6 +36,7 @@ __all__ = [
     "Scene",
     "Trajectory",
     "audit",
+    "calibrate",
     "check",
     "export",
     "identify",

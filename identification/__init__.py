@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         named_devices,
     )
     from identification.device.hardware import Fact, ForceLimit, Hardware, Mode
-    from identification.device.quantities import AnyQuantity, Box, Quantity, quantity
+    from identification.device.quantities import AnyQuantity, Box, Quantity, Tabular, quantity
     from identification.documents import (
         Document,
         Replaced,
@@ -76,7 +76,7 @@ _HOMES = {
         "named_devices"
     ),
     "device.hardware": "Fact ForceLimit Hardware Mode",
-    "device.quantities": "AnyQuantity Box Quantity quantity",
+    "device.quantities": "AnyQuantity Box Quantity Tabular quantity",
     "documents": (
         "Document Replaced as_stored difference_of load_document load_mapping parse_document "
         "round_to_digits to_mapping to_yaml write_bytes write_files write_text"
@@ -132,6 +132,7 @@ __all__ = [
     "QuestionError",
     "Replaced",
     "SlopeRange",
+    "Tabular",
     "Trajectory",
     "UnmodelledForce",
     "Unstated",

@@ -20,7 +20,7 @@ from identification.device.device import (
     SlopeRange,
 )
 from identification.device.hardware import Hardware
-from identification.device.quantities import Quantity, quantity
+from identification.device.quantities import Quantity, Tabular, quantity
 from identification.documents import as_stored, complaints
 from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
 from identification.estimators import METHODS, Method
@@ -54,7 +54,7 @@ _PART = 0.95  # part of the steps between stamps that the stored interval of the
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identification:
+class Identification(Tabular):
     """What identify found.
 
     Attributes:
@@ -74,6 +74,14 @@ class Identification:
             f"damping {damping.value:.4g} ({damping.low:.4g} to {damping.high:.4g}), "
             f"by {self.method} from {len(self.logs)} log(s), {len(self.findings)} finding(s))"
         )
+
+    def _rows(self) -> list[dict[str, object]]:
+        names = ("mass", "damping", "coulomb_friction", "force_offset", "delay")
+        found = {name: getattr(self.device, name) for name in names}
+        return [
+            {"quantity": name, "value": each.value, "low": each.low, "high": each.high}
+            for name, each in found.items()
+        ]
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:

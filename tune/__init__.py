@@ -48,7 +48,8 @@ if TYPE_CHECKING:  # what checkers of types take for true
         optimise,
         what_if,
     )
-    from tune.presentation.pictures import profile_picture, profile_sheet
+    from tune.optimisation.calibration import calibrate
+    from tune.presentation.pictures import profile_picture, profile_sheet, region_picture
     from tune.rendering import (
         CountJump,
         ThresholdCurve,
@@ -96,6 +97,7 @@ __all__ = [
     "TuneError",
     "Verification",
     "audit",
+    "calibrate",
     "candidates",
     "candidates_picture",
     "chance_to_tell_apart",
@@ -122,6 +124,7 @@ __all__ = [
     "phase_margin",
     "profile_picture",
     "profile_sheet",
+    "region_picture",
     "safe_gain",
     "slowest_decay",
     "stable_gains",
@@ -147,7 +150,8 @@ _HOMES = {
         "margins_of phase_margin slowest_decay"
     ),
     "optimisation": "Alternative candidates candidates_picture compare_candidates optimise what_if",
-    "presentation.pictures": "profile_picture profile_sheet",
+    "optimisation.calibration": "calibrate",
+    "presentation.pictures": "profile_picture profile_sheet region_picture",
     "rendering": (
         "CountJump ThresholdCurve count_jump default_thresholds force_ripple handle_vibration "
         "vibration_in_thresholds"

@@ -22,6 +22,7 @@ from identification import (
     Fact,
     Quantity,
     SlopeRange,
+    Tabular,
     UsageError,
     as_stored,
     parse_document,
@@ -74,7 +75,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Audit:
+class Audit(Tabular):
     """What gains amount to on a device, over the whole box of what is not known of it.
 
     Attributes:
@@ -117,6 +118,19 @@ class Audit:
             f"Audit({'safe' if self.safe else 'not safe'}: gain {self.gain:.4g}, "
             f"{self.delay_samples:.3g} extra samples of delay, faults: {faults})"
         )
+
+    def _rows(self) -> list[dict[str, object]]:
+        margin, limit = self.design.margin, self.design.device.force_limit
+        return [
+            {"quantity": name, "seen": value, "needed": needed}
+            for name, value, needed in (
+                ("gain_margin", self.gain, margin.gain),
+                ("extra_delay_samples", self.delay_samples, float(margin.extra_delay_samples)),
+                ("sustained_force", self.sustained, limit and limit.continuous),
+                ("peak_force", self.peak, limit and limit.peak),
+                ("ripple", self.ripple, self.design.ripple_limit),
+            )
+        ]
 
     @property
     def jitter(self) -> float:
@@ -368,7 +382,7 @@ class Felt:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class Comparison(Tabular):
     """What changed.
 
     Attributes:
@@ -389,6 +403,20 @@ class Comparison:
     gain: float | None = None
     judged: bool = False
     felt: tuple[Felt, ...] = ()
+
+    def _rows(self) -> list[dict[str, object]]:
+        steps = {felt.name: felt.steps for felt in self.felt}
+        return [
+            {
+                "quantity": each.name,
+                "old": each.old and each.old.value,
+                "new": each.new and each.new.value,
+                "part": each.part,
+                "beyond": each.beyond,
+                "steps": steps.get(each.name),
+            }
+            for each in (*self.changes, *self.effects)
+        ]
 
     @property
     def holds(self) -> bool | None:

@@ -1,4 +1,4 @@
-"""A number with its interval, and the simultaneous region that several of them span."""
+"""A number with its interval, the region that several span, and results that are tables of them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, cast, get_args
+from html import escape
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
 from pydantic import (
     AfterValidator,
@@ -19,6 +20,9 @@ from pydantic import (
 from identification.documents import Document
 from identification.errors import InvalidInputError
 from identification.trajectory import NORMAL_95
+
+if TYPE_CHECKING:
+    import polars
 
 #: No quantity of a device comes near it in SI units; beyond, formulas overflow.
 LARGEST = 1e9
@@ -198,3 +202,27 @@ def widen_interval(quantity: Quantity, factor: float) -> tuple[float, float]:
         quantity.value - factor * (quantity.value - quantity.low),
         quantity.value + factor * (quantity.high - quantity.value),
     )
+
+
+class Tabular:
+    """A result that is a table of numbers in SI units, and that a notebook shows as one."""
+
+    __slots__ = ()
+
+    def _rows(self) -> list[dict[str, object]]:
+        """One a row, by the name of the column."""
+        raise NotImplementedError
+
+    def to_frame(self) -> polars.DataFrame:
+        """The table as a frame of polars, a row a quantity or effect; SI units."""
+        import polars as pl
+
+        return pl.DataFrame(self._rows(), infer_schema_length=None)
+
+    def _repr_html_(self) -> str:
+        """A sentence and the table: the name is IPython's protocol."""
+        import polars as pl
+
+        with pl.Config(tbl_rows=-1, tbl_hide_dataframe_shape=True):
+            table: Any = self.to_frame()
+            return f"<p>{escape(repr(self))}</p>{table._repr_html_()}"

@@ -10,7 +10,15 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from identification import Device, Document, load_mapping, parse_document, to_mapping, to_yaml
+from identification import (
+    Device,
+    Document,
+    Tabular,
+    load_mapping,
+    parse_document,
+    to_mapping,
+    to_yaml,
+)
 from tune.documents import CheckFailedError
 from tune.documents.scene import (
     EFFECT_NAMES,
@@ -486,7 +494,7 @@ class Design(Document):
         return moments_of(self.elements, self.together, self.walls, self.apart)
 
 
-class SafeProfile(Design):
+class SafeProfile(Design, Tabular):
     """A certified profile (profile.yaml). Only `tune.optimise` makes one."""
 
     certificate: Certificate
@@ -498,6 +506,22 @@ class SafeProfile(Design):
             f"SafeProfile({self.scene} on {self.device.name}, margin {self.margin.name}, "
             f"{len(self.certificate.interior)} moment(s) proved; {played})"
         )
+
+    def _rows(self) -> list[dict[str, object]]:
+        return [
+            {
+                "element": name,
+                "effect": effect,
+                "value": getattr(element, effect),
+                "steps": element.perceived_steps.get(effect, 0.0),
+                "gain": element.margins.gain,
+                "extra_delay_samples": element.margins.extra_delay_samples,
+                "ripple": element.ripple,
+                "limited_by": reason,
+            }
+            for name, element in self.elements.items()
+            for effect, reason in element.limited_by.items()
+        ]
 
     def to_yaml(self) -> str:
         """The file's text, its digest computed from its content."""

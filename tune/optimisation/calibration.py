@@ -1,0 +1,68 @@
+"""The main job in one call: logs and a scene to a certified profile."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from os import PathLike
+from pathlib import Path
+
+from identification import (
+    Hardware,
+    LogColumns,
+    Method,
+    Trajectory,
+    identify,
+    load_document,
+    load_trajectory,
+)
+from tune.documents.perception import perception_of
+from tune.documents.profile import SafeProfile
+from tune.documents.scene import Scene, load_scene
+from tune.optimisation import optimise
+
+File = str | PathLike[str]
+
+
+def calibrate(
+    logs: File | Trajectory | Sequence[File | Trajectory],
+    scene: File | Scene,
+    *,
+    hardware: File | Hardware | None = None,
+    columns: LogColumns | None = None,
+    method: Method = "auto",
+    allow: Collection[str] = (),
+) -> SafeProfile:
+    """Identify the device of logs and tune a scene for it; the device is kept in the profile.
+
+    The command of this name also rehearses the profile in simulation before it is written.
+
+    Args:
+        logs: files or trajectories of one axis, one or several.
+        scene: file or scene; a perception table it names lies beside the file.
+        hardware: file or document of what no log tells: motion, sample time and so on.
+        columns: of the files; None takes `LogColumns()`.
+        method: estimator.
+        allow: codes of findings that are accepted.
+
+    Raises:
+        InvalidInputError: a file that cannot be read, or a fact that nobody stated.
+        LogRefusedError: logs from which no device can be told.
+        NoFeasibleEffectError: nothing of the scene can be played safely.
+    """
+    given = logs if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]
+    known = hardware
+    if hardware is not None and not isinstance(hardware, Hardware):
+        known = load_document(Hardware, hardware)
+    assert known is None or isinstance(known, Hardware)
+    motion, axis = (None, None) if known is None else (known.motion, known.axis)
+    trajectories = [
+        each
+        if isinstance(each, Trajectory)
+        else load_trajectory(each, columns, motion=motion, axis=axis)
+        for each in given
+    ]
+    device = identify(trajectories, hardware=known, method=method, allow=allow).device
+    if isinstance(scene, Scene):
+        return optimise(device, scene)
+    wish = load_scene(scene)
+    return optimise(device, wish, table=perception_of(wish, Path(scene).parent))

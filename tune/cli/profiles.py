@@ -51,8 +51,8 @@ _IN_HARDWARE = (
 )
 #: What the demonstration leaves in the current folder.
 _FILES = ("device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png")
-#: Part of an effect that is asked for where it does not settle in simulation, and how many times.
-_LESS, _MOST_LESS = 0.7, 4
+#: Parts of an effect that are asked for where it does not settle in simulation, one after another.
+_LESS = 0.7, 0.3
 #: What exported files end in, and how each tells its profile, within so many bytes.
 _EXPORTED = frozenset((".c", ".h", ".hpp", ".json", ".py", ".yaml"))
 _DIGEST = re.compile(rb"digest\W{1,4}(sha256:[0-9a-f]{64})")
@@ -247,15 +247,15 @@ def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> 
     from tune.optimisation import optimise
 
     scene, restless = wish.scene, tuple[str, ...]()
-    for attempt in range(_MOST_LESS + 1):
+    for part in (*_LESS, 0.0):
         with session.progress() as say:
             profile = optimise(device, scene, table=wish.table, progress=say)
             try:
                 refuse_restless(profile, say)
                 break
             except RestlessError as error:
-                less = _with_less(scene, profile, error.elements)
-                if less is None or attempt == _MOST_LESS:
+                less = _with_less(scene, profile, error.elements, part)
+                if less is None:
                     raise
                 scene, restless = less, error.failures
     else:
@@ -265,18 +265,20 @@ def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> 
     return profile
 
 
-def _with_less(scene: Scene, profile: SafeProfile, names: Collection[str]) -> Scene | None:
-    """The scene with less of the open effects of these elements, or None where none is open."""
+def _with_less(
+    scene: Scene, profile: SafeProfile, names: Collection[str], part: float
+) -> Scene | None:
+    """The scene with a part of the open effects of these elements; None where none can be less."""
     from tune.documents.scene import Wish
 
     elements = dict(scene.elements)
     for name in names:
         wishes = elements[name].wishes()
         most = {
-            effect: Wish(kind="range", low=wished.low or 0.0, high=_LESS * size)
+            effect: Wish(kind="range", low=wished.low or 0.0, high=part * size)
             for effect, wished in wishes.items()
             if (wished.kind == "max" or (wished.kind == "range" and wished.high is not None))
-            and _LESS * (size := getattr(profile.elements[name], effect)) > (wished.low or 0.0)
+            and part * (size := getattr(profile.elements[name], effect)) > (wished.low or 0.0)
         }
         elements[name] = elements[name].model_copy(update=most)
     return None if elements == scene.elements else scene.model_copy(update={"elements": elements})

@@ -253,16 +253,6 @@ def test_a_hand_leans_on_a_wall_and_pushes_beyond_what_it_gives() -> None:
     assert of(found, "sustained push") == {"settles"}
 
 
-def test_what_only_creeps_back_settles() -> None:
-    """A faint spring in a device full of grease: 33 s to a third, as the linear loop says."""
-    grease = Rig(
-        mass=0.5, damping=199.0, sample_time=0.0005, encoder_resolution=6.6e-9, force_limit=0.12
-    )
-    assert play(grease, Controller(stiffness=6.0)).settles
-    away = play(grease, Controller(stiffness=-6.0))
-    assert of(away, "release") == {"keeps-oscillating"}
-
-
 def test_a_release_is_no_farther_than_the_spring_brings_back_in_time() -> None:
     """A thousand coarse counts would take 7 s under a spring cut at 22 of them."""
     rig = Rig(

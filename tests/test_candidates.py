@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.patches import Rectangle
 from pydantic import ValidationError
 
 from identification import Device, Quantity, as_stored, load_device, quantity
@@ -20,7 +19,6 @@ from tune import (
     NoFeasibleEffectError,
     Scene,
     candidates,
-    candidates_picture,
     compare_candidates,
     load_profile,
     optimise,
@@ -90,16 +88,6 @@ def test_each_candidate_is_as_stiff_as_its_own_margin_allows(
         # Effects are rounded to six digits; delay is kept at the gain of the margin.
         assert worst(limit * 1.001) > 1
     assert _stiffness(walls[0]) < _stiffness(walls[1]) < _stiffness(walls[2])
-
-
-def test_the_picture_has_a_bar_for_every_effect_of_every_candidate(
-    walls: tuple[Any, ...],
-) -> None:
-    rows = compare_candidates(walls)
-    (axes,) = candidates_picture(rows, "linear").axes
-    bars: list[Rectangle] = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
-    widths = sorted(bar.get_width() for bar in bars)
-    assert widths == pytest.approx(sorted(row.steps.value for row in rows))
 
 
 def test_a_margin_that_allows_nothing_says_why_and_the_others_stand(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 
 from datasets_synthetic import bundled_path
 from identification import examine, load_trajectory
-from tests.commands import Ended, files, haptune
+from tests.commands import files, haptune
 
 
 @pytest.fixture(autouse=True)
@@ -69,11 +68,6 @@ def test_peak_speed_and_excited_band() -> None:
     assert seen.mass.value == pytest.approx(3.0, rel=0.02)
 
 
-@cache
-def _doctor_on_the_bundled_log() -> Ended:
-    return haptune("doctor", "homerehab.csv")
-
-
 def test_refused_by_doctor_as_by_identify() -> None:
     turned = changed("turned.csv", force=-1.0)
     by_doctor = haptune("doctor", turned, "--json")
@@ -100,15 +94,6 @@ def test_one_bad_log_does_not_hide_the_others() -> None:
     told = haptune("doctor", holes, "homerehab.csv")
     assert "homerehab.csv" in told.out
     assert "usable" in told.out
-
-
-def test_warnings_are_no_refusal_and_quiet_is_quiet() -> None:
-    ended = _doctor_on_the_bundled_log()
-    assert ended.code == 0
-    assert "usable, with warnings: " in ended.out
-    assert "warning: not-stated" in ended.err
-    quiet = haptune("doctor", "homerehab.csv", "--quiet")
-    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
 
 
 @pytest.mark.parametrize(

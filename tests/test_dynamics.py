@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Hardware, Identification, identified_picture, identify
+from identification import Hardware, Identification, identify
 from tests.simulated.catalogue.cases import Level, cases
 
 #: Half-widths of 95 % within which an estimate of one log has to lie.
@@ -62,12 +62,3 @@ def test_friction_by_load_is_not_taken_for_inertia() -> None:
     found = found_in("load-friction", "plain")
     assert "load-friction" in codes_of(found)
     assert abs(found.device.mass.value - 3.0) < 0.02
-
-
-def test_the_picture_draws_gain_and_phase() -> None:
-    found = found_in("drive-lag", "severe")
-    figure = identified_picture(found.device, found.logs)
-    drawn = {axes.get_ylabel(): len(axes.lines) for axes in figure.axes}
-    gain = next(count for label, count in drawn.items() if label.startswith("acceleration per"))
-    assert gain >= 3  # the log, the rigid model, and the model with the lag
-    assert "phase, °" in drawn

@@ -65,16 +65,6 @@ def test_friction_is_found_to_differ_by_direction() -> None:
     assert box.damping[0] < damping.forward.low < damping.backward.high < box.damping[1]
 
 
-def test_its_friction_falls_with_speed_a_little() -> None:
-    """Sliding, its slope is that of the directions in which it was published to differ."""
-    (force,) = found().device.logs[0].unmodelled_forces
-    assert (force.kind, force.rises) == ("falling", False)
-    assert 0.01 < force.share < 0.05
-    slope = found().device.damping_slope
-    assert slope is not None
-    assert slope.low < 199 < slope.high
-
-
 def test_methods_that_lean_on_the_friction_model_are_not_believed() -> None:
     """Output error runs away; innovations disagree with least squares, which says so."""
     assert found().method == "least-squares"
@@ -82,23 +72,3 @@ def test_methods_that_lean_on_the_friction_model_are_not_believed() -> None:
     others = {each.method: each for each in found().logs[0].others}
     assert others["output-error"].whiteness > 0.9
     assert others["innovations"].value("damping") > 250
-
-
-def test_what_hardware_does_not_say_is_missing_and_the_log_suggests_it() -> None:
-    device = found().device
-    assert {finding.code for finding in found().findings} == {
-        "not-stated",
-        "unmodelled-force",
-    }
-    assert all(finding.severity == "warning" for finding in found().findings)
-    assert device.sample_time.value == pytest.approx(1e-3, rel=1e-9)
-    assert device.delay.value == pytest.approx(1e-3, rel=1e-9)
-    assert device.delay.source == "log"
-    assert device.delay.low <= 1e-3 <= device.delay.high
-    assert "delay" not in device.missing
-    assert device.encoder_resolution is not None
-    assert device.encoder_resolution.value == pytest.approx(5e-8, rel=1e-6)
-    assert device.force_limit is not None
-    assert device.force_limit.peak == pytest.approx(152.05, rel=1e-4)
-    assert device.missing == ("motion", "sample_time", "encoder_resolution", "force_limit")
-    assert device.logs[0].digest == log().digest

@@ -144,25 +144,6 @@ def test_the_simulator_plays_what_the_guard_plays(tmp_path: Path) -> None:
     assert found.min() < -10
 
 
-def test_what_fades_out_goes_on_and_what_is_not_certified_with_it_waits(guard: Guard) -> None:
-    """Cup and rubber are not certified together, wall and cup are."""
-    place = movement(400)
-    profile = tuned()
-    cup, wall = forces(profile, "cup", place, 0.0), forces(profile, "wall", place, place[0])
-    touched = [WALL | CUP] * 150 + [CUP] * 50 + [RUBBER] * 200
-    guard.start()
-    guard.call(enter(WALL | CUP | RUBBER))
-    found = [guard.call(push(e, k, float(place[k]))) for k, e in enumerate(touched)]
-    count = np.arange(1, 401)
-    level = np.clip(np.minimum(count, 350 - count) * STEP / FADE, 0, 1)
-    # The wall ends at once, the cup fades for 150 samples; then there is rubber, resting there.
-    wanted = level * cup
-    wanted[:150] += wall[:150]
-    wanted[350:] -= 700.0 * (place[350:] - place[350])
-    np.testing.assert_allclose([reply.force for reply in found], wanted, rtol=0, atol=1e-11)
-    assert [reply.status for reply in found] == ["OK"] * 200 + ["WAITING"] * 150 + ["OK"] * 50
-
-
 def test_springs_are_cut_at_their_levels_and_the_sum_at_the_peak(tmp_path: Path) -> None:
     springs = {"rubber": (700.0, 0.0, 0.0), "band": (700.0, 0.0, 0.0)}
     profile = made("homerehab", springs, together=(("rubber", "band"),))

@@ -201,37 +201,6 @@ def test_a_writer_killed_at_any_moment_leaves_one_set_or_the_other(
     assert kills < 100 or len(set(seen)) == 2
 
 
-@needs_posix
-@pytest.mark.parametrize("kills", [2, pytest.param(60, marks=pytest.mark.long)])
-def test_an_export_killed_while_it_writes_leaves_the_old_set_or_the_new(
-    tmp_path: Path, kills: int
-) -> None:
-    source = random.Random(kills)  # noqa: S311
-    for name, profile in (("old", _softer()), ("new", tuned())):
-        (tmp_path / f"{name}.yaml").write_text(profile.to_yaml(), encoding="utf-8")
-    folder = tmp_path / "controller"
-    folder.mkdir()
-    for _ in range(kills):
-        for name, text in export(_softer(), "chai3d").items():
-            (folder / name).write_text(text, encoding="utf-8")
-        code = "from tune.cli import main; main()"
-        command = [sys.executable, "-c", code, "export", "new.yaml", "--to", "chai3d"]
-        process = subprocess.Popen(
-            [*command, "-o", "controller"],
-            cwd=tmp_path,
-            stdout=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        while process.poll() is None and not any(folder.glob(".haptune-*")):
-            time.sleep(0.001)
-        time.sleep(source.uniform(0.0, 0.08))
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        assert len(_settled(folder)) == 1
-        for path in [*folder.glob(".haptune-*"), *folder.glob("*.bak*")]:
-            path.unlink()
-
-
 def test_what_cannot_be_written_leaves_the_old_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -98,16 +98,6 @@ def test_corners_of_the_box_are_played_with_the_extra_delay() -> None:
     assert corners == [(light, least, late), (heavy, least, late), (light, most, late)]
 
 
-def test_corners_of_a_narrow_box_are_one() -> None:
-    _, _, options = rehearsed(
-        profile_with(mass=quantity(3.0, 2.999, 3.001), damping=quantity(10.0, 9.0, 11.0))
-    )
-    assert [(each.mass[0], each.damping[0]) for each in options["others"]] == [
-        (pytest.approx(3.0, rel=2e-3), pytest.approx(8.0, rel=0.1)),
-        (pytest.approx(3.0, rel=2e-3), pytest.approx(12.0, rel=0.1)),
-    ]
-
-
 def test_slopes_of_friction_and_its_stiffness_are_among_the_devices_played() -> None:
     profile = profile_with(
         damping_slope=SlopeRange(low=4.0, high=30.0),
@@ -117,13 +107,6 @@ def test_slopes_of_friction_and_its_stiffness_are_among_the_devices_played() -> 
     _, _, options = rehearsed(profile)
     assert [each.damping[0] for each in options["others"]] == [4.0, 4.0, 30.0, 10.0]
     assert [each.stiffness[0] for each in options["others"]] == [0, 0, 0, 200.0]
-
-
-def test_what_is_in_no_moment_costs_nothing() -> None:
-    rubber = tuned().elements["rubber"]
-    one = {"elements": {"rubber": rubber}, "together": ()}
-    _, law, _ = rehearsed(tuned().model_copy(update=one))
-    assert law.size() == len(law.beside) == 1
 
 
 def test_an_element_without_effect_is_played_in_no_combination() -> None:

@@ -25,7 +25,7 @@ from identification import (
     to_yaml,
 )
 from tests.commands import FLUID, files, haptune
-from tune import CheckFailedError, Effects, Scene, audit, check, export, load_profile, optimise
+from tune import CheckFailedError, Scene, check, export, load_profile, optimise
 
 FACTS = ("motion", "sample_time", "delay", "encoder_resolution", "force_limit")
 #: A device of which a person states everything.
@@ -113,21 +113,6 @@ def test_nothing_is_solved_before_all_is_stated() -> None:
     copied = _device().model_copy(update={"force_limit": None})
     with pytest.raises(UnstatedError, match="force_limit"):
         optimise(copied, SCENE)
-
-
-def test_an_audit_needs_motion_and_times_and_uses_no_hint() -> None:
-    told = {"continuous": 1e-3, "peak": 1e-3, "source": "log"}
-    count = {"value": 1.0, "source": "log"}
-    gains = Effects(damping=10.0)
-    found = audit(_device(force_limit=told, encoder_resolution=count), gains)
-    assert found.safe
-    assert found.ripple is None
-    assert found.design.device.force_limit is None
-    for fact in ("motion", "delay"):
-        with pytest.raises(UnstatedError, match=fact):
-            audit(_device(**{fact: ...}), gains)
-    with pytest.raises(UnstatedError, match="sample_time"):
-        audit(_device(sample_time={"value": 0.001, "source": "log"}), gains)
 
 
 def test_the_question_of_calibrate_and_its_answer() -> None:

@@ -18,7 +18,7 @@ from tests.reference import crossings, reference_loop, stable_by_jury
 from tests.thinned import thinned
 from tune import Scene, Verification, optimise, verify
 from tune.documents.profile import Design
-from tune.verification import margins_of_others, verification_picture
+from tune.verification import verification_picture
 
 T = 0.001
 Sizes = tuple[float, float, float]
@@ -404,15 +404,6 @@ def test_the_interval_of_the_delay_holds_the_true_one_and_names_what_is_lost() -
     told = next(each for each in seen.disagreements if each.check == "delay")
     assert told.predicted == "1 sample(s)"
     assert told.seen == f"{delays[0]:.3g} to {delays[1]:.3g} samples"
-
-
-def test_a_log_says_which_other_elements_it_does_not_vouch_for() -> None:
-    seen = verify(PROFILE, _log("cup", 0.3, 1))
-    kept = {each.elements: each.lost_at for each in margins_of_others(PROFILE, seen.delay)}
-    assert kept[("wall",)] is None
-    lost = kept[("rubber",)]
-    assert lost is not None
-    assert not _margin_is_kept("rubber", int(np.ceil(lost)) + 1)
 
 
 def test_the_cutoffs_that_a_rounded_force_allows_are_stated() -> None:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import os
 import time
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -218,9 +215,6 @@ def _study(
                 "unstable": bad,
             }
         )
-    kept = os.environ.get("HAPTUNE_STUDY")
-    if kept:
-        Path(kept).write_text(json.dumps(rows), encoding="utf-8")
     return rows
 
 

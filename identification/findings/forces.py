@@ -160,12 +160,12 @@ _BELOW, _ABOVE = (4.5, 7.0), (14.0, 20.0)
 _HALF_WIDTH = 0.03  # half-width of the windows, s: they pass 85 % of a sine of 10 Hz
 _SLOWEST = 0.01  # steps longer than this do not show a tremor, s
 _PIECE = 2.0  # length of the pieces of the spectrum, s: bands of 2.5 Hz hold several lines
-_PEAK = 1.7  # the rest is this many times stronger in the band of tremor than beside it, ...
-#: ... its power there is this part of the force's own, or it is what a force excited there leaves
-#: behind, ...
+#: The rest is this many times stronger in the band of tremor than beside it: what play, vibration,
+#: friction and springs leave stays below 3, hands lie above, ...
+_PEAK = 4.0
+#: ... its power there is this part of the force's own, where no spring is, or it is what a force
+#: excited there leaves behind, ...
 _UNDRIVEN = 0.1
-#: ... what the drive's dynamics explain leaves this part of its rms, ...
-_UNDRIVEN_BY_LAG = 0.1
 _LEAST_TREMOR = 0.015  # ... and its rms there is this part of the rms force.
 #: Above this part of the force the hand that trembles is as much in the log as the device is.
 _MOST_TREMOR = 0.1
@@ -174,9 +174,6 @@ MOST_SLOW = 0.15
 #: A force of position of this part of the force may be a spring to the body: then this part of the
 #: tremor or of the slow force is enough.
 _HELD, _HELD_NEEDS = 0.1, 1 / 2
-#: ... and the rest has to stand out by so much, whatever else may explain it: springs without a
-#: hand stay below 2, hands lie above 4.
-_HELD_PEAK = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,8 +194,7 @@ class Unlogged:
     @property
     def shaking(self) -> bool:
         """Whether the tremor stands out and is more than a trace of the force."""
-        peak = _PEAK if self.needed == 1 else _HELD_PEAK
-        return self.peak >= peak and self.tremor >= _LEAST_TREMOR * self.needed * self.force
+        return self.peak >= _PEAK and self.tremor >= _LEAST_TREMOR * self.needed * self.force
 
     @property
     def pushing(self) -> bool:
@@ -271,8 +267,7 @@ def _tremor(
     """Rms of the rest in the band of tremor, N, and its power there against that beside it.
 
     Unless a spring holds the device, the latter is 0 where the rest has little of the power of the
-    force, or where derivatives of force and acceleration explain it: a lag, a spring or play
-    between motor and load show there.
+    force.
     """
     shortest = _PIECE / 2
     if trajectory.sample_time > _SLOWEST or np.ptp(trajectory.time) < shortest:
@@ -287,21 +282,12 @@ def _tremor(
     def power(density: FloatArray, band: tuple[float, float]) -> float:
         return float(np.mean(density[(frequency >= band[0]) & (frequency <= band[1])]))
 
-    place = rows.carried, _powers_of(rows.position)
-    slopes = np.gradient(np.stack((rows.force, rows.acceleration), axis=1), step, axis=0)
-    left = rows.unexplained(*place)
-    more = rows.unexplained(*place, slopes, np.gradient(slopes, step, axis=0))
-    *rests, whole = (_density(each, step, piece) for each in (left, more, rows.force))
-    powers = [power(each, TREMOR) for each in rests]
-    beside = [np.sqrt(power(each, _BELOW) * power(each, _ABOVE)) for each in rests]
-    rms = float(np.sqrt(powers[0] * (TREMOR[1] - TREMOR[0])))
-    if min(beside) == 0:
-        return rms, 0.0
-    peaks = [each / near for each, near in zip(powers, beside, strict=True)]
-    driven = (
-        powers[0] < _UNDRIVEN * power(whole, TREMOR) or powers[1] < _UNDRIVEN_BY_LAG**2 * powers[0]
-    )
-    return rms, peaks[0] if held else 0.0 if driven else min(peaks)
+    left = rows.unexplained(rows.carried, _powers_of(rows.position))
+    rest, whole = (_density(each, step, piece) for each in (left, rows.force))
+    shaking, beside = power(rest, TREMOR), np.sqrt(power(rest, _BELOW) * power(rest, _ABOVE))
+    driven = not held and shaking < _UNDRIVEN * power(whole, TREMOR)
+    peak = 0.0 if driven or beside == 0 else float(shaking / beside)
+    return float(np.sqrt(shaking * (TREMOR[1] - TREMOR[0]))), peak
 
 
 def _density(column: FloatArray, step: float, piece: int) -> FloatArray:

@@ -26,18 +26,15 @@ FloatArray = NDArray[np.float64]
 _CLEAR, _BENT, _WHOLE = 0.25, 0.5, 0.3
 #: Steps too long that chance does not make: this many, and so many times those that are too short.
 _FEWEST_LONG, _SURE = 8, 4
-#: Position jumps where another column lost rows: by this part of its steps, and deviations, at
-#: least.
+#: Position then jumps by this part of the steps lost, and so many deviations.
 _JUMPS, _SURELY = 0.4, 4.0
 #: Rows to either side of a cubic that a jump is told by, there and where no step is clear; then
-#: so many jumps forward are needed, and so many times those backward.
+#: so many jumps of one step within a part are needed, and so many times those backward.
 _BESIDE, _WIDE = 6, 12
-_FEWEST_WIDE, _WIDELY_SURE = 15, 2
-_LIKE_ONE = 0.4  # such a jump is one row's step within this part
+_FEWEST_WIDE, _WITHIN, _WIDELY_SURE = 15, 0.4, 2
 #: Part of the rows lost up to which the log stands as it is, and up to which time is put back ...
 _HARMLESS, _MOST_LOST = 0.002, 0.2
 _DOUBTED = 0.0025  # ... if chance leaves its length in doubt by this part at most, one deviation.
-_NORMAL_MAD = 0.6745  # median of the size of a standard normal variable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,16 +42,9 @@ class Restored:
     """A log with the time of the rows that it lost, or as it was."""
 
     trajectory: Trajectory
-    lost: int = 0  # in steps that are clear
-    clear: int = 0
-    short: int = 0  # clear steps too short by a row, as chance makes them
+    share: float = 0.0  # rows lost for each that is left
     doubt: float = 0.0  # deviation of the length of time, a part of it
     first: float = 0.0  # first loss, s
-
-    @property
-    def share(self) -> float:
-        """Rows lost for each that is left, where steps are clear."""
-        return self.lost / max(self.clear, 1)
 
     @property
     def usable(self) -> bool:
@@ -63,8 +53,7 @@ class Restored:
 
     def carried_by(self, estimate: Estimate) -> Estimate:
         """An estimate with what the doubt of time adds: mass goes with its square."""
-        covariance = estimate.covariance.copy()
-        moved = self.doubt * estimate.values[:2] * (2.0, 1.0)
+        covariance, moved = estimate.covariance.copy(), self.doubt * estimate.values[:2] * (2, 1)
         covariance[:2, :2] += np.outer(moved, moved)
         return replace(estimate, covariance=covariance)
 
@@ -72,7 +61,7 @@ class Restored:
 def lost_rows(trajectory: Trajectory) -> Iterator[Finding]:
     """``lost-rows``: steps that are two steps of the motion, with no gap in time."""
     found = restored(trajectory)
-    if not found.lost:
+    if found.share == 0:
         return
     refused = found.share > _HARMLESS and not found.usable
     done = "time is put back there" if found.usable else "too few are clear to put time back"
@@ -80,9 +69,8 @@ def lost_rows(trajectory: Trajectory) -> Iterator[Finding]:
         code="lost-rows",
         severity="refusal" if refused else "warning",
         seen=f"{trajectory.source} steps twice as far as before and after, with no gap in time, in "
-        f"{found.lost} of {found.clear} clear rows ({found.share:.1%}), the first after "
-        f"{found.first:g} s, and is too short by as much in {found.short}: rows were lost and the "
-        f"others numbered anew; {done}",
+        f"{found.share:.1%} of its clear rows, the first after {found.first:g} s: rows were lost "
+        f"and the others numbered anew; {done}",
         needed="no row lost" if found.usable else f"at most {_HARMLESS:.1%}",
         remedy="Log the controller's own time or its counter of samples with each row, and give "
         "it as time.",
@@ -90,39 +78,30 @@ def lost_rows(trajectory: Trajectory) -> Iterator[Finding]:
 
 
 def restored(trajectory: Trajectory) -> Restored:
-    """A log with even stamps and the time of its lost rows, if the clearest column tells them."""
+    """A log with even stamps and the time of its lost rows, if a clear column tells them."""
     step, place = trajectory.steps, trajectory.position
     if isinstance(step, np.ndarray):
         return Restored(trajectory=trajectory)
     noise = position_noise(place, trajectory.force, step)
-    columns = [(place, noise), (trajectory.force, _noise_of(trajectory.force))]
-    if trajectory.reference is not None:
-        columns.append((trajectory.reference, _noise_of(trajectory.reference)))
-    reads = [_read(*each) for each in columns]
+    planned = [each for each in (trajectory.force, trajectory.reference) if each is not None]
+    reads = [_read(place, noise), *(_read(each, _roughness(each)) for each in planned)]
     clear = np.any([each[0] for each in reads], axis=0)
     lost = np.max([each[1] for each in reads], axis=0)
-    short = sum(each[2] for each in reads)
     rows = np.flatnonzero(lost)
-    count, whole = int(lost.sum()), max(int(clear.sum()), 1)
-    if rows.size >= max(_FEWEST_LONG, _SURE * short) and _jumps(place, noise, rows, lost[rows]):
-        lengths = np.where(clear, 1 + lost, 1 + count / whole)
-        time = trajectory.time[0] + np.concatenate(([0.0], np.cumsum(step * lengths)))
-        found = Restored(
-            trajectory=trajectory,
-            lost=count,
-            clear=whole,
-            short=short,
-            doubt=count / whole / np.sqrt(rows.size) * (1 - whole / clear.size),
-            first=float(trajectory.time[rows[0]]),
-        )
-        return replace(found, trajectory=replace(trajectory, time=time)) if found.usable else found
-    return _suspected(trajectory, noise)
+    enough = max(_FEWEST_LONG, _SURE * sum(each[2] for each in reads))
+    if rows.size < enough or not _jumps(place, noise, rows, lost[rows]):
+        return _suspected(trajectory, noise)
+    part, share = float(clear.mean()), float(lost.sum() / clear.sum())
+    time = np.concatenate(([0.0], np.cumsum(step * np.where(clear, 1 + lost, 1 + share))))
+    doubt, first = share / np.sqrt(rows.size) * (1 - part), float(trajectory.time[rows[0]])
+    found = Restored(trajectory=trajectory, share=share, doubt=doubt, first=first)
+    timed = replace(trajectory, time=trajectory.time[0] + time)
+    return replace(found, trajectory=timed) if found.usable else found
 
 
-def _noise_of(column: FloatArray) -> float:
-    """Noise of a column that is smooth but for it, from its fourth differences."""
-    least = 1e-12 * float(np.ptp(column))
-    return max(float(np.median(np.abs(np.diff(column, 4)))) / _NORMAL_MAD / np.sqrt(70.0), least)
+def _roughness(column: FloatArray) -> float:
+    """Noise of a column that is smooth but for it, from the median of its fourth differences."""
+    return float(max(np.median(np.abs(np.diff(column, 4))) / 5.64, 1e-12 * np.ptp(column)))
 
 
 def _read(column: FloatArray, noise: float) -> tuple[NDArray[np.bool_], FloatArray, int]:
@@ -139,7 +118,7 @@ def _read(column: FloatArray, noise: float) -> tuple[NDArray[np.bool_], FloatArr
 
 
 def _jump_and_step(place: FloatArray, beside: int) -> tuple[FloatArray, FloatArray, float]:
-    """Jumps that a cubic leaves between two rows, the cubic's steps there, and noise of a jump.
+    """Jumps that a cubic leaves between two rows, its steps there, and noise of a jump.
 
     The first is between rows ``beside`` - 1 and ``beside``. Noise is in noise of a reading.
     """
@@ -147,18 +126,16 @@ def _jump_and_step(place: FloatArray, beside: int) -> tuple[FloatArray, FloatArr
     cubic = (row / beside) ** np.arange(4)[:, None]
     jump = np.linalg.pinv(np.vstack((cubic, np.sign(row) / 2)))[:, -1]
     step = np.linalg.pinv(cubic)[:, 1] / beside
-    size = float(np.sqrt(jump @ jump))
-    return np.correlate(place, jump), np.correlate(place, step), size
+    return np.correlate(place, jump), np.correlate(place, step), float(np.sqrt(jump @ jump))
 
 
 def _jumps(place: FloatArray, noise: float, rows: NDArray[np.intp], lost: FloatArray) -> bool:
     """Whether position jumps on average where rows seem lost: a force has steps of its own."""
     jump, step, size = _jump_and_step(place, _BESIDE)
-    index = rows - _BESIDE + 1
-    inside = (index >= 0) & (index < jump.size)
-    expected, seen = (lost * step[index % jump.size])[inside], jump[index[inside]]
+    index = np.clip(rows - _BESIDE + 1, 0, jump.size - 1)
+    expected = lost * step[index]
     total = float(np.sqrt(np.sum(expected**2)))
-    return float(expected @ seen) > max(_JUMPS * total, _SURELY * noise * size) * total
+    return float(expected @ jump[index]) > max(_JUMPS * total, _SURELY * noise * size) * total
 
 
 def _suspected(trajectory: Trajectory, noise: float) -> Restored:
@@ -166,16 +143,11 @@ def _suspected(trajectory: Trajectory, noise: float) -> Restored:
     jump, step, size = _jump_and_step(trajectory.position, _WIDE)
     clear = np.abs(step) >= noise * size / _CLEAR
     excess = np.divide(jump, step, out=np.zeros(step.size), where=clear)
-    long, short = (np.flatnonzero(np.abs(sign * excess - 1) < _LIKE_ONE) for sign in (1, -1))
+    near = [np.flatnonzero(np.abs(sign * excess - 1) < _WITHIN) for sign in (1, -1)]
     # Rows beside a loss see it too; one of them counts.
-    counts = [int(np.sum(np.diff(each, prepend=-_WIDE) >= _WIDE)) for each in (long, short)]
-    if counts[0] < max(_FEWEST_WIDE, _WIDELY_SURE * counts[1]):
+    long, short = (int(np.sum(np.diff(each, prepend=-_WIDE) >= _WIDE)) for each in near)
+    if long < max(_FEWEST_WIDE, _WIDELY_SURE * short):
         return Restored(trajectory=trajectory)
-    return Restored(
-        trajectory=trajectory,
-        lost=counts[0],
-        clear=int(clear.sum()),
-        short=counts[1],
-        doubt=np.inf,
-        first=float(trajectory.time[long[0] + _WIDE - 1]),
-    )
+    first = float(trajectory.time[near[0][0] + _WIDE - 1])
+    share = long / int(clear.sum())
+    return Restored(trajectory=trajectory, share=share, doubt=np.inf, first=first)

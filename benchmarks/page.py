@@ -14,7 +14,7 @@ def page(section: Section, about: Mapping[str, Any]) -> str:
     if section.cells:
         parts.append(f"![{section.title}]({section.name}.png)")
         parts.append(
-            "The grey line joins those that no other is both faster and more accurate than."
+            "The grey line joins those that are surely more accurate than all that are faster."
         )
         parts.append("\n".join(sentences(section)))
         parts.append("## Every number\n\n" + _table(section))
@@ -46,8 +46,8 @@ has the ratios of every run; `results.json` has all numbers.
 
 {chr(10).join(lines)}
 
-Ours is at the front of a picture where no peer is both faster and more accurate; each page says
-where one is, and why.
+Ours is at the front of a picture where it is surely more accurate than all that are faster: their
+95 % intervals do not meet. Each page says where a peer is surely ahead, and why.
 
 :::{{toctree}}
 :hidden:
@@ -74,6 +74,8 @@ def _table(section: Section) -> str:
     for case in section.cases:
         for cell in section.of(case):
             error = "–" if cell.error is None else f"{cell.error:.3g}"
+            if cell.interval is not None:
+                error += f" ({cell.interval[0]:.3g} to {cell.interval[1]:.3g})"
             name = f"**{cell.method}**" if cell.ours else cell.method
             lines.append(
                 f"| {case} | {name} | {time_words(cell)} | {error} | {_plain(cell.note)} |"

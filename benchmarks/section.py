@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from benchmarks.row import Row, with_unit
 
-#: Closer than this part of one another, times or errors count as equal: they scatter by as much.
+#: Closer than this part of one another, times count as equal, and errors without an interval.
 _ALIKE = 0.1
 
 
@@ -20,6 +22,7 @@ class Cell:
         ours: haptune does.
         seconds: of one answer; None where there is none.
         error: as the section says; None where there is no answer.
+        interval: 95 % of the error, where it scatters over seeds.
         note: what else is known, or why there is no answer.
         unsafe: the answer lets through what is unstable; it is drawn, and at no front.
     """
@@ -29,6 +32,7 @@ class Cell:
     ours: bool = False
     seconds: float | None = None
     error: float | None = None
+    interval: tuple[float, float] | None = None
     note: str = ""
     unsafe: bool = False
 
@@ -36,6 +40,12 @@ class Cell:
     def answered(self) -> bool:
         """There is a time and an error, and no harm in the answer."""
         return self.seconds is not None and self.error is not None and not self.unsafe
+
+    def span(self, floor: float) -> tuple[float, float]:
+        """Least and largest error that scatter allows, not below a floor."""
+        error = np.inf if self.error is None else self.error
+        low, high = self.interval or (error * (1 - _ALIKE / 2), error * (1 + _ALIKE / 2))
+        return max(low, floor), max(high, floor)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,25 +88,23 @@ class Section:
 
 def ahead_of(cell: Cell, others: list[Cell], floor: float) -> list[Cell]:
     """Those that are both faster and more accurate, beyond what scatters."""
-    if cell.seconds is None or cell.error is None:
-        return []
-    seconds, error = cell.seconds * (1 - _ALIKE), max(cell.error, floor) * (1 - _ALIKE)
-    return [
-        other
-        for other in others
-        if other.answered
-        and other.seconds is not None
-        and other.error is not None
-        and other.seconds < seconds
-        and max(other.error, floor) < error
-    ]
+    return [other for other in _faster(cell, others) if other.span(floor)[1] < cell.span(floor)[0]]
 
 
 def at_the_front(cells: list[Cell], floor: float) -> list[Cell]:
-    """Those that no other is ahead of, fastest first."""
+    """Those surely more accurate than all that are faster, fastest first."""
     answered = [cell for cell in cells if cell.answered]
-    free = [cell for cell in answered if not ahead_of(cell, answered, floor)]
+    free = [
+        cell
+        for cell in answered
+        if all(cell.span(floor)[1] < other.span(floor)[0] for other in _faster(cell, answered))
+    ]
     return sorted(free, key=lambda cell: cell.seconds or 0.0)
+
+
+def _faster(cell: Cell, others: list[Cell]) -> list[Cell]:
+    limit = (cell.seconds or 0.0) * (1 - _ALIKE)
+    return [other for other in others if other.answered and (other.seconds or 0.0) < limit]
 
 
 def sentences(section: Section) -> list[str]:

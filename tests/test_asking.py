@@ -23,7 +23,7 @@ def _bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder with a log of other names than haptune's, and a quick scene."""
     monkeypatch.chdir(tmp_path)
     rows = LOG.read_text(encoding="utf-8").splitlines()[1:4001]
-    text = "\n".join(["clock,motor,handle", *rows])
+    text = "\n".join(["stamps,motor,handle", *rows])
     Path("log.csv").write_text(text + "\n", encoding="utf-8")
     Path("scene.yaml").write_text(FLUID, encoding="utf-8")
     monkeypatch.setattr(Session, "asks", property(_asks))
@@ -53,7 +53,7 @@ def test_calibrate_asks_for_columns_and_facts_and_goes_on(monkeypatch: pytest.Mo
     assert stated.force_limit is not None
     assert stated.force_limit.peak == 28
     # What was stated is taken the next time, if a person says so.
-    columns = ("--time", "clock", "--force", "motor", "--position", "handle")
+    columns = ("--time", "stamps", "--force", "motor", "--position", "handle")
     again = _typed(monkeypatch, ("yes",), "calibrate", "log.csv", "--scene", "scene.yaml", *columns)
     assert again.code == 0, again.err
     assert "encoder" not in again.err
@@ -91,7 +91,7 @@ def test_nothing_answered_leaves_a_fact_open(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_column_in_amperes_asks_for_its_gain(monkeypatch: pytest.MonkeyPatch) -> None:
     text = Path("log.csv").read_text(encoding="utf-8")
-    Path("log.csv").write_text(text.replace("clock,motor,handle", "t,force [A],pos"), "utf-8")
+    Path("log.csv").write_text(text.replace("stamps,motor,handle", "t,force [A],pos"), "utf-8")
     ended = _typed(monkeypatch, ("many", "1.0", *FACTS), "identify", "log.csv")
     assert ended.code == 0, ended.err
     assert "N (N·m) per unit of that column, torque constant times transmission" in ended.err

@@ -40,81 +40,6 @@ class _Command(TyperCommand):
         return _TYPE.sub(lambda found: found[1] + " " * len(found[2]), super().get_help(ctx))
 
 
-_KNOWN = "--hardware hardware.yaml"
-for _name, _command, _summary, _example in (
-    ("demo", profiles.demo_command, "Try it: bundled log to profile, with pictures.", ""),
-    ("new", preparation.new_command, "Write a template of a file.", "hardware"),
-    ("doctor", logs.doctor_command, "What logs can and cannot support.", "log.csv"),
-    ("identify", logs.identify_command, "Logs to device.yaml.", f"log.csv {_KNOWN}"),
-    ("tune", profiles.tune_command, "Device and scene to profile.yaml.", "device.yaml scene.yaml"),
-    (
-        "calibrate",
-        profiles.calibrate_command,
-        "Logs and scene to profile.yaml: the main job.",
-        f"log.csv --scene scene.yaml {_KNOWN}",
-    ),
-    (
-        "audit",
-        judging.audit_command,
-        "Are these gains safe on a device, and if not, why.",
-        "homerehab --stiffness 800",
-    ),
-    ("check", judging.check_command, "Re-compute a profile by another path.", "profile.yaml"),
-    (
-        "verify",
-        judging.verify_command,
-        "A low-gain log of the device against its profile.",
-        "profile.yaml played.csv",
-    ),
-    (
-        "compare",
-        judging.compare_command,
-        "What changed between two devices or two profiles.",
-        "old.yaml new.yaml",
-    ),
-    (
-        "export",
-        profiles.export_command,
-        "A profile as files for a controller.",
-        "profile.yaml --to c",
-    ),
-    (
-        "report",
-        profiles.report_command,
-        "A profile as one page to read, print and sign.",
-        "profile.yaml log.csv",
-    ),
-    (
-        "excite",
-        preparation.excite_command,
-        "Plan a force that tells mass and damping best.",
-        "excitation.yaml",
-    ),
-    (
-        "simulate",
-        preparation.simulate_command,
-        "Rehearse: a simulated log of a known device.",
-        "homerehab",
-    ),
-):
-    _line = f"Example: haptune {_name} {_example}".rstrip()
-    app.command(_name, cls=_Command, short_help=_summary, epilog=_line)(_command)
-
-
-def _version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it with the flag
-    if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"haptune {version('haptune')}")
-        raise typer.Exit
-
-
-@app.command(
-    "help",
-    cls=_Command,
-    short_help="The help of a command, or this.",
-    epilog="Example: haptune help tune",
-)
 def help_command(
     context: typer.Context,
     command: Annotated[str | None, typer.Argument(metavar="COMMAND", help="Its name.")] = None,
@@ -129,6 +54,54 @@ def help_command(
         raise typer.BadParameter(f"there is no command {command!r}")
     with found.make_context(command, [], parent=parent, resilient_parsing=True) as asked:
         typer.echo(found.get_help(asked))
+
+
+#: What each help ends with.
+_EXAMPLES = """
+demo
+new hardware
+doctor log.csv
+identify log.csv --hardware hardware.yaml
+tune device.yaml scene.yaml
+calibrate log.csv --scene scene.yaml --hardware hardware.yaml
+audit homerehab --stiffness 800
+check profile.yaml
+verify profile.yaml played.csv
+compare old.yaml new.yaml
+export profile.yaml --to c
+report profile.yaml log.csv
+excite excitation.yaml
+simulate homerehab
+help tune
+"""
+for _name, _command, _summary in (
+    ("demo", profiles.demo_command, "Try it: bundled log to profile, with pictures."),
+    ("new", preparation.new_command, "Write a template of a file."),
+    ("doctor", logs.doctor_command, "What logs can and cannot support."),
+    ("identify", logs.identify_command, "Logs to device.yaml."),
+    ("tune", profiles.tune_command, "Device and scene to profile.yaml."),
+    ("calibrate", profiles.calibrate_command, "Logs and scene to profile.yaml: the main job."),
+    ("audit", judging.audit_command, "Are these gains safe on a device, and if not, why."),
+    ("check", judging.check_command, "Re-compute a profile by another path."),
+    ("verify", judging.verify_command, "A low-gain log of the device against its profile."),
+    ("compare", judging.compare_command, "What changed between two devices or two profiles."),
+    ("export", profiles.export_command, "A profile as files for a controller."),
+    ("report", profiles.report_command, "A profile as one page to read, print and sign."),
+    ("excite", preparation.excite_command, "Plan a force that tells mass and damping best."),
+    ("simulate", preparation.simulate_command, "Rehearse: a simulated log of a known device."),
+    ("help", help_command, "The help of a command, or this."),
+):
+    (_line,) = re.findall(rf"^{_name}\b.*$", _EXAMPLES, re.MULTILINE)
+    _epilog = f"Example: haptune {_line}"
+    app.command(_name, cls=_Command, short_help=_summary, epilog=_epilog)(_command)
+
+
+def _version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it with the flag
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"haptune {version('haptune')}")
+        raise typer.Exit
 
 
 @app.callback()

@@ -6,15 +6,16 @@ Hints of a log are shown, never filled in. No answer leaves a fact unstated.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import identification as ident
 from identification import InvalidInputError, QuestionError, UnstatedError
 
 if TYPE_CHECKING:
-    from identification import Device, Hardware, LogColumns, Unstated
+    from identification import Device, Hardware, LogColumns, Trajectory, Unstated
     from tune.cli.session import Session
 
 #: Where facts are written, and found again.
@@ -40,12 +41,11 @@ _QUESTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("for long, N (rotary: N·m)", "for a moment, N (rotary: N·m)"),
     ),
 }
-_Found = TypeVar("_Found")
 
 
 def ask_columns(
-    session: Session, columns: LogColumns, read: Callable[[LogColumns], _Found]
-) -> tuple[LogColumns, _Found]:
+    session: Session, columns: LogColumns, read: Callable[[LogColumns], list[Trajectory]]
+) -> tuple[LogColumns, list[Trajectory]]:
     """Read logs, asking for one option after the other that they leave open."""
     while True:
         try:
@@ -65,18 +65,15 @@ def _answered(session: Session, columns: LogColumns, error: QuestionError) -> Lo
         said = session.ask(error.question)
         if not said:
             raise error
-        try:
-            if not error.choices:
-                return replace(columns, **{error.option: float(said.replace(",", "."))})
-            numbered = said.isdigit() and 1 <= int(said) <= len(error.choices)
-            name = error.choices[int(said) - 1] if numbered else said
-            if name in error.choices:
-                return replace(columns, **{error.option: name})
-            session.tell("Answer with a number of the list, or a name.")
-        except InvalidInputError as wrong:
-            session.tell(str(wrong))
-        except ValueError:
-            session.tell("Answer with a number.")
+        numbered = said.isdigit() and 1 <= int(said) <= len(error.choices)
+        word = error.choices[int(said) - 1] if numbered else said.replace(",", ".")
+        with suppress(ValueError, InvalidInputError):
+            if word in error.choices or not error.choices:
+                answer = word if error.choices else float(word)
+                return replace(columns, **{error.option: answer})
+        session.tell(
+            f"Answer with {'a number or name of the list' if error.choices else 'a number'}."
+        )
 
 
 def own_hardware(session: Session, given: Path | None) -> Path | None:
@@ -89,7 +86,7 @@ def own_hardware(session: Session, given: Path | None) -> Path | None:
 
 def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardware | None:
     """What is known with the facts that the device lacks, as a person answers; None for none."""
-    found = known or ident.Hardware(name=device.name, axis=device.axis)
+    before = found = known or ident.Hardware(name=device.name, axis=device.axis)
     try:
         device.require_stated()
     except UnstatedError as error:
@@ -99,7 +96,7 @@ def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardw
         )
         for fact in error.missing:
             found = _stated(session, found, fact)
-    return None if found == (known or ident.Hardware(name=device.name, axis=device.axis)) else found
+    return None if found == before else found
 
 
 def _stated(session: Session, known: Hardware, fact: Unstated) -> Hardware:
@@ -121,15 +118,15 @@ def _stated(session: Session, known: Hardware, fact: Unstated) -> Hardware:
 
 def _content(key: str, said: list[str]) -> Any:
     """Answers as a hardware file holds them; what is no number is left for it to refuse."""
-    numbers: list[float | str] = []
-    for each in said:
-        try:
-            numbers.append(float(each.replace(",", ".")))
-        except ValueError:
-            numbers.append(each.lower())
-    if key == "force_limit":
-        return dict(zip(("continuous", "peak"), numbers, strict=True))
-    return numbers[0]
+    numbers: list[float | str] = [each.lower().replace(",", ".") for each in said]
+    for place, each in enumerate(said):
+        with suppress(ValueError):
+            numbers[place] = float(each.replace(",", "."))
+    return (
+        dict(zip(("continuous", "peak"), numbers, strict=True))
+        if key == "force_limit"
+        else numbers[0]
+    )
 
 
 def write_hardware(session: Session, path: Path, known: Hardware, *, dry_run: bool) -> None:

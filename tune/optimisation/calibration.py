@@ -49,20 +49,18 @@ def calibrate(
         LogRefusedError: logs from which no device can be told.
         NoFeasibleEffectError: nothing of the scene can be played safely.
     """
-    given = logs if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]
     known = hardware
-    if hardware is not None and not isinstance(hardware, Hardware):
-        known = load_document(Hardware, hardware)
-    assert known is None or isinstance(known, Hardware)
+    if known is not None and not isinstance(known, Hardware):
+        known = load_document(Hardware, known)
     motion, axis = (None, None) if known is None else (known.motion, known.axis)
-    trajectories = [
-        each
-        if isinstance(each, Trajectory)
-        else load_trajectory(each, columns, motion=motion, axis=axis)
-        for each in given
-    ]
+
+    def read(log: File | Trajectory) -> Trajectory:
+        done = isinstance(log, Trajectory)
+        return log if done else load_trajectory(log, columns, motion=motion, axis=axis)
+
+    given = [logs] if isinstance(logs, str | PathLike | Trajectory) else logs
+    trajectories = [read(each) for each in given]
     device = identify(trajectories, hardware=known, method=method, allow=allow).device
-    if isinstance(scene, Scene):
-        return optimise(device, scene)
-    wish = load_scene(scene)
-    return optimise(device, wish, table=perception_of(wish, Path(scene).parent))
+    wish = scene if isinstance(scene, Scene) else load_scene(scene)
+    beside = Path() if isinstance(scene, Scene) else Path(scene).parent
+    return optimise(device, wish, table=perception_of(wish, beside))

@@ -221,3 +221,29 @@ def test_what_cannot_be_written_leaves_the_old_set(
     assert "2" in str(caught.value)
     left = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert left == {"0": b"old", "1": b"old"}
+
+
+#: Kills itself and its group as soon as it gives the second file of a set its name.
+_DYING = """\
+import os, signal, sys
+from pathlib import Path
+from identification import write_files
+given, really = [], Path.replace
+def replace(self, target):
+    given.append(target)
+    if len(given) == 2:
+        os.killpg(0, signal.SIGKILL)
+    return really(self, target)
+Path.replace = replace
+write_files({Path(name): b"new" for name in sys.argv[1:]})
+"""
+
+
+@needs_posix
+def test_names_are_given_where_a_kill_does_not_reach(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in "abc"]
+    for path in files:
+        path.write_text("old", encoding="utf-8")
+    command = [sys.executable, "-c", _DYING, *map(str, files)]
+    subprocess.run(command, start_new_session=True, check=False)
+    assert len({path.read_text(encoding="utf-8") for path in files}) == 1

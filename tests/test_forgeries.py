@@ -236,7 +236,7 @@ def _written(content: dict[str, Any], path: Path) -> str:
 
 def test_what_is_trusted_is_told(tmp_path: Path) -> None:
     path = _written(to_mapping(_tuned()), tmp_path / "profile.yaml")
-    ended = haptune("check", path)
+    ended = haptune("check", path, "--verbose")
     assert ended.code == 0, ended.err
     told = haptune("check", path, "--json").result["details"]
     for words, kind, keys in (

@@ -476,17 +476,15 @@ def _felt(old: Device, new: Device) -> Iterator[Felt]:
 def _felt_effects(old: Design, new: Design) -> Iterator[Felt]:
     """Each effect, on the old device and in the motion of the design that has it."""
     table = default_table()
-    for change in _effects(old, new):
-        name, _, effect = change.name.rpartition(".")
-        element = old.elements.get(name) or new.elements[name]
-        for known in EFFECT_NAMES:
-            if known == effect:
-                scale = Scale.of(known, old.device, table, element.motion)
-                before, after = (
-                    0.0 if side is None or side.value is None else _signed_steps(scale, side.value)
-                    for side in (change.old, change.new)
-                )
-                yield Felt(name=change.name, steps=after - before)
+    for name in dict.fromkeys((*old.elements, *new.elements)):
+        both = [design.elements.get(name) for design in (old, new)]
+        motion = next(each.motion for each in both if each)
+        for effect in EFFECT_NAMES:
+            scale = Scale.of(effect, old.device, table, motion)
+            sizes = [0.0 if each is None else getattr(each, effect) for each in both]
+            before, after = (_signed_steps(scale, size) for size in sizes)
+            if any(sizes):
+                yield Felt(name=f"{name}.{effect}", steps=after - before)
 
 
 def _signed_steps(scale: Scale, value: float) -> float:

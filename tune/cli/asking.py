@@ -5,6 +5,7 @@ Hints of a log are shown, never filled in. No answer leaves a fact unstated.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -21,26 +22,19 @@ if TYPE_CHECKING:
 #: Where facts are written, and found again.
 HARDWARE = Path("hardware.yaml")
 _COMMENT = "What was stated of the device, asked for by haptune; numbers in SI units."
-#: What to ask for each fact, and where it is found.
-_QUESTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "motion": ("Does the handle move along a line or turn?", ("linear or rotary",)),
-    "sample_time": (
-        "Period of the control loop: see the controller's settings, whatever the log has.",
-        ("seconds, such as 0.001 for 1 kHz",),
-    ),
-    "delay": (
-        "Delay from command to measurement: the controller's manual, or one sample for most loops.",
-        ("seconds, 0 for none",),
-    ),
-    "encoder_resolution": (
-        "One count of the encoder at the handle: its data sheet, through the transmission.",
-        ("m (rotary: rad)",),
-    ),
-    "force_limit": (
-        "What the actuator gives at the handle, by its data sheet through the transmission.",
-        ("for long, N (rotary: N·m)", "for a moment, N (rotary: N·m)"),
-    ),
+#: What to ask for each fact and where it is found; behind each | what is typed.
+_QUESTIONS = {
+    "motion": "Does the handle move along a line or turn?|linear or rotary",
+    "sample_time": "Period of the control loop: the controller's settings, whatever the log has."
+    "|seconds, such as 0.001 for 1 kHz",
+    "delay": "Delay from command to measurement: the controller's manual, or one sample for most."
+    "|seconds, 0 for none",
+    "encoder_resolution": "One count of the encoder at the handle: its data sheet, through the "
+    "transmission.|m (rotary: rad)",
+    "force_limit": "What the actuator gives at the handle: its data sheet, by the transmission."
+    "|for long, N (rotary: N·m)|for a moment, N (rotary: N·m)",
 }
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?")
 
 
 def ask_columns(
@@ -101,7 +95,7 @@ def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardw
 
 def _stated(session: Session, known: Hardware, fact: Unstated) -> Hardware:
     """What is known with one more fact, or as it is where nothing was answered."""
-    question, prompts = _QUESTIONS[fact.key]
+    question, *prompts = _QUESTIONS[fact.key].split("|")
     session.tell(f"\n{fact.key.replace('_', ' ')}. {question}")
     if fact.hint:
         session.tell(f"  (a hint, which is not used: {fact.hint})")
@@ -118,15 +112,10 @@ def _stated(session: Session, known: Hardware, fact: Unstated) -> Hardware:
 
 def _content(key: str, said: list[str]) -> Any:
     """Answers as a hardware file holds them; what is no number is left for it to refuse."""
-    numbers: list[float | str] = [each.lower().replace(",", ".") for each in said]
-    for place, each in enumerate(said):
-        with suppress(ValueError):
-            numbers[place] = float(each.replace(",", "."))
-    return (
-        dict(zip(("continuous", "peak"), numbers, strict=True))
-        if key == "force_limit"
-        else numbers[0]
-    )
+    words = [each.lower().replace(",", ".") for each in said]
+    numbers = [float(each) if _NUMBER.fullmatch(each) else each for each in words]
+    limits = dict(zip(("continuous", "peak"), numbers, strict=False))
+    return limits if key == "force_limit" else numbers[0]
 
 
 def write_hardware(session: Session, path: Path, known: Hardware, *, dry_run: bool) -> None:

@@ -188,7 +188,12 @@ def check_command(
 ) -> None:
     """Re-compute all that a profile says; exit code 6 if anything differs."""
     from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST, check
-    from tune.presentation.tables import certificate_lines, elements_table
+    from tune.presentation.tables import (
+        certificate_lines,
+        effects_table,
+        elements_table,
+        verdict_on,
+    )
 
     session.target(picture, profile, None if device is None else Path(device))
     known = None if device is None else ident.as_stored(ident.load_device(device))
@@ -199,20 +204,22 @@ def check_command(
             refuse_restless(report.profile, say)
     session.details["profile"] = ident.to_mapping(report.profile)
     session.details["certificate"] = ident.to_mapping(report.certificate)
-    session.say(elements_table(report.profile))
-    session.say_each(certificate_lines(report.certificate))
+    session.say(f"{profile} passed: what it claims was found anew; --verbose lists what is trusted")
+    session.say(verdict_on(report.profile))
+    shown = elements_table if session.verbose else effects_table
+    session.say(shown(report.profile))
+    session.detail(*certificate_lines(report.certificate))
     trusted = {
         each.key: each.reason for each in TAKEN_ON_TRUST if known is None or each.key != "device"
     }
     session.details["taken_on_trust"] = trusted
-    session.say_each(f"taken on trust: {key}: {reason}" for key, reason in trusted.items())
+    session.detail(*(f"taken on trust: {key}: {reason}" for key, reason in trusted.items()))
     session.details["not_checked"] = {each.key: each.reason for each in OPINIONS}
-    session.say_each(f"not checked: {each.key}: {each.reason}" for each in OPINIONS)
+    session.detail(*(f"not checked: {each.key}: {each.reason}" for each in OPINIONS))
     if known is not None:
         session.details["rehearsed"] = "settles"
         session.say(f"the device is {device}; rehearsed in simulation: settles")
     draw_profile(session, picture, report.profile)
-    session.say(f"{profile} passed: all else that it says is what was found anew")
 
 
 @command()

@@ -78,7 +78,7 @@ def assert_damage_is_refused(whole: bytes, torn: Path, ends: Sequence[int], **as
         torn.write_bytes(whole[:end])
         refusal(torn, columns)
     generator = np.random.default_rng(1)
-    for _ in range(10):
+    for _ in range(5):
         content = bytearray(whole)
         for place in generator.integers(0, len(whole), 4):
             content[place] ^= int(generator.integers(1, 256))

@@ -380,3 +380,16 @@ def test_same_seed_same_log_other_seed_other_log() -> None:
 def test_impossible_devices_are_refused(changes: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         rig(**changes)
+
+
+def test_the_handle_moves_by_its_own_share_of_a_mode() -> None:
+    """Opposite shares have the rigid motion as their mean; a push there is felt as reciprocal."""
+    mode = Vibration(frequency_hz=35.0, damping_ratio=0.02, at_encoder=0.6, at_handle=-0.6)
+    log = simulate(rig(modes=(mode,)), np.full(400, 5.0), watch=True)
+    assert log.truth is not None
+    rigid = 5.0 * step_response(clock(400))
+    mean = (log.truth.handle[0, :400] + log.position[0]) / 2
+    np.testing.assert_allclose(mean, rigid, rtol=0, atol=1e-9 * np.ptp(rigid))
+    pushed = simulate(rig(modes=(mode,)), np.zeros(400), push=np.full(400, 5.0))
+    np.testing.assert_allclose(pushed.position[0], log.truth.handle[0, :400], atol=1e-12)
+    assert np.max(np.abs(pushed.position[0] - log.position[0])) > 1e-5

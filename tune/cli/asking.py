@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 #: Where facts are written, and found again.
 HARDWARE = Path("hardware.yaml")
-_COMMENT = "What was stated of the device, asked for by haptune; numbers in SI units."
 #: What to ask for each fact and where it is found; behind each | what is typed.
 _QUESTIONS = {
     "motion": "Does the handle move along a line or turn?|linear or rotary",
@@ -85,8 +84,7 @@ def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardw
         device.require_stated()
     except UnstatedError as error:
         session.tell(
-            f"{len(error.missing)} facts no log can tell. Give each as a number in the unit named; "
-            "nothing leaves it open, Ctrl-C ends."
+            f"{len(error.missing)} facts that no log tells; a blank answer leaves one open."
         )
         for fact in error.missing:
             found = _stated(session, found, fact)
@@ -120,7 +118,7 @@ def _content(key: str, said: list[str]) -> Any:
 
 def write_hardware(session: Session, path: Path, known: Hardware, *, dry_run: bool) -> None:
     """Keep what was stated, so that it is asked once."""
-    text = ident.to_yaml(ident.to_mapping(known), _COMMENT)
+    text = ident.to_yaml(ident.to_mapping(known), "Stated by a person; numbers in SI units.")
     session.write(path, text, dry_run=dry_run, changes="facts stated")
 
 

@@ -55,8 +55,6 @@ _RUNS = (b"  ", b"\t", b"\n ", b" \n", b" \r")
 #: Rows that units may take below the header, and a summary at the end.
 _MOST_UNITS = 3
 _MOST_SUMMARY = 10
-#: How a header that counts columns begins.
-_COUNTED = (b"1,2,3", b"1;2;3", b"1\t2\t3")
 #: What the table library adds to the name of another column of one name.
 _SECOND = re.compile(r"_duplicated_\d+$")
 #: How packed streams begin; a reader of text would unpack some of them by itself.
@@ -94,7 +92,7 @@ def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
     _refuse_zeros(path, content)
     alone = _table_alone(content)
     asked = {columns.time, columns.force, columns.position}
-    headless = alone is not None and alone[:5] in _COUNTED
+    headless = alone is not None and alone[:5] in (b"1,2,3", b"1;2;3", b"1\t2\t3")
     counted = headless and any(map(str.isdecimal, asked))
     try:
         reading = _read_table(path, alone if alone and counted else content, columns)

@@ -187,6 +187,27 @@ def test_the_simulated_device_keeps_the_limits_and_comes_back_to_rest(name: str)
     assert abs(speed[-1]) < 1e-3 * limits.speed
 
 
+def test_predicted_intervals_are_the_bound_of_the_simulator() -> None:
+    """Cramér and Rao's, with offset, start and velocity unknown, by differences of positions."""
+    plan = planned("homerehab")
+    limits = plan.spec
+
+    def position(start: float = 0.0, velocity: float = 0.0, **others: float) -> Array:
+        rig = rig_of(limits, **others)
+        return simulate(rig, plan.best.force, position=start, velocity=velocity).position[0]
+
+    sizes = {"mass": 3e-3, "damping": 1e-2, "force_offset": 1e-2, "start": 1e-2, "velocity": 1e-2}
+    around = {"mass": limits.mass.value, "damping": limits.damping.value}
+    slopes = [
+        position(**{name: around.get(name, 0.0) + size})
+        - position(**{name: around.get(name, 0.0) - size})
+        for name, size in sizes.items()
+    ]
+    table = np.stack(slopes, axis=1) / (2 * np.array([*sizes.values()]) * limits.reading_noise)
+    bound = 1.96 * np.sqrt(np.diag(np.linalg.inv(table.T @ table))[:2])
+    np.testing.assert_allclose([plan.mass, plan.damping], bound, rtol=1e-2)
+
+
 def obtained(plan: ExcitationSpec, force: Array, logs: int, seed: int = 1000) -> Array:
     """Half-widths of 95 % of the estimates of mass and damping from simulated logs, shape (2,)."""
     rig = rig_of(plan, encoder_resolution=plan.encoder_resolution)

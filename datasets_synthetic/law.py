@@ -8,6 +8,7 @@ while a wall pushes. A damper alone is switched at any moment.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from math import comb
 from typing import ClassVar, cast
 
 import numpy as np
@@ -239,10 +240,11 @@ class Controller(Batched):
         mass: M, kg (kg·m²), any sign, on the estimated acceleration.
         velocity_filter_hz: fc of the velocity filter, Hz; infinite means no filter.
         acceleration_filter_hz: fc of the acceleration filter, Hz; infinite means no filter.
-        velocity_filter_order: poles of the velocity filter, 1 or 2.
-        acceleration_filter_order: poles of the acceleration filter, 1 or 2.
-        filter_damping_ratio: ζ of filters with two poles, above 0 and at most 1; at 1 they are
-            equal.
+        velocity_filter_order: poles of the velocity filter, 1 or 2; states if it tracks.
+        acceleration_filter_order: poles of the acceleration filter, 1 or 2; states if it tracks.
+        filter_damping_ratio: ζ of pairs of poles, above 0 and at most 1; at 1 they are equal.
+        velocity_filter: "low-pass", or "tracking" with 2 or 3 states.
+        acceleration_filter: "low-pass", or "tracking" with 3 or 4 states.
         velocity_window_samples: n samples over which the velocity is (q[k] - q[k-n])/(n·T) instead
             of the backward difference, without any filter; 1 is the backward difference itself.
         side: -1 or 1 of a wall, which pushes to that side only; 0 to both. See ``Element``.
@@ -252,10 +254,17 @@ class Controller(Batched):
 
     Velocity is the backward difference (z-1)/(T·z) and acceleration its square, each through its
     low-pass: (1-a)·z/(z-a) with a = exp(-2π·fc·T), or (1-t+p)·z²/(z²-t·z+p) with the poles
-    exp(-2π·fc·T·(ζ ± j·√(1-ζ²))). Both start from rest at the first reading.
+    exp(-2π·fc·T·(ζ ± j·√(1-ζ²))). A filter that tracks is the observer of so many states under a
+    constant highest derivative, whose poles are that pair and, of more states, a; it estimates the
+    motion at the reading. Both start from rest at the first reading.
     """
 
-    shared: ClassVar[tuple[str, ...]] = ("beside", "calls")
+    shared: ClassVar[tuple[str, ...]] = (
+        "beside",
+        "calls",
+        "velocity_filter",
+        "acceleration_filter",
+    )
 
     stiffness: float | FloatArray = 0.0
     damping: float | FloatArray = 0.0
@@ -265,6 +274,8 @@ class Controller(Batched):
     velocity_filter_order: int | IntArray = 1
     acceleration_filter_order: int | IntArray = 2
     filter_damping_ratio: float | FloatArray = 1.0
+    velocity_filter: str = "low-pass"
+    acceleration_filter: str = "low-pass"
     velocity_window_samples: int | IntArray = 1
     side: int | IntArray = 0
     place: float | FloatArray = 0.0
@@ -272,9 +283,12 @@ class Controller(Batched):
     calls: Calls | None = None
 
     def __post_init__(self) -> None:
-        for name in ("velocity_filter_order", "acceleration_filter_order"):
-            if not np.all(np.isin(getattr(self, name), (1, 2))):
-                raise ValueError(f"{name} must be 1 or 2, not {getattr(self, name)}")
+        for least, which in ((2, "velocity"), (3, "acceleration")):
+            tracks = getattr(self, f"{which}_filter") == "tracking"
+            name, orders = f"{which}_filter_order", (least, least + 1) if tracks else (1, 2)
+            if not np.all(np.isin(getattr(self, name), orders)):
+                seen = getattr(self, name)
+                raise ValueError(f"{name} must be {orders[0]} or {orders[1]}, not {seen}")
         ratio, window = (
             np.asarray(self.filter_damping_ratio),
             np.asarray(self.velocity_window_samples),
@@ -471,6 +485,65 @@ def _section(
     return t * past[0] - p * past[1] + (1 - t + p) * value, past[0]
 
 
+class _Observer:
+    """A Luenberger observer of a position and its derivatives, the highest of them constant.
+
+    States are the derivatives times T^j/j!, so that each step adds them by Pascal's triangle.
+    """
+
+    def __init__(
+        self,
+        states: int,
+        hertz: FloatArray | float,
+        ratio: FloatArray | float,
+        sample_time: FloatArray,
+    ) -> None:
+        """So many states; sample time in s, shape (batch,)."""
+        pascal = [[comb(j, i) for j in range(states)] for i in range(states)]
+        self._step: FloatArray = np.array(pascal, dtype=np.float64)
+        self._state: FloatArray | None = None
+        shift, one = self._step - np.eye(states), np.eye(states)
+        turn = 2 * np.pi * hertz * sample_time
+        t, p = _low_pass_poles(hertz, 2, ratio, sample_time)
+        # Ackermann's formula, of factors z² - t·z + p and z - a in powers of the shift z - 1.
+        wanted = shift @ shift + (2 - t)[:, None, None] * shift + (1 - t + p)[:, None, None] * one
+        for _ in range(states - 2):
+            wanted = wanted @ (shift - np.expm1(-turn)[:, None, None] * one)
+        rows = [np.linalg.matrix_power(self._step, k + 1)[0] for k in range(states)]
+        self._gain: FloatArray = wanted @ np.linalg.solve(np.array(rows), one[-1])
+
+    def update(self, reading: FloatArray) -> FloatArray:
+        """The states after this reading, shape (batch, states)."""
+        if self._state is None:
+            self._state = np.zeros_like(self._gain)
+            self._state[:, 0] = reading
+        expected: FloatArray = self._state @ self._step.T
+        state: FloatArray = expected + self._gain * (reading - expected[:, 0])[:, None]
+        self._state = state
+        return state
+
+
+class _TrackedEstimates:
+    """Estimates of which one or both come from an observer."""
+
+    def __init__(
+        self,
+        others: _FirstOrderEstimates | _SectionEstimates | _TrackedEstimates,
+        observers: dict[int, _Observer],
+        sample_time: FloatArray,
+    ) -> None:
+        """Observers by the derivative that each estimates, 1 or 2."""
+        self._others, self._observers, self._sample_time = others, observers, sample_time
+
+    def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (batch,) each."""
+        found = list(self._others.update(reading))
+        for power, observer in self._observers.items():
+            state = observer.update(reading)[:, power]
+            found[power - 1] = state * (power / self._sample_time**power)
+        return found[0], found[1]
+
+
 class ControlLaw:
     """A Controller at work: one call a sample, remembering what its filters need.
 
@@ -527,9 +600,28 @@ class ControlLaw:
 
 def _estimates(
     controller: Controller, sample_time: FloatArray, *, accelerates: bool
-) -> _FirstOrderEstimates | _SectionEstimates:
+) -> _FirstOrderEstimates | _SectionEstimates | _TrackedEstimates:
     """The filters; the usual ones as plain cascades of first order."""
     velocity, acceleration = controller.velocity_filter_hz, controller.acceleration_filter_hz
+    tracks: dict[int, _Observer] = {}
+    for power, which in ((1, "velocity"), (2, "acceleration")):
+        hertz = getattr(controller, f"{which}_filter_hz")
+        if getattr(controller, f"{which}_filter") == "tracking" and np.all(np.isfinite(hertz)):
+            states = int(np.max(getattr(controller, f"{which}_filter_order")))
+            ratio = controller.filter_damping_ratio
+            tracks[power] = _Observer(states, hertz, ratio, sample_time)
+    if tracks:
+        beside = replace(
+            controller,
+            **{
+                f"{which}_filter{end}": value
+                for power, which in ((1, "velocity"), (2, "acceleration"))
+                if power in tracks
+                for end, value in (("", "low-pass"), ("_hz", np.inf), ("_order", 1))
+            },
+        )
+        others = _estimates(beside, sample_time, accelerates=accelerates)
+        return _TrackedEstimates(others, tracks, sample_time)
     pairs_equal = np.equal(controller.acceleration_filter_order, 2) & np.equal(
         controller.filter_damping_ratio, 1
     )

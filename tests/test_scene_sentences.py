@@ -45,7 +45,7 @@ FILES: tuple[tuple[tuple[str, ...], str], ...] = (
         WALL + "loop: {velocity_filter: 50}",
     ),
     (("velocity_filter_hz", "in Hz, free or none"), WALL + "loop: {velocity_filter_hz: null}"),
-    (("loop.velocity_filter_order", "1 or 2"), WALL + "loop: {velocity_filter_order: 3}"),
+    (("loop: velocity_filter_order", "1 or 2"), WALL + "loop: {velocity_filter_order: 3}"),
     (("loop.filter_damping_ratio", "equal to 1"), WALL + "loop: {filter_damping_ratio: 1.1}"),
     (("loop.velocity_window_samples", "to 20"), WALL + "loop: {velocity_window_samples: 21}"),
     (

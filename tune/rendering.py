@@ -35,6 +35,7 @@ from pydantic import Field, model_validator
 
 from identification import Box, Device, Document, load_document, round_to_digits
 from tune.documents import LoopError
+from tune.documents.estimators import DIFFERENCES, Derivative, filter_of, leads
 from tune.documents.profile import Contact, ElementProfile, Rendered
 from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop, closed_loops
@@ -107,25 +108,26 @@ def impedances(
     late = np.exp(-turn * delay) * hold / (1 + turn * current_lag)
     difference = -np.expm1(-step) / sample_time
 
-    def low_pass(cutoff: float | None, order: int) -> ComplexArray | float:
-        """Π (1-p)/(1-p/z) over the poles p = exp(-2π·f·T·(ζ ± j√(1-ζ²))), ζ = 1 if of order 1."""
+    def filtered(which: Derivative) -> ComplexArray | float:
+        """Π (1-p)/(1-p/z) over the poles p, of which the pair has ζ; carried on by its lag."""
+        kind, cutoff, order = filter_of(filters, which)
         if cutoff is None:
             return 1.0
         passed, ratio = np.ones_like(step), filters.filter_damping_ratio
-        angle = 2 * np.pi * cutoff * sample_time
+        angle, lag = 2 * np.pi * cutoff * sample_time, DIFFERENCES[which] / 2
         turned = 1j * np.sqrt((1 - ratio) * (1 + ratio))
-        for pole in (1.0 + 0j,) if order == 1 else (ratio + turned, ratio - turned):
+        pair = (1.0,) if order == 1 else (ratio + turned, ratio - turned)
+        for pole in (*pair, *(1.0,) * (order - 2)):
             passed = passed * np.expm1(-angle * pole) / np.expm1(-angle * pole - step)
-        return passed
+            lag += (1 / np.expm1(angle * pole)).real
+        return passed * (1 - lag * np.expm1(-step)) if leads(which, kind, order) else passed
 
     window = filters.velocity_window_samples
     if window is None:
-        velocity = difference * low_pass(filters.velocity_filter_hz, filters.velocity_filter_order)
+        velocity = difference * filtered("velocity")
     else:
         velocity = -np.expm1(-turn * (window * sample_time)) / (window * sample_time)
-    acceleration = difference**2 * low_pass(
-        filters.acceleration_filter_hz, filters.acceleration_filter_order
-    )
+    acceleration = difference**2 * filtered("acceleration")
     force = late / turn
     return Impedances(stiffness=force, damping=velocity * force, mass=acceleration * force)
 

@@ -218,9 +218,7 @@ def law_of(setting: Setting, sample_time: float) -> Law:
     z, one = arb_poly([0, 1]), arb_poly([1])
     step = z - one
     velocity_top, velocity_bottom = _velocity(setting, T) if setting.damping else (one, one)
-    acceleration_top, acceleration_bottom = (
-        _acceleration(setting, T) if setting.mass else (one, one)
-    )
+    acceleration_top, acceleration_bottom = _filtered(setting, 2, T) if setting.mass else (one, one)
     damper = velocity_top * acceleration_bottom * arb(setting.damping)
     inertia = step * acceleration_top * velocity_bottom * arb(setting.mass)
     denominator = velocity_bottom * acceleration_bottom
@@ -253,48 +251,30 @@ def _velocity(setting: Setting, T: arb) -> tuple[arb_poly, arb_poly]:
     if setting.velocity_window_samples:
         n = setting.velocity_window_samples
         return arb_poly([1 / (n * T)] * n), arb_poly([0] * n + [1])
-    top, bottom = _filter(
-        setting.velocity_filter_hz, setting.velocity_filter_order, setting.filter_damping_ratio, T
-    )
-    # (z - 1)/(Tz) takes away one z of the filter's numerator, where it has one.
-    return _over_z(top, bottom, 1, T)
+    return _filtered(setting, 1, T)
 
 
-def _acceleration(setting: Setting, T: arb) -> tuple[arb_poly, arb_poly]:
-    """(numerator without its factor (z - 1)², denominator) of the acceleration estimate."""
-    top, bottom = _filter(
-        setting.acceleration_filter_hz,
-        setting.acceleration_filter_order,
-        setting.filter_damping_ratio,
-        T,
-    )
-    return _over_z(top, bottom, 2, T * T)
-
-
-def _over_z(
-    top: tuple[arb, int], bottom: arb_poly, power: int, scale: arb
-) -> tuple[arb_poly, arb_poly]:
-    gain, powers = top
-    shared = min(powers, power)
-    numerator = arb_poly([0] * (powers - shared) + [gain / scale])
-    return numerator, bottom * arb_poly([0] * (power - shared) + [1])
-
-
-def _filter(
-    cutoff: float | None, order: int, ratio: float, T: arb
-) -> tuple[tuple[arb, int], arb_poly]:
-    """((gain, powers of z), denominator) of a low-pass."""
+def _filtered(setting: Setting, power: int, T: arb) -> tuple[arb_poly, arb_poly]:
+    """(numerator without its factor (z - 1)^power, denominator) of a derivative's estimate."""
+    cutoff, order, carried = setting.estimate(power)
+    top, bottom, lag = arb_poly([1 / T**power]), arb_poly([1]), arb(power) / 2
     if cutoff is None:
-        return (arb(1), 0), arb_poly([1])
+        return top, arb_poly([0] * power + [1])
     rate = arb.pi() * (-2 * cutoff) * T
-    if order == 1:
-        a = rate.exp()
-        return (1 - a, 1), arb_poly([-a, 1])
-    zeta = arb(ratio)
-    turn = -rate * (1 - zeta * zeta).sqrt() if ratio < 1 else arb(0)
-    trace = 2 * (rate * zeta).exp() * turn.cos()
-    product = (2 * rate * zeta).exp()
-    return (1 - trace + product, 2), arb_poly([product, -trace, 1])
+    a, zeta = rate.exp(), arb(setting.filter_damping_ratio)
+    turn = -rate * (1 - zeta * zeta).sqrt() if setting.filter_damping_ratio < 1 else arb(0)
+    trace, product = 2 * (rate * zeta).exp() * turn.cos(), (2 * rate * zeta).exp()
+    pair, single = arb_poly([product, -trace, 1]), arb_poly([-a, 1])
+    for factor in [single] if order == 1 else [pair, *[single] * (order - 2)]:
+        gain = factor(arb(1))
+        top, bottom = top * gain, bottom * factor
+        # Σ p/(1-p) is the degree less than the logarithmic slope at one.
+        lag += factor.derivative()(arb(1)) / gain - factor.degree()
+    # Every pole brings a z, every difference takes one away, and so does what is carried on.
+    spare = order - power - carried
+    if carried:
+        top = top * arb_poly([-lag, 1 + lag])
+    return top * arb_poly([0] * max(spare, 0) + [1]), bottom * arb_poly([0] * max(-spare, 0) + [1])
 
 
 #: Radius to which roots are isolated, as a power of ten: fifty digits and a few more.

@@ -86,8 +86,11 @@ class Setting:
     """What the controller plays, by which estimates of velocity and acceleration.
 
     Velocity (z-1)/(Tz) times a filter of order one, (1-a)z/(z-a), a = exp(-2π·f·T), or of order
-    two with the poles exp(-2π·f·T·(ζ ± j√(1-ζ²))), either of unit gain at z = 1; or the mean over
-    a window of n samples, (z^n - 1)/(nTz^n). Acceleration ((z-1)/(Tz))² times such a filter.
+    two with the poles exp(-2π·f·T·(ζ ± j√(1-ζ²))), any of unit gain at z = 1; or the mean over
+    a window of n samples, (z^n - 1)/(nTz^n). Acceleration ((z-1)/(Tz))² times such a filter. Orders
+    three and four have the two poles and a once or twice. A tracking filter of two states more than
+    the order k of the derivative is carried on by its lag: times 1 + ℓ(z-1)/z, ℓ = k/2 + Σ p/(1-p)
+    over its poles p.
     """
 
     stiffness: float  # N/m
@@ -95,15 +98,33 @@ class Setting:
     mass: float  # kg
     velocity_filter_hz: float | None  # cut-off, Hz, or None for no filter
     acceleration_filter_hz: float | None  # cut-off, Hz, or None for no filter
-    velocity_filter_order: int = 1  # 1 or 2
-    acceleration_filter_order: int = 2  # 1 or 2
-    filter_damping_ratio: float = 1.0  # ζ of filters of order two; at 1 both poles are the same
+    velocity_filter_order: int = 1  # number of poles
+    acceleration_filter_order: int = 2  # number of poles
+    velocity_filter: str = "low-pass"  # or "tracking"
+    acceleration_filter: str = "low-pass"  # or "tracking"
+    filter_damping_ratio: float = 1.0  # ζ of the first two poles; at 1 both are the same
     velocity_window_samples: int | None = None  # samples of a window instead of a velocity filter
 
     @property
     def sizes(self) -> tuple[float, float, float]:
         """Stiffness, N/m, damping, N·s/m, and mass, kg."""
         return self.stiffness, self.damping, self.mass
+
+    def estimate(self, power: int) -> tuple[float | None, int, bool]:
+        """Of the derivative of that order: (cut-off, number of poles, whether it is carried on)."""
+        if power == 1:
+            kind, order, hertz = (
+                self.velocity_filter,
+                self.velocity_filter_order,
+                self.velocity_filter_hz,
+            )
+        else:
+            kind, order, hertz = (
+                self.acceleration_filter,
+                self.acceleration_filter_order,
+                self.acceleration_filter_hz,
+            )
+        return hertz, order, kind == "tracking" and order == power + 2
 
 
 def groups_of_equal_effects(settings: Sequence[Setting]) -> list[list[int]]:

@@ -223,15 +223,21 @@ def _bounces(
     under_way = whole + (part > 0)
     now = x @ read
     readings = [now - (back + 1) * step for back in range(window)]
-    estimate, before = np.ones_like(now), np.ones_like(now)
-    t, p = _filter(setting, step)
+    sections, lead = _sections(setting, step)
+    kept = [(np.ones_like(now), np.ones_like(now))] * len(sections)
     sent = [np.zeros_like(now)] * (whole + 2)
     outside = np.zeros(now.shape, dtype=np.intp)
     speed = np.zeros_like(now)
     for _ in range(_STAYS + len(sent)):
         now = x @ read
         slope = (now - readings[window - 1]) / (window * step)
-        estimate, before = t * estimate - p * before + (1 - t + p) * slope, estimate
+        estimate = slope
+        for place, (t, p) in enumerate(sections):
+            latest, before = kept[place]
+            estimate = t * latest - p * before + (1 - t + p) * estimate
+            kept[place] = estimate, latest
+        if lead:
+            estimate = estimate + lead * (estimate - kept[-1][1])
         readings = [now, *readings[:-1]]
         force = np.minimum(-(setting.stiffness * now + setting.damping * estimate), 0.0)
         # A wall is left where the device is outside of it, another element as soon as it pulls.
@@ -262,16 +268,17 @@ def _moved(held: tuple[FloatArray, FloatArray], x: FloatArray, force: FloatArray
     return x @ transition.swapaxes(-1, -2) + drive[:, None, :] * force[..., None]
 
 
-def _filter(setting: Setting, step: float) -> tuple[float, float]:
-    """(t, p) of the filtered velocity, t·v - p·v' + (1 - t + p)·slope; none for none."""
-    if not setting.damping or setting.velocity_filter_hz is None:
-        return 0.0, 0.0
-    turn = 2 * math.pi * setting.velocity_filter_hz * step
-    if setting.velocity_filter_order == 1:
-        return math.exp(-turn), 0.0
-    ratio = setting.filter_damping_ratio
-    pole = math.exp(-turn * ratio)
-    return 2 * pole * math.cos(turn * math.sqrt(1 - ratio * ratio)), pole * pole
+def _sections(setting: Setting, step: float) -> tuple[list[tuple[float, float]], float]:
+    """((t, p) of sections t·v - p·v' + (1 - t + p)·slope in a row, lead in samples) of velocity."""
+    hertz, order, carried = setting.estimate(1)
+    if not setting.damping or hertz is None:
+        return [], 0.0
+    turn, ratio = 2 * math.pi * hertz * step, setting.filter_damping_ratio
+    a, pole = math.exp(-turn), math.exp(-turn * ratio)
+    pair = 2 * pole * math.cos(turn * math.sqrt(1 - ratio * ratio)), pole * pole
+    sections = [(a, 0.0)] if order == 1 else [pair, *[(a, 0.0)] * (order - 2)]
+    lag = sum((t - 2 * p) / (1 - t + p) for t, p in sections) + 0.5
+    return sections, lag if carried else 0.0
 
 
 def four_digits(value: float | None) -> str:

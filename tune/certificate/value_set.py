@@ -540,39 +540,38 @@ def rate_of(
             angle = theta * (setting.velocity_window_samples / 2)
             estimate = sinc(angle) * angle.turn()
         else:
-            estimate = difference * _low_pass(
-                theta,
-                step,
-                setting.velocity_filter_hz,
-                setting.velocity_filter_order,
-                setting.filter_damping_ratio,
-            )
+            estimate = difference * _filtered(theta, difference, step, setting, 1)
         rate = estimate * (per_step * damping)
     if setting.mass:
-        estimate = (difference * difference) * _low_pass(
-            theta,
-            step,
-            setting.acceleration_filter_hz,
-            setting.acceleration_filter_order,
-            setting.filter_damping_ratio,
-        )
+        estimate = (difference * difference) * _filtered(theta, difference, step, setting, 2)
         rate = rate + estimate * (theta * 1j) * (per_step * per_step * mass)
     return rate
 
 
-def _low_pass(
-    theta: AffineForm, step: Term, cutoff: float | None, order: int, ratio: float
+def _filtered(
+    theta: AffineForm, difference: AffineForm, step: Term, setting: Setting, power: int
 ) -> Term:
-    """Response of a filter with the poles exp(-2π·f·T) or exp(-2π·f·T·(ζ ± j√(1-ζ²)))."""
+    """Response of a filter with the poles exp(-2π·f·T) and exp(-2π·f·T·(ζ ± j√(1-ζ²)))."""
+    cutoff, order, carried = setting.estimate(power)
     if cutoff is None:
         return 1.0
-    if order == 1:
-        return _pole(theta, step, 2 * np.pi * cutoff)
+    ratio = setting.filter_damping_ratio
     turn = float(np.sqrt(max(0.0, 1 - ratio * ratio)))
-    first = _pole(theta, step, 2 * np.pi * cutoff * complex(ratio, turn))
-    if turn == 0:
-        return first * first
-    return first * _pole(theta, step, 2 * np.pi * cutoff * complex(ratio, -turn))
+    unit = 1.0 if order == 1 else complex(1.0)
+    single = [unit] * (order if turn == 0 or order == 1 else order - 2)
+    turned = [complex(ratio, turn), complex(ratio, -turn)] * (len(single) < order)
+    rates = [2 * np.pi * cutoff * each for each in (*turned, *single)]
+    answers = {rate: _pole(theta, step, rate) for rate in rates}
+    response = reduce(lambda one, other: one * other, (answers[rate] for rate in rates))
+    if not carried:
+        return response
+    # 1 + ℓ·(1 - e^-jθ), where 1 - e^-jθ is jθ times the difference; a/(1 - a) of every pole.
+    if isinstance(step, AffineForm):
+        each = [((step * rate).exponential() + -1.0).inverse() for rate in rates]
+        lag: Term = reduce(lambda one, other: one + other, each) + power / 2
+    else:
+        lag = float(sum((1 / np.expm1(rate * step)).real for rate in rates)) + power / 2
+    return response * (difference * (theta * 1j) * lag + 1.0)
 
 
 def _pole(theta: AffineForm, step: Term, rate: complex) -> AffineForm:

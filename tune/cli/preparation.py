@@ -464,6 +464,8 @@ def _law(design: Design, combinations: Sequence[tuple[str, ...]]) -> Controller:
         calls=Calls(taps=taps),
         velocity_filter_hz=loop.velocity_filter_hz or infinite,
         acceleration_filter_hz=loop.acceleration_filter_hz or infinite,
+        velocity_filter=loop.velocity_filter,
+        acceleration_filter=loop.acceleration_filter,
         velocity_filter_order=loop.velocity_filter_order,
         acceleration_filter_order=loop.acceleration_filter_order,
         filter_damping_ratio=loop.filter_damping_ratio,

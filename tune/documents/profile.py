@@ -20,6 +20,7 @@ from identification import (
     to_yaml,
 )
 from tune.documents import CheckFailedError
+from tune.documents.estimators import DERIVATIVES, FilterKind, filter_of, strange_order
 from tune.documents.scene import (
     EFFECT_NAMES,
     LARGEST,
@@ -222,6 +223,8 @@ class Certificate(Document):
 
 #: Names of the settings of both filters, in files, loops, the certificate and the simulator alike.
 _FILTER_SETTINGS = (
+    "velocity_filter",
+    "acceleration_filter",
     "velocity_filter_hz",
     "acceleration_filter_hz",
     "velocity_filter_order",
@@ -234,26 +237,30 @@ _FILTER_SETTINGS = (
 class LoopProfile(Document):
     """The loop the controller must run: period, delay beyond an immediate loop, the very filters.
 
-    Filters are those of docs/theory.md, 1, evaluated at the sample rate and reset when an element
-    is entered; without a cut-off or a window an estimate is a plain backward difference.
+    Filters are those of docs/theory.md, 1, evaluated at the sample rate; without a cut-off or a
+    window an estimate is a plain backward difference.
 
     Attributes:
         sample_time: s.
         extra_delay_samples: the device's delay in samples, need not be whole.
-        velocity_filter_hz: cut-off, Hz.
-        acceleration_filter_hz: cut-off, Hz.
-        velocity_filter_order: 1 or 2 poles.
-        acceleration_filter_order: 1 or 2 poles.
-        filter_damping_ratio: of second-order filters.
+        velocity_filter: its kind; profiles written before there were two have low-passes.
+        acceleration_filter: its kind.
+        velocity_filter_hz: cut-off, the frequency of its poles, Hz.
+        acceleration_filter_hz: likewise.
+        velocity_filter_order: 1 or 2 poles of a low-pass, 2 or 3 states of a tracking filter.
+        acceleration_filter_order: 1 or 2 poles, 3 or 4 states.
+        filter_damping_ratio: of pairs of poles.
         velocity_window_samples: velocity over the last n samples instead of a filter.
     """
 
     sample_time: float
     extra_delay_samples: float
+    velocity_filter: FilterKind = "low-pass"
+    acceleration_filter: FilterKind = "low-pass"
     velocity_filter_hz: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     acceleration_filter_hz: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
-    velocity_filter_order: Literal[1, 2] = 1
-    acceleration_filter_order: Literal[1, 2] = 2
+    velocity_filter_order: int = 1
+    acceleration_filter_order: int = 2
     filter_damping_ratio: float = Field(default=1.0, ge=0.1, le=1)
     velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
 
@@ -261,24 +268,21 @@ class LoopProfile(Document):
     def _one_velocity(self) -> LoopProfile:
         if self.velocity_window_samples is not None and self.velocity_filter_hz is not None:
             raise ValueError("velocity_window_samples takes the place of velocity_filter_hz")
+        for which in DERIVATIVES:
+            kind, _, order = filter_of(self, which)
+            if wrong := strange_order(which, kind, order):
+                raise ValueError(wrong)
         return self
 
     def with_effects(self, *, damping: bool, mass: bool) -> LoopProfile:
         """The loop with the filters that these effects use, what they do not use at its default."""
         defaults = {name: field.default for name, field in LoopProfile.model_fields.items()}
-        velocity = damping and self.velocity_filter_hz is not None
-        acceleration = mass and self.acceleration_filter_hz is not None
-        squared = (velocity and self.velocity_filter_order == 2) or (
-            acceleration and self.acceleration_filter_order == 2
-        )
-        used = {
-            "velocity_filter_hz": velocity,
-            "velocity_filter_order": velocity,
-            "velocity_window_samples": damping,
-            "acceleration_filter_hz": acceleration,
-            "acceleration_filter_order": acceleration,
-            "filter_damping_ratio": squared,
-        }
+        used = {"velocity_window_samples": damping, "filter_damping_ratio": False}
+        for which, acts in zip(DERIVATIVES, (damping, mass), strict=True):
+            _, hertz, order = filter_of(self, which)
+            there = acts and hertz is not None
+            used |= {f"{which}_filter{end}": there for end in ("", "_hz", "_order")}
+            used["filter_damping_ratio"] |= there and order >= 2
         idle = {name: defaults[name] for name, there in used.items() if not there}
         return self.model_copy(update=idle)
 

@@ -10,9 +10,24 @@ from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from identification import AnyQuantity, Document, load_document, quantity
+from tune.documents.estimators import (
+    DERIVATIVES,
+    DIFFERENCES,
+    Derivative,
+    FilterKind,
+    strange_order,
+)
 
 FloatArray = NDArray[np.float64]
 EffectName = Literal["stiffness", "damping", "mass"]
@@ -451,36 +466,70 @@ Cutoff = Annotated[
 class LoopFreedom(Document):
     """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
 
+    Where nothing is said of a free filter but that it is free, its kind, order and damping ratio
+    are chosen with its cut-off; else it is a low-pass where no kind is stated.
+
     Attributes:
-        velocity_filter_hz: cut-off of the low-pass behind the backward difference, Hz.
-        acceleration_filter_hz: cut-off of the low-pass behind the double difference, Hz.
-        velocity_filter_order: 1 or 2 poles.
-        acceleration_filter_order: 1 or 2 poles.
-        filter_damping_ratio: of second-order filters; 1 is two equal poles, 0.7071 Butterworth.
-        velocity_window_samples: velocity over the last n samples instead of a low-pass.
+        velocity_filter: kind of the filter behind the backward difference.
+        acceleration_filter: kind of the filter behind the double difference.
+        velocity_filter_hz: its cut-off, the frequency of its poles, Hz.
+        acceleration_filter_hz: likewise.
+        velocity_filter_order: 1 (default) or 2 poles of a low-pass, 2 or 3 (default) states.
+        acceleration_filter_order: 1 or 2 (default) poles of a low-pass, 3 or 4 (default) states.
+        filter_damping_ratio: of pairs of poles; 1 (default) is two equal poles, 0.7071 Butterworth.
+        velocity_window_samples: velocity over the last n samples instead of a filter.
     """
 
     velocity_filter_hz: Cutoff = "free"
     acceleration_filter_hz: Cutoff = "free"
-    velocity_filter_order: Literal[1, 2] = 1
-    acceleration_filter_order: Literal[1, 2] = 2
-    filter_damping_ratio: float = Field(default=1.0, ge=0.1, le=1)
+    velocity_filter: FilterKind | None = None
+    acceleration_filter: FilterKind | None = None
+    velocity_filter_order: int | None = Field(default=None, ge=1, le=3)
+    acceleration_filter_order: int | None = Field(default=None, ge=1, le=4)
+    filter_damping_ratio: float | None = Field(default=None, ge=0.1, le=1)
     velocity_window_samples: int | None = Field(default=None, ge=1, le=LONGEST_WINDOW)
+
+    @field_validator("velocity_filter", "acceleration_filter", mode="before")
+    @classmethod
+    def _kind(cls, raw: object, info: ValidationInfo) -> object:
+        if raw is None or raw in ("low-pass", "tracking"):
+            return raw
+        raise ValueError(f"give low-pass or tracking; did you mean {info.field_name}_hz?")
 
     @model_validator(mode="after")
     def _positive(self) -> LoopFreedom:
-        for name in ("velocity_filter_hz", "acceleration_filter_hz"):
+        for which in DERIVATIVES:
+            name = f"{which}_filter_hz"
             value = getattr(self, name)
             if isinstance(value, float) and not SMALLEST <= value <= LARGEST:
                 raise ValueError(
                     f"{name} must lie in {SMALLEST:g} to {LARGEST:g}, not {value:g} Hz"
                 )
+            if wrong := strange_order(which, *self.kind(which)):
+                raise ValueError(wrong)
+        if self.velocity_window_samples is not None and self.velocity_filter is not None:
+            raise ValueError(
+                f"velocity_window_samples: {self.velocity_window_samples} takes the place of a "
+                f"velocity filter; leave out velocity_filter: {self.velocity_filter}"
+            )
         if self.velocity_window_samples is not None and isinstance(self.velocity_filter_hz, float):
             raise ValueError(
                 f"velocity_window_samples: {self.velocity_window_samples} takes the place of a "
                 f"velocity filter; leave out velocity_filter_hz: {self.velocity_filter_hz:g}"
             )
         return self
+
+    def kind(self, which: Derivative) -> tuple[FilterKind, int]:
+        """Kind and order of a filter as they are stated, or what stands for them."""
+        kind, order = getattr(self, f"{which}_filter"), getattr(self, f"{which}_filter_order")
+        usual = DIFFERENCES[which] + (2 if kind == "tracking" else 0)
+        return kind or "low-pass", usual if order is None else order
+
+    def leaves_kind(self, which: Derivative) -> bool:
+        """Whether the kind of a filter is left to choose, with its order and cut-off."""
+        names = f"{which}_filter", f"{which}_filter_order", "filter_damping_ratio"
+        stated = [name for name in names if getattr(self, name) is not None]
+        return getattr(self, f"{which}_filter_hz") == "free" and not stated
 
 
 class Scene(Document):

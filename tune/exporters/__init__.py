@@ -16,12 +16,12 @@ from typing import Any, Literal, NotRequired, cast, get_args
 from typing_extensions import TypedDict
 
 from identification import InvalidInputError
+from tune.documents.estimators import Derivative, Estimator, filter_of
 from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
 from tune.documents.scene import EffectName
 from tune.exporters.law import (
     LAW_IN_WORDS,
     NOT_A_SAFETY_FUNCTION,
-    Estimate,
     block_comment,
     change_words,
     digest,
@@ -34,7 +34,6 @@ from tune.exporters.law import (
     inside_comment,
     largest_change,
     quote_yaml,
-    section_of,
     short,
     unit_of_force,
 )
@@ -158,9 +157,9 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
         "gain": f"{seal.gain:g}",
         "moment_count": str(len(sets)),
         "velocity_words": _words(loop, "velocity"),
-        "velocity": _section(loop, "velocity"),
+        "velocity": _sections(loop, "velocity"),
         "acceleration_words": _words(loop, "acceleration"),
-        "acceleration": _section(loop, "acceleration"),
+        "acceleration": _sections(loop, "acceleration"),
         "played": "".join(
             f"    {{{_effects(element, loop.sample_time)}}}, /* {_plain(name)} */\n"
             for name, element in profile.elements.items()
@@ -190,9 +189,10 @@ def _listed(sets: Iterable[Iterable[str]], words: Mapping[str, str], none: str) 
     )
 
 
-def _section(loop: LoopProfile, which: Estimate) -> str:
-    section = section_of(loop, which)
-    return _numbers(section.t, section.p, section.gain)
+def _sections(loop: LoopProfile, which: Derivative) -> str:
+    behind = Estimator.of(loop, which, loop.sample_time)
+    rows = (f"{{{_numbers(each.t, each.p, each.gain)}}}" for each in (behind.first, behind.then))
+    return f"{{{', '.join(rows)}}}, {_number(behind.lead)}"
 
 
 def _effects(element: ElementProfile, sample_time: float) -> str:
@@ -203,16 +203,16 @@ def _effects(element: ElementProfile, sample_time: float) -> str:
     return f"{sizes}, {limits}, {element.one_sided:d}, {step}"
 
 
-def _words(loop: LoopProfile, which: Estimate) -> str:
+def _words(loop: LoopProfile, which: Derivative) -> str:
     window = loop.velocity_window_samples if which == "velocity" else None
     if window is not None:
-        return f"moving window of {window} samples; t, p, g"
-    cutoff = getattr(loop, f"{which}_filter_hz")
+        return f"moving window of {window} samples; t, p, g, lead"
+    kind, cutoff, order = filter_of(loop, which)
     if cutoff is None:
-        return "no filter; t, p, g"
-    order = getattr(loop, f"{which}_filter_order")
-    ratio = f", damping ratio {loop.filter_damping_ratio:g}" if order == 2 else ""
-    return f"order {order}, {cutoff:g} Hz{ratio}; t, p, g"
+        return "no filter; t, p, g, lead"
+    ratio = f", damping ratio {loop.filter_damping_ratio:g}" if order >= 2 else ""
+    words = "order" if kind == "low-pass" else "tracking, states"
+    return f"{words} {order}, {cutoff:g} Hz{ratio}; t, p, g, lead"
 
 
 #: Letters of a name; the parser of ROS 2 takes texts of up to 256 bytes.
@@ -249,15 +249,24 @@ class WindowFilter(TypedDict):
 
 
 class LowPassFilter(TypedDict):
-    """x[k] = (t·x[k-1] - p·x[k-2]) + g·u[k]; ``a`` is the pole where there is one or two equal."""
+    """x[k] = (t·x[k-1] - p·x[k-2]) + g·u[k]; ``a`` is the pole where there is one or two equal.
 
-    kind: Literal["first-order", "second-order"]
+    A tracking filter has its ``states``, and may have a second section behind the first and a
+    ``lead``: it gives x[k] + lead·(x[k] - x[k-1]), in samples.
+    """
+
+    kind: Literal["first-order", "second-order", "tracking"]
     cutoff_hz: float
+    states: NotRequired[int]
     a: NotRequired[float]
     damping_ratio: NotRequired[float]
     t: float
     p: float
     g: float
+    t2: NotRequired[float]
+    p2: NotRequired[float]
+    g2: NotRequired[float]
+    lead: NotRequired[float]
 
 
 Filter = NoFilter | WindowFilter | LowPassFilter
@@ -418,16 +427,16 @@ def _element(element: ElementProfile) -> ExportedElement:
     }
 
 
-def _filter(loop: LoopProfile, which: Estimate) -> Filter:
+def _filter(loop: LoopProfile, which: Derivative) -> Filter:
     """Kind, cut-off in Hz where there is one, and coefficients of one filter."""
     window = loop.velocity_window_samples if which == "velocity" else None
     if window is not None:
         return {"kind": "window", "samples": window}
-    cutoff = getattr(loop, f"{which}_filter_hz")
+    kind, cutoff, order = filter_of(loop, which)
     if cutoff is None:
         return {"kind": "none"}
-    section = section_of(loop, which)
-    order = getattr(loop, f"{which}_filter_order")
+    behind = Estimator.of(loop, which, loop.sample_time)
+    section, then = behind.first, behind.then
     found: LowPassFilter = {
         "kind": "first-order" if order == 1 else "second-order",
         "cutoff_hz": cutoff,
@@ -435,9 +444,13 @@ def _filter(loop: LoopProfile, which: Estimate) -> Filter:
         "p": section.p,
         "g": section.gain,
     }
+    if kind == "tracking":
+        found["kind"], found["states"] = "tracking", order
+        found["t2"], found["p2"], found["g2"] = then.t, then.p, then.gain
+        found["lead"] = behind.lead
     if order == 1 or loop.filter_damping_ratio == 1:
-        found["a"] = section.t / order
-    if order == 2:
+        found["a"] = section.t / min(order, 2)
+    if order >= 2:
         found["damping_ratio"] = loop.filter_damping_ratio
     return found
 

@@ -1,23 +1,18 @@
 """The law of a profile as numbers and in words; what every file of it says; harmless names.
 
-Coefficients come from their definitions in docs/theory.md, 1. Names of elements become identifiers,
-and any text a comment or a quoted text that nothing in it can end.
+Names of elements become identifiers, and any text a comment or a quoted text that nothing in it can
+end.
 """
 
 from __future__ import annotations
 
-import math
 import re
 import textwrap
 import unicodedata
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Literal
 
 from identification import ForceLimit, InvalidInputError
-from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
-
-Estimate = Literal["velocity", "acceleration"]
+from tune.documents.profile import ElementProfile, SafeProfile
 
 #: The line through two readings, each rounded to a count, and the rounding of the third.
 _COUNTS = 2.0
@@ -36,44 +31,11 @@ LAW_IN_WORDS = (
     "without those of either side, and their faces do not overlap and, where damping/stiffness "
     "differs, lie as far apart as the sum of damping/stiffness*speed. "
     "x[k] = (t*x[k-1] - p*x[k-2]) + g*u[k] for both filters, which run on every reading of the "
-    "axis. A reading farther than largest_change times the periods passed from the straight line "
-    "through the last two, like one that is missing, holds the force and is bridged by a straight "
-    "line"
+    "axis; one with a lead puts x through t2, p2 and g2 likewise and gives x[k] + "
+    "lead*(x[k] - x[k-1]) of what comes out. A reading farther than largest_change times the "
+    "periods passed from the straight line through the last two, like one that is missing, holds "
+    "the force and is bridged by a straight line"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """A low-pass x[k] = (t·x[k-1] - p·x[k-2]) + g·u[k] with g = 1 - t + p.
-
-    One pole a: t = a, p = 0. No filter: t = p = 0.
-    """
-
-    t: float = 0.0
-    p: float = 0.0
-
-    @property
-    def gain(self) -> float:
-        """g, from the very t and p that are printed, so that a steady input passes unchanged."""
-        return 1 - self.t + self.p
-
-
-def section_of(loop: LoopProfile, which: Estimate) -> Section:
-    """The low-pass of velocity or acceleration, which are differences of the readings y.
-
-    Velocity: (y[k] - y[k-n])/(n·T) over a window of n samples, or 1. Acceleration: the backward
-    difference (d[k] - d[k-1])/T of the backward difference d[k] = (y[k] - y[k-1])/T.
-    """
-    cutoff: float | None = getattr(loop, f"{which}_filter_hz")
-    if cutoff is None:
-        return Section()
-    ratio = loop.filter_damping_ratio
-    # Poles exp(-2π·f·T), or exp(-2π·f·T·(ζ ± j·√(1-ζ²))).
-    turn = 2 * math.pi * cutoff * loop.sample_time
-    if getattr(loop, f"{which}_filter_order") == 1:
-        return Section(math.exp(-turn))
-    size = math.exp(-ratio * turn)
-    return Section(2 * size * math.cos(turn * math.sqrt(1 - ratio * ratio)), size * size)
 
 
 def fade_step(element: ElementProfile, sample_time: float) -> float:

@@ -15,13 +15,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import comb
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification import Device
 from tune.documents import LoopError
+from tune.documents.estimators import (
+    DERIVATIVES,
+    DIFFERENCES,
+    Derivative,
+    FilterKind,
+    filter_of,
+    leads,
+    strange_order,
+)
 from tune.documents.scene import Effects, Hand
 from tune.loop.plant import (
     HandNumbers,
@@ -53,21 +62,24 @@ LONGEST_WINDOW = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Filters:
-    """Low-passes of the estimated velocity and acceleration; None is no filter.
+    """Filters of the estimated velocity and acceleration; None is no filter.
 
     Velocity is a backward difference (z-1)/(T·z) times its filter, acceleration the square of the
-    difference times its own. Order 1 is (1-a)·z/(z-a) with a = exp(-2π·f·T). Order 2 is
-    (1-t+p)·z²/(z²-t·z+p) with poles exp(-2π·f·T·(ζ ± j√(1-ζ²))); at ζ = 1 that is order 1 twice.
-    A window of n samples takes the velocity as (z^n - 1)/(n·T·z^n).
+    difference times its own. A low-pass of order 1 is (1-a)·z/(z-a) with a = exp(-2π·f·T). Order 2
+    is (1-t+p)·z²/(z²-t·z+p) with poles exp(-2π·f·T·(ζ ± j√(1-ζ²))); at ζ = 1 that is order 1 twice.
+    A tracking filter of n states, of velocity 2 or 3 and of acceleration 3 or 4, is a pair of order
+    2 and n - 2 times order 1; with the more states times 1 + ℓ·(z-1)/z, ℓ samples the lag of it
+    all. A window of n samples takes the velocity as (z^n - 1)/(n·T·z^n).
 
     Attributes:
+        velocity_filter: kind of the velocity filter.
+        acceleration_filter: kind of the acceleration filter.
         velocity_filter_hz: cut-off f of the velocity estimate, Hz, or None.
         acceleration_filter_hz: cut-off f of the acceleration estimate, Hz, or None.
-        velocity_filter_order: 1 or 2.
-        acceleration_filter_order: 1 or 2.
-        filter_damping_ratio: ζ in (0, 1] of second-order filters: 1 two equal poles, 0.7071
-            Butterworth.
-        velocity_window_samples: n, samples of a moving window instead of a low-pass, or None.
+        velocity_filter_order: poles of a low-pass, states of a tracking filter.
+        acceleration_filter_order: likewise.
+        filter_damping_ratio: ζ in (0, 1] of pairs of poles: 1 two equal poles, 0.7071 Butterworth.
+        velocity_window_samples: n, samples of a moving window instead of a filter, or None.
 
     Raises:
         LoopError: a cut-off that is not positive, an order, ratio or window that does not exist,
@@ -76,19 +88,21 @@ class Filters:
 
     velocity_filter_hz: float | None = None
     acceleration_filter_hz: float | None = None
-    velocity_filter_order: Literal[1, 2] = 1
-    acceleration_filter_order: Literal[1, 2] = 2
+    velocity_filter: FilterKind = "low-pass"
+    acceleration_filter: FilterKind = "low-pass"
+    velocity_filter_order: int = 1
+    acceleration_filter_order: int = 2
     filter_damping_ratio: float = 1.0
     velocity_window_samples: int | None = None
 
     def __post_init__(self) -> None:
-        for name in ("velocity_filter_hz", "acceleration_filter_hz"):
-            cutoff = getattr(self, name)
+        for which in DERIVATIVES:
+            kind, cutoff, order = filter_of(self, which)
             if cutoff is not None and not 0 < cutoff < np.inf:
-                raise LoopError(f"{name} must be positive, not {cutoff:g}; None is no filter")
-        for name in ("velocity_filter_order", "acceleration_filter_order"):
-            if getattr(self, name) not in {1, 2}:
-                raise LoopError(f"{name} must be 1 or 2, not {getattr(self, name)!r}")
+                seen = f"{which}_filter_hz must be positive, not {cutoff:g}"
+                raise LoopError(f"{seen}; None is no filter")
+            if wrong := strange_order(which, kind, order):
+                raise LoopError(wrong)
         ratio, count = self.filter_damping_ratio, self.velocity_window_samples
         if not 0 < ratio <= 1:
             raise LoopError(f"filter_damping_ratio must be in (0, 1], not {ratio:g}")
@@ -156,38 +170,46 @@ def _common_denominator(velocity: _Estimator, acceleration: _Estimator) -> Law:
 def _law(filters: Filters, sample_time: FloatArray) -> Law:
     """The law of filters at some sample times, of any shape."""
 
-    def behind(times: int, cutoff: float | None, order: int) -> _Estimator:
-        """So many differences behind a low-pass."""
+    def behind(which: Derivative) -> _Estimator:
+        """The differences behind their filter."""
+        kind, cutoff, order = filter_of(filters, which)
+        times = DIFFERENCES[which]
         numerator = ONE.times(*[DIFFERENCE] * times)
         if cutoff is None:
             return _Estimator(numerator, (LATE,) * times)
         angle = 2 * np.pi * cutoff * sample_time
-        factors, gain = _low_pass(order, filters.filter_damping_ratio, angle)
-        if order > times:
-            numerator = numerator.times(LATE)
-        return _Estimator(numerator.scaled(gain), (*(LATE,) * (times - order), *factors))
+        factors, gain, lag = _low_pass(order, filters.filter_damping_ratio, angle)
+        late = order - times
+        if leads(which, kind, order):
+            # 1 + ℓ·(z-1)/z → (1 + (1+2ℓ)w)/(1+w), the lag of the differences in it.
+            numerator = numerator.times(Polynomial.exact(1.0, 1 + times + 2 * lag))
+            late -= 1
+        numerator = numerator.times(*[LATE] * max(late, 0))
+        return _Estimator(numerator.scaled(gain), (*(LATE,) * max(-late, 0), *factors))
 
     window = filters.velocity_window_samples
     if window is None:
-        velocity = behind(1, filters.velocity_filter_hz, filters.velocity_filter_order)
+        velocity = behind("velocity")
     else:
         # (1+w)^n - (1-w)^n: the odd powers, twice.
         odd = [2 * comb(window, k) * (k % 2) / window for k in range(window + 1)]
         velocity = _Estimator(Polynomial.exact(*odd), (LATE,) * window)
-    acceleration = behind(2, filters.acceleration_filter_hz, filters.acceleration_filter_order)
-    return _common_denominator(velocity, acceleration)
+    return _common_denominator(velocity, behind("acceleration"))
 
 
 def _low_pass(
     order: int, ratio: float, angle: FloatArray
-) -> tuple[tuple[Polynomial, ...], FloatArray]:
-    """Factors of z - a or z² - t·z + p, and 1 - a or 1 - t + p."""
-    if order == 2 and ratio < 1:
-        pair = _oscillation(ratio * angle, np.sqrt((1 - ratio) * (1 + ratio)) * angle)
-        return (pair,), pair.value[0]
+) -> tuple[tuple[Polynomial, ...], FloatArray, FloatArray]:
+    """Factors of z - a and z² - t·z + p, the product of 1 - a and 1 - t + p, lag in samples."""
     loss = -np.expm1(-angle)
-    line = Polynomial.exact(loss, 1 + np.exp(-angle))
-    return (line,) * order, loss if order == 1 else loss * loss
+    line, single = Polynomial.exact(loss, 1 + np.exp(-angle)), 1 / np.expm1(angle)
+    if order >= 2 and ratio < 1:
+        turned = np.sqrt((1 - ratio) * (1 + ratio))
+        pair = _oscillation(ratio * angle, turned * angle)
+        lag = 2 * (1 / np.expm1(angle * complex(ratio, turned))).real + (order - 2) * single
+        return (pair, *(line,) * (order - 2)), pair.value[0] * loss ** (order - 2), lag
+    gain = loss if order == 1 else loss * loss * loss ** (order - 2)
+    return (line,) * order, gain, order * single
 
 
 def _oscillation(decay: FloatArray, angle: FloatArray) -> Polynomial:

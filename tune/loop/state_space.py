@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device
+from tune.documents.estimators import Estimator
 from tune.loop.loop import Filters
 
 FloatArray = NDArray[np.float64]
@@ -44,12 +45,10 @@ def law_states(filters: Filters, T: float, K: float, B: float, M: float) -> LawS
         window = filters.velocity_window_samples or 1
         slope = np.zeros(window + 1)
         slope[0], slope[-1] = 1 / (window * T), -1 / (window * T)
-        order = filters.velocity_filter_order
-        velocity = _smoothed(slope, filters.velocity_filter_hz, order, filters, T)
+        velocity = _smoothed(slope, Estimator.of(filters, "velocity", T))
     if M:
         twice = np.array([1.0, -2.0, 1.0]) / T**2
-        order = filters.acceleration_filter_order
-        acceleration = _smoothed(twice, filters.acceleration_filter_hz, order, filters, T)
+        acceleration = _smoothed(twice, Estimator.of(filters, "acceleration", T))
     below = np.convolve(velocity[1], acceleration[1])
     above = [
         K * below,
@@ -68,21 +67,14 @@ def law_states(filters: Filters, T: float, K: float, B: float, M: float) -> LawS
     return LawStates(update, drive, np.eye(1, size - 1)[0], float(top[0]))
 
 
-def _smoothed(
-    difference: FloatArray, cutoff: float | None, order: int, filters: Filters, T: float
-) -> tuple[FloatArray, FloatArray]:
-    """(numerator, denominator) in 1/z of a difference behind its low-pass."""
-    if cutoff is None:
-        return difference, np.array([1.0])
-    # x[k] = t·x[k-1] - p·x[k-2] + (1-t+p)·u[k]
-    angle, ratio = 2 * np.pi * cutoff * T, filters.filter_damping_ratio
-    if order == 1:
-        t, p = float(np.exp(-angle)), 0.0
-    else:
-        left = np.exp(-ratio * angle)
-        t = float(2 * left * np.cos(np.sqrt((1 - ratio) * (1 + ratio)) * angle))
-        p = float(left**2)
-    return difference * (1 - t + p), np.array([1.0, -t, p][: order + 1])
+def _smoothed(difference: FloatArray, behind: Estimator) -> tuple[FloatArray, FloatArray]:
+    """(numerator, denominator) in 1/z of a difference behind its filter."""
+    above, below = difference, np.array([1.0])
+    for section in (behind.first, behind.then):
+        poles = np.trim_zeros(np.array([1.0, -section.t, section.p]), "b")
+        above, below = above * section.gain, np.convolve(below, poles)
+    lead = np.trim_zeros(np.array([1 + behind.lead, -behind.lead]), "b")
+    return np.convolve(above, lead), below
 
 
 #: Taylor terms of the exponential of a matrix below one half in norm: 2^-18/18! < 1e-20.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from identification import round_to_digits
 from tune.documents import NoFeasibleEffectError
+from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import Cutoff, EffectName
 from tune.loop.loop import Filters
 from tune.optimisation.backends import Evaluation, Rank, program_of
@@ -70,10 +71,15 @@ def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
     scene = task.scene
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
     windowed = scene.loop.velocity_window_samples if "damping" in wishes else None
+    (velocity_kind, velocity_order), (acceleration_kind, acceleration_order) = (
+        scene.loop.kind(which) for which in DERIVATIVES
+    )
     kind = Filters(
-        velocity_filter_order=scene.loop.velocity_filter_order,
-        acceleration_filter_order=scene.loop.acceleration_filter_order,
-        filter_damping_ratio=scene.loop.filter_damping_ratio,
+        velocity_filter=velocity_kind,
+        velocity_filter_order=velocity_order,
+        acceleration_filter=acceleration_kind,
+        acceleration_filter_order=acceleration_order,
+        filter_damping_ratio=scene.loop.filter_damping_ratio or 1.0,
         velocity_window_samples=windowed,
     )
     nyquist = 0.5 / task.device.sample_time.high
@@ -192,10 +198,8 @@ class _Search:
         return self._worth(point)
 
     def _say(self, filters: Filters) -> None:
-        self.say(
-            f"trying filters: velocity {_hertz(filters.velocity_filter_hz)}, "
-            f"acceleration {_hertz(filters.acceleration_filter_hz)}"
-        )
+        velocity, acceleration = (filter_of(filters, which) for which in DERIVATIVES)
+        self.say(f"trying filters: velocity {velocity}, acceleration {acceleration}")
 
     def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
         """From a point to one that is worth more than all around it."""
@@ -281,10 +285,6 @@ def _lag(filters: Filters) -> float:
     return sum(
         1 / hertz for hertz in (filters.velocity_filter_hz, filters.acceleration_filter_hz) if hertz
     )
-
-
-def _hertz(cutoff: float | None) -> str:
-    return "none" if cutoff is None else f"{cutoff:g} Hz"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

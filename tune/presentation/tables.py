@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import EFFECT_NAMES, UNITS
 
 if TYPE_CHECKING:
@@ -177,8 +178,10 @@ def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
 
 def filters_in_words(loop: LoopProfile) -> str:
     """Cut-offs, and the window, of a profile's filters."""
-    cutoffs = {"velocity": loop.velocity_filter_hz, "acceleration": loop.acceleration_filter_hz}
-    parts = [f"{name} {cutoff:g} Hz" for name, cutoff in cutoffs.items() if cutoff is not None]
+    every = [(which, filter_of(loop, which)) for which in DERIVATIVES]
+    parts = [f"{which} {each}" for which, each in every if each.hertz is not None]
+    if loop.filter_damping_ratio != 1:
+        parts.append(f"damping ratio {loop.filter_damping_ratio:g}")
     if loop.velocity_window_samples is not None:
         parts.insert(0, f"velocity over {loop.velocity_window_samples} samples")
     return ", ".join(parts) or "none"

@@ -3,8 +3,10 @@ ${heading}
  * The certified control law, T being the sample time. Of the axis, from every reading y:
  *
  *   d = (y[k] - y[k-1]) / T
- *   v = (tv v[k-1] - pv v[k-2]) + gv u,  u = (y[k] - y[k-n]) / (n T)
- *   a = (ta a[k-1] - pa a[k-2]) + ga u,  u = (d[k] - d[k-1]) / T
+ *   v from u = (y[k] - y[k-n]) / (n T),  a from u = (d[k] - d[k-1]) / T
+ *
+ * each through two sections x[k] = (t x[k-1] - p x[k-2]) + g u[k], one after the other, and from the
+ * last x + lead (x - x[k-1]).
  *
  * Of each element u = (K (y - rest) + B v) + M a and F = -level u. With a spring, u is clamped to
  * its force level, and of a wall to the side to which it pushes: it never pulls. The forces are
@@ -33,8 +35,11 @@ ${heading}
 #define MOMENTS ${moment_count}u
 
 typedef struct {
-    double t, p, g;
-} section;
+    struct {
+        double t, p, g;
+    } sections[2];
+    double lead; /* samples */
+} filter;
 
 typedef struct {
     double stiffness, damping, mass;
@@ -46,9 +51,9 @@ typedef struct {
 } effects;
 
 /* velocity: ${velocity_words} */
-static const section velocity_filter = {${velocity}};
+static const filter velocity_filter = {${velocity}};
 /* acceleration: ${acceleration_words} */
-static const section acceleration_filter = {${acceleration}};
+static const filter acceleration_filter = {${acceleration}};
 
 static const effects played[COUNT] = {
 ${played}};
@@ -106,17 +111,23 @@ static int entered(const haptune_guard *guard, uint64_t elements)
     return 1;
 }
 
-static void run_section(const section *filter, double *state, double input)
+static double run(const filter *by, double state[2][2], double input)
 {
-    const double output = (filter->t * state[0] - filter->p * state[1]) + filter->g * input;
-    state[1] = state[0];
-    state[0] = output;
+    double output = input;
+    int place;
+    for (place = 0; place < 2; place++) {
+        output = (by->sections[place].t * state[place][0] - by->sections[place].p * state[place][1])
+            + by->sections[place].g * output;
+        state[place][1] = state[place][0];
+        state[place][0] = output;
+    }
+    return output + by->lead * (output - state[1][1]);
 }
 
 /* As if the device had moved at this slope until now. */
 static void start(haptune_estimate *axis, uint32_t period, double position, double slope)
 {
-    unsigned place;
+    unsigned place, index;
     axis->started = 1;
     axis->period = period;
     axis->oldest = 0;
@@ -127,10 +138,14 @@ static void start(haptune_estimate *axis, uint32_t period, double position, doub
     axis->slope = slope;
     axis->earlier = position - slope * HAPTUNE_SAMPLE_TIME;
     axis->earlier_slope = slope;
-    axis->velocity[0] = slope;
-    axis->velocity[1] = slope;
-    axis->acceleration[0] = 0.0;
-    axis->acceleration[1] = 0.0;
+    for (place = 0; place < 2; place++) {
+        for (index = 0; index < 2; index++) {
+            axis->of_velocity[place][index] = slope;
+            axis->of_acceleration[place][index] = 0.0;
+        }
+    }
+    axis->velocity = slope;
+    axis->acceleration = 0.0;
 }
 
 static void take(haptune_estimate *axis, double position)
@@ -138,8 +153,8 @@ static void take(haptune_estimate *axis, double position)
     const double slope = (position - axis->last) / HAPTUNE_SAMPLE_TIME;
     const double mean = (position - axis->past[axis->oldest])
         / (HAPTUNE_WINDOW * HAPTUNE_SAMPLE_TIME);
-    run_section(&velocity_filter, axis->velocity, mean);
-    run_section(&acceleration_filter, axis->acceleration,
+    axis->velocity = run(&velocity_filter, axis->of_velocity, mean);
+    axis->acceleration = run(&acceleration_filter, axis->of_acceleration,
         (slope - axis->slope) / HAPTUNE_SAMPLE_TIME);
     axis->past[axis->oldest] = position;
     axis->oldest = (axis->oldest + 1) % HAPTUNE_WINDOW;
@@ -282,7 +297,7 @@ static double clamped(const effects *effect, const haptune_contact *contact,
     const haptune_estimate *axis, double rest)
 {
     const double u = (effect->stiffness * (axis->last - rest)
-        + effect->damping * axis->velocity[0]) + effect->mass * axis->acceleration[0];
+        + effect->damping * axis->velocity) + effect->mass * axis->acceleration;
     const double low = effect->one_sided && contact->side < 0 ? 0.0 : -effect->force_level;
     const double high = effect->one_sided && contact->side > 0 ? 0.0 : effect->force_level;
     if (!(effect->stiffness > 0.0)) {

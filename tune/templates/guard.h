@@ -79,8 +79,9 @@ typedef struct {
     double past[HAPTUNE_WINDOW];
     double last, slope;
     double earlier, earlier_slope; /* one period before */
-    double velocity[2]; /* now, and one reading before */
-    double acceleration[2];
+    double velocity, acceleration;
+    double of_velocity[2][2]; /* of each section, now and one reading before */
+    double of_acceleration[2][2];
 } haptune_estimate;
 
 /* One element. */

@@ -51,10 +51,32 @@ class LowPass:
     now: float = 0.0
     before: float = 0.0
 
-    def take(self, value: float) -> None:
+    def take(self, value: float) -> float:
         """Run on by one sample."""
         output = (self.t * self.now - self.p * self.before) + self.g * value
         self.before, self.now = self.now, output
+        return output
+
+
+@dataclass
+class Filter:
+    """Two low-passes, one after the other, then x[k] + lead*(x[k] - x[k-1])."""
+
+    first: LowPass
+    then: LowPass
+    lead: float
+    now: float = 0.0
+
+    def start(self, value: float) -> None:
+        """As if the input had been this for long."""
+        for each in (self.first, self.then):
+            each.now = each.before = value
+        self.now = value
+
+    def take(self, value: float) -> None:
+        """Run on by one sample."""
+        output = self.then.take(self.first.take(value))
+        self.now = output + self.lead * (output - self.then.before)
 
 
 @dataclass
@@ -142,8 +164,8 @@ class Axis:
 
     sample_time: float
     window: int
-    velocity: LowPass
-    acceleration: LowPass
+    velocity: Filter
+    acceleration: Filter
     largest_change: float
     started: bool = False
     period: int = 0
@@ -162,8 +184,8 @@ class Axis:
         ]
         self.last, self.slope = position, slope
         self.earlier, self.earlier_slope = position - slope * self.sample_time, slope
-        self.velocity.now = self.velocity.before = slope
-        self.acceleration.now = self.acceleration.before = 0.0
+        self.velocity.start(slope)
+        self.acceleration.start(0.0)
 
     def bridge(self, steps: int, position: float) -> None:
         """Along the straight line to a reading that is some periods after the last one."""
@@ -218,8 +240,8 @@ class Law:
         self.axis = Axis(
             sample_time=self.sample_time,
             window=int(parameters.get("velocity.samples", 1)),
-            velocity=_low_pass(parameters, "velocity"),
-            acceleration=_low_pass(parameters, "acceleration"),
+            velocity=_filter(parameters, "velocity"),
+            acceleration=_filter(parameters, "acceleration"),
             largest_change=float(parameters["largest_change"]),
         )
         self.status, self.clamped, self.last_force = Status.OK, False, 0.0
@@ -397,10 +419,10 @@ def _sets(parameters: Mapping[str, Any], kind: str, names: str) -> Iterator[froz
     return (frozenset(parameters[f"{kind}.{name}"]) for name in parameters.get(names, ()))
 
 
-def _low_pass(parameters: Mapping[str, Any], which: str) -> LowPass:
+def _filter(parameters: Mapping[str, Any], which: str) -> Filter:
     """A filter; without coefficients it passes what it is given."""
-    return LowPass(
-        t=float(parameters.get(f"{which}.t", 0.0)),
-        p=float(parameters.get(f"{which}.p", 0.0)),
-        g=float(parameters.get(f"{which}.g", 1.0)),
+    first, then = (
+        LowPass(*(float(parameters.get(f"{which}.{key}{end}", key == "g")) for key in "tpg"))
+        for end in ("", "2")
     )
+    return Filter(first, then, float(parameters.get(f"{which}.lead", 0.0)))

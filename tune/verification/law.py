@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import UsageError
+from tune.documents.estimators import Derivative, Estimator, filter_of
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import EFFECT_NAMES, Effects
 from tune.loop.loop import Filters, filters_of
@@ -265,25 +266,20 @@ def _estimates(position: FloatArray, loop: LoopProfile) -> tuple[FloatArray, Flo
     change = np.diff(position, prepend=position[0]) / loop.sample_time
     again = np.diff(change, prepend=change[0]) / loop.sample_time
 
-    def low_pass(signal: FloatArray, cutoff: float | None, order: int) -> FloatArray:
+    def filtered(signal: FloatArray, which: Derivative) -> FloatArray:
         """docs/theory.md, 1."""
-        if cutoff is None:
-            return signal
-        turn = 2 * np.pi * cutoff * loop.sample_time
-        if order == 1:
-            denominator = np.array([1.0, -np.exp(-turn)])
-        else:
-            shrink = np.exp(-turn * loop.filter_damping_ratio)
-            swing = np.cos(turn * np.sqrt(1 - loop.filter_damping_ratio**2))
-            denominator = np.array([1.0, -2 * shrink * swing, shrink * shrink])
-        return np.asarray(lfilter([np.sum(denominator)], denominator, signal), dtype=np.float64)
+        behind = Estimator.of(loop, which, loop.sample_time)
+        for section in (behind.first, behind.then):
+            poles = [1.0, -section.t, section.p]
+            signal = np.asarray(lfilter([section.gain], poles, signal), dtype=np.float64)
+        return signal + behind.lead * np.diff(signal, prepend=signal[0])
 
     if loop.velocity_window_samples is not None:
         count = loop.velocity_window_samples
         velocity = np.asarray(lfilter(np.full(count, 1 / count), [1.0], change), dtype=np.float64)
     else:
-        velocity = low_pass(change, loop.velocity_filter_hz, loop.velocity_filter_order)
-    return velocity, low_pass(again, loop.acceleration_filter_hz, loop.acceleration_filter_order)
+        velocity = filtered(change, "velocity")
+    return velocity, filtered(again, "acceleration")
 
 
 def _contacts(used: Rows) -> list[tuple[int, int]]:
@@ -298,10 +294,11 @@ def _nuisance(
     """(offset and modes of the filters of each contact, the rows the contacts leave)."""
     rows = np.zeros(count, dtype=np.bool_)
     columns: list[FloatArray] = [np.ones(count)]
-    filters = [(loop.acceleration_filter_hz, loop.acceleration_filter_order)]
+    filters = [filter_of(loop, "acceleration")]
     if loop.velocity_window_samples is None:
-        filters.append((loop.velocity_filter_hz, loop.velocity_filter_order))
-    shaping = [(cutoff, order) for cutoff, order in dict.fromkeys(filters) if cutoff is not None]
+        filters.append(filter_of(loop, "velocity"))
+    orders = [(each.hertz, each.order) for each in filters if each.hertz is not None]
+    shaping = list(dict.fromkeys(orders))
     for first, end in contacts:
         start = min(first + warm, end)
         rows[start : max(start, end - warm)] = True
@@ -316,14 +313,16 @@ def _nuisance(
 
 
 def _modes(turn: float, order: int, damping_ratio: float, since: FloatArray) -> list[FloatArray]:
-    """How a low-pass of 2π·f·T = ``turn`` forgets; ``since`` in samples."""
+    """How a filter of 2π·f·T = ``turn`` forgets; ``since`` in samples."""
+    single = np.exp(-turn * since)
     if order == 1:
-        return [np.exp(-turn * since)]
+        return [single]
     shrink = np.exp(-turn * damping_ratio * since)
     swing = turn * np.sqrt(1 - damping_ratio**2)
     if swing < _EQUAL:
-        return [shrink, shrink * since * turn]
-    return [shrink * np.cos(swing * since), shrink * np.sin(swing * since)]
+        return [shrink * (since * turn) ** power for power in range(order)]
+    pair = [shrink * np.cos(swing * since), shrink * np.sin(swing * since)]
+    return pair + [single * (since * turn) ** power for power in range(order - 2)]
 
 
 def _orthonormal(columns: FloatArray) -> FloatArray:

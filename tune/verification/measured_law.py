@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Trajectory
+from tune.documents.estimators import DERIVATIVES, Derivative, filter_of
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import EFFECT_NAMES, UNITS, Effects
 from tune.verification.law import (
@@ -391,7 +392,7 @@ def _variants(log: Log, loop: LoopProfile, combinations: Combinations) -> Iterat
     damped = any(each.damping is not None for each in combinations.values())
     heavy = any(each.mass is not None for each in combinations.values())
     both: dict[str, object] = {}
-    for name, concerned in (("velocity", damped), ("acceleration", heavy)):
+    for name, concerned in zip(DERIVATIVES, (damped, heavy), strict=True):
         if not concerned:
             continue
         bare = _bare(name)
@@ -426,11 +427,11 @@ def _bare(name: str) -> dict[str, object]:
 
 
 def _other_filters(
-    log: Log, loop: LoopProfile, combinations: Combinations, name: str, remedy: str
+    log: Log, loop: LoopProfile, combinations: Combinations, name: Derivative, remedy: str
 ) -> Iterator[_Variant]:
     """Other cut-offs, orders, dampings and windows of one estimate."""
-    stated: float | None = getattr(loop, f"{name}_filter_hz")
-    own: int = getattr(loop, f"{name}_filter_order")
+    mine, stated, order = filter_of(loop, name)
+    own = mine, order
 
     def residual(loop: LoopProfile) -> float:
         columns = log.columns(loop)
@@ -438,20 +439,23 @@ def _other_filters(
             return np.inf
         return min(fit_scaled(columns, effects).residual for effects in combinations.values())
 
-    for order in (own, 3 - own):
+    for kind, order in dict.fromkeys([own, ("low-pass", 1), ("low-pass", 2)]):
 
-        def with_cutoff(hertz: float, order: int = order) -> LoopProfile:
+        def with_cutoff(hertz: float, kind: str = kind, order: int = order) -> LoopProfile:
             update = {f"{name}_filter_hz": hertz, f"{name}_filter_order": order}
+            update |= {f"{name}_filter": kind}
             return loop.model_copy(update=_bare(name) | update)
 
         hertz = _best_cutoff(lambda f: residual(with_cutoff(f)), _HIGHEST / loop.sample_time)
         told = "no filter" if stated is None else f"{stated:.4g} Hz"
-        kind = "" if order == own else f" and order {order} instead of {own}"
+        other = "" if (kind, order) == own else f" and order {order} instead of {own[1]}"
         yield _Variant(
-            words=f"{name} is filtered at {hertz:.4g} Hz{kind}; the profile has {told}",
+            words=f"{name} is filtered at {hertz:.4g} Hz{other}; the profile has {told}",
             remedy=remedy,
             loop=with_cutoff(hertz),
-            material=order != own or stated is None or abs(hertz / stated - 1) > _MATERIAL_CUTOFF,
+            material=(kind, order) != own
+            or stated is None
+            or abs(hertz / stated - 1) > _MATERIAL_CUTOFF,
         )
     if name == "velocity":
         windowed = {

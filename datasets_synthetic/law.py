@@ -8,13 +8,13 @@ while a wall pushes. A damper alone is switched at any moment.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from math import comb
 from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from datasets_synthetic.device import Batched, per_member
+from datasets_synthetic.motion import Observer
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -243,8 +243,7 @@ class Controller(Batched):
         velocity_filter_order: poles of the velocity filter, 1 or 2; states if it tracks.
         acceleration_filter_order: poles of the acceleration filter, 1 or 2; states if it tracks.
         filter_damping_ratio: ζ of pairs of poles, above 0 and at most 1; at 1 they are equal.
-        velocity_filter: "low-pass", or "tracking" with 2 or 3 states.
-        acceleration_filter: "low-pass", or "tracking" with 3 or 4 states.
+        velocity_filter, acceleration_filter: "low-pass", or "tracking".
         velocity_window_samples: n samples over which the velocity is (q[k] - q[k-n])/(n·T) instead
             of the backward difference, without any filter; 1 is the backward difference itself.
         side: -1 or 1 of a wall, which pushes to that side only; 0 to both. See ``Element``.
@@ -259,12 +258,8 @@ class Controller(Batched):
     motion at the reading. Both start from rest at the first reading.
     """
 
-    shared: ClassVar[tuple[str, ...]] = (
-        "beside",
-        "calls",
-        "velocity_filter",
-        "acceleration_filter",
-    )
+    _own = "velocity_filter", "acceleration_filter"
+    shared: ClassVar[tuple[str, ...]] = ("beside", "calls", *_own)
 
     stiffness: float | FloatArray = 0.0
     damping: float | FloatArray = 0.0
@@ -485,54 +480,12 @@ def _section(
     return t * past[0] - p * past[1] + (1 - t + p) * value, past[0]
 
 
-class _Observer:
-    """A Luenberger observer of a position and its derivatives, the highest of them constant.
-
-    States are the derivatives times T^j/j!, so that each step adds them by Pascal's triangle.
-    """
-
-    def __init__(
-        self,
-        states: int,
-        hertz: FloatArray | float,
-        ratio: FloatArray | float,
-        sample_time: FloatArray,
-    ) -> None:
-        """So many states; sample time in s, shape (batch,)."""
-        pascal = [[comb(j, i) for j in range(states)] for i in range(states)]
-        self._step: FloatArray = np.array(pascal, dtype=np.float64)
-        self._state: FloatArray | None = None
-        shift, one = self._step - np.eye(states), np.eye(states)
-        turn = 2 * np.pi * hertz * sample_time
-        t, p = _low_pass_poles(hertz, 2, ratio, sample_time)
-        # Ackermann's formula, of factors z² - t·z + p and z - a in powers of the shift z - 1.
-        wanted = shift @ shift + (2 - t)[:, None, None] * shift + (1 - t + p)[:, None, None] * one
-        for _ in range(states - 2):
-            wanted = wanted @ (shift - np.expm1(-turn)[:, None, None] * one)
-        rows = [np.linalg.matrix_power(self._step, k + 1)[0] for k in range(states)]
-        self._gain: FloatArray = wanted @ np.linalg.solve(np.array(rows), one[-1])
-
-    def update(self, reading: FloatArray) -> FloatArray:
-        """The states after this reading, shape (batch, states)."""
-        if self._state is None:
-            self._state = np.zeros_like(self._gain)
-            self._state[:, 0] = reading
-        expected: FloatArray = self._state @ self._step.T
-        state: FloatArray = expected + self._gain * (reading - expected[:, 0])[:, None]
-        self._state = state
-        return state
-
-
 class _TrackedEstimates:
-    """Estimates of which one or both come from an observer."""
+    """Estimates of which one or both come from an observer; by derivative, 1 or 2."""
 
     def __init__(
-        self,
-        others: _FirstOrderEstimates | _SectionEstimates | _TrackedEstimates,
-        observers: dict[int, _Observer],
-        sample_time: FloatArray,
+        self, others: _Estimates, observers: dict[int, Observer], sample_time: FloatArray
     ) -> None:
-        """Observers by the derivative that each estimates, 1 or 2."""
         self._others, self._observers, self._sample_time = others, observers, sample_time
 
     def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -542,6 +495,9 @@ class _TrackedEstimates:
             state = observer.update(reading)[:, power]
             found[power - 1] = state * (power / self._sample_time**power)
         return found[0], found[1]
+
+
+_Estimates = _FirstOrderEstimates | _SectionEstimates | _TrackedEstimates
 
 
 class ControlLaw:
@@ -598,18 +554,16 @@ class ControlLaw:
         return -np.add.reduce(law)
 
 
-def _estimates(
-    controller: Controller, sample_time: FloatArray, *, accelerates: bool
-) -> _FirstOrderEstimates | _SectionEstimates | _TrackedEstimates:
+def _estimates(controller: Controller, sample_time: FloatArray, *, accelerates: bool) -> _Estimates:
     """The filters; the usual ones as plain cascades of first order."""
     velocity, acceleration = controller.velocity_filter_hz, controller.acceleration_filter_hz
-    tracks: dict[int, _Observer] = {}
+    tracks: dict[int, Observer] = {}
     for power, which in ((1, "velocity"), (2, "acceleration")):
         hertz = getattr(controller, f"{which}_filter_hz")
         if getattr(controller, f"{which}_filter") == "tracking" and np.all(np.isfinite(hertz)):
             states = int(np.max(getattr(controller, f"{which}_filter_order")))
             ratio = controller.filter_damping_ratio
-            tracks[power] = _Observer(states, hertz, ratio, sample_time)
+            tracks[power] = Observer(states, hertz, ratio, sample_time)
     if tracks:
         beside = replace(
             controller,

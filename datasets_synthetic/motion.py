@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -365,3 +366,42 @@ def _acting(
     finishes = np.where(acting == last, ends, arrivals[acting + 1])
     there = first + part <= last
     return acting - 1, np.where(there, finishes - begins, 0.0)
+
+
+class Observer:
+    """A Luenberger observer of a position and its derivatives, the highest of them constant.
+
+    States are the derivatives times T^j/j!, so that each step adds them by Pascal's triangle.
+    """
+
+    def __init__(
+        self,
+        states: int,
+        hertz: FloatArray | float,
+        ratio: FloatArray | float,
+        sample_time: FloatArray,
+    ) -> None:
+        """So many states; sample time in s, shape (batch,)."""
+        pascal = [[comb(j, i) for j in range(states)] for i in range(states)]
+        self._step: FloatArray = np.array(pascal, dtype=np.float64)
+        self._state: FloatArray | None = None
+        shift, one = self._step - np.eye(states), np.eye(states)
+        turn = 2 * np.pi * hertz * sample_time
+        size = np.exp(-ratio * turn)
+        t, p = 2 * size * np.cos(np.sqrt(1 - np.square(ratio)) * turn), size**2
+        # Ackermann's formula, of factors z² - t·z + p and z - a in powers of the shift z - 1.
+        wanted = shift @ shift + (2 - t)[:, None, None] * shift + (1 - t + p)[:, None, None] * one
+        for _ in range(states - 2):
+            wanted = wanted @ (shift - np.expm1(-turn)[:, None, None] * one)
+        rows = [np.linalg.matrix_power(self._step, k + 1)[0] for k in range(states)]
+        self._gain: FloatArray = wanted @ np.linalg.solve(np.array(rows), one[-1])
+
+    def update(self, reading: FloatArray) -> FloatArray:
+        """The states after this reading, shape (batch, states)."""
+        if self._state is None:
+            self._state = np.zeros_like(self._gain)
+            self._state[:, 0] = reading
+        expected: FloatArray = self._state @ self._step.T
+        state: FloatArray = expected + self._gain * (reading - expected[:, 0])[:, None]
+        self._state = state
+        return state

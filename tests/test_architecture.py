@@ -124,7 +124,7 @@ def test_no_file_has_more_lines_than_planned(package: str) -> None:
             "identify(load_trajectory('datasets_synthetic/logs/homerehab.csv'))\n",
         ),
         (
-            41,
+            42,
             "from identification import load_device\n"
             "from tune import Scene, optimise\n"
             "elements = {'wall': {'stiffness': 'max', 'damping': 'max'},"

@@ -466,8 +466,7 @@ Cutoff = Annotated[
 class LoopFreedom(Document):
     """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
 
-    Where nothing is said of a free filter but that it is free, its kind, order and damping ratio
-    are chosen with its cut-off; else it is a low-pass where no kind is stated.
+    It is a low-pass where no kind is stated.
 
     Attributes:
         velocity_filter: kind of the filter behind the backward difference.
@@ -524,12 +523,6 @@ class LoopFreedom(Document):
         kind, order = getattr(self, f"{which}_filter"), getattr(self, f"{which}_filter_order")
         usual = DIFFERENCES[which] + (2 if kind == "tracking" else 0)
         return kind or "low-pass", usual if order is None else order
-
-    def leaves_kind(self, which: Derivative) -> bool:
-        """Whether the kind of a filter is left to choose, with its order and cut-off."""
-        names = f"{which}_filter", f"{which}_filter_order", "filter_damping_ratio"
-        stated = [name for name in names if getattr(self, name) is not None]
-        return getattr(self, f"{which}_filter_hz") == "free" and not stated
 
 
 class Scene(Document):

@@ -21,16 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification import Device
-from tune.documents import LoopError
-from tune.documents.estimators import (
-    DERIVATIVES,
-    DIFFERENCES,
-    Derivative,
-    FilterKind,
-    filter_of,
-    leads,
-    strange_order,
-)
+from tune.documents import LoopError, estimators
+from tune.documents.estimators import DIFFERENCES, Derivative, FilterKind, filter_of
 from tune.documents.scene import Effects, Hand
 from tune.loop.plant import (
     HandNumbers,
@@ -65,19 +57,13 @@ class Filters:
     """Filters of the estimated velocity and acceleration; None is no filter.
 
     Velocity is a backward difference (z-1)/(T·z) times its filter, acceleration the square of the
-    difference times its own. A low-pass of order 1 is (1-a)·z/(z-a) with a = exp(-2π·f·T). Order 2
-    is (1-t+p)·z²/(z²-t·z+p) with poles exp(-2π·f·T·(ζ ± j√(1-ζ²))); at ζ = 1 that is order 1 twice.
-    A tracking filter of n states, of velocity 2 or 3 and of acceleration 3 or 4, is a pair of order
-    2 and n - 2 times order 1; with the more states times 1 + ℓ·(z-1)/z, ℓ samples the lag of it
-    all. A window of n samples takes the velocity as (z^n - 1)/(n·T·z^n).
+    difference times its own; a window of n samples takes the velocity as (z^n - 1)/(n·T·z^n). Kinds
+    and orders are those of `tune.documents.estimators`.
 
     Attributes:
-        velocity_filter: kind of the velocity filter.
-        acceleration_filter: kind of the acceleration filter.
-        velocity_filter_hz: cut-off f of the velocity estimate, Hz, or None.
-        acceleration_filter_hz: cut-off f of the acceleration estimate, Hz, or None.
-        velocity_filter_order: poles of a low-pass, states of a tracking filter.
-        acceleration_filter_order: likewise.
+        velocity_filter_hz, acceleration_filter_hz: cut-offs f, Hz, or None.
+        velocity_filter, acceleration_filter: low-pass or tracking.
+        velocity_filter_order, acceleration_filter_order: poles, or states.
         filter_damping_ratio: ζ in (0, 1] of pairs of poles: 1 two equal poles, 0.7071 Butterworth.
         velocity_window_samples: n, samples of a moving window instead of a filter, or None.
 
@@ -96,19 +82,18 @@ class Filters:
     velocity_window_samples: int | None = None
 
     def __post_init__(self) -> None:
-        for which in DERIVATIVES:
+        for which in estimators.DERIVATIVES:
             kind, cutoff, order = filter_of(self, which)
             if cutoff is not None and not 0 < cutoff < np.inf:
                 seen = f"{which}_filter_hz must be positive, not {cutoff:g}"
                 raise LoopError(f"{seen}; None is no filter")
-            if wrong := strange_order(which, kind, order):
+            if wrong := estimators.strange_order(which, kind, order):
                 raise LoopError(wrong)
         ratio, count = self.filter_damping_ratio, self.velocity_window_samples
         if not 0 < ratio <= 1:
             raise LoopError(f"filter_damping_ratio must be in (0, 1], not {ratio:g}")
         if count is not None and not 1 <= count <= LONGEST_WINDOW:
-            seen = f"velocity_window_samples must be 1 to {LONGEST_WINDOW} samples, not {count}"
-            raise LoopError(seen)
+            raise LoopError(f"velocity_window_samples must be 1 to {LONGEST_WINDOW}, not {count}")
         if count is not None and self.velocity_filter_hz is not None:
             raise LoopError(
                 f"velocity_window_samples {count} and velocity_filter_hz "
@@ -180,7 +165,7 @@ def _law(filters: Filters, sample_time: FloatArray) -> Law:
         angle = 2 * np.pi * cutoff * sample_time
         factors, gain, lag = _low_pass(order, filters.filter_damping_ratio, angle)
         late = order - times
-        if leads(which, kind, order):
+        if estimators.leads(which, kind, order):
             # 1 + ℓ·(z-1)/z → (1 + (1+2ℓ)w)/(1+w), the lag of the differences in it.
             numerator = numerator.times(Polynomial.exact(1.0, 1 + times + 2 * lag))
             late -= 1

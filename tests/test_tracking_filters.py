@@ -1,0 +1,162 @@
+"""Tracking filters against the observer they are, and what they make of a wall.
+
+The observer here: states of a position and its derivatives under a constant highest one, gains by
+Ackermann's formula in numpy, run as it stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb, factorial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from identification import load_device
+from tests.guard import InPython, built, enter, push
+from tests.test_verify import Bench, verdicts
+from tune import SafeProfile, Scene, check, export, optimise, verify
+from tune.documents.profile import LoopProfile
+from tune.documents.scene import LoopFreedom
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+
+
+@dataclass
+class Observer:
+    """So many states, the error's poles at f Hz, two of them of a damping ratio."""
+
+    states: int
+    hertz: float
+    ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        n, turn = self.states, 2 * np.pi * self.hertz * STEP
+        pair = np.exp(-turn * (self.ratio + 1j * np.sqrt(1 - self.ratio**2)))
+        poles = [pair, np.conj(pair), *[np.exp(-turn)] * (n - 2)]
+        self.step = np.array([[comb(j, i) for j in range(n)] for i in range(n)], float)
+        wanted = np.eye(n, dtype=complex)
+        for pole in poles:
+            wanted = wanted @ (self.step - pole * np.eye(n))
+        seen = np.array([np.linalg.matrix_power(self.step, k + 1)[0] for k in range(n)])
+        self.gain = np.asarray((wanted @ np.linalg.inv(seen)[:, -1]).real, float)
+
+    def play(self, readings: Array, power: int) -> Array:
+        """The estimate after every reading, from rest at the first."""
+        state, found = np.zeros(self.states), np.zeros(readings.size)
+        state[0] = readings[0]
+        for place, reading in enumerate(readings):
+            state = self.step @ state
+            state = state + self.gain * (reading - state[0])
+            found[place] = state[power]
+        return found * factorial(power) / STEP**power
+
+
+TRACKING: dict[str, Any] = {
+    "velocity_filter": "tracking",
+    "velocity_filter_hz": 45.0,
+    "acceleration_filter": "tracking",
+    "acceleration_filter_hz": 36.0,
+}
+
+
+def tuned(elements: dict[str, Any], device: str = "homerehab", **loop: Any) -> SafeProfile:
+    scene = {"elements": {"a": elements}, "loop": loop}
+    return optimise(load_device(device), Scene.model_validate(scene)).signed()
+
+
+@pytest.mark.parametrize(("velocity", "acceleration"), [(2, 3), (3, 4)])
+@pytest.mark.parametrize("ratio", [1.0, 0.5])
+def test_the_guard_plays_the_observer_to_the_last_digits(
+    velocity: int, acceleration: int, ratio: float, tmp_path: Path
+) -> None:
+    profile = tuned(
+        {"damping": 30.0, "mass": 0.9, "fade_time": 0.1},
+        velocity_filter_hz=45.0,
+        acceleration_filter_hz=36.0,
+        velocity_filter="tracking",
+        acceleration_filter="tracking",
+        velocity_filter_order=velocity,
+        acceleration_filter_order=acceleration,
+        filter_damping_ratio=ratio,
+    )
+    assert (profile.elements["a"].damping, profile.elements["a"].mass) == (30.0, 0.9)
+    rng = np.random.default_rng(3)
+    readings = np.cumsum(np.cumsum(rng.normal(scale=1e-8, size=2000)))
+    law = 30.0 * Observer(velocity, 45.0, ratio).play(readings, 1)
+    law += 0.9 * Observer(acceleration, 36.0, ratio).play(readings, 2)
+    for player in (built(export(profile, "c"), tmp_path), InPython(profile)):
+        player.start()
+        calls = [enter(1, 0.0), *(push(1, k + 1, y) for k, y in enumerate(readings.tolist()))]
+        played = np.array([reply.force for reply in player.run(calls)[1:]])
+        assert np.max(np.abs(played + law)[150:]) <= 1e-12 * np.max(np.abs(law))
+
+
+def test_verify_knows_the_tracking_law_by_a_simulation_of_the_observer() -> None:
+    filters: dict[str, Any] = {
+        "velocity_filter": "tracking",
+        "velocity_filter_order": 3,
+        "acceleration_filter": "tracking",
+        "acceleration_filter_order": 4,
+        "filter_damping_ratio": 0.5,
+    }
+    bench = Bench(
+        mass=3.0,
+        damping=10.0,
+        coulomb_friction=0.8,
+        encoder_resolution=6e-6,
+        force_limit=28.0,
+        start=0.02,
+        elements={"cup": (1000.0, 10.0, 0.5)},
+        velocity_filter_hz=50.0,
+        acceleration_filter_hz=40.0,
+        loop=filters,
+    )
+    right = verdicts(verify(bench.profile, bench.log("cup", 0.8, **filters)))
+    assert right["law"] == "agrees"
+    assert "disagrees" not in right.values()
+    wrong = filters | {"acceleration_filter": "low-pass", "acceleration_filter_order": 2}
+    assert verdicts(verify(bench.profile, bench.log("cup", 0.8, **wrong)))["law"] == "disagrees"
+
+
+@pytest.mark.parametrize(
+    ("loop", "words"),
+    [
+        ({"velocity_filter": "tracking", "velocity_filter_order": 1}, "2 or 3"),
+        ({"acceleration_filter": "tracking", "acceleration_filter_order": 2}, "3 or 4"),
+        ({"acceleration_filter_order": 3}, "1 or 2"),
+        ({"acceleration_filter": "kalman"}, "low-pass or tracking"),
+        ({"velocity_filter": "tracking", "velocity_window_samples": 5}, "takes the place"),
+    ],
+)
+def test_filters_that_do_not_exist_are_refused_in_words(loop: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        LoopFreedom.model_validate(loop)
+
+
+@pytest.mark.parametrize("device", ["homerehab", "stylus", "knob"])
+def test_a_wall_that_tracks_its_speed_is_a_fifth_stiffer_and_stands_in_every_check(
+    device: str, tmp_path: Path
+) -> None:
+    """Three states with poles that ring; the certificate proves it over the box by itself."""
+    wall = {"stiffness": "max", "damping": "max", "one_sided": True}
+    plain, tracks = (
+        tuned(wall, device, **loop)
+        for loop in ({}, {"velocity_filter": "tracking", "filter_damping_ratio": 0.5})
+    )
+    assert tracks.elements["a"].stiffness >= 1.2 * plain.elements["a"].stiffness
+    path = tmp_path / "profile.yaml"
+    path.write_text(tracks.to_yaml(), encoding="utf-8")
+    check(path)
+
+
+def test_without_a_kind_filters_are_low_passes_in_scenes_and_in_old_profiles() -> None:
+    assert LoopFreedom().kind("velocity") == ("low-pass", 1)
+    assert LoopFreedom(acceleration_filter="tracking").kind("acceleration") == ("tracking", 4)
+    old = {"sample_time": 0.001, "extra_delay_samples": 1.0, "velocity_filter_hz": 50.0}
+    assert LoopProfile.model_validate(old).velocity_filter == "low-pass"

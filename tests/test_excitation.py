@@ -30,6 +30,8 @@ from identification import (
     to_yaml,
 )
 from identification.estimators.estimate import Model
+from identification.planning.information import predict
+from identification.planning.limits import Guess
 from tests.commands import files, form, haptune
 from tests.exact_axis import Axis, counted, positions
 from tests.test_methods import estimate_by
@@ -187,25 +189,60 @@ def test_the_simulated_device_keeps_the_limits_and_comes_back_to_rest(name: str)
     assert abs(speed[-1]) < 1e-3 * limits.speed
 
 
-def test_predicted_intervals_are_the_bound_of_the_simulator() -> None:
-    """Cramér and Rao's, with offset, start and velocity unknown, by differences of positions."""
-    plan = planned("homerehab")
-    limits = plan.spec
+def jacobian(plan: ExcitationSpec, force: Array) -> Array:
+    """Position by mass, damping, offset, start and velocity, from the simulator."""
 
     def position(start: float = 0.0, velocity: float = 0.0, **others: float) -> Array:
-        rig = rig_of(limits, **others)
-        return simulate(rig, plan.best.force, position=start, velocity=velocity).position[0]
+        return simulate(rig_of(plan, **others), force, position=start, velocity=velocity).position[
+            0
+        ]
 
     sizes = {"mass": 3e-3, "damping": 1e-2, "force_offset": 1e-2, "start": 1e-2, "velocity": 1e-2}
-    around = {"mass": limits.mass.value, "damping": limits.damping.value}
+    around = {"mass": plan.mass.value, "damping": plan.damping.value}
     slopes = [
         position(**{name: around.get(name, 0.0) + size})
         - position(**{name: around.get(name, 0.0) - size})
         for name, size in sizes.items()
     ]
-    table = np.stack(slopes, axis=1) / (2 * np.array([*sizes.values()]) * limits.reading_noise)
+    return np.stack(slopes, axis=1) / (2 * np.array([*sizes.values()]))
+
+
+def test_predicted_intervals_are_the_bound_of_the_simulator() -> None:
+    """Cramér and Rao's, with offset, start and velocity unknown, by differences of positions."""
+    plan = planned("homerehab")
+    table = jacobian(plan.spec, plan.best.force) / plan.spec.reading_noise
     bound = 1.96 * np.sqrt(np.diag(np.linalg.inv(table.T @ table))[:2])
     np.testing.assert_allclose([plan.mass, plan.damping], bound, rtol=1e-2)
+
+
+def test_bound_with_unknown_force_is_that_of_the_dense_covariance() -> None:
+    plan = spec()
+    samples, unknown = 600, 0.05
+    time = np.arange(samples) * STEP
+    swing = np.sin(2 * np.pi * 1.3 * time) + 0.6 * np.cos(2 * np.pi * 3.1 * time)
+    force = 4.0 * np.minimum(time / 0.2, 1.0) * swing
+    table = jacobian(plan, np.append(force, 0.0))
+    kick = np.zeros(samples + 1)
+    kick[0] = unknown
+    answer_to_one = simulate(rig_of(plan), kick).position[0]
+    lag = np.subtract.outer(np.arange(samples + 1), np.arange(samples))
+    spread = np.where(lag >= 0, answer_to_one[np.maximum(lag, 0)], 0.0)
+    noise = plan.reading_noise**2 * np.eye(samples + 1) + spread @ spread.T
+    truth = np.linalg.inv(table.T @ np.linalg.solve(noise, table))[:2, :2]
+    got = predict(
+        force,
+        Guess(mass=3.0, damping=10.0),
+        step=STEP,
+        noise=plan.reading_noise,
+        force_noise=unknown,
+    )
+    # The Kalman filter is taken as settled from the first sample on: a few samples of 600.
+    np.testing.assert_allclose(got.covariance, truth, rtol=0.02)
+    assert (
+        got.mass
+        > 5
+        * predict(force, Guess(mass=3.0, damping=10.0), step=STEP, noise=plan.reading_noise).mass
+    )
 
 
 def obtained(plan: ExcitationSpec, force: Array, logs: int, seed: int = 1000) -> Array:

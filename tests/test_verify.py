@@ -549,3 +549,16 @@ def test_every_filter_of_a_profile_is_recognised(loop: dict[str, Any], run: dict
     assert seen.gain == pytest.approx(0.8, rel=1e-6)
     unlike = verify(AXIS.profile, AXIS.log("cup", 0.8, samples=1200, **run))
     assert verdicts(unlike)["law"] == "disagrees"
+
+
+def test_requests_that_cannot_be_met_are_refused() -> None:
+    log = STYLUS.log("wall", 0.5, samples=600)
+    for request, words in (
+        ({"element": "door"}, "'door' is not in the profile. Choose from wall, gel"),
+        ({"gain": 0.0}, "0 is no gain"),
+        ({"release": 9.0}, "outside of the log"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            verify(STYLUS.profile, log, **request)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(UsageError, match="profile of x"):
+        verify(STYLUS.profile, replace(log, axis="y"))

@@ -12,7 +12,7 @@ import pytest
 from flint import arb
 
 from datasets_synthetic import Controller, Faults, Hand, Rig, log_text, simulate
-from identification import Device, Trajectory, load_device, quantity
+from identification import Device, Trajectory, UsageError, load_device, quantity
 from tests.commands import haptune
 from tests.reference import crossings, reference_loop, stable_by_jury
 from tests.thinned import thinned

@@ -160,7 +160,7 @@ def _between(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _devices_device(rng: np.random.Generator) -> Device:
+def _extreme_device(rng: np.random.Generator) -> Device:
     """Mass from 1e-6 to 1e3, sample times from 1e-5 to 1e-2 s, delays of up to eight samples."""
     step, mass = _between(rng, 1e-5, 1e-2), _between(rng, 1e-6, 1e3)
     usual = rng.uniform() < 0.8
@@ -214,7 +214,7 @@ def _scene(rng: np.random.Generator, device: Device) -> dict[str, Any]:
 @pytest.mark.parametrize("seed", thinned(_SEEDS, 2))
 def test_what_is_tuned_passes_the_check(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(77000 + seed)
-    device, profile = _devices_device(rng), str(tmp_path / "profile.yaml")
+    device, profile = _extreme_device(rng), str(tmp_path / "profile.yaml")
     files = {"device": to_mapping(device), "scene": _scene(rng, device)}
     for name, content in files.items():
         (tmp_path / f"{name}.yaml").write_text(to_yaml(content), encoding="utf-8")

@@ -53,6 +53,8 @@ class Restored:
 
     def carried_by(self, estimate: Estimate) -> Estimate:
         """An estimate with what the doubt of time adds: mass goes with its square."""
+        if not self.usable:  # allowed as it was
+            return estimate
         covariance, moved = estimate.covariance.copy(), self.doubt * estimate.values[:2] * (2, 1)
         covariance[:2, :2] += np.outer(moved, moved)
         return replace(estimate, covariance=covariance)

@@ -18,7 +18,7 @@ def test_intervals_are_near_the_count_and_hold_the_truth(delay: float, stated: b
     axis = Axis(mass=0.6, damping=3.0, coulomb=0.4, delay=delay)
     force = multisine(np.random.default_rng(5), samples=6000, runs=1, axis=axis, peak=6.0)
     log = Trajectory(
-        time=1e-3 * np.arange(len(force)),
+        time=1e-3 * np.arange(len(force), dtype=np.float64),
         force=force[:, 0],
         position=counted(positions(axis, force)[:, 0], COUNT),
     )

@@ -28,7 +28,7 @@ from identification.estimators.estimate import Estimate, quantile
 from identification.estimators.signals import LOST, position_noise
 from identification.findings import CODES, inspect
 from identification.findings.force_balance import ForceBalance, balance_of
-from identification.findings.lost_rows import restored
+from identification.findings.lost_rows import Restored, restored
 from identification.fitting import LogFit, fit_log
 from identification.trajectory import (
     NORMAL_95,
@@ -132,7 +132,13 @@ def identify(
         tuple(each.of(log.source) for each in inspect(log, hardware)) for log in trajectories
     ]
     _refuse(noticed, allow)
-    timed = [restored(_clocked(log, hardware)) for log in trajectories]
+    clocked = [_clocked(log, hardware) for log in trajectories]
+    timed = [
+        restored(log)
+        if any(each.code == "lost-rows" for each in found)
+        else Restored(trajectory=log)
+        for log, found in zip(clocked, noticed, strict=True)
+    ]
     fits = [fit_log(each.trajectory, hardware, method) for each in timed]
     fits = [
         replace(fit, estimate=each.carried_by(fit.estimate))

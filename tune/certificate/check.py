@@ -490,8 +490,8 @@ def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
         return False
     if word == "saturation":
         seal = design.certificate if isinstance(design, SafeProfile) else None
-        asked = {"gain": design.margin.gain}
         known = {} if seal is None else seal.absolute_stability or {}
+        asked = {"gain": design.margin.gain}
         stated = {name: each.model_copy(update=asked) for name, each in known.items()}
         try:
             judge_switched(design, moment, regions_of(design), stated, _FEW_CELLS)

@@ -113,18 +113,12 @@ class Setting:
     def estimate(self, power: int) -> tuple[float | None, int, bool]:
         """Of the derivative of that order: (cut-off, number of poles, whether it is carried on)."""
         if power == 1:
-            kind, order, hertz = (
-                self.velocity_filter,
-                self.velocity_filter_order,
-                self.velocity_filter_hz,
-            )
+            kind, order = self.velocity_filter, self.velocity_filter_order
+            cutoff_hz = self.velocity_filter_hz
         else:
-            kind, order, hertz = (
-                self.acceleration_filter,
-                self.acceleration_filter_order,
-                self.acceleration_filter_hz,
-            )
-        return hertz, order, kind == "tracking" and order == power + 2
+            kind, order = self.acceleration_filter, self.acceleration_filter_order
+            cutoff_hz = self.acceleration_filter_hz
+        return cutoff_hz, order, kind == "tracking" and order == power + 2
 
 
 def groups_of_equal_effects(settings: Sequence[Setting]) -> list[list[int]]:

@@ -56,24 +56,24 @@ def help_command(
         typer.echo(found.get_help(asked))
 
 
-#: What each help ends with.
-_EXAMPLES = """
-demo
-new hardware
-doctor log.csv
-identify log.csv --hardware hardware.yaml
-tune device.yaml scene.yaml
-calibrate log.csv --scene scene.yaml --hardware hardware.yaml
-audit homerehab --stiffness 800
-check profile.yaml
-verify profile.yaml played.csv
-compare old.yaml new.yaml
-export profile.yaml --to c
-report profile.yaml log.csv
-excite excitation.yaml
-simulate homerehab
-help tune
-"""
+#: What each help gives as an example of its arguments.
+_EXAMPLES = {
+    "demo": "",
+    "new": "hardware",
+    "doctor": "log.csv",
+    "identify": "log.csv --hardware hardware.yaml",
+    "tune": "device.yaml scene.yaml",
+    "calibrate": "log.csv --scene scene.yaml --hardware hardware.yaml",
+    "audit": "homerehab --stiffness 800",
+    "check": "profile.yaml",
+    "verify": "profile.yaml played.csv",
+    "compare": "old.yaml new.yaml",
+    "export": "profile.yaml --to c",
+    "report": "profile.yaml log.csv",
+    "excite": "excitation.yaml",
+    "simulate": "homerehab",
+    "help": "tune",
+}
 for _name, _command, _summary in (
     ("demo", profiles.demo_command, "Try it: bundled log to profile, with pictures."),
     ("new", preparation.new_command, "Write a template of a file."),
@@ -91,8 +91,7 @@ for _name, _command, _summary in (
     ("simulate", preparation.simulate_command, "Rehearse: a simulated log of a known device."),
     ("help", help_command, "The help of a command, or this."),
 ):
-    (_line,) = re.findall(rf"^{_name}\b.*$", _EXAMPLES, re.MULTILINE)
-    _epilog = f"Example: haptune {_line}"
+    _epilog = f"Example: haptune {_name} {_EXAMPLES[_name]}".rstrip()
     app.command(_name, cls=_Command, short_help=_summary, epilog=_epilog)(_command)
 
 

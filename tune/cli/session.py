@@ -311,8 +311,9 @@ def run_command(
     """Run a command; raises typer.Exit always, with the contract's code of what happened."""
     import typer
 
-    session = Session(command=command, as_json=as_json, quiet=quiet, verbose=verbose)
-    session.no_input = no_input
+    session = Session(
+        command=command, as_json=as_json, quiet=quiet, verbose=verbose, no_input=no_input
+    )
     try:
         action(session)
         ignore_signals()

@@ -45,7 +45,7 @@ _RETREATS = (1.0, 0.9995, 0.98, 0.9, 0.75, 0.5, 0.25)
 #: Hills this much lower than the highest are climbed too: between first choices as much may lie.
 _LESS = 0.25
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
-_SAME = 1e-3
+_SAME = 2e-3
 #: This little is given for less filtering.
 _GOOD_ENOUGH = 2e-3
 #: Step on the logarithmic scale of cut-offs over which a slope is taken.
@@ -124,7 +124,7 @@ class _Search:
             return self._filters(point)
         if len(free) == 2 and any({"damping", "mass"} <= asked for asked in self.asked.values()):
             # Elements that are tuned together use both filters.
-            for start in self._starts(point):
+            for start in sorted(self._starts(point), key=self._worth, reverse=True):
                 self._refined(start, free)
         else:
             for index in free:
@@ -225,7 +225,9 @@ class _Search:
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
         radius = math.log(_COARSE) / 2
-        return whole(_maximise(value, slopes, start, ends, radius=radius, gain=_SAME))
+        known = max(worth.value for worth in self.tried.values() if worth.kept >= kept)
+        found = _maximise(value, slopes, start, ends, radius=radius, gain=_SAME, known=known)
+        return whole(found)
 
     def _slope(self, point: Sequence[float], index: int) -> float:
         """Slope of the objective by the logarithm of one cut-off."""
@@ -461,6 +463,7 @@ def _maximise(
     *,
     radius: float,
     gain: float,
+    known: float,
 ) -> list[float]:
     """The best point met by Kelley's cutting planes, from a good start.
 
@@ -470,7 +473,8 @@ def _maximise(
     E. Kelley, The cutting-plane method for solving convex programs, J. SIAM 8 (1960) 703.
 
     A value is minus infinity where a point is not good. The radius is that of the trust region at
-    first, in each coordinate; the search ends where the planes promise less than the gain.
+    first, in each coordinate; the search ends where the planes promise less than the gain, or where
+    they would not reach what is known from elsewhere in a trust region that has grown.
     """
     low, high = (np.array(side) for side in zip(*ends, strict=True))
     best = np.clip(np.array(start), low, high)
@@ -480,7 +484,8 @@ def _maximise(
         near = np.maximum(low, best - radius), np.minimum(high, best + radius)
         seen = [each for each in planes if np.max(np.abs(each[0] - best)) <= _AROUND * radius]
         place, promised = _highest(seen, best, most, near, gain)
-        if promised < most + gain or radius < _SMALLEST:
+        doubled = most + _GROWS * (promised - most)
+        if promised < most + gain or doubled < known + gain or radius < _SMALLEST:
             break
         found = value(place.tolist())
         if np.isfinite(found):

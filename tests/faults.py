@@ -317,7 +317,22 @@ FAULTS: tuple[Fault, ...] = (
             'if word not in {"wanted", "range"} and',
             "if not word and",
         ),
-        ("as commanded", 'if not element.as_commanded and words == {"wanted"}:', "if not words:"),
+        (
+            "notes beyond what was wanted",
+            "if len(design.notes) != len(dropped)",
+            "if len(design.notes) < len(dropped)",
+        ),
+    ),
+    *_of(
+        "tune/optimisation/solve.py",
+        "tests/test_wishes.py -k range",
+        ("all of an element goes", "dict.fromkeys(mates, f", "dict.fromkeys((), f"),
+    ),
+    *_of(
+        "tune/optimisation/describe.py",
+        "tests/test_wishes.py",
+        ("a wanted value is met", "abs(size) >= _MET *", "abs(size) >= 1e-9 *"),
+        ("felt as something else", "if most > 1 else", "if most > 99 else"),
     ),
     *_of(
         "tune/certificate/check.py",

@@ -192,5 +192,5 @@ def test_names_are_printed_as_they_are() -> None:
     ended = haptune("tune", "homerehab", "scene.yaml")
     assert ended.code == 0, ended.err
     assert "[/bold] :smile: stiffness" in ended.out
-    assert "a.b.damping dropped" in ended.out
+    assert "a.b.damping dropped" in ended.err
     assert haptune("check", "profile.yaml").code == 0

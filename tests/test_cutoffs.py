@@ -122,7 +122,11 @@ def test_a_held_object_is_felt_as_mass_within_what_the_paper_could_simulate() ->
     assert cup.limited_by == {"mass": "ripple", "damping": "wanted"}
 
 
-def _as_wanted(names: tuple[str, ...], loop: dict[str, float] | None = None) -> SafeProfile:
+#: With two low-pass poles a mass of 1 kg is felt with as much damping as the device's own.
+TRACKING: dict[str, float | str] = {"acceleration_filter": "tracking"}
+
+
+def _as_wanted(names: tuple[str, ...], **loop: float | str) -> SafeProfile:
     """Settings of the study as wanted values of one element each, with one set of filters."""
     scene = {
         name: {
@@ -133,7 +137,7 @@ def _as_wanted(names: tuple[str, ...], loop: dict[str, float] | None = None) -> 
         for name in names
     }
     profile = optimise(
-        load_device("homerehab"), Scene.model_validate({"elements": scene, "loop": loop or {}})
+        load_device("homerehab"), Scene.model_validate({"elements": scene, "loop": loop | TRACKING})
     )
     for name in names:
         element = profile.elements[name]
@@ -147,7 +151,7 @@ def _as_wanted(names: tuple[str, ...], loop: dict[str, float] | None = None) -> 
 
 def test_all_three_effects_of_the_last_trial_are_met_exactly_at_once() -> None:
     """On every device within ±10 % of the data sheet."""
-    _as_wanted(("trial 7",), {"velocity_filter_hz": 30.0, "acceleration_filter_hz": 30.0})
+    _as_wanted(("trial 7",), velocity_filter_hz=30.0, acceleration_filter_hz=35.0)
 
 
 @pytest.mark.long

@@ -977,7 +977,7 @@ def _set(*keys: str, value: object) -> Callable[[dict[str, Any]], None]:
         (_set("elements", "spring", "limited_by", "damping", value="lead"), "limited by lead"),
         (_set("elements", "wall", "limited_by", "stiffness", value="saturation"), "by saturation"),
         (_set("elements", "water", "limited_by", value={}), "acts, limited_by says nothing"),
-        (_set("elements", "water", "as_commanded", value=False), "says it is not"),
+        (_set("notes", value=["water.damping: 10 N·s/m is asked for"]), "less than was wanted"),
         (_set("elements", "water", "perceived_steps", value={}), "perceived_steps has nothing"),
         (_set("elements", "water", "margins", "gain", value=1.5), "margins.gain says 1.5"),
         (_set("elements", "water", "margins", "jitter", value=7.0), "margins.jitter says 7"),

@@ -246,6 +246,11 @@ def note_of_dropped(label: str) -> str:
     return f"{label} dropped: "
 
 
+def note_of_unmet(label: str) -> str:
+    """How the note about a wanted value of which less is played begins, by its label."""
+    return f"{label}: "
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
     """Why no effect on a device can be certified: what was seen, what is needed, what to do."""

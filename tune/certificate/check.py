@@ -11,7 +11,13 @@ import numpy as np
 
 from identification import Device, to_mapping
 from tune.certificate.absolute import clamped_moments, judge_switched
-from tune.certificate.certify import certify, note_of_apart, note_of_dropped, skipped_parts
+from tune.certificate.certify import (
+    certify,
+    note_of_apart,
+    note_of_dropped,
+    note_of_unmet,
+    skipped_parts,
+)
 from tune.certificate.claims import (
     damping_for_passivity,
     excess_over_request,
@@ -82,11 +88,6 @@ _MULTIPLIERS = "which multipliers; that these prove what they are stated for is 
 #: What a check leaves as it is said: a wish that nobody else knows, or what is no claim.
 OPINIONS = _trusted(
     (
-        "elements.*.as_commanded",
-        "that values were wanted; that no effect has a limit of another wish is checked, and what "
-        "is felt of all others",
-    ),
-    (
         "elements.*.limited_by",
         "that a value or range was wanted, or no limit is met in the range looked in; that every "
         "other limit said to bind allows no tenth more is recomputed",
@@ -121,10 +122,6 @@ _RIPPLE_AGREES = 1e-3
 _WELL_WHOLE = 5e-10
 #: Passivity this close to its edge may be told either way.
 _EDGE = 1e-6
-#: What else may stop a wanted value.
-_STOPPED = frozenset(
-    {"stability", "gain-margin", "delay-margin", "saturation", "lead", "force", "ripple"}
-)
 #: A limit that is named is met where the effect is larger by this part: how closely limits are met
 #: is the tuner's affair, that another one is named is found out.
 _GROWN = 0.1
@@ -394,12 +391,7 @@ def _wrong_margins(design: Design, name: str) -> Iterator[str]:
 
 
 def _wrong_play(name: str, element: ElementProfile) -> Iterator[str]:
-    """A fade that is missing or has nothing to fade, a wall that would pull, what was wanted."""
-    words = {word for word in element.limited_by.values() if word != "not-perceptible"}
-    if element.as_commanded and not words <= {"wanted", *_STOPPED}:
-        yield f"{name}: as_commanded is said of an element that is limited by {_listed(words)}"
-    if not element.as_commanded and words == {"wanted"}:
-        yield f"{name}: every effect is as wanted, and as_commanded says it is not"
+    """A fade that is missing or has nothing to fade, a wall that would pull."""
     if element.fades and not SHORTEST_FADE <= element.fade_time <= LONGEST_FADE:
         yield (
             f"{name}: fade_time says {element.fade_time:g} s, an element with mass or a negative "
@@ -556,7 +548,7 @@ def _wrong_loop(design: Design) -> Iterator[str]:
 
 
 def _wrong_notes(design: Design) -> Iterator[str]:
-    """Notes are about the effects that were dropped, one about each."""
+    """Notes are about effects that were dropped, one about each, or are less than was wanted."""
     dropped = [
         note_of_dropped(f"{name}.{effect}")
         for name, element in design.elements.items()
@@ -566,11 +558,18 @@ def _wrong_notes(design: Design) -> Iterator[str]:
     for words in dropped:
         if sum(note.startswith(words) for note in design.notes) != 1:
             yield f"notes: one begins with '{words}'"
+    begun = [
+        note_of_unmet(f"{name}.{effect}")
+        for name, element in design.elements.items()
+        for effect, word in element.limited_by.items()
+        if word not in {"not-perceptible", "wanted", "range"}
+    ]
+    less = [words for words in begun if any(note.startswith(words) for note in design.notes)]
     pairs = [pair for pair in design.apart if note_of_apart(pair) in design.notes]
-    if len(design.notes) != len(dropped) + len(pairs):
+    if len(design.notes) != len(dropped) + len(less) + len(pairs):
         yield (
-            f"notes: {len(design.notes)} of them, {len(dropped)} effects were dropped and "
-            f"{len(pairs)} pairs kept apart"
+            f"notes: {len(design.notes)} of them, {len(dropped)} effects were dropped, {len(less)} "
+            f"are less than was wanted and {len(pairs)} pairs kept apart"
         )
 
 

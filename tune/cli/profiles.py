@@ -207,6 +207,7 @@ def _tuned(
     sheet: Path | None,
 ) -> SafeProfile:
     from tune.certificate.certify import trusted_facts
+    from tune.optimisation.describe import unmet_wishes
     from tune.presentation.tables import (
         certificate_lines,
         effects_table,
@@ -229,7 +230,10 @@ def _tuned(
     session.say(f"{verdict_on(profile)}; it settles in simulation")
     if not compare:
         session.say(elements_table(profile) if session.verbose else effects_table(profile))
-    session.say_each(profile.notes)
+    unmet = tuple(unmet_wishes(profile, wish.scene))
+    told = {finding.seen for finding in unmet}
+    session.say_each(note for note in profile.notes if note.partition(". ")[0] not in told)
+    session.add_findings(unmet, quiet=False)
     session.detail(
         *certificate_lines(profile.certificate),
         *(f"taken on trust: {line}" for line in trusted),

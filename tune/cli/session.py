@@ -137,11 +137,11 @@ class Session:
         line = sys.stdin.readline()
         return line.strip()
 
-    def add_findings(self, findings: tuple[Finding, ...]) -> None:
-        """Keep findings for the JSON result and warn on standard error."""
+    def add_findings(self, findings: tuple[Finding, ...], *, quiet: bool | None = None) -> None:
+        """Keep findings for the JSON result and warn on standard error, unless that is quiet."""
         for finding in findings:
             self.findings.append(asdict(finding))
-            if not self.as_json and not self.quiet:
+            if not self.as_json and not (self.quiet if quiet is None else quiet):
                 _print_error(f"{finding.severity}: {finding}")
 
     def warn(self, sentence: str) -> None:

@@ -392,8 +392,7 @@ class ElementProfile(Document):
     ``perceived_steps`` count what is felt of an effect at the motions people make; ``rendered`` and
     ``contact`` are absent in profiles written before they were computed, which `check` refuses. A
     ``one_sided`` element pushes only; its force fades in and out over ``fade_time``, s, where 0
-    lets it be switched at any moment. What is felt lies within one step of what is asked for, but
-    of an element whose every effect was wanted with one value: it is played ``as_commanded``.
+    lets it be switched at any moment. What is felt lies within one step of what is played.
     """
 
     stiffness: float
@@ -410,7 +409,6 @@ class ElementProfile(Document):
     force_level: float = Field(default=0.0, ge=0)
     lead: float | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     fade_time: float = Field(default=0.0, ge=0, le=LONGEST_FADE)
-    as_commanded: bool = False
 
     @property
     def cut(self) -> bool:

@@ -240,7 +240,7 @@ class SimulateDetails(Details, total=False):
 
 
 class FindingResult(TypedDict):
-    """What is wrong, or doubtful, with the log ``source``."""
+    """What is wrong, or doubtful, with the log, or the ``element.effect``, ``source``."""
 
     code: str
     severity: Literal["warning", "refusal"]

@@ -95,10 +95,10 @@ def format_number(number: float) -> str:
 
 
 #: Elements felt together are certified in every subset, 2^n - 1 sums.
-_LARGEST_GROUP = 5
+_LARGEST_GROUP = 10
 #: Sums of several elements in a scene, each tuned, certified and rehearsed, and each with keys of
 #: its own in a profile.
-MOST_SUMS = 1000
+MOST_SUMS = 1013
 #: Elements of a scene; alone each takes a fraction of a second. In a profile each takes up to 90
 #: keys, values and brackets of the 20 000 that a file may hold.
 MOST_ELEMENTS = 200

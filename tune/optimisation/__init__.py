@@ -57,8 +57,10 @@ from tune.optimisation.describe import (
     element_profile,
     extra_delays,
     moment_margins,
+    notes_of_unmet,
     with_fades,
     with_levels_and_contacts,
+    with_what_is_felt,
 )
 from tune.optimisation.nash import SAME, Solution
 from tune.optimisation.problem import DesignTask
@@ -162,7 +164,8 @@ def _proposed(
             task = task.without(solved.clash)
             solved = solve(task, elements, filters, solutions)
         solutions.append(solved)
-    dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
+    reasons = {label: why for solved in solutions for label, why in solved.dropped.items()}
+    dropped = with_what_is_felt(task, filters, reasons)
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
@@ -279,6 +282,7 @@ def design_of(
         ),
         notes=(
             *(note_of_dropped(label) + why for label, why in dropped.items()),
+            *notes_of_unmet(task, filters, elements),
             *(note_of_apart(pair) for pair in task.apart),
         ),
         method=methods,

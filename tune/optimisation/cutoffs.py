@@ -56,6 +56,8 @@ _TIED = 1e-6
 _MOST = 30
 #: Planes of points beyond so many radii of the trust region bound nothing in it.
 _AROUND = 1.5
+#: Cut-offs that are looked at where no effect can have a step.
+_FINE = 24
 #: The trust region ends the search where it is this small, and shrinks or grows by so much.
 _SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
 
@@ -130,8 +132,33 @@ class _Search:
             for index in free:
                 point = self._refined(self._along(point, index), [index])
         most = max(self.tried.values())
+        if not any(self.whole.values()) and not any(each.kept for each in self.known.values()):
+            return self._nearest(free)
         enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH)
         return min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
+
+    def _nearest(self, free: Sequence[int]) -> Filters:
+        """Where no effect can have a step, filters with which one comes nearest: they tell why."""
+        point = [axis.first[-1] for axis in self.axes]
+        for index in free:
+            low, high = self.axes[index].first[0], self.axes[index].first[-2]
+            line = [
+                [*point[:index], low + (high - low) * k / _FINE, *point[index + 1 :]]
+                for k in range(_FINE)
+            ]
+            point = max([point, *line], key=self._reached)
+        return self._filters(point)
+
+    def _reached(self, point: Sequence[float]) -> float:
+        """How much of a step the effect that comes nearest to one has, alone."""
+        filters, steps = self._filters(point), [0.0]
+        for elements in self.asked:
+            cut, used = may_saturate(self.task, elements), self._of(elements, filters)
+            problem = pose(self.task, elements=elements, filters=used, cut=cut)
+            none = np.zeros(len(problem.unknowns))
+            for index, unknown in enumerate(problem.unknowns):
+                steps.append(unknown.steps(largest_allowed(problem, none, index)))
+        return max(steps)
 
     def _starts(self, middle: list[float]) -> list[list[float]]:
         """Points to climb from: one cut-off after the other, in both orders.
@@ -344,6 +371,11 @@ class Tuned:
     problem: Problem
     optimum: Optimum | None
 
+    @property
+    def kept(self) -> bool:
+        """Whether anything is."""
+        return self.optimum is not None and self.optimum.sizes is not None
+
 
 def tune_with_filters(
     task: DesignTask,
@@ -371,7 +403,7 @@ def tune_with_filters(
         return [*points[stable_in_doubles(problem, points)][:1]]
 
     try:
-        problem, optimum, _ = optimum_of(
+        problem, optimum, dropped = optimum_of(
             task,
             elements,
             filters,
@@ -386,7 +418,16 @@ def tune_with_filters(
         return Tuned(worth=CutoffObjective(kept=kept, value=0.0), problem=problem, optimum=None)
     sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
     levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
-    kept = tuple(levels.count(rank) for rank in ranks_of(task))
+    # A range that is missed costs more than all else that could be kept instead.
+    wishes = {name: task.scene.elements[name].wishes() for name in elements}
+    missed = sum(
+        f"{name}.{effect}" in dropped
+        for name in elements
+        for effect, wish in wishes[name].items()
+        if wish.kind == "range" and wish.low
+    )
+    most = sum(map(len, wishes.values()))
+    kept = tuple(levels.count(rank) - missed * most for rank in ranks_of(task))
     worth = CutoffObjective(kept=kept, value=_value(task, problem, sizes))
     return Tuned(worth=worth, problem=problem, optimum=optimum)
 

@@ -1,33 +1,47 @@
-"""Description of chosen sizes: what binds, margins, steps, levels, contacts and fade times."""
+"""Description of chosen sizes: what binds, margins, steps, levels, contacts and fade times.
+
+And of wanted values that are not met: by how much, why, and what a hand would have felt of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Box, Device, InvalidInputError, round_to_digits
+from identification import Box, Device, Finding, InvalidInputError, round_to_digits
+from tune.certificate.certify import note_of_dropped, note_of_unmet
 from tune.documents import NoFeasibleEffectError
-from tune.documents.profile import MOST_EXTRA_DELAY, Design, ElementProfile, LimitedBy, Margins
+from tune.documents.perception import Scale
+from tune.documents.profile import (
+    MOST_EXTRA_DELAY,
+    Design,
+    ElementProfile,
+    LimitedBy,
+    Margins,
+    SafeProfile,
+)
 from tune.documents.scene import (
     EFFECT_NAMES,
     LONGEST_FADE,
     MARGINS,
     SHORTEST_FADE,
+    UNITS,
     EffectName,
     Effects,
     Margin,
     Scene,
+    format_number,
 )
 from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of
 from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
-from tune.optimisation.problem import Moment, Problem
+from tune.optimisation.problem import DesignTask, Moment, Problem
 from tune.rendering import contact, rendered_mass_and_damping
 from tune.stability.criterion import damping_needed
 from tune.stability.nonlinear import MOST_JITTER, Values, jitter_margin, shortest_fade
@@ -66,6 +80,10 @@ _ORDER: tuple[LimitedBy, ...] = (
 _SLOWER = 2.0
 #: Fades are told in steps of this, s.
 _DIGIT = 0.01
+
+
+#: Part of a wanted value from which on it is met: written values have six digits.
+_MET = 1 - 1e-5
 
 
 class SizedMoment(NamedTuple):
@@ -301,7 +319,6 @@ def element_profile(
         one_sided=scene.elements[name].one_sided,
         lead=scene.lead(name, device.motion),
         fade_time=SHORTEST_FADE if pumps else 0.0,
-        as_commanded=bool(own) and all(problem.unknowns[i].wish.kind == "value" for i in own),
     )
 
 
@@ -454,3 +471,96 @@ def _sum(elements: Sequence[ElementProfile]) -> Values:
     """K, B and M of some elements together."""
     K, B, M = (sum((getattr(each, name) for each in elements), 0.0) for name in EFFECT_NAMES)
     return K, B, M
+
+
+def with_what_is_felt(
+    task: DesignTask, filters: Filters, dropped: Mapping[str, str]
+) -> dict[str, str]:
+    """Reasons by label, with what else would be felt of what is dropped, and the remedy."""
+    told: dict[str, str] = {}
+    for label, why in dropped.items():
+        name, _, effect = label.rpartition(".")
+        effect = cast("EffectName", effect)
+        felt = _felt_instead(task, filters, name, effect, {})
+        told[label] = f"{why}{felt}. {_remedy(effect, 'less of it')}" if felt else why
+    return told
+
+
+def notes_of_unmet(
+    task: DesignTask, filters: Filters, elements: Mapping[str, ElementProfile]
+) -> Iterator[str]:
+    """A note about each wanted value of which less is played, with numbers and a remedy."""
+    units = UNITS[task.device.motion]
+    for name, element in elements.items():
+        played: dict[EffectName, float] = {each: getattr(element, each) for each in EFFECT_NAMES}
+        for effect, wish in task.scene.elements[name].wishes().items():
+            size, asked = played[effect], wish.high or 0.0
+            if wish.kind != "value" or not size or abs(size) >= _MET * abs(asked):
+                continue
+            most = f"{format_number(size)} {units[effect]}"
+            why, felt = element.limited_by[effect], ""
+            if why == "rendering":
+                felt = _felt_instead(task, filters, name, effect, played)
+            yield (
+                f"{note_of_unmet(f'{name}.{effect}')}{format_number(asked)} {units[effect]} is "
+                f"asked for, {most} is played, limited by {why}{felt}. "
+                + (_remedy(effect, f"at most {most}") if felt else f"Ask for at most {most}")
+            )
+
+
+def unmet_wishes(profile: SafeProfile, scene: Scene) -> Iterator[Finding]:
+    """What a profile's notes say of wanted values and ranges that are not met."""
+    units = UNITS[profile.device.motion]
+    for name, element in scene.elements.items():
+        for effect, wish in element.wishes().items():
+            label = f"{name}.{effect}"
+            words = note_of_dropped(label), note_of_unmet(label)
+            for note in profile.notes if wish.kind in {"value", "range"} else ():
+                if note.startswith(words):
+                    seen, _, remedy = note.partition(". ")
+                    ends = dict.fromkeys((wish.low or 0.0, wish.high or 0.0))
+                    yield Finding(
+                        code="not-as-wanted",
+                        severity="warning",
+                        seen=seen,
+                        needed=f"{' to '.join(map(format_number, ends))} {units[effect]}",
+                        remedy=remedy or "Ask for another value",
+                        source=label,
+                    )
+
+
+def _remedy(effect: EffectName, less: str) -> str:
+    return f"Ask for {less}" + (", or for damping beside it" if effect != "damping" else "")
+
+
+def _felt_instead(
+    task: DesignTask,
+    filters: Filters,
+    name: str,
+    effect: EffectName,
+    played: Mapping[EffectName, float],
+) -> str:
+    """What a hand would feel of what is wanted, or else of a step; "" where that is within a step.
+
+    Other wanted values of its element are beside it, and what is played of the rest.
+    """
+    device, scene, table = task.device, task.scene, task.table
+    if name in scene.walls:
+        return ""
+    motion, wishes = scene.motion(name, device.motion), scene.elements[name].wishes()
+    scales = {each: Scale.of(each, device, table, motion) for each in EFFECT_NAMES}
+    sizes = dict.fromkeys(EFFECT_NAMES, 0.0) | {
+        each: wish.low or 0.0 if wish.kind in {"value", "range"} else played.get(each, 0.0)
+        for each, wish in wishes.items()
+    }
+    sizes[effect] = sizes[effect] or scales[effect].value_at(1.0, wishes[effect].sign)
+    felt = rendered_mass_and_damping(device, filters, **sizes)
+    ends = {"mass": felt.mass_at_ends, "damping": felt.damping_at_ends}
+    units, parts, most = UNITS[device.motion], list[str](), 0.0
+    for each, pair in ends.items():
+        heights = scales[each].height(np.array([*pair, sizes[each]])) / np.log1p(scales[each].weber)
+        most = max(most, float(np.max(np.abs(heights[:2] - heights[2]))))
+        if any(pair):
+            parts.append(f"{min(pair):.3g} to {max(pair):.3g} {units[each]} of {each}")
+    asked = f"{format_number(sizes[effect])} {units[effect]}"
+    return f"; with {asked} a hand would feel {' and '.join(parts)}" if most > 1 else ""

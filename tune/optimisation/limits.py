@@ -180,8 +180,7 @@ def renderings(
 ) -> Iterator[Rendering]:
     """Mass and damping felt of every element against what it asks for, at both ends.
 
-    An element whose every effect is a wanted value is met as it is commanded, and so is a wall,
-    which nobody moves in; the profile says what is felt of them.
+    Nobody moves in a wall, which asks for nothing of it; the profile says what is felt of one.
     """
     adds: dict[EffectName, dict[EffectName, Band]] = {
         "mass": {"mass": shares.mass, "damping": shares.mass_of_damping},
@@ -191,8 +190,7 @@ def renderings(
             "stiffness": shares.damping_of_stiffness,
         },
     }
-    free = (u.element for u in unknowns if u.wish.kind != "value" and u.element not in walls)
-    for name in dict.fromkeys(free):
+    for name in dict.fromkeys(u.element for u in unknowns if u.element not in walls):
         for felt, parts in adds.items():
             own = scale(name, felt)
             less = [u.high for u in unknowns if (u.element, u.effect, u.sign) == (name, felt, -1)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
@@ -156,9 +156,7 @@ def _solved(
             own = [u for u in problem.unknowns if not u.settled]
             label = min(own, key=lambda u: u.effect != "stiffness").label
             why = f"pushing on one side, or cut, it is proved stable to a gain of {gain:.4g} only"
-            reason = {label: why}
-            _refuse_broken_ranges(problem, reason)
-            left = dropped | reason
+            left = dropped | _keep_promises(problem, {label: why})
             return _solved(
                 task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
             )
@@ -274,8 +272,7 @@ def optimum_of(
     solvers, dropped = backends(second_opinion=second_opinion), dict(gone or {})
     problem = posed(frozenset(dropped))
     while impossible := reasons_for_nothing(problem):
-        _refuse_broken_ranges(problem, impossible)
-        dropped |= impossible
+        dropped |= _keep_promises(problem, impossible)
         problem = posed(frozenset(dropped))
     asked = [f"{e}.{effect}" for e in elements for effect in task.scene.elements[e].wishes()]
     own = {unknown.label for unknown in problem.unknowns if not unknown.settled}
@@ -297,8 +294,17 @@ def optimum_of(
 
     sets = feasible_subsets([u for u in problem.unknowns if not u.settled], feasible)
     if not sets:
-        _refuse_broken_ranges(
-            problem, dict.fromkeys(every, "no setting keeps it together with the other effects")
+        broken = _broken_ranges(problem, own, feasible)
+        return optimum_of(
+            task,
+            elements,
+            filters,
+            cut=cut,
+            settled=settled,
+            room=room,
+            second_opinion=second_opinion,
+            known=known,
+            gone=dropped | broken,
         )
     optima: list[tuple[Problem, Optimum | None]] = []
     for labels in sets:
@@ -346,16 +352,45 @@ def backends(*, second_opinion: bool = True) -> list[Backend]:
     return [Slsqp(), Ipopt()] if second_opinion else [Slsqp(_ROUGHLY)]
 
 
-def _refuse_broken_ranges(problem: Problem, impossible: dict[str, str]) -> None:
-    """A range is a promise: its lower end is met or nothing is written."""
-    ranges = [u for u in problem.unknowns if u.wish.kind == "range" and u.label in impossible]
-    broken = tuple(
-        f"{u.label}: its range starts at {u.wish.low:g}, {impossible[u.label]}"
-        for u in ranges
-        if u.high >= u.low and u.wish.low
-    )
+def _keep_promises(problem: Problem, reasons: Mapping[str, str]) -> dict[str, str]:
+    """Reasons by label, with all of an element that misses its range, which is a promise."""
+    found = dict(reasons)
+    for unknown in problem.unknowns:
+        if unknown.label in reasons and _promises(unknown):
+            mates = (each.label for each in problem.unknowns if each.element == unknown.element)
+            found = dict.fromkeys(mates, f"it goes with its {unknown.effect}") | found
+            start = f"its range starts at {unknown.wish.low:g}, {reasons[unknown.label]}"
+            found[unknown.label] = start
+    return found
+
+
+def _promises(unknown: Unknown) -> bool:
+    """Whether nothing is played of its element unless its range is met."""
+    wish = unknown.wish
+    return wish.kind == "range" and bool(wish.low) and unknown.high >= unknown.low
+
+
+def _broken_ranges(
+    problem: Problem, own: Collection[str], feasible: Callable[[frozenset[str]], bool]
+) -> dict[str, str]:
+    """Elements whose ranges cannot be met even by themselves, with reasons.
+
+    Raises:
+        NoFeasibleEffectError: each can be by itself, but not all of them.
+    """
+    ranges = [u for u in problem.unknowns if u.label in own and _promises(u)]
+    whole = {
+        name: frozenset(u.label for u in problem.unknowns if u.element == name and u.label in own)
+        for name in dict.fromkeys(u.element for u in ranges)
+    }
+    promised = {name: frozenset(u.label for u in ranges if u.element == name) for name in whole}
+    broken = [n for n in whole if not feasible(promised[n]) and not feasible(whole[n])]
+    alone = "no setting keeps it, not even without the other elements"
     if broken:
-        raise NoFeasibleEffectError(broken)
+        return _keep_promises(problem, {u.label: alone for u in ranges if u.element in broken})
+    beside = "no setting keeps it together with the other effects"
+    found = _keep_promises(problem, {u.label: beside for u in ranges})
+    raise NoFeasibleEffectError(tuple(f"{u.label}: {found[u.label]}" for u in ranges))
 
 
 def reasons_for_nothing(problem: Problem) -> dict[str, str]:

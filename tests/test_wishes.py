@@ -1,0 +1,159 @@
+"""Wishes: none is granted above the largest there is, and what is not met is said with numbers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification import load_device
+from tests.commands import haptune
+from tune import NoFeasibleEffectError, SafeProfile, Scene, optimise
+
+#: Written values have six digits; of cut-offs that do nearly as well the least filtering is taken.
+DIGITS, NEARLY = 1e-5, 0.01
+FILTERS: dict[str, Any] = {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 30.0}
+
+
+def _tuned(elements: dict[str, Any], device: str = "homerehab", **scene: Any) -> SafeProfile:
+    return optimise(load_device(device), Scene.model_validate({"elements": elements, **scene}))
+
+
+def _size(effect: str, wish: object, device: str, **scene: Any) -> float:
+    """What is granted of one effect; 0 where it is refused."""
+    try:
+        played = _tuned({"it": {effect: wish}}, device, **scene).elements["it"]
+    except NoFeasibleEffectError:
+        return 0.0
+    return getattr(played, effect)
+
+
+@pytest.mark.parametrize("wanted", [1.0, 3.0, "max"])
+def test_a_mass_that_is_felt_as_damping_is_refused_for_that_and_told_as_what(
+    wanted: object,
+) -> None:
+    """Two low-pass poles turn a part of it into damping, at 5 Hz half of the device's own."""
+    with pytest.raises(NoFeasibleEffectError) as caught:
+        _tuned({"it": {"mass": wanted}})
+    told = str(caught.value)
+    assert "limited by rendering" in told
+    found = re.search(r"with (\S+) kg a hand would feel .* and \S+ to (\S+) N·s/m of damp", told)
+    assert found
+    mass, damping = map(float, found.groups())
+    assert mass == (wanted if wanted != "max" else pytest.approx(3.0 * 0.225, rel=0.01))
+    # A step of the 10 N·s/m that the device has is 27 %.
+    assert damping > 0.27 * 10.0
+    assert "for damping beside it" in told
+
+
+def test_a_spring_that_takes_too_much_damping_away_is_as_stiff_as_the_stiffest() -> None:
+    most = _tuned({"it": {"stiffness": "max"}}).elements["it"].stiffness
+    profile = _tuned({"it": {"stiffness": 3000.0}})
+    assert profile.elements["it"].stiffness == most
+    (note,) = profile.notes
+    # A delay of a sample, and half a sample of the hold: 1.5 ms.
+    assert note.startswith(f"it.stiffness: 3000 N/m is asked for, {most:.4g} N/m is played")
+    assert "with 3000 N/m a hand would feel -4.5 to -4.5 N·s/m of damping" in note
+
+
+@pytest.mark.parametrize("effect", ["stiffness", "damping", "mass"])
+@pytest.mark.parametrize("device", ["homerehab", "stylus", "knob"])
+def test_no_wish_is_granted_above_the_largest(device: str, effect: str) -> None:
+    scene = {"loop": FILTERS | {"acceleration_filter": "tracking"}, "margin": "firm"}
+    most = _size(effect, "max", device, **scene)
+    for part in (0.9, 1.001, 1.3, 10.0):
+        granted = _size(effect, part * (most or 1.0), device, **scene)
+        assert granted <= most * (1 + DIGITS)
+        assert part > 1 or granted == pytest.approx(part * most, rel=DIGITS)
+
+
+@pytest.mark.long
+def test_none_of_300_random_wishes_is_granted_above_the_largest() -> None:
+    """Free cut-offs and stated ones; beside a damper or alone."""
+    rng = np.random.default_rng(32)
+    for number in range(300):
+        device = str(rng.choice(["homerehab", "stylus", "knob"]))
+        own = load_device(device)
+        effect = str(rng.choice(["stiffness", "damping", "mass"]))
+        scene: dict[str, Any] = {"margin": str(rng.choice(["conservative", "balanced", "firm"]))}
+        free = bool(rng.integers(2))
+        if not free:
+            cutoffs = np.exp(rng.uniform(np.log(10), np.log(200), 2))
+            scene["loop"] = dict(zip(FILTERS, map(float, cutoffs), strict=True))
+        beside = {}
+        if effect != "damping" and rng.integers(2):
+            beside = {"damping": float(own.damping.value * rng.uniform(0.5, 4))}
+        usual = {"stiffness": 1e3, "damping": own.damping.value, "mass": own.mass.value}[effect]
+        usual *= own.mass.value / 3 if effect == "stiffness" else 1
+        wish = float(usual * np.exp(rng.uniform(np.log(0.1), np.log(30))))
+        sizes = list[float]()
+        for asked in (wish, "max"):
+            try:
+                elements = {"it": {effect: asked, **beside}}
+                sizes.append(getattr(_tuned(elements, device, **scene).elements["it"], effect))
+            except NoFeasibleEffectError:
+                sizes.append(0.0)
+        granted, most = sizes
+        room = NEARLY if free else DIGITS
+        assert granted <= most * (1 + room), (number, device, effect, wish, beside, scene, sizes)
+
+
+def test_a_range_that_cannot_be_met_leaves_the_other_elements_tuned() -> None:
+    wanted = {"water": {"damping": 10.0}, "rock": {"stiffness": {"min": 1e6, "max": 2e6}}}
+    profile = _tuned(wanted | {"mud": {"damping": "max"}}, together=[["rock", "mud"]])
+    assert profile.elements["water"].damping == 10.0
+    assert profile.elements["mud"].perceived_steps["damping"] > 1
+    assert profile.elements["rock"].stiffness == 0
+    (note,) = profile.notes
+    assert note.startswith("rock.stiffness dropped: its range starts at 1e+06, ")
+
+
+def test_an_element_that_misses_a_range_is_left_out_as_a_whole() -> None:
+    rock = {"stiffness": {"min": 1000.0, "max": 2000.0}, "mass": {"min": 90.0, "max": 99.0}}
+    profile = _tuned({"water": {"damping": 10.0}, "rock": rock}, loop=FILTERS)
+    assert not profile.elements["rock"].acting
+    assert {note.partition(" dropped: ")[0] for note in profile.notes} == {
+        "rock.stiffness",
+        "rock.mass",
+    }
+    assert any("its range starts at 90" in note for note in profile.notes)
+
+
+SCENE = "loop: {velocity_filter_hz: 70.0}\nelements: {it: {damping: 10000.0}}\n"
+
+
+def test_a_wanted_value_that_is_not_met_is_said_even_quietly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """28 N at 0.2 m/s are 140 N·s/m."""
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text(SCENE, encoding="utf-8")
+    quiet = haptune("tune", "homerehab", "scene.yaml", "--quiet")
+    assert (quiet.code, quiet.out) == (0, "")
+    told = "it.damping: 10000 N·s/m is asked for, 140 N·s/m is played, limited by force"
+    assert told in " ".join(quiet.err.split())
+    (finding,) = haptune("tune", "homerehab", "scene.yaml", "--json").result["findings"]
+    assert finding == {
+        "code": "not-as-wanted",
+        "severity": "warning",
+        "source": "it.damping",
+        "seen": told,
+        "needed": "10000 N·s/m",
+        "remedy": "Ask for at most 140 N·s/m",
+    }
+    plain = haptune("tune", "homerehab", "scene.yaml")
+    assert "asked for" not in plain.out
+    assert told in " ".join(plain.err.split())
+    haptune("report", "profile.yaml", "-o", "page.html")
+    assert told in Path("page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.long
+def test_ten_elements_are_tuned_together() -> None:
+    elements = {f"e{k}": {"damping": 5.0 + k} for k in range(10)}
+    profile = _tuned(elements, together=[list(elements)], loop=FILTERS)
+    assert [each.damping for each in profile.elements.values()] == [5.0 + k for k in range(10)]
+    assert len(profile.moments()) == 1023

@@ -1,20 +1,27 @@
 """The documentation site: ``pip install ".[docs]" && python -m sphinx -W docs site``."""
 
+import os
 import re
+import shutil
 from importlib.metadata import version as version_of
+from pathlib import Path
 
 project = "haptune"
 author = "The haptune founders"
 release = version_of("haptune")
 version = release
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
 ]
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+nb_merge_streams = True
 napoleon_use_ivar = True
 autodoc_member_order = "bysource"
 autodoc_default_options = {"exclude-members": "model_config"}
@@ -27,6 +34,9 @@ html_show_copyright = False
 html_static_path = ["_static"]
 html_css_files = ["narrow.css"]
 exclude_patterns = ["_build"]
+
+_DOCS = Path(__file__).parent
+_NOTEBOOKS = (*_DOCS.glob("../notebooks/*.ipynb"), _DOCS / "../tune/templates/study.ipynb")
 
 _LITERAL = re.compile(r"(``.*?``)")
 _ARRAY = re.compile(
@@ -57,8 +67,19 @@ def _name_arrays_of_attributes(app, what, name, obj, options, lines):
     lines[:] = map(_array_names, lines)
 
 
+def _take_notebooks(app):
+    """Copies of all notebooks, run as the site is built; some take the tests' own references."""
+    folder = _DOCS / "notebooks"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for path in _NOTEBOOKS:
+        shutil.copy(path, folder)
+    os.environ["PYTHONPATH"] = str(_DOCS.parent)
+
+
 def setup(app):
     """Sphinx calls it once."""
+    app.connect("builder-inited", _take_notebooks)
     app.connect("autodoc-process-signature", _name_arrays)
     # After napoleon, which writes the types of attributes.
     app.connect("autodoc-process-docstring", _name_arrays_of_attributes, priority=600)

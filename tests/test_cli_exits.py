@@ -31,6 +31,7 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (2, "--seed", "simulate homerehab --seed one"),
     (2, "'soft' is not one of", "tune homerehab scene.yaml --margin soft"),
     (2, "fills in no player", "new player --device knob"),
+    (2, "fills in no study", "new study --device knob"),
     (2, "is of no scene", "new scene --language c"),
     (2, "logs are of y", "identify log.csv --axis y --hardware x.yaml"),
     (2, "guess is no finding", "identify log.csv --allow guess"),

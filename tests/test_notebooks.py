@@ -16,23 +16,27 @@ import pytest
 from nbclient import NotebookClient
 
 from identification import NotebookFigure
+from tests.commands import haptune
 from tests.printed import Setting, equation_6, equation_13
 
 ROOT = Path(__file__).parents[1]
 PNG = b"\x89PNG\r\n\x1a\n"
+#: The notebook that `haptune new study` writes.
+STUDY = ROOT / "tune" / "templates" / "study.ipynb"
+NOTEBOOKS = {path.stem: path for path in (*ROOT.glob("notebooks/*.ipynb"), STUDY)}
 #: Notebook and how many figures it shows.
 FIGURES = {
     "first_steps": 3,
     "paper_figures": 4,
     "loop_effects": 5,
-    "perception_study": 4,
+    "study": 4,
     "estimators": 2,
 }
 
 
 def _outputs(name: str, folder: Path) -> list[Any]:
     """What the cells of a notebook put out, in order, run in ``folder`` with the code of here."""
-    notebook: Any = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
+    notebook: Any = nbformat.read(NOTEBOOKS[name], as_version=4)
     client = NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(folder)}})
     with warnings.catch_warnings():
         # What the kernel's own libraries announce to one another is no affair of a notebook.
@@ -59,7 +63,7 @@ def _numbers(text: str) -> list[float]:
 @pytest.mark.parametrize("name", FIGURES)
 def test_what_a_notebook_imports_is_there(name: str) -> None:
     """Every cell is Python, and every name taken from a module is found in it."""
-    notebook: Any = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
+    notebook: Any = nbformat.read(NOTEBOOKS[name], as_version=4)
     for cell in notebook.cells:
         if cell.cell_type != "code":
             continue
@@ -71,7 +75,16 @@ def test_what_a_notebook_imports_is_there(name: str) -> None:
 
 
 def test_every_notebook_has_a_test() -> None:
-    assert {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")} == set(FIGURES)
+    assert NOTEBOOKS.keys() == FIGURES.keys()
+
+
+def test_the_papers_experiment_comes_with_an_install(tmp_path: Path) -> None:
+    """What the command writes takes its names from what is installed, never from a checkout."""
+    path = tmp_path / "study.ipynb"
+    assert haptune("new", "study", "-o", str(path)).code == 0
+    assert path.read_bytes() == STUDY.read_bytes()
+    taken = set(re.findall(r'^ +"(?:from|import) (\w+)', path.read_text("utf-8"), re.MULTILINE))
+    assert taken == {"datasets_synthetic", "matplotlib", "numpy", "scipy", "tune"}
 
 
 @pytest.mark.long
@@ -126,8 +139,8 @@ def test_a_best_cut_off_exists_beside_an_encoder(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_the_replayed_study_stands_beside_table_3(tmp_path: Path) -> None:
-    figures, text = _figures_and_text("perception_study", tmp_path)
-    assert len(figures) == FIGURES["perception_study"]
+    figures, text = _figures_and_text("study", tmp_path)
+    assert len(figures) == FIGURES["study"]
     rates = re.findall(r"^(?:equal|different|total|all).* ([\d.]+)$", text, re.MULTILINE)
     printed = "45 96.25 74.29 75 96.25 87.14 51.67 76.25 65.71 75.71"
     assert " ".join(rates) == printed

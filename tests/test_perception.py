@@ -21,8 +21,6 @@ from identification import (
 )
 from tests.commands import digest_of
 from tests.simulated.experiment import EFFECTS, EffectName
-from tests.simulated.user_study import AREA_1, AREA_2, PEOPLE
-from tests.study_replay import COLUMN, TABLE_3, equal_trials, study_of
 from tune import (
     CheckFailedError,
     PerceptionTable,
@@ -227,6 +225,27 @@ def test_check_counts_steps_with_the_floor_and_refuses_others(
             check(path)
 
 
+#: Table 2: the areas by stiffness (N/m), damping (N·s/m), mass (kg); area 1 in every trial, ...
+AREA_1 = (500.0, 0.0, 0.0)
+#: ... and area 2 in each of the seven.
+AREA_2 = (
+    (1000.0, 0.0, 0.0),
+    (500.0, 10.0, 0.0),
+    (500.0, 0.0, 1.0),
+    (1000.0, 10.0, 0.0),
+    (1000.0, 0.0, 1.0),
+    (500.0, 10.0, 1.0),
+    (1000.0, 10.0, 1.0),
+)
+COLUMN: dict[EffectName, int] = {"stiffness": 0, "damping": 1, "mass": 2}
+#: Section 3.2.
+PEOPLE = 20
+#: Table 3 as printed: successes of 60 equal and of 80 different pairs.
+TABLE_3: dict[EffectName, tuple[int, int]] = {
+    "stiffness": (27, 77),
+    "damping": (45, 77),
+    "mass": (31, 61),
+}
 #: Table 3: the success rates with equal and with different settings as printed, %.
 PRINTED: dict[EffectName, tuple[float, float]] = {
     "stiffness": (45.0, 96.25),
@@ -238,13 +257,15 @@ OWN: dict[EffectName, float] = {"stiffness": 0, "mass": 3, "damping": 10}
 
 
 def _study(effect: EffectName) -> Study:
-    return study_of(default_table(), effect)
+    study = default_table().fraction(effect).study
+    assert study is not None
+    return study
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_the_shipped_counts_are_those_of_tables_2_and_3(effect: EffectName) -> None:
     study, column = _study(effect), COLUMN[effect]
-    equal = int(np.sum(equal_trials(effect)))
+    equal = sum(area[column] == AREA_1[column] for area in AREA_2)
     right_equal, right_different = TABLE_3[effect]
     percent_equal, percent_different = PRINTED[effect]
     assert study.equal_trials == equal * PEOPLE

@@ -38,7 +38,7 @@ _SOFT = 20.0
 
 
 #: Files that have a template, and languages of the player with the endings of their files.
-_Kind = Literal["hardware", "scene", "excitation", "player"]
+_Kind = Literal["hardware", "scene", "excitation", "player", "study"]
 _Language = Literal["c", "python"]
 _ENDINGS: dict[_Language, str] = {"c": "c", "python": "py"}
 
@@ -52,29 +52,34 @@ def new_command(
     ] = None,
     output: Annotated[
         Path | None,
-        Option("-o", "--output", help="Where to write; default KIND.yaml, player.c or player.py."),
+        Option(
+            "-o",
+            "--output",
+            help="Where to write; default KIND.yaml, player.c, player.py, study.ipynb.",
+        ),
     ] = None,
     language: Annotated[_Language | None, Option(help="Of the player; default c.")] = None,
     dry_run: DryRun = False,
 ) -> None:
-    """Write a commented template of hardware.yaml, scene.yaml or excitation.yaml, or a player."""
+    """Write a commented template of hardware.yaml, scene.yaml or excitation.yaml, or a program.
+
+    player plays a planned force; study, a notebook, replays the paper's experiment.
+    """
     if language is not None and kind != "player":
         raise UsageError("--language", f"is of no {kind}", "Leave it out")
-    if device is not None and kind == "player":
-        raise UsageError("--device", "fills in no player", "Leave it out")
-    if kind == "player":
-        ending = _ENDINGS[language or "c"]
-        path = output or Path(f"player.{ending}")
-        session.target(path)
-        session.write(path, template("player", ending), dry_run=dry_run)
-        session.say("fill in how your device is read and driven; haptune never drives it")
-        return
-    path = output or Path(f"{kind}.yaml")
-    session.target(path)
     filled = {"hardware": hardware_of, "scene": scene_of, "excitation": excitation_of}
-    text = template(kind) if device is None else filled[kind](device)
+    if device is not None and kind not in filled:
+        raise UsageError("--device", f"fills in no {kind}", "Leave it out")
+    ending = {"player": _ENDINGS[language or "c"], "study": "ipynb"}.get(kind, "yaml")
+    path = output or Path(f"{kind}.{ending}")
+    session.target(path)
+    text = template(kind, ending) if device is None else filled[kind](device)
     session.write(path, text, dry_run=dry_run)
-    if kind != "scene" and device is None:
+    if kind == "player":
+        session.say("fill in how your device is read and driven; haptune never drives it")
+    elif kind == "study":
+        session.say(f"run it in Jupyter, or: jupyter execute --inplace {path}")
+    elif kind != "scene" and device is None:
         known = ", ".join(ident.named_devices())
         session.say(f"fill in what is blank; known devices for --device: {known}")
 

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import signal
 import sys
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from contextlib import contextmanager
@@ -134,8 +135,9 @@ class Session:
         """A line that a person types; "" where there is none, or no more input."""
         sys.stderr.write(f"{printable(question)}: ")
         sys.stderr.flush()
-        line = sys.stdin.readline()
-        return line.strip()
+        if hasattr(signal, "siginterrupt"):  # polars makes Ctrl-C wait for the end of the line
+            signal.siginterrupt(signal.SIGINT, True)  # noqa: FBT003 - positional only
+        return sys.stdin.readline().strip()
 
     def add_findings(self, findings: tuple[Finding, ...], *, quiet: bool | None = None) -> None:
         """Keep findings for the JSON result and warn on standard error, unless that is quiet."""

@@ -223,7 +223,6 @@ class Tabular:
         """A sentence and the table: the name is IPython's protocol."""
         import polars as pl
 
-        hides = {"tbl_hide_dataframe_shape": True, "tbl_hide_column_data_types": True}
-        with pl.Config(tbl_rows=-1, **hides):
+        with pl.Config(tbl_rows=-1, tbl_hide_dataframe_shape=True, tbl_hide_column_data_types=True):
             table: Any = self.to_frame()
             return f"<p>{escape(repr(self))}</p>{table._repr_html_()}"

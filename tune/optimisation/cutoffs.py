@@ -30,6 +30,8 @@ from tune.rendering import FASTEST
 
 FloatArray = NDArray[np.float64]
 
+#: The two cut-offs, and the effect that uses each.
+_CUTOFFS, _USES = ("velocity_filter_hz", "acceleration_filter_hz"), ("damping", "mass")
 #: Hz; a filter must pass the motions people make.
 _LOWEST = FASTEST
 #: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
@@ -132,32 +134,43 @@ class _Search:
             for index in free:
                 point = self._refined(self._along(point, index), [index])
         most = max(self.tried.values())
-        if not any(self.whole.values()) and not any(each.kept for each in self.known.values()):
-            return self._nearest(free)
         enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH)
-        return min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
-
-    def _nearest(self, free: Sequence[int]) -> Filters:
-        """Where no effect can have a step, filters with which one comes nearest: they tell why."""
-        point = [axis.first[-1] for axis in self.axes]
+        best = min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
         for index in free:
-            low, high = self.axes[index].first[0], self.axes[index].first[-2]
-            line = [
-                [*point[:index], low + (high - low) * k / _FINE, *point[index + 1 :]]
-                for k in range(_FINE)
-            ]
-            point = max([point, *line], key=self._reached)
-        return self._filters(point)
+            if not self._is_used(best, index):
+                best = self._nearest(best, index)
+        return best
 
-    def _reached(self, point: Sequence[float]) -> float:
-        """How much of a step the effect that comes nearest to one has, alone."""
-        filters, steps = self._filters(point), [0.0]
+    def _is_used(self, filters: Filters, index: int) -> bool:
+        """Whether an effect that is kept uses one of the filters."""
+        known = [self.known[elements, self._of(elements, filters)] for elements in self.asked]
+        return any(
+            unknown.effect == _USES[index]
+            for tuned in known
+            if tuned.kept
+            for unknown in tuned.problem.unknowns
+        )
+
+    def _nearest(self, filters: Filters, index: int) -> Filters:
+        """One filter chosen anew, with which an effect comes nearest to a step: it tells why."""
+        low, high = self.axes[index].first[0], self.axes[index].first[-2]
+        places = [low + (high - low) * k / _FINE for k in range(_FINE)]
+        line = [self.axes[index].hertz(place) for place in (self.axes[index].first[-1], *places)]
+        each = [replace(filters, **{_CUTOFFS[index]: hertz}) for hertz in line]
+        return max(each, key=lambda filters: self._reached(filters, index))
+
+    def _reached(self, filters: Filters, index: int) -> float:
+        """How much of a step an effect has, alone, that uses one of the filters."""
+        steps = [0.0]
         for elements in self.asked:
             cut, used = may_saturate(self.task, elements), self._of(elements, filters)
             problem = pose(self.task, elements=elements, filters=used, cut=cut)
             none = np.zeros(len(problem.unknowns))
-            for index, unknown in enumerate(problem.unknowns):
-                steps.append(unknown.steps(largest_allowed(problem, none, index)))
+            steps += [
+                unknown.steps(largest_allowed(problem, none, place))
+                for place, unknown in enumerate(problem.unknowns)
+                if unknown.effect == _USES[index]
+            ]
         return max(steps)
 
     def _starts(self, middle: list[float]) -> list[list[float]]:
@@ -259,7 +272,7 @@ class _Search:
     def _slope(self, point: Sequence[float], index: int) -> float:
         """Slope of the objective by the logarithm of one cut-off."""
         here = self._filters(point)
-        name = ("velocity_filter_hz", "acceleration_filter_hz")[index]
+        name = _CUTOFFS[index]
         hertz: float = getattr(here, name)
         step = -_STEP if math.log(hertz) + _STEP > self.axes[index].first[-2] else _STEP
         there = replace(here, **{name: hertz * math.exp(step)})

@@ -481,7 +481,8 @@ def with_what_is_felt(
     for label, why in dropped.items():
         name, _, effect = label.rpartition(".")
         effect = cast("EffectName", effect)
-        felt = _felt_instead(task, filters, name, effect, {})
+        # A spring is dropped for its force or for stability.
+        felt = "" if effect == "stiffness" else _felt_instead(task, filters, name, effect, {})
         told[label] = f"{why}{felt}. {_remedy(effect, 'less of it')}" if felt else why
     return told
 
